@@ -291,7 +291,10 @@ class Study:
         """Show the answer and its picture, as a notebook does with the last line of a cell."""
         if "verdict" not in self.__dict__:
             return f"<p>{escape(repr(self))}</p>"
-        return f"<p>{escape(self.verdict.sentence)}</p>{self.figures.verdict()._repr_svg_()}"
+        told = escape(self.verdict.sentence)
+        if self.verdict.effect is None:
+            return f"<p>{told}</p>"
+        return f'<div aria-label="{told}">{self.figures.verdict()._repr_svg_()}</div>'
 
     # The stages by name, for those who go step by step; what each finds stays with the study.
 
@@ -523,7 +526,7 @@ class Study:
             "section_densities": section_densities(
                 recordings, sections, nodes=self.config["sections"]["grid_nodes"]
             ),
-            "section_frames": section_frames(recordings),
+            "section_frames": section_frames(recordings, sections),
             "example_touchdown": example_touchdown(recordings, touchdowns),
             "section_stability": stability.section_stability(
                 recordings, sections, self._section_options, self.contacts

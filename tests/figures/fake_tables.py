@@ -18,7 +18,12 @@ def frames(travel_m: float = 0.211, n: int = 4000, seed: int = 1) -> pd.DataFram
     noise = 0.0006 * rng.standard_normal((n, 3))
     foot = np.maximum(clearance[:, None] + tilt, 0.0) + noise
     return pd.DataFrame(
-        {"min_foot_m": foot.min(axis=1), "max_foot_m": foot.max(axis=1), "body_m": 0.3 + clearance}
+        {
+            "min_foot_m": foot.min(axis=1),
+            "max_foot_m": foot.max(axis=1),
+            "body_m": 0.3 + clearance,
+            "landing": np.arange(len(foot)) % 2 == 0,
+        }
     )
 
 

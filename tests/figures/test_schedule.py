@@ -12,7 +12,7 @@ def test_any_number_of_feet(n_feet):
     row = touchdown(n_feet)
     height, contact, velocity = (figure := schedule_figure(example(row, n_feet), row)).axes
     assert height.get_ylabel() == "foot height (mm)"
-    assert velocity.get_ylabel() == "vertical velocity (m/s)"
+    assert velocity.get_ylabel() == "vertical velocity,\nsmoothed (m/s)"
     assert velocity.get_xlabel() == "time after the pre section (ms)"
     assert "±1 standard error" in contact.get_xlabel()
     labels = [text.get_text() for text in figure.legends[0].get_texts()]

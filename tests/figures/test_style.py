@@ -2,6 +2,7 @@ import hashlib
 import os
 
 import matplotlib
+import pandas as pd
 import pytest
 from fake_tables import (
     densities,
@@ -33,7 +34,7 @@ from hopdata.figures.style import (
     save_figure,
     style_context,
 )
-from hopdata.figures.verdict import plan_figure
+from hopdata.figures.verdict import plan_figure, verdict_figure
 
 
 def test_size_on_paper_is_in_millimetres():
@@ -233,11 +234,28 @@ def test_a_figure_fills_the_users_axes_and_leaves_the_others():
 
 
 def test_a_figure_with_one_axes_is_drawn_into_the_users_own():
-    axes = Figure().subplots()
+    axes = Figure(figsize=(14, 10)).subplots()
     with matplotlib.rc_context({"font.size": 20}):
         assert plan_figure({0.1: 500, 0.2: 130}, (1000, 0.15), 0.8, ax=axes) is axes
     assert axes.get_ylabel().startswith("landings that show it")
     assert axes.texts[0].get_fontsize() == pytest.approx(6 * 20 / 7)  # the user's style holds
+
+
+EFFECT = {"estimate": 0.0, "low": 0.0, "high": 0.13, "upper_bound": 0.12, "detectable": 0.16}
+VERDICT = {"conclusion": "no difference", "sentence": 12 * "words ", "effect": EFFECT}
+VERDICT |= {"confidence": 0.95, "margin": 0.2, "power": 0.8}
+ORDERS = pd.DataFrame({"schedule": ["2>1>3", "3>1>2", "1>2>3"], "excluded": False})
+
+
+@pytest.mark.parametrize("size", [(14, 5), (7, 3)])
+def test_in_places_of_any_size_text_fits(size):
+    """As docs/notebook.md does it, in matplotlib's own style."""
+    mine = Figure(figsize=size, layout="constrained")
+    left, right = mine.subplots(1, 2)
+    verdict_figure(VERDICT, ORDERS, ax=left)
+    prediction_figure(prediction_summary(), units(), ax=right)
+    assert text_faults(mine) == []
+    assert right.yaxis.label.get_size() <= 10 * size[0] / 14
 
 
 def test_a_whole_figure_or_subfigure_may_be_given():

@@ -66,8 +66,8 @@ def test_the_sentence_is_not_broken_within_a_number():
     ("conclusion", "words", "bar", "label"),
     [
         ("different", "Different maps: by 38 % (32 % to 45 %)", [32, 45], "95 % interval"),
-        ("no difference", "One smooth map: no difference above 12 %", [0, 12], "could still hide"),
-        ("cannot tell", "Cannot tell: up to 33 % possible", [0, 33], "could still hide"),
+        ("no difference", "One smooth map: no difference above 12 %", [0, 12], "not excluded"),
+        ("cannot tell", "Cannot tell: up to 33 % possible", [0, 33], "not excluded"),
     ],
 )
 def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, words, bar, label):
@@ -85,7 +85,8 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, word
 def test_the_two_commonest_orders_are_drawn_with_their_maps():
     for conclusion, maps in (("different", 2), ("no difference", 1), ("cannot tell", 1)):
         drawn = texts(verdict_figure(verdict(conclusion), touchdowns()).axes[1])
-        assert {"feet 2 → 1 → 3", "feet 3 → 1 → 2"} <= set(drawn)
+        assert {"feet 2 → 1 → 3: 2 landings", "feet 3 → 1 → 2: 1 landing"} <= set(drawn)
+        assert any(text.startswith("the 2 commonest of 3 orders") for text in drawn)
         assert drawn.index("2nd") < drawn.index("1st") < drawn.index("3rd"), "2 touches first"
         assert sum("map" in text for text in drawn) == maps + 1, "and what a map is"
 
@@ -118,6 +119,10 @@ def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
 def test_without_an_answer_the_picture_says_why():
     sentence = "These data cannot tell: " + 12 * "a reason that is long, " + "and ends."
     figure = verdict_figure(verdict(effect=None, sentence=sentence), touchdowns())
+    assert " ".join(figure.axes[0].texts[0].get_text().split()) == sentence
+    assert "feet 2 → 1 → 3: 2 landings" in texts(figure.axes[1])
+    assert text_faults(figure) == []
+    figure = verdict_figure(verdict(effect=None, sentence=sentence), touchdowns().iloc[:0])
     assert figure.axes == []
     assert " ".join(figure.texts[0].get_text().split()) == sentence
     assert text_faults(figure) == []
@@ -131,4 +136,4 @@ def test_verdicts_share_their_scale():
     assert text_faults(figure) == []
     none = verdict(effect=None, sentence="Nothing.")
     figure = verdicts_figure(verdict(), touchdowns(), none, touchdowns(), names=("a", "b"))
-    assert [len(part.axes) for part in figure.subfigs] == [2, 0]
+    assert [len(part.axes) for part in figure.subfigs] == [2, 2]

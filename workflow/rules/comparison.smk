@@ -67,6 +67,8 @@ rule first_look:
         summaries=expand("results/{study}/tables/prediction_summary.csv", study=PAIRED),
         distances=expand("results/{study}/tables/distance_summary.csv", study=PAIRED),
         touchdowns=expand("results/{study}/tables/touchdowns.csv", study=PAIRED),
+        sections=expand("results/{study}/landings/sections.json", study=PAIRED),
+        recordings=["data/sample/hopper.h5", "data/sample/control.h5"],
     output:
         "results/both_sides/first_look.html",
     log:
@@ -75,6 +77,7 @@ rule first_look:
         **needs(minutes=10),
     params:
         names=["c1", "control"],
+        body=["body1", "body2", "body3"],
         code=code("first_look"),
     script:
         "../scripts/first_look.py"

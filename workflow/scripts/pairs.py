@@ -21,7 +21,7 @@ with reported(snakemake.log[0]):
     sections = select_sections(recordings, landings=landings, **params.sections)
     write_json(target.sections, sections.to_dict())
     write_table(target.densities, section_densities(recordings, sections, nodes=params.nodes))
-    write_table(target.frames, section_frames(recordings))
+    write_table(target.frames, section_frames(recordings, sections))
     heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
     paths, how = iter(target.labelled), {**params.touchdowns, **heights}
     for method in params.methods:

@@ -15,7 +15,7 @@ from hopdata.figures.verdict import in_short
 KINDS: dict[str, tuple[str, str, Any]] = {
     "in_class": ("in-class", style.BLUE, "-"),
     "cross_class": ("cross-class", style.VERMILION, (0, (5, 1.5))),
-    "noised_identity": ("noised identity", style.GREEN, (0, (1.5, 1.2))),
+    "noised_identity": ("noise alone", style.GREEN, (0, (1.5, 1.2))),
     "random": ("random", style.PURPLE, (0, (5, 1.2, 1.5, 1.2))),
 }
 QUANTILES = ("q05", "q25", "median", "q75", "q95")
@@ -24,6 +24,7 @@ NOT_DECIDED = (
     "Cross-class right of in-class does not mean\ndifferent maps: noise and one map that bends\n"
     "move them, too. The verdict decides."
 )
+ONE_ORDER = "Only one order has enough touchdowns:\nthere is no cross-class to compare with."
 
 
 @style.styled
@@ -49,7 +50,8 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1))
     _draw_study(upper, lower, distances, summary)
     style.letters((upper, lower))
-    figure.supxlabel(NOT_DECIDED, fontsize=style.pt(7))
+    compared = (distances["kind"] == "cross_class").any()
+    figure.supxlabel(NOT_DECIDED if compared else ONE_ORDER, fontsize=style.pt(7))
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -24,8 +25,12 @@ INPUTS = {
 }
 OUTPUTS = {"step_x_m": "step x", "step_y_m": "step y", "turn_rad": "turn", **INPUTS}
 PRINTED, BEST = "printed", "corrected_curved"
+ERRORS_OF = {PRINTED: "ols", BEST: BEST}  # to first order the printed map is ordinary least squares
+SURE, UNSURE = 2.0, "#d9d9d9"
 FIRST_VELOCITY = 5  # rows above are displacements, rows below come from velocities
 COLOURS = "RdBu_r"
+WHAT_IS_GREY = "grey: within two standard errors of zero"
+Matrix = NDArray[np.float64]
 
 
 @style.styled
@@ -36,7 +41,8 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
     ----------
     estimates : DataFrame
         ``estimator, input, output, standardised``: displacement of the markers, mm, by one standard
-        deviation of the input. ``printed`` and ``corrected_curved`` are drawn.
+        deviation of the input; ``value, standard_error``. ``printed`` and ``corrected_curved`` are
+        drawn, cells within `SURE` standard errors of zero in grey.
     exact : DataFrame, optional
         The same without ``estimator``, where the exact map is known.
 
@@ -48,32 +54,34 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
     """
     found = {
         name: _matrix(estimates[estimates["estimator"] == name])
-        for name in (PRINTED, BEST)
+        for name in (PRINTED, BEST, *ERRORS_OF.values())
         if (estimates["estimator"] == name).any()
     }
-    if len(found) < 2:
+    if not {PRINTED, BEST, *ERRORS_OF.values()} <= found.keys():
         return style.message_figure("The landing map could not be estimated: too few landings.")
+    (printed, _), (best, error) = found[PRINTED], found[BEST]
+    printed_error = found[ERRORS_OF[PRINTED]][1]
     maps = {
-        "least squares,\nas printed": found[PRINTED],
-        "noise and curvature\ncorrected": found[BEST],
+        "least squares,\nas printed": _sure(printed, printed_error),
+        "noise and curvature\ncorrected": _sure(best, error),
     }
     if exact is None:
-        differences = {"printed\nminus corrected": found[PRINTED] - found[BEST]}
+        differences = {"printed\nminus corrected": _sure(printed - best, error)}
     else:
-        true = _matrix(exact)
+        true, _ = _matrix(exact)
         maps = {"exact": true, **maps}
         differences = {
-            "printed\nminus exact": found[PRINTED] - true,
-            "corrected\nminus exact": found[BEST] - true,
+            "printed\nminus exact": _sure(printed - true, printed_error),
+            "corrected\nminus exact": _sure(best - true, error),
         }
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 82.0)
     panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
     groups = (
-        (panels[: len(maps)], maps, "maps (mm per sd of the input)"),
-        (panels[len(maps) :], differences, "differences (mm per sd of the input)"),
+        (panels[: len(maps)], maps, "maps (mm per sd of the input)\n" + WHAT_IS_GREY),
+        (panels[len(maps) :], differences, "differences (mm per sd;\nnote the scale)"),
     )
     for axes, matrices, label in groups:
-        limit = max(float(np.abs(matrix).max()) for matrix in matrices.values())
+        limit = max(float(np.nan_to_num(abs(matrix)).max()) for matrix in matrices.values()) or 1.0
         for one, (title, matrix) in zip(axes, matrices.items(), strict=True):
             image = _draw_matrix(one, matrix, limit)
             one.set(title=title, xlabel="state before")
@@ -86,19 +94,33 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
     return figure
 
 
-def _draw_matrix(axes: Axes, matrix: NDArray[np.float64], limit: float) -> Any:
-    image = axes.imshow(matrix, cmap=COLOURS, vmin=-limit, vmax=limit, aspect="auto")
+def _draw_matrix(axes: Axes, matrix: Matrix, limit: float) -> Any:
+    colours = colormaps[COLOURS].with_extremes(bad=UNSURE)
+    image = axes.imshow(matrix, cmap=colours, vmin=-limit, vmax=limit, aspect="auto")
     axes.set_xticks(range(len(INPUTS)), list(INPUTS.values()), rotation=90)
     axes.tick_params(length=0)
     axes.axhline(FIRST_VELOCITY - 0.5, color=style.INK, linewidth=0.5)
     return image
 
 
-def _matrix(table: pd.DataFrame) -> NDArray[np.float64]:
-    """Return the outputs (11) by the inputs (8)."""
-    wide = table.pivot_table(index="output", columns="input", values="standardised")
-    matrix: NDArray[np.float64] = wide.loc[list(OUTPUTS), list(INPUTS)].to_numpy(float)
-    return matrix
+def _sure(matrix: Matrix, error: Matrix) -> Matrix:
+    """Return the cells that noise alone does not explain; NaN in the others."""
+    return np.where(np.abs(matrix) > SURE * error, matrix, np.nan)
+
+
+def _matrix(table: pd.DataFrame) -> tuple[Matrix, Matrix]:
+    """Return the outputs (11) by the inputs (8), and their standard errors, zero if there are none.
+
+    Both are displacements, as the column ``standardised``.
+    """
+    scale = (table["standardised"] / table["value"]).abs()
+    known = table.assign(error=scale * table.get("standard_error", 0.0))
+    wide = known.pivot_table(index="output", columns="input", values=["standardised", "error"])
+    value, error = (
+        wide[which].loc[list(OUTPUTS), list(INPUTS)].to_numpy(float)
+        for which in ("standardised", "error")
+    )
+    return value, error
 
 
 # Name, column of the strength, colour and marker of each case that is not the scene itself.

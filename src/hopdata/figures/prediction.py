@@ -29,8 +29,8 @@ ROOM = 0.04
 QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
 ASKED = "How far each model misses the state after a landing (lower is better)"
 NOT_DECIDED = (
-    "“specialised” below “all” does not mean different maps: one map that bends does that, too. "
-    "The verdict decides."
+    "“specialised” below “all” does not mean different maps:\n"
+    "one map that bends does that, too. The verdict decides."
 )
 
 

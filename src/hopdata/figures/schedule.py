@@ -64,7 +64,7 @@ def schedule_figure(example: pd.DataFrame, touchdown: Mapping[str, Any]) -> Figu
     _draw_contacts(panels["contact"], names, contacts, touchdown)
     panels["height"].set_ylabel("foot height (mm)")
     panels["height"].tick_params(labelbottom=False)
-    panels["velocity"].set_ylabel("vertical velocity (m/s)")
+    panels["velocity"].set_ylabel("vertical velocity,\nsmoothed (m/s)")
     panels["velocity"].set_xlabel("time after the pre section (ms)")
     panels["contact"].set_xlabel("contact after the pre section\n(ms; bars: ±1 standard error)")
     style.letters(panels[name] for name in ("height", "velocity", "contact"))
@@ -98,9 +98,18 @@ def _draw_signal(
         seen = np.isfinite(value)
         instant = contacts[foot][0]
         if np.isfinite(instant) and seen.any():
-            at_contact = np.interp(instant, time[seen], value[seen])
+            at_contact = _level_at(instant, time[seen], value[seen], column == "height_m")
             axes.plot(instant, at_contact, "+", color=style.INK, ms=6, mew=0.9, zorder=4)
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.5, zorder=0)
+
+
+def _level_at(instant: float, time: Any, value: Any, of_kink: bool) -> float:
+    """Return a signal between its frames, at a kink where the two before it lead."""
+    before = int(np.searchsorted(time, instant)) - 1
+    if not of_kink or before < 1:
+        return float(np.interp(instant, time, value))
+    slope = (value[before] - value[before - 1]) / (time[before] - time[before - 1])
+    return float(value[before] + slope * (instant - time[before]))
 
 
 def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -28,7 +29,7 @@ class _Side:
     foot: str  # whose height decides
     where: str  # all feet are in the frames singled out
     otherwise: str  # some feet are in the others
-    below: str  # the section, what is so
+    so: str  # beyond the section
     colour: str
 
     @property
@@ -37,8 +38,8 @@ class _Side:
 
 
 SIDES = (
-    _Side("a", "pre", "min_foot", "up", "down", "feet begin to touch", style.BLUE),
-    _Side("b", "post", "max_foot", "down", "up", "all feet are down", style.VERMILION),
+    _Side("a", "pre", "min_foot", "up", "down", "above {} mm no foot is down", style.BLUE),
+    _Side("b", "post", "max_foot", "down", "up", "below {} mm all feet are down", style.VERMILION),
 )
 
 
@@ -51,13 +52,15 @@ def sections_figure(
     Parameters
     ----------
     frames : DataFrame
-        One row a frame: ``min_foot_m``, ``max_foot_m``, ``body_m``, m.
+        One row a frame: ``min_foot_m``, ``max_foot_m``, ``body_m``, m; ``landing``, whether it is
+        of a descent in which all feet land: with sections of landings the others are grey.
     densities : DataFrame
         Tidy curves: ``curve``, ``height_m``, ``density_per_m``. Curves drawn: ``min_foot`` and
         ``max_foot`` (marginal); body height ``body_given_all_up``, ``body_given_all_down`` and,
         in the other frames, ``body_given_some_down``, ``body_given_some_up``.
     sections : mapping
-        ``min_foot_threshold_m``, ``max_foot_threshold_m``, ``pre_height_m``, ``post_height_m``.
+        ``min_foot_threshold_m``, ``max_foot_threshold_m``, ``pre_height_m``, ``post_height_m``,
+        ``frames``.
 
     Returns
     -------
@@ -87,7 +90,8 @@ def _draw_side(
     beside = half.add_subplot(grid[1, 0], sharey=scatter)
     above = half.add_subplot(grid[0, 1], sharex=scatter)
     threshold = _height(sections, f"{side.foot}_threshold_m")
-    _draw_scatter(scatter, side, frames, threshold)
+    of_landings = sections.get("frames") == "landings"
+    _draw_scatter(scatter, side, frames, threshold, of_landings)
     scatter.set(
         xlim=_span(frames[["body_m"]], sections, ("pre_height_m", "post_height_m")),
         ylim=_span(frames[["min_foot_m", "max_foot_m"]], sections, THRESHOLDS),
@@ -97,24 +101,44 @@ def _draw_side(
     _draw_threshold((scatter, beside), threshold)
     _draw_sections((scatter, above), sections, side)
     height = _height(sections, f"{side.section}_height_m")
-    said = "not found" if height is None else f"below {height:.0f} mm {side.below}"
+    said = "not found" if height is None else side.so.format(f"{height:.0f}")
     half.suptitle(
         f"{side.letter}   {side.section.capitalize()} section: {said}", color=side.colour, x=0.02,
         ha="left", fontsize=style.pt(8), fontweight="bold",
     )  # fmt: skip
 
 
-def _draw_scatter(axes: Axes, side: _Side, frames: pd.DataFrame, threshold: float | None) -> None:
+def _draw_scatter(
+    axes: Axes, side: _Side, frames: pd.DataFrame, threshold: float | None, of_landings: bool
+) -> None:
     body = frames["body_m"].to_numpy() * 1e3
     foot = frames[f"{side.foot}_m"].to_numpy() * 1e3
-    chosen = foot != foot
+    chosen, landing = foot != foot, frames["landing"].to_numpy(bool)
     if threshold is not None:
         chosen = foot > threshold if side.where == "up" else foot < threshold
+        if of_landings:
+            chosen &= landing
+        else:
+            _name_branches(axes, body, foot, landing, threshold)
     look: Any = {"s": 1.2, "alpha": 0.35, "linewidths": 0, "rasterized": True}
     for mask, colour in ((~chosen, style.GREY), (chosen, side.colour)):
         axes.scatter(body[mask], foot[mask], c=colour, **look)
     axes.set_xlabel("mean body height (mm)")
     axes.tick_params(labelleft=False)
+
+
+def _name_branches(axes: Axes, body: Any, foot: Any, landing: Any, threshold: float) -> None:
+    """Write beside the two branches of what is in the air which of them goes down."""
+    low, high = threshold + np.array([0.25, 0.45]) * (foot.max() - threshold)
+    inside = (low < foot) & (foot < high)
+    branches = {"descent": inside & landing, "ascent": inside & ~landing}
+    if not all(map(np.any, branches.values())):
+        return
+    places = {name: float(np.median(body[branch])) for name, branch in branches.items()}
+    for name, place in places.items():
+        left = place == min(places.values())
+        look = {"ha": "right" if left else "left", "va": "center", "fontsize": 7}
+        style.note(axes, name, (place, (low + high) / 2), (-12 if left else 12, 0), **look)
 
 
 def _draw_foot_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None:
@@ -150,7 +174,7 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
     if threshold is None:
         return
     for axes in both:
-        axes.axhline(threshold, **DASHED)
+        axes.axhline(threshold, **{**DASHED, "zorder": 0.5})
     where: Any = ("axes fraction", "data")
     text = f"{threshold:.1f} mm"
     style.note(both[0], text, (1, threshold), (2, 0), xycoords=where, va="center")

@@ -4,7 +4,7 @@ import os
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import wraps
@@ -117,6 +117,7 @@ FOOT_DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = (
 )
 
 LONGEST_LABEL = 24
+SHARE_OF_AXES = 0.77  # of the width and height of their place in a grid, before it is laid out
 TEXT_PT = 7.0  # of the style file, as the sizes that `pt` is given
 
 
@@ -149,10 +150,14 @@ def style_context() -> Iterator[None]:
     """
     with matplotlib.rc_context(fname=str(STYLE_FILE)), warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from font")
-        for key in (key for key in matplotlib.rcParams if SCALED.fullmatch(key)):
-            if not isinstance(matplotlib.rcParams[key], str):
-                matplotlib.rcParams[key] *= _JOURNAL.get().text
+        _scale_text(_JOURNAL.get().text)
         yield
+
+
+def _scale_text(factor: float) -> None:
+    for key in (key for key in matplotlib.rcParams if SCALED.fullmatch(key)):
+        if not isinstance(matplotlib.rcParams[key], str):
+            matplotlib.rcParams[key] *= factor
 
 
 SCALED = re.compile(
@@ -166,7 +171,8 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
     It takes two more arguments: ``ax``, a figure or subfigure to draw into, or an axes of a grid
     whose place is filled, with a figure that has one axes in that axes itself; and ``style``, one
     of `STYLES`, for the width of the columns and the size of the text. With ``ax`` alone the
-    user's own style holds. It returns the figure, or with ``ax`` what was drawn into.
+    user's own style holds, with smaller text where there is less room than on paper. It returns
+    the figure, or with ``ax`` what was drawn into.
 
     Raises
     ------
@@ -182,7 +188,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
         before = _JOURNAL.set(journal), _PLACE.set(place)
         own = (ax is not None or is_inner) and style is None
         try:
-            with nullcontext() if own else style_context():
+            with matplotlib.rc_context() if own else style_context():
                 figure = draw(*args, **kwargs)
                 _write_powers(figure)
                 if style is not None:
@@ -205,6 +211,18 @@ class _Place:
         if isinstance(root, Figure) and root.get_layout_engine() is None:
             root.set_layout_engine("constrained")  # what stands outside the axes needs room
         self.drawn: Any = ax
+
+    def fit_text(self, width_mm: float, height_mm: float) -> None:
+        """Make text smaller where the place is small for what a figure of this size holds."""
+        box = self.drawn.get_window_extent() if isinstance(self.drawn, Axes) else self.drawn.bbox
+        share = SHARE_OF_AXES if isinstance(self.drawn, Axes) else 1.0
+        dots_a_mm = self.drawn.figure.dpi * share / MM_PER_INCH
+        room = min(box.width / width_mm, box.height / height_mm) / dots_a_mm
+        _scale_text(min(1.0, room * TEXT_PT / matplotlib.rcParams["font.size"]))
+        if isinstance(self.drawn, Axes):
+            for name, axis in (("x", self.drawn.xaxis), ("y", self.drawn.yaxis)):
+                axis.label.set_size(matplotlib.rcParams["axes.labelsize"])
+                axis.set_tick_params(labelsize=matplotlib.rcParams[f"{name}tick.labelsize"])
 
     def __getattr__(self, name: str) -> Any:
         """Return what the figure has, of an axes that of a subfigure in its place."""
@@ -280,6 +298,7 @@ def paper_figure(width_mm: float, height_mm: float) -> Figure:
     """Return an empty figure of this size, mm, laid out without overlaps, or the user's own."""
     place, journal = _PLACE.get(), _JOURNAL.get()
     if place is not None:
+        place.fit_text(width_mm, height_mm)
         return place  # type: ignore[no-any-return]
     column = {SINGLE_COLUMN_MM: journal.single_mm, DOUBLE_COLUMN_MM: journal.double_mm}
     width = column.get(width_mm, width_mm * journal.text) / MM_PER_INCH

@@ -44,13 +44,16 @@ def verdict_figure(
     -------
     Figure
         (a) the difference with what is known of it, (b) what that means for two landings; the
-        verdict in words beneath. A study without an answer has the words alone.
+        verdict in words beneath. A study without an answer has the words beside (b).
     """
-    if verdict.get("effect") is None:
+    if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(
             textwrap.fill(_said(verdict), 90), width_mm=style.DOUBLE_COLUMN_MM
         )
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM + 6.0)
+    if verdict.get("effect") is None:
+        _draw_without_answer(figure, verdict, touchdowns)
+        return figure
     true = None if truth is None or truth.empty else float(truth["true_effect"].iloc[0])
     top = _top(verdict) if true is None else max(_top(verdict), 112.0 * true)
     left = _draw_row(figure, verdict, touchdowns, top)
@@ -80,7 +83,7 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
     ):
         part.suptitle(style.label_of(name), fontsize=style.pt(8), x=0.01, ha="left")
         if verdict.get("effect") is None:
-            part.text(0.5, 0.5, textwrap.fill(_said(verdict), 90), ha="center", va="center")
+            _draw_without_answer(part, verdict, touchdowns)
         else:
             _draw_row(part, verdict, touchdowns, max(tops))
     return figure
@@ -96,6 +99,17 @@ def _draw_row(
     style.letter(left, "a")
     style.letter(right, "b")
     return left
+
+
+def _draw_without_answer(
+    figure: Figure | SubFigure, verdict: Mapping[str, Any], touchdowns: pd.DataFrame
+) -> None:
+    """Draw what was seen of the orders, and say why there is no answer."""
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    left.set_title(ANSWERS["cannot tell"][0], fontsize=style.pt(10), fontweight="bold")
+    left.text(0.5, 0.55, textwrap.fill(_said(verdict), 48), ha="center", va="center")
+    left.set_axis_off()
+    _draw_landings(right, "cannot tell", touchdowns)
 
 
 def _top(verdict: Mapping[str, Any]) -> float:
@@ -117,20 +131,23 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     margin, seen = 100.0 * verdict["margin"], 100.0 * effect["detectable"]
     low, end = 100.0 * effect["low"], 100.0 * _end(verdict["conclusion"], effect)
     sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
-    axes.set_title(in_short(verdict), color=colour, fontsize=style.pt(10), fontweight="bold")
+    look: Any = {"fontsize": style.pt(9.5), "fontweight": "bold", "loc": "left"}
+    axes.set_title(in_short(verdict), color=colour, **look)
     axes.plot([low, min(end, top)], [1.2, 1.2], color=colour, linewidth=7, solid_capstyle="butt")
     if end > top:
         axes.plot(top, 1.2, ">", color=colour, markersize=9, clip_on=False)
     if low > 0:
         found = 100.0 * effect["estimate"]
         axes.plot(found, 1.2, "|", color="white", markersize=7, markeredgewidth=2)
-    words = f"{sure} interval" if low > 0 else f"could still hide here, at {sure} confidence"
-    _write(axes, words, (low, 1.2), 7, colour, top)
+    words = f"{sure} interval" if low > 0 else f"not excluded by this study\n(at {sure} confidence)"
+    is_short = max(end, margin) < 0.4 * top  # there is no room above the bar
+    place = (max(end, margin), -7) if is_short and low <= 0 else (low, 7)
+    _write(axes, words, (place[0], 1.2), place[1], colour, top)
     axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.8), -3, style.INK, top)
     words = "nothing could have been seen"
     if seen < top:
-        words = f"a difference from here on\nis found in {power} of studies"
+        words = f"from here on, {power} of\nsuch studies find a difference"
         axes.plot([seen, top], [0.75, 0.75], color=style.PURPLE, linewidth=1.2)
         axes.plot(seen, 0.75, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
         axes.plot(top, 0.75, ">", color=style.PURPLE, markersize=4, clip_on=False)
@@ -181,15 +198,21 @@ WIDTH, STEP, HIP, ROW = 3.2, 0.32, 1.7, 3.6
 ORDINALS = ("1st", "2nd", "3rd", "4th", "5th", "6th")
 
 
+def _used(touchdowns: pd.DataFrame) -> pd.Series:
+    """Return the orders of the touchdowns that are used."""
+    return touchdowns.loc[~touchdowns["excluded"].astype(bool), "schedule"].dropna()
+
+
 def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> None:
     """Draw the two commonest orders of contact, and the maps that lead on from them."""
-    used = touchdowns.loc[~touchdowns["excluded"].astype(bool), "schedule"].dropna()
-    orders = [str(order).split(">") for order in used.value_counts().index[:2]]
+    counts = _used(touchdowns).value_counts()
+    orders = [str(order).split(">") for order in counts.index[:2]]
     grounds = [-ROW * row for row in range(len(orders))]
     colour, levels = ANSWERS[conclusion][1], [ground + 0.9 for ground in grounds]
     for order, ground, level in zip(orders, grounds, levels, strict=True):
         _draw_landing(axes, [order.index(foot) for foot in sorted(order, key=int)], ground)
-        name = f"feet {ARROW.join(order)}"
+        number = int(counts[">".join(order)])
+        name = f"feet {ARROW.join(order)}: {number} landing{'s' if number > 1 else ''}"
         axes.text(0.5 * WIDTH, ground - 0.65, name, ha="center", va="top")
         goal = level if conclusion == "different" else float(np.mean(levels))
         look = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4}
@@ -204,6 +227,9 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
         level = levels[row] if conclusion == "different" else float(np.mean(levels))
         axes.text(6.2, level, text, va="center", color="white", fontweight="bold", bbox=box)
     what = "map: from the state before a landing to the state after it"
+    if len(counts) > len(orders):
+        what = f"the {len(orders)} commonest of {len(counts)} orders; {what}"
+    what = textwrap.fill(what, 50)
     axes.text(0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=style.pt(7))
     axes.set_xlim(-0.3, 9.2)
     axes.set_ylim(grounds[-1] - 2.2, 2.2)

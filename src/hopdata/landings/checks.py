@@ -226,8 +226,11 @@ def _sections(stability: pd.DataFrame) -> Check:
     variant = str(worst["variant"])
     how = variant if variant.startswith("without ") else f"with {variant}"
     remark = f"{1e3 * float(largest.max()):.2g} mm {how}"
-    remark += f"; {failed} variant{'s' if failed > 1 else ''} without any" if failed else ""
-    return _check(what, 100.0 * float(largest.max()) / (pre - post), remark)
+    remark += f"; {failed} of {len(others)} variants have no sections" if failed else ""
+    share = 100.0 * float(largest.max()) / (pre - post)
+    if failed or share > QUESTIONS[what][1]:
+        remark += "; look at Fig. 2.2: if they look wrong, set sections.pre_height_m, post_height_m"
+    return _check(what, share, remark)
 
 
 def _drift(drift: pd.DataFrame) -> Check:

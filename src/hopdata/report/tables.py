@@ -202,7 +202,7 @@ MODEL_NAMES = {
 KIND_NAMES = {
     "in_class": "in-class",
     "cross_class": "cross-class",
-    "noised_identity": "noised identity",
+    "noised_identity": "noise alone",
     "random": "random",
 }
 

@@ -285,10 +285,7 @@ class TrueFrameChanges:
 
 @one_blas_thread()
 def true_frame_changes(
-    robot: plant.SteeredHopper,
-    *,
-    boom_angles: int = 24,
-    swings: int = 7,
+    robot: plant.SteeredHopper, *, boom_angles: int = 24, swings: int = 7
 ) -> TrueFrameChanges:
     """Measure the frame changes of a hopper that nothing disturbs.
 

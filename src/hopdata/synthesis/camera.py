@@ -87,12 +87,7 @@ def observe(
 
 
 def draw_gaps(
-    options: GapOptions,
-    *,
-    frames: int,
-    markers: int,
-    rate_hz: float,
-    rng: np.random.Generator,
+    options: GapOptions, *, frames: int, markers: int, rate_hz: float, rng: np.random.Generator
 ) -> BoolArray:
     """Draw which markers are hidden in which frames, (N, M).
 

@@ -174,10 +174,7 @@ class SectionJacobians:
 
 
 def section_jacobians(
-    scene: Scene,
-    control: Control,
-    apex_states: FloatArray,
-    sections: landings.SectionHeights,
+    scene: Scene, control: Control, apex_states: FloatArray, sections: landings.SectionHeights
 ) -> SectionJacobians:
     """Return the linear map of each schedule at the simultaneous contact nearest to the mean.
 

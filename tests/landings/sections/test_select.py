@@ -110,10 +110,14 @@ def test_landings_make_the_body_curves(fake):
 def test_frames_are_thinned_evenly_and_hold_no_gaps():
     fake = hopper(np.random.default_rng(1))
     fake.recording.positions[100:200, 3] = np.nan
-    full = section_frames([fake.recording])
-    assert list(full.columns) == ["min_foot_m", "max_foot_m", "body_m"]
+    sections = select_sections([fake.recording])
+    full = section_frames([fake.recording], sections)
+    assert list(full.columns) == ["min_foot_m", "max_foot_m", "body_m", "landing"]
+    falls = full[full["landing"]]["body_m"].diff()
+    assert 0.2 < full["landing"].mean() < 0.8
+    assert (falls < 0).mean() > 0.8  # but for the jumps from one landing to the next
     assert len(full) == -(-(len(fake.recording.time) - 100) // 2)
-    few = section_frames([fake.recording, fake.recording], max_rows=500)
+    few = section_frames([fake.recording, fake.recording], sections, max_rows=500)
     assert 400 < len(few) <= 500
     assert not few.isna().any().any()
     assert (few.min_foot_m <= few.max_foot_m).all()

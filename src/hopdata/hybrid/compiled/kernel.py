@@ -19,15 +19,7 @@ from typing import Any
 
 from numba import njit, types
 
-from hopdata.hybrid.compiled.memory import (
-    ADDRESS,
-    ROW,
-    SPAN,
-    VALUE,
-    VECTOR,
-    View,
-    caller,
-)
+from hopdata.hybrid.compiled.memory import ADDRESS, ROW, SPAN, VALUE, VECTOR, View, caller
 
 # The user's functions: what they are called with, in Python and in machine code.
 #

@@ -10,12 +10,7 @@ from math import cos, pi
 from typing import NamedTuple
 
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import (
-    call_interpolant,
-    kernel,
-    kernel_apart,
-    kernel_in_loop,
-)
+from hopdata.hybrid.compiled.kernel import call_interpolant, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma
 from hopdata.hybrid.driver.problem import Problem
 from hopdata.hybrid.layout import Memory

@@ -195,11 +195,7 @@ def bend_of(p: Problem, m: Memory, k: int, rate: float) -> float:
 def add_jump(p: Problem, m: Memory) -> None:
     """Add (f_after - f_before) times ALONG to the Jacobian; f_after becomes f_before."""
     phi, n = p.tangent, m.states.width
-    before, after, along = (
-        single(m, at.F_BEFORE),
-        single(m, at.F_AFTER),
-        single(m, at.ALONG),
-    )
+    before, after, along = (single(m, at.F_BEFORE), single(m, at.F_AFTER), single(m, at.ALONG))
     for i in range(n):
         jump = phi[after, i] - phi[before, i]
         phi[before, i] = phi[after, i]

@@ -89,12 +89,7 @@ class Liveness:
     """The active guards in all modes at one state; the attributes are those of `EventSelection`."""
 
     def __init__(
-        self,
-        system: System,
-        start: Instant,
-        active: Sequence[int],
-        scale: FloatArray,
-        seed: int,
+        self, system: System, start: Instant, active: Sequence[int], scale: FloatArray, seed: int
     ) -> None:
         self.system, self.scale, self.active = system, scale, list(active)
         self.modes = local.mode_fields(system, start, active, scale, seed)

@@ -124,9 +124,7 @@ def _stage(
 
 def _error(tableau: Tableau) -> list[str]:
     rows = tableau.slope_rows
-    lines = [
-        f"weight = dt / max(atol[i] + rtol * max(abs(s[{Y}, i]), abs(s[{END}, i])), TINY)",
-    ]
+    lines = [f"weight = dt / max(atol[i] + rtol * max(abs(s[{Y}, i]), abs(s[{END}, i])), TINY)"]
     for k, weights in enumerate(tableau.errors):
         lines += [f"e{k} = weight * ({combination(weights, rows)})", f"total{k} += e{k} * e{k}"]
     code = [f"total{k} = 0.0" for k in range(len(tableau.errors))] + _loop(*lines)

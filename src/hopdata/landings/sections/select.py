@@ -12,7 +12,14 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED, descents
 from hopdata.landings.contacts.find import contacts_of, find_landings
-from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames, pooled
+from hopdata.landings.sections.frames import (
+    Frames,
+    Heights,
+    heights_of,
+    landing_frames,
+    pool_frames,
+    pooled,
+)
 from hopdata.landings.sections.modes import GroundMode, finite, ground_mode, kde, normal_bandwidth
 from hopdata.recording import Recording
 
@@ -399,26 +406,34 @@ def section_densities(
     return pd.concat(tables, ignore_index=True)
 
 
-def section_frames(recordings: Sequence[Recording], max_rows: int = 20000) -> pd.DataFrame:
-    """Every k-th frame's lowest foot, highest foot and body height.
+def section_frames(
+    recordings: Sequence[Recording], sections: Sections, max_rows: int = 20000
+) -> pd.DataFrame:
+    """Every k-th frame's lowest foot, highest foot and body height, and whether it is of a landing.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Above the floor.
+    sections : Sections
+        Whose thresholds say what lands.
     max_rows : int
         Rows at most; k is the smallest that keeps to it.
 
     Returns
     -------
     DataFrame
-        Columns min_foot_m, max_foot_m and body_m, of frames in which all of them are seen.
+        Columns min_foot_m, max_foot_m and body_m, of frames in which all of them are seen, and
+        landing, whether the body is on its way from all feet up to all feet down.
     """
     heights = [heights_of(recording) for recording in recordings]
     columns = {
         f"{name}_m": np.concatenate([getattr(h, name)[h.seen] for h in heights])
         for name in ("min_foot", "max_foot", "body")
     }
+    low, high = sections.min_foot_threshold_m, sections.max_foot_threshold_m
+    landing = [landing_frames(h.body, h.min_foot > low, h.max_foot < high)[0] for h in heights]
+    columns["landing"] = np.concatenate([m[h.seen] for m, h in zip(landing, heights, strict=True)])
     stride = max(1, -(-len(columns["body_m"]) // max_rows))
     return pd.DataFrame({name: values[::stride] for name, values in columns.items()})
 

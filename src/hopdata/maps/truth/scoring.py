@@ -19,14 +19,7 @@ from hopdata.landings.schedules import AMBIGUOUS, schedule_names
 from hopdata.landings.sections.frames import landing_frames
 from hopdata.landings.sections.select import FRAMES
 from hopdata.maps.coordinates import split_states
-from hopdata.maps.truth.maps import (
-    Entries,
-    entry,
-    mean,
-    quantile,
-    score_estimates,
-    score_verdict,
-)
+from hopdata.maps.truth.maps import Entries, entry, mean, quantile, score_estimates, score_verdict
 from hopdata.maps.truth.scaling import score_scaling
 
 if TYPE_CHECKING:

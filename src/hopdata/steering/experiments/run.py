@@ -117,12 +117,7 @@ class WatchedHopper:
         first = int(np.ceil(apex.time_s * rate - 1e-9))
         frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
         hop, self.board = steer_past(
-            self.robot,
-            apex,
-            swing_rad,
-            self.board,
-            rng=self._kicks,
-            frame_times_s=frames / rate,
+            self.robot, apex, swing_rad, self.board, rng=self._kicks, frame_times_s=frames / rate
         )
         self._apex = hop.end
         return hop.stance, self._watched(hop)

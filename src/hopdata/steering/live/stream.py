@@ -266,9 +266,7 @@ class MarkerStream:
         task, lost = asyncio.ensure_future(work), asyncio.ensure_future(line.lost.wait())
         try:
             await asyncio.wait(
-                {task, lost},
-                timeout=self.patience.answer_s,
-                return_when=asyncio.FIRST_COMPLETED,
+                {task, lost}, timeout=self.patience.answer_s, return_when=asyncio.FIRST_COMPLETED
             )
             if task.done():
                 return task.result()

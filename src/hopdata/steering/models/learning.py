@@ -57,11 +57,7 @@ def prediction_score(
 
 
 def tested(
-    hops: FrameChanges,
-    train: FloatArray,
-    test: FloatArray,
-    options: ProcessOptions,
-    seed: int,
+    hops: FrameChanges, train: FloatArray, test: FloatArray, options: ProcessOptions, seed: int
 ) -> tuple[FrameChangeProcess, pd.DataFrame]:
     """Train on some rows of a table of hops, and score on others."""
     process = trained_process(hops.rows(train), options, seed=seed)
@@ -299,10 +295,7 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
 
 # How many hops it takes to learn the frame change, and whether the kernel matters.
 
-MODELS = {
-    "printed": PRINTED,
-    "recommended": RECOMMENDED,
-}
+MODELS = {"printed": PRINTED, "recommended": RECOMMENDED}
 SIZES = (20, 35, 60, 100, 170)
 LEAST_TESTED = 30  # hops left to test on
 SCORES = ("r2", "rmse", "coverage")
