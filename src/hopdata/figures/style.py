@@ -220,9 +220,9 @@ class _Place:
         room = min(box.width / width_mm, box.height / height_mm) / dots_a_mm
         _scale_text(min(1.0, room * TEXT_PT / matplotlib.rcParams["font.size"]))
         if isinstance(self.drawn, Axes):
-            for name, axis in (("x", self.drawn.xaxis), ("y", self.drawn.yaxis)):
+            self.drawn.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
+            for axis in (self.drawn.xaxis, self.drawn.yaxis):
                 axis.label.set_size(matplotlib.rcParams["axes.labelsize"])
-                axis.set_tick_params(labelsize=matplotlib.rcParams[f"{name}tick.labelsize"])
 
     def __getattr__(self, name: str) -> Any:
         """Return what the figure has, of an axes that of a subfigure in its place."""
