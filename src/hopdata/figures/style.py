@@ -222,7 +222,7 @@ class _Place:
         if isinstance(self.drawn, Axes):
             self.drawn.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
             for axis in (self.drawn.xaxis, self.drawn.yaxis):
-                axis.label.set_size(matplotlib.rcParams["axes.labelsize"])
+                axis.label.set_fontsize(matplotlib.rcParams["axes.labelsize"])
 
     def __getattr__(self, name: str) -> Any:
         """Return what the figure has, of an axes that of a subfigure in its place."""
