@@ -72,8 +72,7 @@ def by_section_states(seen: Crossings, **options: str) -> SectionStates:
 def each_alone(seen: Crossings) -> SectionStates:
     """Return the states with each landing fitted for itself."""
     tracks = Tracks(seen.time, seen.body, seen.near, seen.contact, seen.side == "before")
-    sums, fit = alone(tracks, None)
-    return cross(sums, fit, seen.near, seen.height_m)
+    return cross(alone(tracks, None)(), seen.near, seen.height_m)
 
 
 def made_rigid(seen: Crossings) -> SectionStates:

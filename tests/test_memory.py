@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hopdata.landings import schedules
 from hopdata.landings.contacts import descents, kink
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.filling import fill_gaps
@@ -14,6 +15,9 @@ from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections import modes
 from hopdata.landings.sections.select import section_densities, select_sections
 from hopdata.landings.stability import section_stability
+from hopdata.landings.states import coefficients, fits, tracks
+from hopdata.landings.states.assemble import assemble_pairs
+from hopdata.landings.states.pairs import DESCRIPTIONS
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recordings.plausibility import check_plausible, notes
 from hopdata.recordings.quality import orientation, rigid, swaps
@@ -37,6 +41,7 @@ def small_blocks(monkeypatch):
         (descents, "BLOCK", 101),
         (descents, "LANDINGS", 7),
         (kink, "BLOCK", 11),
+        (tracks, "LARGEST", 30_000),
     ):
         monkeypatch.setattr(module, name, size)
 
@@ -45,6 +50,9 @@ def small_blocks(monkeypatch):
 def small_samples(monkeypatch):
     for module in (descents, orientation, rigid, swaps):
         monkeypatch.setattr(module, "MOST_FRAMES", 5_000)
+    monkeypatch.setattr(schedules, "CHUNK", 20)
+    for module in (tracks, fits, coefficients):
+        monkeypatch.setattr(module, "LOOK_AT", 40)
 
 
 def studied(recording):
@@ -76,6 +84,24 @@ def test_blocks_of_any_size_give_the_same_bytes(sample, request):
     assert whole[4].equals(pieces[4])
 
 
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"gravity": "known"}, {"gravity": "free"}, {"method": "savitzky_golay"}],
+    ids=str,
+)
+def test_states_fitted_in_blocks_of_any_size_are_the_same_bytes(
+    sample, options, monkeypatch, request
+):
+    ready, _, sections, _, table = studied(sample.part(slice(20_000)))
+    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
+    monkeypatch.setattr(tracks, "LARGEST", 10**9)
+    whole = assemble_pairs([ready], table, **heights, **options)
+    request.getfixturevalue("small_blocks")
+    pieces = assemble_pairs([ready], table, **heights, **options)
+    for name in DESCRIPTIONS:
+        np.testing.assert_array_equal(getattr(whole, name), getattr(pieces, name))
+
+
 def test_what_is_overwritten_is_what_is_returned(sample):
     part = sample.part(slice(5_000))
     part = replace(part, positions=part.positions.copy())
@@ -95,6 +121,12 @@ def levelled(sample):
     return ready, find_landings(ready)
 
 
+def pair(recording, landings):
+    sections = select_sections([recording], landings={recording.name: landings})
+    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
+    assemble_pairs([recording], touchdown_table(recording, landings=landings, **heights), **heights)
+
+
 def choose(recording, landings):
     sections = select_sections([recording], landings={recording.name: landings})
     section_densities([recording], sections)
@@ -109,6 +141,7 @@ STAGES = {
     "check": lambda one, *_: (check_plausible(one), notes(one)),
     "level": lambda one, *_: fill_gaps(level(one, fit_floor(one), overwrite=True), overwrite=True),
     "find": lambda one, *_: find_landings(one),
+    "pair": lambda one, landings, _: pair(one, landings),
     "choose": lambda one, landings, _: choose(one, landings),
 }
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.landings.states.coefficients import drawn, learn, least_squares
-from hopdata.landings.states.tracks import Windows, moments, turned
+from hopdata.landings.states.tracks import Windows, joined, moments, turned
 
 NOISE_M, WINDOW_S, LANDINGS = 0.0006, 0.1, 400
 MEAN = np.array([[0.3, -0.2, 1.2], [0.1, 0.4, 0.8], [0.0, 0.0, 1.0]])  # of u^2, m / 100
@@ -24,7 +24,8 @@ def seen(bend, seed):
     tracks[..., 0] += [1.0, 0.0, -1.0]  # the first marker is on the x axis of the body
     tracks = (tracks + NOISE_M * rng.standard_normal(tracks.shape)).reshape(-1, 3, 3)
     start = np.searchsorted(time, near - 0.02)  # most of them after it, as in stance
-    return moments(time, tracks, Windows(near, start, start + 11, WINDOW_S), degree=2), speed
+    sums = moments(time, tracks, Windows(near, start, start + 11, WINDOW_S), degree=2)
+    return joined(sums), speed
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +81,7 @@ def test_least_squares_is_polyfit():
     time = np.sort(rng.uniform(0, 0.2, 30))
     body = rng.standard_normal((30, 1, 3))
     windows = Windows(np.array([0.1]), np.array([0]), np.array([30]), 0.1)
-    alone = moments(time, body, windows, degree=3)
+    alone = joined(moments(time, body, windows, degree=3))
     fit = least_squares(alone)
     values = turned(body[None, :, 0] - body[:, 0].mean(axis=0), alone.direction)[0]
     for k in range(3):

@@ -40,7 +40,7 @@ def falls(bend=None, *, rate_hz=100.0, noise_m=NOISE_M, landings=LANDINGS, seed=
 
 
 def rms_error(tracks, speed):
-    sums, fit = together(tracks, None)
+    [(sums, fit)] = together(tracks, None)()
     found = fit.mean[..., 1] / sums.scale
     true = turned(speed, sums.direction)
     return float(np.sqrt(np.mean((found - true) ** 2)))
@@ -75,19 +75,19 @@ def test_the_fit_of_all_landings_is_better_than_each_alone():
         return 0.5 * rng.normal(0, 1.0, (len(tau), 1)) * tau**2
 
     tracks, speed = falls(push)
-    sums, fit = alone(tracks, None)
+    [(sums, fit)] = alone(tracks, None)()
     one = float(np.sqrt(np.nanmean(fit.covariance[..., 1, 1]))) / sums.scale
     assert rms_error(tracks, speed) < one
 
 
 def test_a_given_window_is_kept():
     tracks, _ = falls()
-    assert together(tracks, 0.09)[0].scale == 0.09
+    assert next(together(tracks, 0.09)())[0].scale == 0.09
 
 
 def test_few_landings_are_fitted_alone():
     tracks, _ = falls(landings=10)
-    ours, theirs = together(tracks, None), alone(tracks, None)
+    ours, theirs = next(together(tracks, None)()), next(alone(tracks, None)())
     np.testing.assert_array_equal(ours[1].mean, theirs[1].mean)
 
 
@@ -96,7 +96,7 @@ def test_a_marker_unseen_at_the_crossing_has_no_state():
     body = tracks.body.copy()
     body[np.abs(tracks.time - tracks.near[4]) < 0.07, 2] = np.nan
     body[np.abs(tracks.time - tracks.near[7]) < 0.015, 2] = np.nan
-    _, fit = together(replace(tracks, body=body), None)
+    [(_, fit)] = together(replace(tracks, body=body), None)()
     assert np.isnan(fit.mean[4, 2]).all()
     assert np.isfinite(fit.mean[4, :2]).all()
     assert np.isfinite(fit.mean[7]).all()
@@ -109,7 +109,7 @@ def test_the_filter_is_that_of_savitzky_and_golay():
     tracks, _ = falls(landings=5)
     middle = [int(np.argmin(np.abs(tracks.time - at))) for at in tracks.near]
     on_frames = replace(tracks, near=tracks.time[middle])
-    sums, fit = filtered(on_frames)
+    [(sums, fit)] = filtered(on_frames)()
     for row, frame in enumerate(middle):
         piece = tracks.body[frame - 3 : frame + 4, :, 2]
         expected = savgol_filter(piece, 7, 3, deriv=1, delta=0.01, axis=0)[3]
@@ -137,7 +137,7 @@ def test_landings_without_a_last_contact_have_no_states_and_raise_no_warning(con
     near = np.arange(1.0, 1.0 + len(contact))
     tracks = Tracks(time, np.zeros((len(time), 3, 3)), near, np.array(contact), flight=False)
     assert tracks.lead_s == pytest.approx(0.02 if 0.98 in contact else 0.0)
-    fit = alone(tracks, None)[1]
+    [(_, fit)] = alone(tracks, None)()
     assert np.isnan(fit.mean[np.isnan(tracks.contact)]).all()
 
 

@@ -357,10 +357,13 @@ def holds(height_m: float, landings: FloatArray, side: str) -> BoolArray:
 
 def nearest_holding(height_m: float, landings: FloatArray, side: str) -> float:
     """Return the height, m, nearest to this one that loses few landings (L, 4), or the fewest."""
-    contact, turn, _ = _BOUNDS[side]
+    contact, turn, sign = _BOUNDS[side]
     edges = np.unique(landings[:, [contact, turn]])
     middles = 0.5 * (edges[1:] + edges[:-1])
-    losses = np.array([1.0 - np.mean(holds(middle, landings, side)) for middle in middles])
+    low, high = sign * landings[:, contact], sign * landings[:, turn]
+    low, high = np.sort(low[low <= high]), np.sort(high[low <= high])
+    begun = np.searchsorted(low, sign * middles, side="right")
+    losses = 1.0 - (begun - np.searchsorted(high, sign * middles)) / len(landings)
     few = losses <= max(losses.min(initial=1.0), LEFT_LOSS)
     margin = np.minimum(0.5 * (edges[1:] - edges[:-1]), _INSIDE_M)[few]
     inside = np.clip(height_m, edges[:-1][few] + margin, edges[1:][few] - margin)

@@ -114,20 +114,21 @@ def track_means(
         t = time[seen]
         if len(t) < 2:
             continue
-        track, step = tracks[seen, b], np.diff(t)[:, None]
-        before, after = (_integral(t, track, step, at) for at in (t_pre, t_post))
-        share = (after - before) / (t_post - t_pre)[:, None]
         gap = longest_gaps(t, np.column_stack([t_pre, t_post]))
-        means[:, b] = np.where(gap[:, None] <= longest_gap, share, np.nan)
+        for c in range(tracks.shape[2]):
+            before, after = _integral(t, tracks[seen, b, c], np.stack([t_pre, t_post]))
+            share = (after - before) / (t_post - t_pre)
+            means[:, b, c] = np.where(gap <= longest_gap, share, np.nan)
     return means
 
 
-def _integral(t: FloatArray, track: FloatArray, step: FloatArray, at: FloatArray) -> FloatArray:
+def _integral(t: FloatArray, track: FloatArray, at: FloatArray) -> FloatArray:
     """Integral of a track that is linear between its frames, from the first of them to `at`."""
-    whole = np.cumsum(np.vstack([0 * track[:1], 0.5 * step * (track[1:] + track[:-1])]), axis=0)
-    k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(step) - 1)
-    u = (at - t[k])[:, None] / step[k]
-    return whole[k] + step[k] * u * (track[k] + 0.5 * u * (track[k + 1] - track[k]))
+    whole = np.append(0.0, np.cumsum(0.5 * np.diff(t) * (track[1:] + track[:-1])))
+    k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+    step = t[k + 1] - t[k]
+    u = (at - t[k]) / step
+    return np.asarray(whole[k] + step * u * (track[k] + 0.5 * u * (track[k + 1] - track[k])))
 
 
 logger = logging.getLogger(__name__)
@@ -241,17 +242,10 @@ def _states(
         ("before", "t_pre_s", sections[0], contacts.min(axis=1)),
         ("after", "t_post_s", sections[1], contacts.max(axis=1)),
     )
+    time, body = recording.time, recording.body
     pre, post = (
-        section_states(
-            recording.time,
-            recording.body,
-            used[column].to_numpy(),
-            height_m=height_m,
-            side=side,
-            contact=contact,
-            **options,
-        )
-        for side, column, height_m, contact in ends
+        section_states(time, body, used[at].to_numpy(), height_m=h, side=side, contact=c, **options)
+        for side, at, h, c in ends
     )
     return pre, post
 

@@ -9,17 +9,17 @@ variance: so the order of the polynomials is chosen by evidence.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
-from hopdata.landings.states.tracks import Moments, turned
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.landings.states.tracks import LOOK_AT, Moments, evenly, turned
 
 FREE = 2  # place and velocity
-BLOCK = 1000  # landings
+VARIANCES = (..., [0, 1], [0, 1])  # of these, in their covariance
 STEPS = 40  # of expectation and maximisation
-LEARN_FROM = 300  # landings, evenly taken from all
 LEAST_NOISE_M = 1e-9
 LEAST_SPREAD = 0.3  # to begin with, in standard errors of it
 HORIZONTAL, VERTICAL = slice(0, 2), slice(2, 3)
@@ -43,12 +43,6 @@ class Coefficients:
     covariance: FloatArray
     noise_m: FloatArray
 
-    def where(self, known: BoolArray) -> Coefficients:
-        """Return the same with tracks (L, B) unknown that are not."""
-        mean = np.where(known[..., None, None], self.mean, np.nan)
-        covariance = np.where(known[..., None, None, None], self.covariance, np.nan)
-        return Coefficients(mean, covariance, self.noise_m)
-
 
 @dataclass(frozen=True)
 class Population:
@@ -69,16 +63,33 @@ class Population:
     variance: FloatArray
 
 
-def least_squares(sums: Moments) -> Coefficients:
-    """Fit each marker in each landing for itself, where it has more frames than coefficients."""
+def least_squares(sums: Moments, variance: FloatArray | None = None) -> Coefficients:
+    """Fit each marker in each landing for itself, where it has more frames than coefficients.
+
+    The variance of the noise (B, 3), m^2, is that of these landings unless it is given.
+    """
+    enough, gram, mean, _ = _solved(sums)
+    inverse = np.asarray(np.linalg.inv(gram)[:, :, None], float)
+    variance = noise([sums])[0] if variance is None else variance
+    return _in_powers(sums, enough, mean, variance[..., None, None] * inverse, variance)
+
+
+def noise(parts: Iterable[Moments]) -> tuple[FloatArray, FloatArray]:
+    """Variance of the noise (B, 3), m^2, about each landing's own fit, and usable frames (L, B)."""
+    found = [(_solved(one)[3], one.frames, one.frames - one.terms) for one in parts]
+    left, frames, freedom = map(np.concatenate, zip(*found, strict=True))
+    freedom = np.maximum(freedom, 0.0).sum(axis=0)[:, None]
+    variance = left.sum(axis=0) / np.maximum(freedom, 1.0)
+    return np.maximum(variance, LEAST_NOISE_M**2), frames
+
+
+def _solved(sums: Moments) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+    """Which tracks have enough frames, normal matrices, their solutions, and squares left over."""
     enough = sums.frames > sums.terms
     gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
-    inverse = np.asarray(np.linalg.inv(gram)[:, :, None], float)
     mean = np.asarray(np.linalg.solve(gram[:, :, None], sums.product[..., None])[..., 0], float)
-    left = np.where(enough[..., None], sums.square - (mean * sums.product).sum(axis=3), 0.0)
-    freedom = np.where(enough, sums.frames - sums.terms, 0.0).sum(axis=0)[:, None]
-    variance = np.maximum(left.sum(axis=0) / np.maximum(freedom, 1.0), LEAST_NOISE_M**2)
-    return _in_powers(sums, enough, mean, variance[..., None, None] * inverse, variance)
+    left = sums.square - (mean * sums.product).sum(axis=3)
+    return enough, gram, mean, np.where(enough[..., None], left, 0.0)
 
 
 def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coefficients:
@@ -98,31 +109,39 @@ def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coeffi
     return _in_powers(sums, enough, mean, covariance, population.variance)
 
 
-def checked(fit: Coefficients, reference: Coefficients) -> Coefficients:
-    """Add to the covariance of place and velocity what the model's misfit adds to their errors.
+def misfit(pairs: Iterable[tuple[Coefficients, Coefficients]]) -> tuple[FloatArray, float]:
+    """Return what the model's misfit adds to the variances of place and velocity, (3, 2).
 
     An estimate that is best under its model differs from a less biased one by the difference of
     their variances. What they differ by beyond that, on average over landings and markers, is the
     square of a bias (the focus of Claeskens and Hjort 2003). It is added where it is larger than
-    twice its standard error.
+    twice its standard error. The mean variance of the velocities, with it, is returned beside.
 
     Parameters
     ----------
-    fit : Coefficients
-        From `drawn`.
-    reference : Coefficients
-        From `least_squares`, of the same frames, with more powers.
+    pairs : iterable of (Coefficients, Coefficients)
+        Of each block of landings, from `drawn` and from `least_squares`, of the same frames, with
+        more powers.
     """
-    covariance = fit.covariance.copy()
+    parts = []
+    for fit, reference in pairs:
+        own, beyond = fit.covariance[VARIANCES], reference.mean[..., :FREE] - fit.mean[..., :FREE]
+        parts.append((own, beyond**2 - (reference.covariance[VARIANCES] - own)))
+    variance, excess = map(np.concatenate, zip(*parts, strict=True))
+    added = np.zeros((3, FREE))
     for axes in (HORIZONTAL, VERTICAL):
         for k in range(FREE):
-            own = covariance[:, :, axes, k, k]
-            gained = reference.covariance[:, :, axes, k, k] - own
-            beyond = (reference.mean[:, :, axes, k] - fit.mean[:, :, axes, k]) ** 2 - gained
+            beyond = excess[:, :, axes, k]
             beyond = beyond[np.isfinite(beyond)]
             if len(beyond) and beyond.mean() > 2 * beyond.std() / np.sqrt(len(beyond)):
-                own += beyond.mean()
-    return replace(fit, covariance=covariance)
+                added[axes, k] = beyond.mean()
+    return added, float(np.nanmean(variance[..., 1] + added[:, 1]))
+
+
+def teachers(frames: FloatArray, terms: int) -> IntArray:
+    """Landings to learn from, of all whose markers have more frames (L, B) than coefficients."""
+    teaching = np.flatnonzero((frames > terms).all(axis=1))
+    return teaching[evenly(len(teaching), LOOK_AT)]
 
 
 def learn(sums: Moments) -> Population:
@@ -131,9 +150,7 @@ def learn(sums: Moments) -> Population:
     Place and velocity have flat priors, so that the likelihood is the restricted one. Only
     landings in which each marker has more frames than coefficients teach.
     """
-    teaching = np.flatnonzero((sums.frames > sums.terms).all(axis=1))
-    spaced = np.unique(np.linspace(0, len(teaching) - 1, LEARN_FROM).round().astype(int))
-    sums = sums.some(teaching[spaced])
+    sums = sums.some(teachers(sums.frames, sums.terms))
     population = _first_guess(sums)
     for _ in range(STEPS):
         population = _improved(sums, population)
@@ -206,10 +223,7 @@ def _improved(sums: Moments, population: Population) -> Population:
 def _in_powers(
     sums: Moments, enough: BoolArray, mean: FloatArray, covariance: FloatArray, variance: FloatArray
 ) -> Coefficients:
-    powers, mean = sums.powers, mean @ sums.powers.T
-    for first in range(0, len(mean), BLOCK):  # in no second memory of that size
-        part = slice(first, first + BLOCK)
-        covariance[part] = powers @ covariance[part] @ powers.T
+    mean, covariance = mean @ sums.powers.T, sums.powers @ covariance @ sums.powers.T
     mean[~enough], covariance[~enough] = np.nan, np.nan
     return Coefficients(mean, covariance, np.sqrt(variance))
 
@@ -242,15 +256,15 @@ class SectionStates:
     velocity_covariance: FloatArray
 
 
-def cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -> SectionStates:
+def cross(
+    parts: Iterable[tuple[Moments, Coefficients]], near: FloatArray, height_m: float
+) -> SectionStates:
     """Evaluate polynomials at the instant at which the mean height is that of the section.
 
     Parameters
     ----------
-    sums : Moments
-        What was fitted, about `near`.
-    fit : Coefficients
-        Of K powers.
+    parts : iterable of (Moments, Coefficients)
+        What was fitted, about `near`, and the fit; a block of landings each.
     near : (L,) array
         Instants at which u is zero, s.
     height_m : float
@@ -260,6 +274,14 @@ def cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -
     -------
     SectionStates
     """
+    found = zip(*(_crossed(*part, near, height_m) for part in parts), strict=True)
+    return SectionStates(*map(np.concatenate, found))
+
+
+def _crossed(
+    sums: Moments, fit: Coefficients, near: FloatArray, height_m: float
+) -> tuple[FloatArray, ...]:
+    """Instants, states and covariances of a block, as `SectionStates` has them."""
     coefficients = _whole(sums, fit.mean)
     u = _instants(coefficients[:, :, 2].mean(axis=1), height_m)
     place, speed, bend = (
@@ -272,8 +294,8 @@ def cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -
         _with_instant(errors, motion, speed[..., 2].mean(axis=1), of)
         for of, motion in ((0, speed), (1, bend))
     )
-    return SectionStates(
-        near + u * sums.scale,
+    return (
+        near[sums.rows] + u * sums.scale,
         turned(place, sums.direction, back=True),
         turned(speed, sums.direction, back=True),
         *(_turned_back(covariance, sums.direction) for covariance in covariances),

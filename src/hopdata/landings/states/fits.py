@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
 
-from hopdata.arrays import GRAVITY_M_S2, FloatArray
+from hopdata.arrays import GRAVITY_M_S2, FloatArray, IntArray
 from hopdata.errors import chosen
 from hopdata.landings.states import coefficients
-from hopdata.landings.states.tracks import Moments, Windows, moments
+from hopdata.landings.states.tracks import LOOK_AT, Moments, Windows, evenly, joined, moments
 
 BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06
 NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as ballistic
@@ -20,11 +21,12 @@ FLIGHT_DEGREES, STANCE_DEGREES, ALONE_DEGREE = (2, 3), (3, 5), 3
 LEAST_FRAMES, LEAST_CLOSE, LEAST_LANDINGS = 6, 3, 30
 LARGEST_MISFIT = 0.25  # in units of the variance that a further coefficient would cost
 FURTHER = 2  # coefficients by which a fit is judged
-LOOK_AT = 300  # landings, when windows are compared
 LEAD_QUANTILE = 0.1  # of the times between the last contact and the post section
 FILTER_FRAMES, FILTER_DEGREE = 7, 3
 
-Fit = tuple[Moments, coefficients.Coefficients]
+Parts = Iterator[tuple[Moments, coefficients.Coefficients]]
+#: Makes the fits block by block, anew each time: of many landings all fill the memory.
+Fit = Callable[[], Parts]
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Tracks:
 
     def evenly(self, count: int) -> Tracks:
         """Return at most so many of the crossings, evenly taken."""
-        rows = np.unique(np.linspace(0, len(self.near) - 1, count).round().astype(int))
+        rows = evenly(len(self.near), count)
         return Tracks(self.time, self.body, self.near[rows], self.contact[rows], self.flight)
 
     @property
@@ -86,15 +88,22 @@ class Tracks:
             stop = np.maximum(stop, start + LEAST_FRAMES)
         return Windows(near, start, stop, window_s)
 
-    def sums(self, window_s: float, degree: int, *, falling: bool = False) -> Moments:
+    def sums(
+        self, window_s: float, degree: int, *, falling: bool = False, rows: IntArray | None = None
+    ) -> Iterator[Moments]:
         """Sum up the frames for polynomials of a degree, about a free fall or not."""
         fall, windows = GRAVITY_M_S2 if falling else 0.0, self.windows(window_s)
-        return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall)
+        return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall, rows=rows)
 
     def fitted(self, window_s: float, degree: int, *, falling: bool = False) -> Fit:
         """Fit polynomials of a degree to each landing for itself."""
-        sums = self.sums(window_s, degree, falling=falling)
-        return sums, coefficients.least_squares(sums)
+        return _each(partial(self.sums, window_s, degree, falling=falling))
+
+
+def _each(sums: Callable[[], Iterator[Moments]]) -> Fit:
+    """Fit each landing for itself, by least squares."""
+    variance, _ = coefficients.noise(sums())
+    return lambda: ((part, coefficients.least_squares(part, variance)) for part in sums())
 
 
 def filtered(tracks: Tracks) -> Fit:
@@ -103,8 +112,7 @@ def filtered(tracks: Tracks) -> Fit:
     early = tracks.near - tracks.time[right - 1] < tracks.time[right] - tracks.near
     start = right - early - FILTER_FRAMES // 2
     windows = Windows(tracks.near, start, start + FILTER_FRAMES, FILTER_FRAMES / 2 * tracks.frame_s)
-    sums = moments(tracks.time, tracks.body, windows, degree=FILTER_DEGREE)
-    return sums, coefficients.least_squares(sums)
+    return _each(partial(moments, tracks.time, tracks.body, windows, degree=FILTER_DEGREE))
 
 
 def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
@@ -122,7 +130,7 @@ def alone(tracks: Tracks, window_s: float | None) -> Fit:
     if not tracks.flight:
         return tracks.fitted(window_s or WINDOW_S, ALONE_DEGREE)
     free, straight = accelerated(tracks, window_s), ballistic(tracks, window_s)
-    rms = [float(np.sqrt(np.mean(fit.noise_m**2))) for _, fit in (free, straight)]
+    rms = [float(np.sqrt(np.mean(next(fit())[1].noise_m ** 2))) for fit in (free, straight)]
     return straight if rms[1] <= NO_LARGER * rms[0] else free
 
 
@@ -134,27 +142,37 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
     these the one that expects the smallest errors of velocities is taken.
     """
     found = (_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s))
-    known = (each for each in found if each is not None)  # of many landings two fill the memory
-    best = min(known, key=_velocity_variance, default=None)
-    if best is None:
-        return alone(tracks, window_s)
-    sums, fit = best
-    reach = max(WINDOW_S, LEAST_FRAMES * tracks.frame_s)
-    return sums, fit.where(tracks.sums(reach, 0).frames >= LEAST_CLOSE)
+    known = (each for each in found if each is not None)
+    best = min(known, key=lambda each: each[0], default=None)
+    return alone(tracks, window_s) if best is None else best[1]
 
 
-def _drawn(tracks: Tracks, degree: int, window_s: float) -> Fit | None:
-    more = tracks.sums(window_s, degree + FURTHER, falling=tracks.flight)
-    sums = more.lower(degree)
-    if (sums.frames > sums.terms).all(axis=1).sum() < LEAST_LANDINGS:
+def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | None:
+    """Variance of velocities to be expected, m^2/s^2, and the fit; None of too few landings."""
+    sums = partial(tracks.sums, window_s, degree + FURTHER, falling=tracks.flight)
+    variance, frames = coefficients.noise(sums())
+    rows = coefficients.teachers(frames, degree + 1)
+    if len(rows) < LEAST_LANDINGS:
         return None
-    fit = coefficients.drawn(sums, coefficients.learn(sums), least_frames=LEAST_FRAMES)
-    return sums, coefficients.checked(fit, coefficients.least_squares(more))
+    population = coefficients.learn(joined(sums(rows=rows)).lower(degree))
 
+    def fitted(part: Moments) -> coefficients.Coefficients:
+        return coefficients.drawn(part.lower(degree), population, least_frames=LEAST_FRAMES)
 
-def _velocity_variance(fit: Fit) -> float:
-    sums, found = fit
-    return float(np.nanmean(found.covariance[..., 1, 1])) / sums.scale**2
+    added, expected = coefficients.misfit(
+        (fitted(part), coefficients.least_squares(part, variance)) for part in sums()
+    )
+    reach = max(WINDOW_S, LEAST_FRAMES * tracks.frame_s)
+    close = np.concatenate([part.frames for part in tracks.sums(reach, 0)]) >= LEAST_CLOSE
+
+    def parts() -> Parts:
+        for part in sums():
+            fit = fitted(part)
+            fit.covariance[coefficients.VARIANCES] += added
+            fit.mean[~close[part.rows]] = np.nan
+            yield part.lower(degree), fit
+
+    return expected / window_s**2, parts
 
 
 def _choices(tracks: Tracks, window_s: float | None) -> list[tuple[int, float]]:
@@ -187,7 +205,7 @@ def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
     The larger of the horizontal and the vertical, less twice its standard error; None where too
     few frames are left to tell.
     """
-    more = tracks.sums(window_s, degree + FURTHER, falling=tracks.flight)
+    more = joined(tracks.sums(window_s, degree + FURTHER, falling=tracks.flight))
     whole = np.flatnonzero((more.frames > more.terms).all(axis=1))
     if len(whole) < LEAST_LANDINGS:
         return None
@@ -267,8 +285,7 @@ def section_states(
     fitted = chosen("states.method", method, METHODS)
     flying = chosen("states.gravity", gravity, GRAVITIES)
     tracks = Tracks(time, body, near, contact, chosen("side", side, SIDES))
-    sums, fit = fitted(tracks, window_s, flying)
-    return coefficients.cross(sums, fit, near, height_m)
+    return coefficients.cross(fitted(tracks, window_s, flying)(), near, height_m)
 
 
 def _split_fit(tracks: Tracks, window_s: float | None, flying: Fitting | None) -> Fit:

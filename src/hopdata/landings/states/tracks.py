@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +13,10 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 
 #: Entries of the largest array that is made at once.
 LARGEST = 4_000_000
+LOOK_AT = 300  # landings, evenly taken from all, where so many tell what all would
+
+
+Seen = tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,8 @@ class Moments:
         Products of polynomials and coordinates, m.
     square : (L, B, 3) array
         Squared coordinates, m^2.
+    rows : (L,) array of int
+        Numbers of the windows.
     frames : (L, B) array
         Number of usable frames.
     centre : (L, B, 3) array
@@ -73,6 +80,7 @@ class Moments:
     gram: FloatArray
     product: FloatArray
     square: FloatArray
+    rows: IntArray
     frames: FloatArray
     centre: FloatArray
     direction: FloatArray
@@ -96,13 +104,19 @@ class Moments:
         return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
 
 
-_ARRAYS = ("gram", "product", "square", "frames", "centre", "direction")
+_ARRAYS = ("gram", "product", "square", "rows", "frames", "centre", "direction")
 
 
 def moments(
-    time: FloatArray, body: FloatArray, windows: Windows, *, degree: int, gravity_m_s2: float = 0.0
-) -> Moments:
-    """Sum up the frames of the windows.
+    time: FloatArray,
+    body: FloatArray,
+    windows: Windows,
+    *,
+    degree: int,
+    gravity_m_s2: float = 0.0,
+    rows: IntArray | None = None,
+) -> Iterator[Moments]:
+    """Sum up the frames of the windows, block by block.
 
     Parameters
     ----------
@@ -116,52 +130,72 @@ def moments(
         Highest power of time.
     gravity_m_s2 : float
         The fall under it is taken off.
+    rows : (R,) array of int, optional
+        Numbers of the windows that are summed up, by default all. The polynomials are those for
+        all, and so are the landings' own frames.
 
-    Returns
-    -------
+    Yields
+    ------
     Moments
+        Of as many windows as fit into `LARGEST` entries.
     """
+    rows = np.arange(len(windows.near)) if rows is None else rows
     width = int(np.max(windows.stop - windows.start, initial=1))
     powers = _polynomials(degree, *_span(time, windows))
-    rows = max(1, LARGEST // (width * body[0].size * (degree + 1)))
-    parts = [
-        _moments(time, body, windows.some(slice(at, at + rows)), powers, gravity_m_s2)
-        for at in range(0, max(len(windows.near), 1), rows)
-    ]
+    lengths = _seen(time, body, windows.some(evenly(len(windows.near), LOOK_AT)))[-1]
+    marker = int(np.argmax(np.median(lengths, axis=0))) if len(lengths) else 0
+    fall = -0.5 * gravity_m_s2 * windows.scale**2
+    size = max(1, LARGEST // (width * body[0].size * (degree + 1)))
+    for at in range(0, max(len(rows), 1), size):
+        block = rows[at : at + size]
+        seen = _seen(time, body, windows.some(block))
+        yield _moments(seen, block, marker, powers, fall, windows.scale)
+
+
+def joined(parts: Iterable[Moments]) -> Moments:
+    """Put blocks of moments together."""
+    parts = list(parts)
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS
     }
     return replace(parts[0], **arrays)
 
 
+def evenly(n: int, count: int) -> IntArray:
+    """Return at most `count` of the numbers below n, evenly spaced."""
+    return np.unique(np.linspace(0, max(n - 1, 0), count).round().astype(int))[:n]
+
+
 def _moments(
-    time: FloatArray, body: FloatArray, windows: Windows, powers: FloatArray, gravity_m_s2: float
+    seen: Seen, rows: IntArray, marker: int, powers: FloatArray, fall: float, scale: float
 ) -> Moments:
-    frames, inside = _frames(windows, len(time))
-    u = (time[frames] - windows.near[:, None]) / windows.scale
-    points = np.moveaxis(body[frames], 2, 1)  # (L, B, W, 3)
-    usable = inside[:, None] & ~np.isnan(points).any(axis=3)
-    count = usable.sum(axis=2).astype(float)
-    points = np.where(usable[..., None], points, 0.0)
-    centre = points.sum(axis=2) / np.maximum(count, 1.0)[..., None]
-    direction = _directions(centre)
+    u, points, usable, centre, arms, lengths = seen
+    ray, length = arms[:, marker], lengths[:, marker, None]
+    direction = np.where(length > 0, ray / np.where(length > 0, length, 1.0), [1.0, 0.0])
     values = turned(points - centre[:, :, None], direction)
-    values[..., 2] += 0.5 * gravity_m_s2 * windows.scale**2 * u[:, None] ** 2
+    values[..., 2] -= fall * u[:, None] ** 2
     values *= usable[..., None]
     terms = (u[..., None] ** np.arange(len(powers)) @ powers)[:, None]
     gram = np.swapaxes(usable[..., None] * terms, 2, 3) @ terms
     product = np.swapaxes(values, 2, 3) @ terms
-    return Moments(
-        gram=gram,
-        product=product,
-        square=(values**2).sum(axis=2),
-        frames=count,
-        centre=turned(centre, direction),
-        direction=direction,
-        fall=-0.5 * gravity_m_s2 * windows.scale**2,
-        scale=windows.scale,
-        powers=powers,
-    )
+    square, frames = (values**2).sum(axis=2), usable.sum(axis=2).astype(float)
+    centre = turned(centre, direction)
+    return Moments(gram, product, square, rows, frames, centre, direction, fall, scale, powers)
+
+
+def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
+    """Scaled times (L, W), points (L, B, W, 3), which are usable, and their means (L, B, 3).
+
+    Then horizontally from the middle of the body to these, and how far.
+    """
+    frames, inside = _frames(windows, len(time))
+    u = (time[frames] - windows.near[:, None]) / windows.scale
+    points = np.moveaxis(body[frames], 2, 1)
+    usable = inside[:, None] & ~np.isnan(points).any(axis=3)
+    points = np.where(usable[..., None], points, 0.0)
+    centre = points.sum(axis=2) / np.maximum(usable.sum(axis=2), 1.0)[..., None]
+    arms = (centre - centre.mean(axis=1, keepdims=True))[..., :2]
+    return u, points, usable, centre, arms, np.hypot(arms[..., 0], arms[..., 1])
 
 
 def _span(time: FloatArray, windows: Windows) -> tuple[float, float]:
@@ -187,15 +221,6 @@ def _frames(windows: Windows, n_frames: int) -> tuple[IntArray, BoolArray]:
     frames = windows.start[:, None] + np.arange(width)
     inside = (frames < windows.stop[:, None]) & (frames >= 0) & (frames < n_frames)
     return np.clip(frames, 0, n_frames - 1), inside
-
-
-def _directions(centre: FloatArray) -> FloatArray:
-    """Return unit vectors (L, 2) to the marker that is farthest from the middle of the body."""
-    arms = (centre - centre.mean(axis=1, keepdims=True))[..., :2]
-    lengths = np.hypot(arms[..., 0], arms[..., 1])
-    ray = arms[:, int(np.argmax(np.median(lengths, axis=0)))] if len(arms) else arms[:, 0]
-    length = np.hypot(ray[:, 0], ray[:, 1])[:, None]
-    return np.where(length > 0, ray / np.where(length > 0, length, 1.0), [1.0, 0.0])
 
 
 def turned(vectors: FloatArray, direction: FloatArray, *, back: bool = False) -> FloatArray:
