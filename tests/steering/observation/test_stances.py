@@ -273,6 +273,17 @@ def test_a_step_in_the_heights_tells_no_stance_twice(step_m, after_s):
     assert np.abs(np.array([s.time_s for s in stances]) - hopper.lowest_s).max() < 0.06
 
 
+@pytest.mark.parametrize("rate", [100.0, 500.0])
+def test_a_stream_that_begins_in_a_rise_begins_with_no_stance(rate):
+    # The noise of the first two or three heights is no fall.
+    hopper = steered(rate_hz=rate)
+    time, z = hopper.recording.time, heights(hopper)
+    for instant, after in zip(hopper.lowest_s[:-1], hopper.lowest_s[1:], strict=True):
+        for begin_s in instant + np.arange(0.16, 0.3, 0.01):
+            part = (time > begin_s) & (time < after - 0.05)
+            assert told(time[part], z[part], rate) == []
+
+
 def test_standing_being_lifted_and_set_down_are_no_stances():
     time = np.arange(0, 8, 0.01)
     rng = np.random.default_rng(np.random.SeedSequence(5))

@@ -460,7 +460,8 @@ class StanceDetector:
             self._armed, self._lowest_m = True, np.inf
         self._lowest_m = min(self._lowest_m, height_m)
         if slope < 0 and self._armed:
-            self._falling, self._turned = (time_s, slope), False
+            self._turned = False
+            self._falling = (time_s, slope) if slope < -SIGMAS * noise else self._falling
         if not self._armed or slope <= SIGMAS * noise or self._falling is None:
             return None
         if not self._turned:
@@ -471,9 +472,8 @@ class StanceDetector:
     def _forget(self) -> None:
         """Begin as if nothing had been seen."""
         self._frames = deque()
-        self._stray = None
+        self._stray = self._falling = None
         self._armed, self._turned = False, False
-        self._falling = None
         self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
 
     def _taken(self, time_s: float, height_m: float) -> bool:
