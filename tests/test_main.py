@@ -50,7 +50,7 @@ def test_check_sums_up_a_sound_study(config, capsys):
     assert "study trial" in out
     assert "at 100 Hz" in out
     assert "foot1, foot2, foot3" in out
-    assert "100.0 % of all markers" in out
+    assert "100 % of all markers" in out
     assert out.rstrip().endswith("is sound")
     assert err == ""
 
