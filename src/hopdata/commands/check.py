@@ -39,8 +39,7 @@ def check(options: argparse.Namespace) -> int:
             print(f"{entry['name']}: simulated, {hops} hops{cut}: see hopdata plan")
             continue
         try:
-            with terminal.progress_line() as progress:
-                progress(f"reading {', '.join(files)}")
+            with terminal.progress_line(f"reading {', '.join(files)}") as progress:
                 recording, _ = import_recording(
                     files, name=entry["name"], markers=config["markers"], **config["input"],
                     exclude=entry["exclude"],
@@ -85,8 +84,7 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
     """
     from hopdata.commands.forecast import foretell, told
 
-    with terminal.progress_line() as progress:
-        progress("looking for landings")
+    with terminal.progress_line("looking for landings"):
         forecast = foretell(config, recordings)
     print("\n".join(told(forecast, config, recordings)))
     if forecast.stops:
@@ -98,8 +96,7 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
     """Say in a line what looks wrong with the study's markers, and ask for a rate not given."""
     from hopdata.recordings.quality.inspection import inspect
 
-    with terminal.progress_line() as progress:
-        progress(f"looking for faults in {recording.source}")
+    with terminal.progress_line(f"looking for faults in {recording.source}"):
         found = inspect(recording)
     told = f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"
     asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)

@@ -25,8 +25,7 @@ def inspect(options: argparse.Namespace) -> int:
     encoding = sys.stdout.encoding or "ascii"
     print(terminal.listing(inspection, str(options.file), encoding=encoding))
     if options.html is not None:
-        with terminal.progress_line() as progress:
-            progress("drawing the page")
+        with terminal.progress_line("drawing the page"):
             page = inspection_html(inspection, options.file.name)
         terminal.write_text(options.html, page)
         print(f"  page     {options.html}")
@@ -68,8 +67,7 @@ def inspected(options: argparse.Namespace) -> Inspection:
     from hopdata.recordings.raw import METRES_PER_UNIT, RateUnknownError
     from hopdata.recordings.readers.formats import read_raw
 
-    with terminal.progress_line() as progress:
-        progress(f"reading {options.file}")
+    with terminal.progress_line(f"reading {options.file}") as progress:
         limit = {"most_unpacked_mb": options.most_unpacked_mb}
         try:
             raw = read_raw(options.file, rate_hz=options.rate, **limit)

@@ -50,8 +50,7 @@ def run(options: argparse.Namespace) -> int:
         answer, page = (Path("results", study, name) for name in ("verdict.json", "report.html"))
     chosen = {"--dry-run": options.dry_run, "--forceall": options.force}
     passed = [*(flag for flag, is_set in chosen.items() if is_set), *options.passed_on]
-    if options.dry_run:  # which jobs, not all their files
-        passed += ["--quiet", "rules", "host", "reason"]
+    passed += ["--quiet", "rules", "host", "reason"] * options.dry_run  # jobs without their files
     if run_workflow(config, study, "--cores", options.cores, *passed, snakefile=snakefile):
         return PROBLEM
     is_dry = {"-n", "--dry-run", "--dryrun"} & set(passed)
@@ -237,10 +236,8 @@ def clean(options: argparse.Namespace) -> int:
         found = [Path("results", study)]
         record = found[0] / "provenance.json"  # another study may have the same name by mistake
         known = json.loads(record.read_text(encoding="utf-8"))["config"] if record.exists() else {}
-        own, others = (
-            ", ".join(str(entry.get("file")) for entry in one.get("recordings") or ())
-            for one in (config, known)
-        )
+        files = ([str(x.get("file")) for x in y.get("recordings") or ()] for y in (config, known))
+        own, others = map(", ".join, files)
         if others and own != others:
             raise ConfigError(
                 f"{options.config}: expected the recordings of {found[0]} ({others}), found {own}; "

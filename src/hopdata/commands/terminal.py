@@ -181,8 +181,8 @@ CLEAR_LINE = "\r\033[K"
 
 
 @contextmanager
-def progress_line() -> Iterator[Callable[[str], None]]:
-    """Yield what shows the step at hand on a terminal, in words; an empty line is left behind."""
+def progress_line(first: str = "") -> Iterator[Callable[[str], None]]:
+    """Show the first step on a terminal, yield what shows others; leave an empty line behind."""
     shown = sys.stderr.isatty()
 
     def show(text: str) -> None:
@@ -190,6 +190,7 @@ def progress_line() -> Iterator[Callable[[str], None]]:
             print(f"{CLEAR_LINE}{text}", end="", file=sys.stderr, flush=True)
 
     try:
+        show(first + " ..." * bool(first))
         yield lambda step: show(step + " ..." * shown)
     finally:
         show("")

@@ -23,12 +23,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import order_names
-from hopdata.maps.coordinates import (
-    ALL_SETS_UP_TO,
-    LANDINGS_PER_TERM,
-    kink_slopes,
-    number_of_free_terms,
-)
+from hopdata.maps import coordinates
 from hopdata.maps.verdict.inputs import LEAST_CLASS, POSITIONS, SectionLandings, contact_orders
 from hopdata.maps.verdict.model import FARTHER, WINDOW, KinkFit, symmetric_root
 
@@ -104,7 +99,7 @@ def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArra
         (C, S) weights of the orders in the differences, and (S,) in the mean.
     """
     number, feet = orders.shape
-    if feet <= ALL_SETS_UP_TO:
+    if feet <= coordinates.ALL_SETS_UP_TO:
         one = np.eye(number)
         pairs = [one[a] - one[b] for a, b in combinations(range(number), 2)]
         return np.reshape(pairs, (len(pairs), number)), np.full(number, 1.0 / max(number, 1))
@@ -133,19 +128,21 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
         If no two orders, or feet, have `LEAST_CLASS` landings each.
     """
     feet = landings.expected.shape[1]
-    orders, counts = contact_orders(landings.expected, LEAST_CLASS if feet <= ALL_SETS_UP_TO else 1)
+    orders, counts = contact_orders(
+        landings.expected, LEAST_CLASS if feet <= coordinates.ALL_SETS_UP_TO else 1
+    )
     differences, mean = contrasts(orders, counts)
     if not len(differences):
         two = f"at least two contact orders need {LEAST_CLASS} touchdowns each: "
         raise AnalysisError(
             two + _commonest(landings)
-            if feet <= ALL_SETS_UP_TO
+            if feet <= coordinates.ALL_SETS_UP_TO
             else f"no two feet each come first in {LEAST_CLASS} touchdowns"
         )
-    slopes = np.array([kink_slopes(tuple(order)) for order in orders.tolist()])
+    slopes = np.array([coordinates.kink_slopes(tuple(order)) for order in orders.tolist()])
     what = (
         f"{len(orders)} contact orders"
-        if feet <= ALL_SETS_UP_TO
+        if feet <= coordinates.ALL_SETS_UP_TO
         else f"landings with one or the other of two feet first ({len(differences)} pairs of feet)"
     )
     return (np.tensordot(differences, slopes, axes=1), np.tensordot(mean, slopes, axes=1), what)
@@ -306,7 +303,7 @@ def landings_needed(landings: int, detectable: float, difference: float, feet: i
 
     Errors fall with the root of the number of landings; but it takes so many as second-order terms.
     """
-    least = LANDINGS_PER_TERM * number_of_free_terms(8, feet, 2) / WINDOW
+    least = coordinates.LANDINGS_PER_TERM * coordinates.number_of_free_terms(8, feet, 2) / WINDOW
     return int(np.ceil(max(least, landings * (detectable / difference) ** 2)))
 
 

@@ -13,16 +13,8 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
-from hopdata.recordings.quality import rigid
+from hopdata.recordings.quality import rigid, stretches
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
-from hopdata.recordings.quality.stretches import (
-    Frozen,
-    MarkerGaps,
-    Timing,
-    check_stamps,
-    frozen_markers,
-    marker_gaps,
-)
 from hopdata.recordings.quality.swaps import (
     Spike,
     Swap,
@@ -47,7 +39,7 @@ class Faults:
     swaps: tuple[Swap, ...]
     spikes: tuple[Spike, ...]
     jumps: tuple[Spike, ...]
-    frozen: tuple[Frozen, ...]
+    frozen: tuple[stretches.Frozen, ...]
 
     @property
     def count(self) -> int:
@@ -121,8 +113,8 @@ class Inspection:
     unit: Guess
     up: Guess
     rate: Guess
-    gaps: tuple[MarkerGaps, ...]
-    timing: Timing
+    gaps: tuple[stretches.MarkerGaps, ...]
+    timing: stretches.Timing
     pairs: rigid.PairDistances
     clusters: tuple[rigid.Cluster, ...]
     noise_m: FloatArray
@@ -231,12 +223,15 @@ def inspect_recording(
     noise = rigid.frame_noise(positions)
     pairs = rigid.pair_distances(positions)
     clusters = rigid.rigid_clusters(pairs, noise)
-    gaps = marker_gaps(positions, raw.markers)
+    gaps = stretches.marker_gaps(positions, raw.markers)
     progress("looking for swapped markers, spikes and frozen markers")
     missed = surprises(positions)
     known: dict[str, Any] = {"missed": missed, "pairs": pairs, "clusters": clusters}
     swaps = find_swaps(positions, raw.markers, rate_hz=raw.rate_hz, **known)
-    frozen, timing = frozen_markers(raw.positions, raw.markers), check_stamps(raw.time)
+    frozen, timing = (
+        stretches.frozen_markers(raw.positions, raw.markers),
+        stretches.check_stamps(raw.time),
+    )
     explained = explained_frames(swaps, raw.markers, len(positions))
     explained |= _told_elsewhere(explained.shape, timing, frozen, raw.markers)
     faults = Faults(
@@ -268,7 +263,10 @@ def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
 
 
 def _told_elsewhere(
-    shape: tuple[int, ...], timing: Timing, frozen: tuple[Frozen, ...], markers: tuple[str, ...]
+    shape: tuple[int, ...],
+    timing: stretches.Timing,
+    frozen: tuple[stretches.Frozen, ...],
+    markers: tuple[str, ...],
 ) -> NDArray[np.bool_]:
     """Mask (N, M) of frames whose jumps come from dropped frames, or from a marker that thaws."""
     mask = np.zeros(shape, dtype=bool)

@@ -11,14 +11,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import chosen
 from hopdata.rigid import wrapped
 from hopdata.steering import START, child
-from hopdata.steering.control.objectives import (
-    Controller,
-    Horizon,
-    Objective,
-    Plan,
-    ToHeading,
-    ToPoint,
-)
+from hopdata.steering.control import objectives
 from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.models.process import FrameChangeProcess
@@ -77,11 +70,11 @@ def task_of(experiments: Mapping[str, Any], manoeuvre: str) -> Task:
     return Task(manoeuvre=ORIGIN, near=experiments["arrived_m"], hops=experiments["hops"])
 
 
-def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
+def goal_of(manoeuvre: str, start: ArrayLike) -> objectives.Objective:
     """Return what a controller is told: the origin, or the heading opposite to the first."""
     if manoeuvre == ORIGIN:
-        return ToPoint(point_m=(0.0, 0.0))
-    return ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
+        return objectives.ToPoint(point_m=(0.0, 0.0))
+    return objectives.ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
 
 
 def judged(task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool = True) -> Outcome:
@@ -156,7 +149,7 @@ def draw_starts(
 
 # Who steers.
 
-Policy: TypeAlias = Callable[[Start], Controller]
+Policy: TypeAlias = Callable[[Start], objectives.Controller]
 
 CONTROLLERS = ("printed", "planner", "adaptive", "random", "none")
 PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE = CONTROLLERS
@@ -170,10 +163,12 @@ class Unheeding:
     limit_rad: float
     rng: np.random.Generator
 
-    def plan(self, pose: ArrayLike, _boom: float, _swung: float | None = None, /) -> Plan:
+    def plan(
+        self, pose: ArrayLike, _boom: float, _swung: float | None = None, /
+    ) -> objectives.Plan:
         """Return the swing; where it leads is not known."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
-        return Plan(swing, np.array([pose, [np.nan] * 3], dtype=float), np.nan)
+        return objectives.Plan(swing, np.array([pose, [np.nan] * 3], dtype=float), np.nan)
 
 
 def policies(
@@ -200,7 +195,7 @@ def policies(
         What the ceiling knows: the true frame change, averaged over the swing before.
     swing_limit_rad : float
     """
-    horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
+    horizon = objectives.Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
     learned = tabulated(model, swing_limit_rad)
 
     def steered(controller: PrintedController | Any) -> Policy:

@@ -10,15 +10,7 @@ from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 
-from hopdata.steering.live import packets
-from hopdata.steering.live.buffer import (
-    Frame,
-    FrameBuffer,
-    LoopThread,
-    Status,
-    StatusLog,
-    StreamCounts,
-)
+from hopdata.steering.live import buffer, packets
 
 # How long a stream waits for what.
 
@@ -156,11 +148,11 @@ class MarkerStream:
     ) -> None:
         self.labels, self.host, self.port, self.rate_hz = tuple(labels), host, port, rate_hz
         self.patience = patience or Patience()
-        self.buffer = FrameBuffer(capacity)
-        self.counts = StreamCounts()
-        self.states = StatusLog()
+        self.buffer = buffer.FrameBuffer(capacity)
+        self.counts = buffer.StreamCounts()
+        self.states = buffer.StatusLog()
         self.last_fault = ""  # of the last packet left out
-        self._thread = LoopThread("hopdata-stream", self._main)
+        self._thread = buffer.LoopThread("hopdata-stream", self._main)
         self._epoch = -1
         self._last_good_s = 0.0
 
@@ -188,7 +180,7 @@ class MarkerStream:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
+    def wait_until_streaming(self, timeout_s: float = 30.0) -> buffer.Status:
         """Wait for the first frame.
 
         Raises
@@ -333,7 +325,7 @@ class MarkerStream:
         self._last_good_s = arrival_s
         if self.states.status.state != "streaming":
             self.states.report("streaming")
-        self.buffer.write(Frame(self._epoch, number, time_s, arrival_s, captured, markers))
+        self.buffer.write(buffer.Frame(self._epoch, number, time_s, arrival_s, captured, markers))
 
     def _note_garbled(self, fault: str) -> None:
         self.counts.garbled += 1
