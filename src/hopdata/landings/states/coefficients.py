@@ -44,6 +44,9 @@ class Coefficients:
     noise_m: FloatArray
 
 
+Fitted = tuple[Moments, Coefficients]
+
+
 @dataclass(frozen=True)
 class Population:
     """From where the coefficients of the polynomials from u^2 on are drawn, and the noise.
@@ -131,8 +134,7 @@ def misfit(pairs: Iterable[tuple[Coefficients, Coefficients]]) -> tuple[FloatArr
     added = np.zeros((3, FREE))
     for axes in (HORIZONTAL, VERTICAL):
         for k in range(FREE):
-            beyond = excess[:, :, axes, k]
-            beyond = beyond[np.isfinite(beyond)]
+            beyond = excess[:, :, axes, k][np.isfinite(excess[:, :, axes, k])]
             if len(beyond) and beyond.mean() > 2 * beyond.std() / np.sqrt(len(beyond)):
                 added[axes, k] = beyond.mean()
     return added, float(np.nanmean(variance[..., 1] + added[:, 1]))
@@ -187,8 +189,7 @@ def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArr
     root = vectors / np.sqrt(np.maximum(values, values[-1] * 1e-12))
     ratio, turn = np.linalg.eigh(root.T @ seen @ root)
     half = root @ turn * np.sqrt(np.maximum(ratio - 1.0, floor))
-    spread: FloatArray = half @ half.T
-    return spread
+    return np.asarray(half @ half.T, float)
 
 
 def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, FloatArray]:
@@ -256,9 +257,7 @@ class SectionStates:
     velocity_covariance: FloatArray
 
 
-def cross(
-    parts: Iterable[tuple[Moments, Coefficients]], near: FloatArray, height_m: float
-) -> SectionStates:
+def cross(parts: Iterable[Fitted], near: FloatArray, height_m: float) -> SectionStates:
     """Evaluate polynomials at the instant at which the mean height is that of the section.
 
     Parameters
@@ -274,14 +273,12 @@ def cross(
     -------
     SectionStates
     """
-    found = zip(*(_crossed(*part, near, height_m) for part in parts), strict=True)
-    return SectionStates(*map(np.concatenate, found))
+    found = (vars(_cross(*part, near, height_m)).values() for part in parts)
+    return SectionStates(*map(np.concatenate, zip(*found, strict=True)))
 
 
-def _crossed(
-    sums: Moments, fit: Coefficients, near: FloatArray, height_m: float
-) -> tuple[FloatArray, ...]:
-    """Instants, states and covariances of a block, as `SectionStates` has them."""
+def _cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -> SectionStates:
+    """Evaluate those of a block."""
     coefficients = _whole(sums, fit.mean)
     u = _instants(coefficients[:, :, 2].mean(axis=1), height_m)
     place, speed, bend = (
@@ -294,7 +291,7 @@ def _crossed(
         _with_instant(errors, motion, speed[..., 2].mean(axis=1), of)
         for of, motion in ((0, speed), (1, bend))
     )
-    return (
+    return SectionStates(
         near[sums.rows] + u * sums.scale,
         turned(place, sums.direction, back=True),
         turned(speed, sums.direction, back=True),
@@ -341,8 +338,7 @@ def _errors(covariance: FloatArray, u: FloatArray, scale: float) -> FloatArray:
     """Covariance (2, 2, L, B, 3) of place and velocity of each coordinate at given u."""
     terms = covariance.shape[-1]
     rows = np.stack([_powers(u, terms, order) / scale**order for order in (0, 1)])
-    found: FloatArray = np.einsum("olk,lbckj,plj->oplbc", rows, covariance, rows, optimize=True)
-    return found
+    return np.asarray(np.einsum("olk,lbckj,plj->oplbc", rows, covariance, rows, optimize=True))
 
 
 def _with_instant(
@@ -356,5 +352,4 @@ def _with_instant(
     own = errors[of, of][..., None] * np.eye(3)
     moved = along[..., None] * along[..., None, :] * height[:, None, None, None]
     mixed = shared[..., None, None] * along[..., None] * UP
-    whole: FloatArray = own + moved + mixed + np.swapaxes(mixed, 2, 3)
-    return whole
+    return np.asarray(own + moved + mixed + np.swapaxes(mixed, 2, 3), float)

@@ -9,7 +9,7 @@ from itertools import takewhile
 
 import numpy as np
 
-from hopdata.arrays import GRAVITY_M_S2, FloatArray, IntArray
+from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import chosen
 from hopdata.landings.states import coefficients
 from hopdata.landings.states.tracks import LOOK_AT, Moments, Windows, evenly, joined, moments
@@ -24,7 +24,7 @@ FURTHER = 2  # coefficients by which a fit is judged
 LEAD_QUANTILE = 0.1  # of the times between the last contact and the post section
 FILTER_FRAMES, FILTER_DEGREE = 7, 3
 
-Parts = Iterator[tuple[Moments, coefficients.Coefficients]]
+Parts = Iterator[coefficients.Fitted]
 #: Makes the fits block by block, anew each time: of many landings all fill the memory.
 Fit = Callable[[], Parts]
 
@@ -88,12 +88,10 @@ class Tracks:
             stop = np.maximum(stop, start + LEAST_FRAMES)
         return Windows(near, start, stop, window_s)
 
-    def sums(
-        self, window_s: float, degree: int, *, falling: bool = False, rows: IntArray | None = None
-    ) -> Iterator[Moments]:
+    def sums(self, window_s: float, degree: int, *, falling: bool = False) -> Iterator[Moments]:
         """Sum up the frames for polynomials of a degree, about a free fall or not."""
         fall, windows = GRAVITY_M_S2 if falling else 0.0, self.windows(window_s)
-        return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall, rows=rows)
+        return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall)
 
     def fitted(self, window_s: float, degree: int, *, falling: bool = False) -> Fit:
         """Fit polynomials of a degree to each landing for itself."""
@@ -142,8 +140,7 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
     these the one that expects the smallest errors of velocities is taken.
     """
     found = (_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s))
-    known = (each for each in found if each is not None)
-    best = min(known, key=lambda each: each[0], default=None)
+    best = min(filter(None, found), key=lambda each: each[0], default=None)
     return alone(tracks, window_s) if best is None else best[1]
 
 
@@ -154,7 +151,8 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
     rows = coefficients.teachers(frames, degree + 1)
     if len(rows) < LEAST_LANDINGS:
         return None
-    population = coefficients.learn(joined(sums(rows=rows)).lower(degree))
+    some = joined(part.some(np.flatnonzero(np.isin(part.rows, rows))) for part in sums())
+    population = coefficients.learn(some.lower(degree))
 
     def fitted(part: Moments) -> coefficients.Coefficients:
         return coefficients.drawn(part.lower(degree), population, least_frames=LEAST_FRAMES)

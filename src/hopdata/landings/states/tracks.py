@@ -108,13 +108,7 @@ _ARRAYS = ("gram", "product", "square", "rows", "frames", "centre", "direction")
 
 
 def moments(
-    time: FloatArray,
-    body: FloatArray,
-    windows: Windows,
-    *,
-    degree: int,
-    gravity_m_s2: float = 0.0,
-    rows: IntArray | None = None,
+    time: FloatArray, body: FloatArray, windows: Windows, *, degree: int, gravity_m_s2: float = 0.0
 ) -> Iterator[Moments]:
     """Sum up the frames of the windows, block by block.
 
@@ -130,24 +124,20 @@ def moments(
         Highest power of time.
     gravity_m_s2 : float
         The fall under it is taken off.
-    rows : (R,) array of int, optional
-        Numbers of the windows that are summed up, by default all. The polynomials are those for
-        all, and so are the landings' own frames.
 
     Yields
     ------
     Moments
-        Of as many windows as fit into `LARGEST` entries.
+        Of as many windows as fit into `LARGEST` entries, by the same polynomials.
     """
-    rows = np.arange(len(windows.near)) if rows is None else rows
     width = int(np.max(windows.stop - windows.start, initial=1))
     powers = _polynomials(degree, *_span(time, windows))
     lengths = _seen(time, body, windows.some(evenly(len(windows.near), LOOK_AT)))[-1]
     marker = int(np.argmax(np.median(lengths, axis=0))) if len(lengths) else 0
     fall = -0.5 * gravity_m_s2 * windows.scale**2
     size = max(1, LARGEST // (width * body[0].size * (degree + 1)))
-    for at in range(0, max(len(rows), 1), size):
-        block = rows[at : at + size]
+    for at in range(0, max(len(windows.near), 1), size):
+        block = np.arange(len(windows.near))[at : at + size]
         seen = _seen(time, body, windows.some(block))
         yield _moments(seen, block, marker, powers, fall, windows.scale)
 
@@ -155,9 +145,7 @@ def moments(
 def joined(parts: Iterable[Moments]) -> Moments:
     """Put blocks of moments together."""
     parts = list(parts)
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS
-    }
+    arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in _ARRAYS}
     return replace(parts[0], **arrays)
 
 
@@ -188,7 +176,9 @@ def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
 
     Then horizontally from the middle of the body to these, and how far.
     """
-    frames, inside = _frames(windows, len(time))
+    frames = windows.start[:, None] + np.arange(np.max(windows.stop - windows.start, initial=1))
+    inside = (frames < windows.stop[:, None]) & (frames >= 0) & (frames < len(time))
+    frames = np.clip(frames, 0, len(time) - 1)
     u = (time[frames] - windows.near[:, None]) / windows.scale
     points = np.moveaxis(body[frames], 2, 1)
     usable = inside[:, None] & ~np.isnan(points).any(axis=3)
@@ -213,14 +203,6 @@ def _polynomials(degree: int, first: float, last: float) -> FloatArray:
         found = Legendre.basis(k - 2, domain=domain).convert(kind=Polynomial).coef
         powers[2:, k] = np.pad(found, (0, degree - 1 - len(found)))
     return powers
-
-
-def _frames(windows: Windows, n_frames: int) -> tuple[IntArray, BoolArray]:
-    """Frame numbers of all windows, padded to one length, and which of them count, (L, W)."""
-    width = int(np.max(windows.stop - windows.start, initial=1))
-    frames = windows.start[:, None] + np.arange(width)
-    inside = (frames < windows.stop[:, None]) & (frames >= 0) & (frames < n_frames)
-    return np.clip(frames, 0, n_frames - 1), inside
 
 
 def turned(vectors: FloatArray, direction: FloatArray, *, back: bool = False) -> FloatArray:
