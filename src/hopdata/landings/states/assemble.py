@@ -268,11 +268,11 @@ def _pairs_of(
     if not whole.all():
         lost = ", ".join(str(i) for i in used["index"].to_numpy()[~whole])
         logger.warning("%s: too few frames for the states of touchdowns %s", recording.name, lost)
-    kept, found = used[whole], {"x": x, "y": y, "x_se": x_se, "y_se": y_se}
+    kept, found = used[whole], (("x", x), ("y", y), ("x_se", x_se), ("y_se", y_se))
     kinds = {"schedule": str, "spread_s": float, "recording": str, "index": np.int64}
     columns: dict[str, Any] = {name: kept[name].to_numpy(dtype) for name, dtype in kinds.items()}
+    columns |= {name: states[whole] for name, states in found}
     return Pairs(
-        **{name: states[whole] for name, states in found.items()},
         **columns,
         body_markers=recording.names("body"),
         instants=_columns(kept, "contact_"),
