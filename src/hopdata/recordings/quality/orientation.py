@@ -320,8 +320,8 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
 LIVELY_M_S2 = (5.0, 100.0)
 RATES_HZ = (25, 30, 50, 60, 100, 120, 150, 200, 240, 250, 300, 400, 500, 1000)
 OTHER_RATE = 0.02  # relative
-# Pull on a body that leaves the ground, g, at the right rate; a quarter or four times at others.
-FALLING = (0.5, 2.0)
+FALLING = (0.7, 1.3)  # g that pull a body down which leaves the ground, at the right rate
+SOME_CLEARER = 1.5  # so many times what falls along the next best direction
 
 
 def liveliness(positions: FloatArray, rate_hz: float) -> float:
@@ -362,8 +362,11 @@ def guess_rate(raw: RawRecording, unit: str, *, up: str = "z", is_stated: bool =
         return Guess(best, told, is_sure=False, other=following)
     pull = _pull_down(raw, up, units[unit])
     low, high = FALLING
-    if low <= pull <= high:
-        return Guess(f"{own:g}", f"as stated, and with it {pull:.2g} g pull the body down")
+    fall = free_fall(raw.positions, own, units=units)
+    others = (free_fall(raw.positions, f * own, units=units).share for f in (0.5, 2.0))
+    falls_clearly = fall.share >= LEAST_SHARE and fall.share > SOME_CLEARER * fall.next_share
+    if falls_clearly and fall.share > max(others) and low <= pull <= high:
+        return Guess(f"{own:g}", "as stated, and with it the markers fall at 9.81 m/s²")
     told = f"as stated, but nothing falls freely and {pull:.2g} g is the most that pulls down"
     if pull > high:
         told = f"as stated, but with it the markers would be pulled down by {pull:.2g} g"
