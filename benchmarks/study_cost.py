@@ -5,7 +5,8 @@
 The study of config/thesis.yaml is run in a folder of its own, all stages, on two cores; then the
 same with recordings ten times as long. `study_cost.csv` has a row for each: frames, hops used, wall
 and processor time, the largest memory of one stage, and the times of a hop relative to the first
-row. `study_cost_stages.csv` beside it has the processor time of each stage, recordings added up.
+row. `study_cost_stages.csv` beside it has the processor time of each stage, recordings added up,
+and the memory of its largest job as Snakemake saw it, which looks now and then.
 
 With `--frames 1e6 1e7` the study is that of one recording of so many frames instead: the bundled
 one again and again, with fresh noise and after a pause, as files of one day that were joined.
@@ -83,13 +84,13 @@ def run_study(config: dict[str, Any], folder: Path, cores: int) -> tuple[float, 
 
 
 def stage_costs(results: Path) -> pd.DataFrame:
-    """Processor time, s, of each job, from what the workflow noted."""
+    """Processor time, s, and memory, MB, of each job, from what the workflow noted."""
     rows = []
     for file in sorted((results / "benchmarks").rglob("*.tsv")):
         noted = pd.read_csv(file, sep="\t").iloc[0]
         stage = file.stem.split("_trial")[0]
-        rows.append((stage, float(noted["cpu_time"])))
-    return pd.DataFrame(rows, columns=["stage", "cpu_s"])
+        rows.append((stage, float(noted["cpu_time"]), float(noted["max_rss"]) * 2**20 / 1e6))
+    return pd.DataFrame(rows, columns=["stage", "cpu_s", "peak_mb"])
 
 
 def measure(
@@ -113,7 +114,8 @@ def measure(
         "cpu_s": jobs["cpu_s"].sum(),
         "peak_mb": peak,
     }
-    return row, jobs.groupby("stage", as_index=False)["cpu_s"].sum().assign(times=factor, hops=hops)
+    stages = jobs.groupby("stage", as_index=False).agg({"cpu_s": "sum", "peak_mb": "max"})
+    return row, stages.assign(times=factor, hops=hops)
 
 
 def main() -> None:

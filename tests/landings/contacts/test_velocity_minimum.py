@@ -1,5 +1,7 @@
 """The printed method."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.signal import savgol_filter
@@ -7,6 +9,7 @@ from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.landings.contacts.descents import find_transitions
 from hopdata.landings.contacts.velocity_minimum import (
+    derivative_weights,
     filter_window,
     savitzky_golay_velocity,
     velocity_minima,
@@ -20,6 +23,15 @@ def test_velocity_agrees_with_scipy():
     np.testing.assert_allclose(ours[3:-3], theirs[3:-3], atol=1e-10)
     assert np.isnan(ours[:3]).all()
     assert np.isnan(ours[-3:]).all()
+
+
+@pytest.mark.parametrize("window", [5, 7, 35])
+def test_weights_are_the_nearest_numbers_to_the_exact_fractions(window):
+    """So that they are the same with any machine's linear algebra."""
+    frames = [Fraction(k - window // 2) for k in range(window)]
+    s2, s4, s6 = (sum(k**power for k in frames) for power in (2, 4, 6))
+    exact = [float((s6 * k - s4 * k**3) / (s2 * s6 - s4**2)) for k in frames]
+    assert derivative_weights(window).tolist() == exact
 
 
 def test_the_filter_lasts_as_long_at_every_rate():
