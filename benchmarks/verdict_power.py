@@ -5,9 +5,10 @@
 
 Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
 study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
-landings are integrated, seen frame by frame with noise, and judged: all of them, and each thousand
-for itself. Kinds that are only seen in another way share the landings of a seed, so that they are
-not independent of one another. docs/verdict.md says what was chosen on which seeds.
+landings are integrated, seen frame by frame with noise, and judged: all of them, each 500 and each
+thousand for itself, and those of five and of ten studies together. Kinds that are only seen in
+another way share the landings of a seed, so that they are not independent of one another.
+docs/verdict.md says what was chosen on which seeds.
 
 What is simulated, and what is judged, is kept beside the table in ``verdict_studies/`` (0.7 MB a
 study) and not done again; to judge the same studies anew remove its JSON files. One row a kind and
@@ -28,10 +29,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from hashlib import sha256
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -179,12 +182,6 @@ def apexes_of(trial: Trial) -> Apexes:
     )
 
 
-def joined(parts: list[Apexes]) -> Apexes:
-    """Return the apexes of several trials."""
-    names = Apexes.__dataclass_fields__
-    return Apexes(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
 def true_states(
     scene: Scene,
     control: Control,
@@ -250,16 +247,18 @@ def _stood(hop: Hop) -> bool:
 
 # Whole studies.
 
-FIRST_SEED = 7000
-GAIT_HOPS, TRIALS = 12_000, 4
+FIRST_SEED = 9000
+GAIT_HOPS, TRIALS = 2000, 4
 INSTANT_NOISE_S = 0.0006
-FEW = 1000
+FEWEST, FEW, WHOLE = 500, 1000, 2100
+JOINED = (5, 10)  # studies, for larger ones of 2,000 landings each
 GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16, 30), 400
 GROUP_KINDS = (
     *("C1", "C1 larger kicks", "C1 stiffer legs", "C1 drifting", "C1 quadruped", "kappa 0.05"),
     *("kappa 0.1", "eps 0.2", "tau 10 ms", "quadruped kappa 0.1"),
 )
 MIXED = ("C1", "kappa 0.1")
+OBSERVED = ("before", "after", "instants")
 
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
 FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
@@ -278,11 +277,12 @@ class Kind:
     control: Control = field(default_factory=Control)
     noise_m: float = 0.0006
     rate_hz: float = 100.0
-    hops: int = 2100
+    hops: int = WHOLE
     spoil: Callable[[np.ndarray, np.random.Generator, float], np.ndarray] | None = None
     relabel: Callable[[np.ndarray, np.random.Generator], np.ndarray] | None = None
     thinned: bool = False
     moves_as: str = ""  # the kind whose true motions these are, seen in another way
+    led_by: Scene | None = None  # a body whose apexes these are, where this one falls over
 
     @property
     def strength(self) -> float:
@@ -346,7 +346,7 @@ def kinds() -> dict[str, Kind]:
         "C1 larger kicks": Kind(kicks=replace(kicks, angular_velocity_rad_s=0.35)),
         "C1 uneven preloads": Kind(kicks=replace(kicks, preload_fraction=0.1)),
         "C1 quadruped": quadruped,
-        "C1 two feet": Kind(scene=TWO),
+        "C1 two feet": Kind(scene=TWO, led_by=hopper),
         "C1 six feet": Kind(scene=SIX),
     }
     controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.1, 0.2, 0.4)}
@@ -357,31 +357,44 @@ def kinds() -> dict[str, Kind]:
         for k in (0.1, 0.2)
     }
     coupled |= {
-        f"{name} feet kappa 0.1": Kind(scene=scene, control=Control(coupling=0.1))
-        for name, scene in (("two", TWO), ("six", SIX))
+        f"{name} feet kappa 0.1": replace(same[f"C1 {name} feet"], control=Control(coupling=0.1))
+        for name in ("two", "six")
     }
     weakest = {"kappa 0.05": Kind(control=Control(coupling=0.05), hops=2860)}
     controlled = {name: Kind(control=control) for name, control in controls.items()}
     return same | weakest | controlled | coupled
 
 
+def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return the arrays in a file, which is written if there is none yet."""
+    if not file.exists():
+        arrays = make()
+        with whole_file(file) as part, part.open("wb") as stream:
+            np.savez(stream, **arrays)
+    return dict(np.load(file))
+
+
+def gait_file(kind: Kind, folder: Path) -> Path:
+    """Return where the gait of a kind is kept, which it may share with others."""
+    name = f"{kind.led_by or kind.scene}{kind.kicks}"
+    return folder / f"gait_{sha256(name.encode()).hexdigest()[:16]}.npz"
+
+
 def gait(kind: Kind, folder: Path) -> np.ndarray:
     """Return states (L, 12) at the apexes of a long gait, before their kicks; kept in a file."""
-    name = f"{kind.scene}{kind.kicks}".encode().hex()
-    file = folder / f"gait_{int(name, 16) % 2**61:x}.npy"
-    if not file.exists():
-        parts = [
-            apexes_of(
-                run_trial(
-                    kind.scene, hops=GAIT_HOPS // TRIALS, rate_hz=10.0, kicks=kind.kicks,
-                    rng=np.random.default_rng([77, number]),
-                )
+
+    def trial(number: int) -> Apexes:
+        return apexes_of(
+            run_trial(
+                kind.led_by or kind.scene, hops=GAIT_HOPS // TRIALS, rate_hz=10.0,
+                kicks=kind.kicks, rng=np.random.default_rng([77, number]),
             )
-            for number in range(TRIALS)
-        ]  # fmt: skip
-        with whole_file(file) as part, part.open("wb") as stream:
-            np.save(stream, joined(parts).before)
-    return np.load(file)
+        )  # fmt: skip
+
+    def before() -> dict[str, Any]:
+        return {"before": np.concatenate([trial(number).before for number in range(TRIALS)])}
+
+    return kept(gait_file(kind, folder), before)["before"]
 
 
 def starts(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> Apexes:
@@ -435,19 +448,30 @@ def observed(name: str, seed: int, folder: Path) -> dict[str, Any]:
     true = 0.0
     if kind.control.active:
         root = input_root(input_coordinates(part.pre_state, kind.sections.centre_m))
-        true = true_size(kind, gait(kind, folder), root, part.contact_s)
+        true = true_size(name, root, part.contact_s, folder)
     return {"before": seen.before, "after": seen.after, "instants": instants, "true_effect": true}
 
 
-def true_size(kind: Kind, before: np.ndarray, root: np.ndarray, instants: np.ndarray) -> float:
+def exact_maps(name: str, folder: Path) -> dict[str, Any]:
+    """Return `schedules` and `maps` of a kind's exact Jacobians, which its studies share."""
+    kind = kinds()[name]
+
+    def exact() -> dict[str, Any]:
+        apexes = starts(kind, gait(kind, folder), np.random.default_rng(1))
+        found = section_jacobians(kind.scene, kind.control, apexes.after, kind.sections)
+        return {"schedules": found.schedules, "maps": found.maps}
+
+    return kept(folder / f"exact_{name.replace(' ', '_')}.npz", exact)
+
+
+def true_size(name: str, root: np.ndarray, instants: np.ndarray, folder: Path) -> float:
     """Relative difference of the exact Jacobians, as the verdict measures it."""
-    apexes = starts(kind, before, np.random.default_rng(1))
-    exact = section_jacobians(kind.scene, kind.control, apexes.after, kind.sections)
-    orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact.schedules])
+    exact, points_m = exact_maps(name, folder), kinds()[name].sections.points_m
+    orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]])
     seen, counts = contact_orders(instants, LEAST_CLASS)
     often = {tuple(order): n for order, n in zip(seen.tolist(), counts, strict=True)}
     weights = contrasts(orders, np.array([often.get(tuple(o), 0) for o in orders.tolist()]))
-    return relative_size(marker_motions(kind.sections.points_m) @ exact.maps @ root, weights)
+    return relative_size(marker_motions(points_m) @ exact["maps"] @ root, weights)
 
 
 def study_file(name: str, seed: int, folder: Path) -> Path:
@@ -455,40 +479,50 @@ def study_file(name: str, seed: int, folder: Path) -> Path:
     return folder / f"{name.replace(' ', '_')}_{seed}.npz"
 
 
-def simulate(name: str, seed: int, folder: Path) -> Path:
-    """Return the file of one study, which is simulated if there is none yet."""
-    file = study_file(name, seed, folder)
-    if not file.exists():
-        study = observed(name, seed, folder)
-        with whole_file(file) as part, part.open("wb") as stream:
-            np.savez(stream, **study)
-    return file
+def simulate(name: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Return one study, which is simulated if it is not kept yet."""
+    return kept(study_file(name, seed, folder), lambda: observed(name, seed, folder))
 
 
 def one_study(name: str, seed: int, folder: Path, simulated: bool) -> Path | None:
     """Return the file of the verdicts on a study; None if only those simulated are wanted."""
-    source = study_file(name, seed, folder) if simulated else simulate(name, seed, folder)
-    if not source.exists():
+    source = study_file(name, seed, folder)
+    if simulated and not source.exists():
         return None
     file = source.with_suffix(".json")
     if file.exists():
         return file
-    study, hops = np.load(source), kinds()[name].hops
+    study, hops = simulate(name, seed, folder), kinds()[name].hops
     seen = len(study["before"])
-    parts = [(FEW, first) for first in range(0, seen - FEW + 1, FEW)]
+    parts = [(n, first) for n in (FEWEST, FEW) for first in range(0, seen - n + 1, n)]
     rows = [
         judged(name, study, seed, first, asked)
-        for asked, first in [*parts, *((n, 0) for n in sorted({2100, hops}))]
+        for asked, first in [*parts, *((n, 0) for n in sorted({WHOLE, hops}))]
     ]
     with whole_file(file) as part:
         part.write_text(json.dumps(rows))
     return file
 
 
+def large_study(name: str, seeds: range, folder: Path) -> Path | None:
+    """Return the file of the verdict on several studies joined; None if one is not simulated."""
+    file = folder / f"{name.replace(' ', '_')}_{seeds[0]}_to_{seeds[-1]}.json"
+    sources = [study_file(name, seed, folder) for seed in seeds]
+    if not file.exists():
+        if not all(source.exists() for source in sources):
+            return None
+        parts = [np.load(source) for source in sources]
+        study = {key: np.concatenate([part[key] for part in parts]) for key in OBSERVED}
+        study["true_effect"] = np.mean([part["true_effect"] for part in parts])
+        with whole_file(file) as part:
+            row = judged(name, study, seeds[0], 0, 2 * FEW * len(seeds))
+            part.write_text(json.dumps([row]))
+    return file
+
+
 def judged(name: str, study: Any, seed: int, first: int, asked: int) -> dict[str, Any]:
     """Return the verdict on some landings of a study as one row."""
-    names = ("before", "after", "instants")
-    parts = (study[part][first : first + asked] for part in names)
+    parts = (study[part][first : first + asked] for part in OBSERVED)
     answer = judge(*parts, seed=seed + first, flips=999)
     row: dict[str, Any] = {"condition": name, "strength": kinds()[name].strength, "seed": seed}
     row |= {"asked": asked, "landings": answer.n_landings, "conclusion": answer.conclusion}
@@ -540,7 +574,7 @@ def promise(table: pd.DataFrame) -> pd.DataFrame:
     shown = table["condition"].map(most.groupby("condition")["estimate"].mean())
     control = table["condition"].str.extract("^(kappa|eps|tau)", expand=False)
     rows = []
-    for (name, asked), part in table.groupby([control, "asked"], sort=False):
+    for (name, asked), part in table[table["asked"] <= WHOLE].groupby([control, "asked"]):
         if part["condition"].nunique() < 2:
             continue  # of one strength the share rises with nothing
         row = {"control": name, "asked": asked, "studies": len(part)}
@@ -557,7 +591,7 @@ def promise(table: pd.DataFrame) -> pd.DataFrame:
 
 def subjects(name: str, seed: int, folder: Path) -> list[dict[str, Any]]:
     """Return the verdicts on the smaller subjects that a study holds."""
-    study = np.load(simulate(name, seed, folder))
+    study = simulate(name, seed, folder)
     firsts = range(0, 2 * FEW, SUBJECT_LANDINGS)
     return [judged(name, study, seed, first, SUBJECT_LANDINGS) for first in firsts]
 
@@ -627,18 +661,31 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--studies", type=int, default=40, help="studies of each kind")
-    parser.add_argument("--only", default="", help="kinds whose name holds this text")
+    parser.add_argument("--only", default="", help="kinds whose name holds this expression")
     parser.add_argument("--simulated", action="store_true", help="judge what is simulated, no more")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     args = parser.parse_args()
     folder = args.out.parent / "verdict_studies"
     folder.mkdir(parents=True, exist_ok=True)
-    names = [name for name in kinds() if args.only in name]
+    names = [name for name in kinds() if re.search(args.only, name)]
     seeds = range(FIRST_SEED, FIRST_SEED + args.studies)
     tasks = [(name, seed, folder, args.simulated) for seed, name in product(seeds, names)]
     with ProcessPoolExecutor(args.workers) as pool:
-        files = [file for file in pool.map(one_study, *zip(*tasks, strict=True)) if file]
-        rows = [row for file in files for row in json.loads(file.read_text())]
+        if not args.simulated:
+            gaits = {
+                gait_file(kind, folder): kind for name, kind in kinds().items() if name in names
+            }
+            list(pool.map(gait, gaits.values(), [folder] * len(gaits)))
+            controlled = [name for name in names if kinds()[name].control.active]
+            list(pool.map(exact_maps, controlled, [folder] * len(controlled)))
+        files = [*pool.map(one_study, *zip(*tasks, strict=True), chunksize=len(names))]
+        together = [
+            (name, seeds[first : first + count], folder)
+            for count, name in product(JOINED, names)
+            for first in range(0, len(seeds) - count + 1, count)
+        ]
+        files += pool.map(large_study, *zip(*together, strict=True)) if together else []
+        rows = [row for file in files if file for row in json.loads(file.read_text())]
         if set(GROUP_KINDS) <= set(names) and not args.simulated:
             drawn = [(name, seed, folder) for name in GROUP_KINDS for seed in seeds]
             small = pool.map(subjects, *zip(*drawn, strict=True))

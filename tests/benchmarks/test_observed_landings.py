@@ -9,7 +9,15 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 from velocities import POST_M, PRE_M, by_section_states, hopper
-from verdict_power import apexes_of, see_landings, states_at, tracks_of, true_states
+from verdict_power import (
+    apexes_of,
+    gait_file,
+    kinds,
+    see_landings,
+    states_at,
+    tracks_of,
+    true_states,
+)
 
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.scenes.hopper_parameters import HopperParameters
@@ -101,3 +109,16 @@ def test_a_landing_has_frames_of_any_phase(trial):
     phases = times[:, 0] % 0.01
     assert (np.histogram(phases, bins=4, range=(0, 0.01))[0] > 0).all()
     np.testing.assert_allclose(np.diff(times, axis=1), 0.01, rtol=1e-9)
+
+
+def test_bodies_and_kicks_have_gaits_of_their_own(tmp_path):
+    names = [
+        "softer legs",
+        "stiffer legs",
+        "larger kicks",
+        "uneven preloads",
+        "quadruped",
+        "six feet",
+    ]
+    files = {gait_file(kinds()[name], tmp_path) for name in ["C1", *(f"C1 {n}" for n in names)]}
+    assert len(files) == len(names) + 1
