@@ -135,7 +135,7 @@ def test_units_axes_and_names_change_nothing(study, change):
 
 
 def _one_order():
-    data = landings()
+    data = landings(n=2400)
     return some(data, np.flatnonzero((np.diff(data.instants, axis=1) > 0.004).all(axis=1)))
 
 
@@ -177,14 +177,27 @@ def _one_foot():
     return replace(data, instants=data.instants[:, :1])
 
 
+def _coarse():
+    """Contact instants in steps that are larger than the feet are apart, but for five landings."""
+    data = landings(n=600)
+    return replace(data, instants=np.where(np.arange(600)[:, None] < 5, data.instants, 1.0))
+
+
+def _again():
+    """A recording that holds the same landings again, after a pause."""
+    data = some(landings(n=300), np.r_[0:300, 0:40])
+    rounding = 1e-12 * np.random.default_rng(2).standard_normal(data.before.shape)
+    return replace(data, before=data.before + rounding, after=data.after - rounding)
+
+
 BAD = {
-    "no landing": (lambda: some(landings(n=10), np.arange(0)), "at least 10, found 0"),
-    "one landing": (lambda: landings(n=1), "at least 10, found 1"),
-    "nine landings": (lambda: landings(n=9), "at least 10, found 9"),
-    "too few for curvature": (lambda: landings(n=100), "too few"),
+    "no landing": (lambda: some(landings(n=10), np.arange(0)), "at least 150, found 0"),
+    "one landing": (lambda: landings(n=1), "at least 150, found 1"),
+    "one landing too few": (lambda: landings(n=149), "at least 150, found 149"),
+    "one landing too few, of two feet": (lambda: landings(n=138, feet=2), "139, found 138"),
     "one schedule only": (
         _one_order,
-        "two contact orders need 20 touchdowns each: 1 → 2 → 3 has 86",
+        "two contact orders need 20 touchdowns each: 1 → 2 → 3 has 188",
     ),
     "two markers": (_two_markers, "3 body markers"),
     "all contacts in one frame": (_one_frame, "same instant"),
@@ -192,11 +205,16 @@ BAD = {
     "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
     "one constant velocity": (lambda: landings(n=900, constant=4), "do not vary in all"),
     "instants of pure noise": (_guessed, "do not foretell in which order"),
-    "one foot": (_one_foot, "same instant"),
+    "one foot": (_one_foot, "feet: expected at least 2, found 1"),
+    "whole steps of time": (_coarse, "do not foretell in which order"),
     "constant outcome": (_still, "an outcome of the landing does not vary"),
-    "outcome equal to input": (lambda: replace(landings(), after=landings().before), "any noise"),
+    "outcome equal to input": (
+        lambda: replace(landings(), after=landings().before),
+        "no noise at all",
+    ),
     "NaN": (_unknown, "found 0"),
     "repeated rows": (lambda: some(landings(n=300), np.r_[0:300, 0:40]), "40 of 340"),
+    "repeated but for rounding": (_again, "40 of 340"),
 }
 
 

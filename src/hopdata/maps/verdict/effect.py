@@ -24,8 +24,9 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
+from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.inputs import LEAST_CLASS, POSITIONS, SectionLandings, contact_orders
-from hopdata.maps.verdict.model import FARTHER, WINDOW, KinkFit, symmetric_root
+from hopdata.maps.verdict.model import FARTHER, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
@@ -143,7 +144,7 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     what = (
         f"{len(orders)} contact orders"
         if feet <= coordinates.ALL_SETS_UP_TO
-        else f"landings with one or the other of two feet first ({len(differences)} pairs of feet)"
+        else f"landings with either foot of a pair first ({len(differences)} pairs of feet)"
     )
     return (np.tensordot(differences, slopes, axes=1), np.tensordot(mean, slopes, axes=1), what)
 
@@ -303,8 +304,8 @@ def landings_needed(landings: int, detectable: float, difference: float, feet: i
 
     Errors fall with the root of the number of landings; but it takes so many as second-order terms.
     """
-    least = coordinates.LANDINGS_PER_TERM * coordinates.number_of_free_terms(8, feet, 2) / WINDOW
-    return int(np.ceil(max(least, landings * (detectable / difference) ** 2)))
+    needed = int(np.ceil(landings * (detectable / difference) ** 2))
+    return max(inputs.least_landings(feet), needed)
 
 
 def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:

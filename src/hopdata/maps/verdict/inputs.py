@@ -13,15 +13,12 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
-from hopdata.maps.coordinates import (
-    RigidStates,
-    affordable_degree,
-    monomials,
-    rigid_states,
-    split_states,
-)
+from hopdata.maps import coordinates
+from hopdata.maps.coordinates import RigidStates, monomials, rigid_states, split_states
 from hopdata.rigid import body_shape, twists, wrapped
 
+#: Share of the landings, those of least contact spread, whose kinks are compared with those of all.
+WINDOW = 0.85
 #: Schedules with fewer landings, and pairs of feet with fewer in either order, play no part.
 LEAST_CLASS = 20
 #: Outputs that are positions; the rest are velocities.
@@ -30,6 +27,7 @@ POSITIONS = 5
 LEAST_FORETOLD = 0.1
 _OUTLYING = 5.0
 _FLAT = 1e-9
+_SAME = 6  # decimals
 #: Coordinates that vary less than this share of what the others do count as constant.
 _CONSTANT = 1e-3
 
@@ -73,13 +71,14 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     AnalysisError
         If there are too few landings or markers, some are repeated, or nothing varies.
     """
-    least = 8 + 2  # an affine fit of the contact instants, with one landing to spare
-    if len(x) < least:
-        raise AnalysisError(
-            f"touchdowns with known states and contacts: expected at least {least}, found {len(x)}"
-        )
-    repeated = len(x) - len(np.unique(np.hstack([x, y]), axis=0))
-    if repeated:
+    landings, feet = instants.shape
+    known = "touchdowns with known states and contacts", least_landings(feet), landings
+    for what, least, found in (("feet", 2, feet), known):
+        if found < least:
+            raise AnalysisError(f"{what}: expected at least {least}, found {found}")
+    both = np.hstack([x, y])  # a copy later in a recording differs by rounding
+    both = np.round(both / max(np.ptp(both, axis=0).max(), 1e-300), _SAME)
+    if repeated := landings - len(np.unique(both, axis=0)):
         raise AnalysisError(f"{repeated} of {len(x)} touchdowns are copies of others")
     spread = np.sqrt(np.mean(np.var(instants, axis=1)))
     if not np.ptp(instants, axis=1).any():
@@ -95,6 +94,12 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     return SectionLandings(inputs - inputs.mean(axis=0), outputs - outputs.mean(axis=0), expected)
 
 
+def least_landings(feet: int) -> int:
+    """Return how many landings it takes for second-order terms of those in the window."""
+    terms = coordinates.number_of_free_terms(8, feet, 2)
+    return int(np.ceil(coordinates.LANDINGS_PER_TERM * terms / WINDOW))
+
+
 def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
     """Return the contact instants (N, feet) that the inputs lead one to expect, mean removed.
 
@@ -108,7 +113,7 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
         If the inputs foretell less than `LEAST_FORETOLD` of them.
     """
     t = instants - instants.mean(axis=1, keepdims=True)
-    highest = affordable_degree(len(x), x.shape[1], t.shape[1])
+    highest = coordinates.affordable_degree(len(x), x.shape[1], t.shape[1])
     fitted, best, least = np.median(t, axis=0), t, np.inf
     scaled = (x - x.mean(axis=0)) / x.std(axis=0)
     for degree in range(1, highest + 1):  # a few terms first: wrong instants stand out more
@@ -123,7 +128,8 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
         error = np.mean(((t - fitted)[good] / slack[:, None]) ** 2)
         if error < least:
             best, least = fitted, error
-    foretold = 1.0 - least / np.mean(t[good] ** 2)
+    varied = np.mean(t[good] ** 2)
+    foretold = 1.0 - least / varied if varied > _FLAT else 0.0
     if not foretold >= LEAST_FORETOLD:
         raise AnalysisError(
             "the states before the landing do not foretell in which order the feet touch: expected "

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import ALL_SETS_UP_TO, affordable_degree, kinks, monomials
-from hopdata.maps.verdict.inputs import SectionLandings
+from hopdata.maps.verdict.inputs import WINDOW, SectionLandings
 
-#: Share of the landings, those of least contact spread, whose kinks are compared with those of all.
-WINDOW = 0.85
 #: How much farther the kinks are taken than from all landings to these, in units of that change.
 FARTHER = 0.75
 
@@ -74,14 +72,12 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
     Raises
     ------
     AnalysisError
-        If there are too few landings, or none in which two feet exchange their order.
+        If there are no landings in which two feet exchange their order.
     """
     x, t = landings.inputs, landings.expected
     by_spread = np.argsort(t.std(axis=1), kind="stable")
     rows = np.sort(by_spread[: round(WINDOW * len(x))])
     degree = affordable_degree(len(rows), x.shape[1], t.shape[1])
-    if degree < 2:
-        raise AnalysisError(f"{len(x)} touchdowns are too few for second-order terms")
     window = _Smooth(landings, rows, degree)
     seen = window.seen_kinks()
     if not seen.size:
@@ -116,7 +112,7 @@ class _Smooth:
         self.rest = self._without(self.outputs)
         left = np.abs(np.diag(np.linalg.qr(self.rest, mode="r")))
         if not left.min() > _FLAT * np.abs(self.outputs - self.outputs.mean(axis=0)).max():
-            raise AnalysisError("an outcome of the landing does not vary, or without any noise")
+            raise AnalysisError("an outcome of the landing does not vary, or has no noise at all")
 
     def _without(self, columns: FloatArray) -> FloatArray:
         rest: FloatArray = columns - self.basis @ (self.basis.T @ columns)
