@@ -14,7 +14,7 @@ from hopdata.figures.schedule import ARROW
 
 ROW_MM, MEMBER_MM = 58.0, 4.2
 SENTENCE_WIDTH = 105
-ASKED = "difference between the maps of the contact orders (% of the map)"
+ASKED = "difference between the maps of the contact orders"
 # Conclusion: the answer in two words, and its colour.
 ANSWERS = {
     "different": ("Different maps", style.VERMILION),
@@ -156,7 +156,7 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     axes.set_xlim(0.0, top)
     axes.set_yticks([])
     axes.spines["left"].set_linewidth(2.0)
-    axes.set_xlabel(f"{ASKED}\n0: one and the same map")
+    axes.set_xlabel(f"{ASKED}\n(% of the map; 0: one and the same map)")
 
 
 def _write(
@@ -238,7 +238,7 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
 
 def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
     """Draw a body above the ground on numbered legs; the foot of rank 0 touches first."""
-    hip, body = ground + HIP, [0.1, WIDTH - 0.1]
+    hip, body, size = ground + HIP, [0.1, WIDTH - 0.1], style.pt(min(6.0, 24.0 / len(ranks)))
     axes.plot([0.0, WIDTH], [ground, ground], color=style.INK, linewidth=1.0)
     axes.plot(body, [hip, hip], color=style.INK, linewidth=7, solid_capstyle="round")
     for number, rank in enumerate(ranks):
@@ -246,7 +246,7 @@ def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
         foot, colour = ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09, style.foot_colour(number)
         axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
         axes.plot(place, foot, "o", color=colour, markersize=4)
-        axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=style.pt(6))
+        axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=size)
         axes.text(
             place, hip, f"{number + 1}", fontsize=style.pt(5), fontweight="bold", color="white",
             ha="center", va="center_baseline",
@@ -289,7 +289,7 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     axes.set_yticks(places, [style.label_of(row["name"]) for row in (*rows, *whole)])
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * top)
-    axes.set_xlabel(ASKED)
+    axes.set_xlabel(f"{ASKED} (% of the map)")
     return figure
 
 
