@@ -427,7 +427,8 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
     """
     if table.empty:
         return style.message_figure("No simulated studies to show.")
-    most = table.groupby("condition")["asked"].max().min()  # that all conditions have
+    whole = table["asked"] <= 2100  # larger ones are several studies together
+    most = table[whole].groupby("condition")["asked"].max().min()  # that all conditions have
     table = table[table["asked"] == most]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
     left, middle, right = figure.subplots(1, 3)
