@@ -1,5 +1,6 @@
 """Landings drawn for the studies of the verdict err as those of a recording do."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -13,8 +14,10 @@ from verdict_power import (
     apexes_of,
     gait_file,
     kinds,
+    large_study,
     see_landings,
     states_at,
+    study_file,
     tracks_of,
     true_states,
 )
@@ -122,3 +125,15 @@ def test_bodies_and_kicks_have_gaits_of_their_own(tmp_path):
     ]
     files = {gait_file(kinds()[name], tmp_path) for name in ["C1", *(f"C1 {n}" for n in names)]}
     assert len(files) == len(names) + 1
+
+
+def test_studies_together_are_judged_as_one(tmp_path):
+    rng = np.random.default_rng(3)
+    for seed in (4, 5):
+        x, y, instants = (rng.standard_normal((90, columns)) for columns in (18, 18, 3))
+        study = {"before": x, "after": y, "instants": instants, "true_effect": 0.1 * seed}
+        np.savez(study_file("kappa 0.1", seed, tmp_path), **study)
+    (row,) = json.loads(large_study("kappa 0.1", range(4, 6), tmp_path).read_text())
+    assert (row["asked"], row["landings"]) == (4000, 180)
+    assert row["true_effect"] == pytest.approx(0.45)
+    assert large_study("kappa 0.1", range(5, 7), tmp_path) is None
