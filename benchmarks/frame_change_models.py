@@ -66,9 +66,9 @@ from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import (
     POSE,
     ControlGrid,
-    Excitation,
     SteeredTrial,
     TrueFrameChanges,
+    random_excitation,
     record_trial,
     true_frame_changes,
 )
@@ -92,7 +92,7 @@ STEP = 1.5e-8  # of forward differences, SciPy's default
 # Frame changes as printed, and against those that truly happened.
 
 
-# Derivatives of models in closed form, excitation at random as printed, scikit-learn's regressor.
+# Derivatives of models in closed form, scikit-learn's regressor.
 
 
 def change_and_gradient(model: Any, *inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -133,41 +133,6 @@ def mean_slopes(process: FrameChangeProcess, points: FloatArray) -> FloatArray:
     inverse = 1 / process.length_scales**2
     kernel = correlation_slope(np.einsum("nmd,jd->jnm", square, inverse), process.smoothness)
     return np.einsum("jm,jnm,nmd,jd->njd", process.weights, kernel, slope, inverse, optimize=True)
-
-
-def random_excitation(
-    grid: ControlGrid, rng: np.random.Generator, *, start: int = 0, limit: int | None = None
-) -> Excitation:
-    """Draw moves at random until all are made (Algorithm 1).
-
-    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
-    among those to which a move is still wanted, or among all in reach if there are none. Put right
-    are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
-    the matrix, and the last angle, without which the last move would not be commanded.
-
-    Parameters
-    ----------
-    grid : ControlGrid
-    rng : numpy Generator
-    start : int
-        Index of the first boom angle.
-    limit : int, optional
-        Stop after so many hops; `Excitation.coverage` then tells what is missing.
-    """
-    wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
-    made: list[int] = []
-    k, left = start % grid.n_angles, wanted.sum()
-    while left > 0 and (limit is None or len(made) < limit):
-        choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
-        ends = (k + grid.steps[choices]) % grid.n_angles
-        weights = wanted[ends].sum(axis=1) + 1.0 / grid.n_steps
-        move = rng.choice(choices, p=weights / weights.sum())
-        if wanted[k, move] > 0:
-            wanted[k, move] -= 1
-            left -= 1
-        made.append(int(grid.steps[move]))
-        k = int((k + grid.steps[move]) % grid.n_angles)
-    return Excitation(grid, start % grid.n_angles, np.array(made, dtype=int))
 
 
 def regressor_of(process: FrameChangeProcess, component: int) -> Any:

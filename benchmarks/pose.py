@@ -31,14 +31,19 @@ import numpy as np
 import pandas as pd
 from machine import quartiles
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.errors import require_choice
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.recording import Recording
 from hopdata.rigid import headings, rigid_fit, twists, wrapped
 from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.observe import (
+    REST_FRAMES,
+    phasor_poses,
+    printed_boom_angles,
+    printed_stance_pairs,
+)
 from hopdata.steering.observation.stances import StanceDetector, find_stances
 from hopdata.steering.observation.tracking import HopperTracker, hopper_motion, observe_frame
 from hopdata.synthesis.camera import MarkerTracks, draw_floor, draw_gaps, observe, track_markers
@@ -51,7 +56,6 @@ SWING_RAD = np.deg2rad(67.5)
 N_ANGLES = 8  # recordings start at so many boom angles, and so cover the circle
 FLAT = FloorOptions(bowl_depth_m=0.0, waves=0)
 FINE_HZ = 1000.0  # rate at which the true lowest points are read off
-LEVEL_STRETCH = 40  # frames at rest before the first hop, which the printed boom angle wants
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,7 @@ def filmed(
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
     true, rate_hz = scene.tracks.positions, scene.trial.rate_hz
     if rest_first:
-        true = np.concatenate([np.repeat(true[:1], LEVEL_STRETCH, axis=0), true])
+        true = np.concatenate([np.repeat(true[:1], REST_FRAMES, axis=0), true])
     hidden = draw_gaps(
         GapOptions(rate_per_min=gaps_per_min),
         frames=len(true), markers=true.shape[1], rate_hz=rate_hz, rng=streams[1],
@@ -141,140 +145,6 @@ def filmed(
 
 
 Row = dict[str, object]
-
-# Pose in the plane from markers as seen from above (dissertation, Algorithm 2).
-
-
-def phasor_poses(body: FloatArray) -> FloatArray:
-    """Return poses by complex phasors, (N, 3): x m, y m, heading rad.
-
-    Each marker is a complex number from the mean of all. The others are turned on to the first by
-    their mean ratio to it, and the heading is the angle of the sum, so its zero is the direction
-    to the first marker, nearly. It takes the body for flat: a tilt shortens some phasors more than
-    others. Put right is that the pose is the mean itself, not the markers about it. Any number of
-    markers; a frame is unknown (NaN) unless all are seen.
-
-    Parameters
-    ----------
-    body : (N, B, 3) array
-        Body markers, m; NaN where unseen.
-    """
-    middle = body[:, :, :2].mean(axis=1)
-    arms = body[:, :, :2] - middle[:, None]
-    phasors = arms[..., 0] + 1j * arms[..., 1]
-    known = np.isfinite(phasors).all(axis=1)
-    heading = np.full(len(body), np.nan)
-    if known.any():
-        phasors = phasors[known]
-        ratios = (phasors[:, :1] / phasors).mean(axis=0)
-        heading[known] = np.unwrap(np.angle(phasors @ ratios))
-    return np.column_stack([np.where(known[:, None], middle, np.nan), heading])
-
-
-# Boom angle as printed (dissertation, Algorithm 3), with its mistakes put right.
-
-REST_FRAMES = 40
-
-
-def printed_boom_angles(
-    body: FloatArray, boom: FloatArray, *, rest_frames: int = REST_FRAMES
-) -> FloatArray:
-    """Return boom angles, (N,), rad, wrapped, with an arbitrary zero and sense.
-
-    The home configuration is the mean over the frames at rest at the beginning, of three body
-    markers and a fourth, virtual one across their plane. Circle and angle are in the plane of the
-    two leading principal components, by linear least squares. Put right: the fourth marker, the
-    determinant of the rotation, the centring, and which component is the normal.
-
-    Parameters
-    ----------
-    body : (N, 3, 3) array
-        Body markers, m; NaN where unseen.
-    boom : (N, 3) array
-        Boom marker, m.
-    rest_frames : int
-        How many frames the hopper stands still at first.
-    """
-    four = np.concatenate([body, virtual_marker(body)[:, None]], axis=1)
-    home = np.nanmean(four[:rest_frames], axis=0)
-    fit = rigid_fit(four, home - home.mean(axis=0))
-    places = np.einsum("nji,nj->ni", fit.rotation, boom - fit.centre)
-    known = np.isfinite(places).all(axis=1)
-    centred = places[known] - places[known].mean(axis=0)
-    flat = centred @ np.linalg.svd(centred, full_matrices=False)[2][:2].T
-    arms = flat - algebraic_circle(flat)[0]
-    angles = np.full(len(body), np.nan)
-    angles[known] = np.arctan2(arms[:, 1], arms[:, 0])
-    return angles
-
-
-def virtual_marker(body: FloatArray) -> FloatArray:
-    first, second = body[:, 1] - body[:, 0], body[:, 2] - body[:, 0]
-    across = np.cross(first, second)
-    length = 0.5 * (np.linalg.norm(first, axis=1) + np.linalg.norm(second, axis=1))
-    unit = across / np.linalg.norm(across, axis=1, keepdims=True)
-    return np.asarray(body[:, 0] + length[:, None] * unit)
-
-
-# Stance pairs as printed (dissertation, Algorithm 4), with its mistakes put right or not.
-
-WINDOW, ORDER = 7, 3
-EXTREMA_OF = ("height", "speed")
-
-
-def printed_stance_pairs(height: FloatArray, *, extrema_of: str = "height") -> IntArray:
-    """Return frames of consecutive stances, (P, 2).
-
-    Candidates are the extrema of the height, where the speed of a Savitzky-Golay filter passes
-    zero; literally printed are the extrema of that speed. Stances lie more than a standard
-    deviation below the mean height, flights as far above. Of several stance candidates without a
-    flight between them, the lowest counts. Frames with an unknown height are bridged by straight
-    lines first, which is not printed.
-
-    Parameters
-    ----------
-    height : (N,) array
-        m, at a constant frame rate; NaN where unknown.
-    extrema_of : str
-        "height", or "speed" as printed.
-    """
-    from scipy.signal import savgol_filter
-
-    require_choice("extrema_of", extrema_of, EXTREMA_OF)
-    frames, known = np.arange(len(height)), np.isfinite(height)
-    z = np.interp(frames, frames[known], height[known])
-    low, high = z.mean() - z.std(), z.mean() + z.std()
-    falling = savgol_filter(z, WINDOW, ORDER, deriv=1 if extrema_of == "height" else 2) < 0
-    turn = np.diff(falling.astype(int))
-    stances, flights = np.flatnonzero(turn < 0) + 1, np.flatnonzero(turn > 0) + 1
-    if extrema_of == "height":
-        stances = merged(stances, flights[z[flights] > high], z)
-    return paired(stances, flights, z, low, high)
-
-
-def merged(stances: IntArray, flights: IntArray, z: FloatArray) -> IntArray:
-    """Return the lowest of the stances between two flights."""
-    group = np.searchsorted(flights, stances)
-    return np.array(
-        [min(stances[group == one], key=lambda k: z[k]) for one in np.unique(group)], dtype=int
-    )
-
-
-def paired(
-    stances: IntArray, flights: IntArray, z: FloatArray, low: float, high: float
-) -> IntArray:
-    """Pair each low stance with that after the next flight, if both are far enough from the mean.
-
-    With merged stances, a low rise in a stance must not pass for the flight: only high ones count.
-    """
-    pairs = []
-    for first in stances[z[stances] < low]:
-        flight = flights[flights > first][:1]
-        last = stances[stances > flight[0]][:1] if flight.size and z[flight[0]] > high else []
-        if len(last) and z[last[0]] < low:
-            pairs.append((first, last[0]))
-    return np.array(pairs, dtype=int).reshape(-1, 2)
-
 
 # What is compared.
 
@@ -430,9 +300,8 @@ def film(number: int, hops: int, seed: int, options: dict[str, object]) -> Recor
     return filmed(swinging(number, hops, rate_hz, seed), seed + number, **rest)
 
 
-def printed(seen: Recording, *, extrema_of: str) -> FloatArray:
-    pairs = printed_stance_pairs(seen.body_height, extrema_of=extrema_of)
-    return seen.time[pairs]
+def printed(seen: Recording, *, derivative: int) -> FloatArray:
+    return seen.time[printed_stance_pairs(seen.body_height, derivative=derivative)]
 
 
 def recommended(seen: Recording) -> FloatArray:
@@ -442,8 +311,8 @@ def recommended(seen: Recording) -> FloatArray:
 
 
 STANCE_METHODS: dict[str, Callable[[Recording], FloatArray]] = {
-    "printed, literally": lambda seen: printed(seen, extrema_of="speed"),
-    "printed": lambda seen: printed(seen, extrema_of="height"),
+    "printed, literally": lambda seen: printed(seen, derivative=2),
+    "printed": lambda seen: printed(seen, derivative=1),
     "recommended": recommended,
 }
 

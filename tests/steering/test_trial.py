@@ -21,6 +21,7 @@ from hopdata.steering.trial import (
     ControlGrid,
     TrueFrameChanges,
     eulerian_excitation,
+    random_excitation,
     record_trial,
     simulate_excitation,
     true_map_of,
@@ -290,3 +291,36 @@ def test_a_seed_gives_the_same_sequence_again():
 def test_sizes_below_one_are_refused(name):
     with pytest.raises(ConfigError, match=f"{name}: expected at least 1, found 0"):
         ControlGrid(**{name: 0})
+
+
+@settings(max_examples=20, deadline=None)
+@given(grid=GRIDS, start=st.integers(0, 30), seed=st.integers(0, 2**32))
+def test_a_random_sequence_ends_when_all_moves_are_made(grid, start, seed):
+    found = random_excitation(grid, rng(seed), start=start)
+    assert (counts(grid, found.start, found.steps) >= grid.repeats).all()
+    assert (counts(grid, found.start, found.steps[:-1]) < grid.repeats).sum() == 1
+
+
+def test_the_random_sequence_as_printed_is_near_minimal():
+    lengths = [len(random_excitation(ControlGrid(), rng(s)).steps) for s in range(20)]
+    assert min(lengths) >= 336
+    assert np.median(lengths) < 1.25 * 336
+
+
+def test_the_draw_prefers_angles_with_more_moves_left():
+    # From angle 0 of three, with one repeat and n_steps 1, weights are 3 + 1 each; a move that
+    # leads back to angle 0 finds one fewer there on the second draw: 2 + 1 against 3 + 1.
+    grid = ControlGrid(n_angles=3, n_steps=1, repeats=1)
+    second = []
+    for seed in range(2000):
+        steps = random_excitation(grid, rng(seed)).steps
+        if steps[0] == 1:
+            second.append(steps[1])
+    back = np.mean(np.array(second) == -1)  # from 1 to 0
+    expected = 3 / (3 + 4 + 4)
+    assert abs(back - expected) < 4 * np.sqrt(expected * (1 - expected) / len(second))
+
+
+def test_a_seed_gives_the_same_random_sequence_again():
+    first, again = (random_excitation(ControlGrid(), rng(3)).steps for _ in range(2))
+    np.testing.assert_array_equal(first, again)

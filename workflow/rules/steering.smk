@@ -3,15 +3,20 @@
 STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
 # Of each seed: what was learned, and the experiments on free ground and with a board. Of a recorded
-# robot there is one, and nothing but what was learned.
+# robot there is one, and nothing but what was learned. Observations beside the first one have folders
+# of their own, `seeds/1_printed`.
 OF_SEED = f"{STEERING}/seeds/{{seed}}"
-SEEDS = [1] if STEERED else range(1, STUDY["steering"]["experiments"]["seeds"] + 1)
+SEEDS = [
+    f"{seed}_{observation}" if other else str(seed)
+    for other, observation in enumerate(STUDY["steering"]["observations"])
+    for seed in range(1, 2 if STEERED else STUDY["steering"]["experiments"]["seeds"] + 1)
+]
 GROUNDS = ["free", "board"]
 MODEL_FIGURES, RUN_FIGURES = map(list, (CATALOGUE["steering_model"], CATALOGUE["steering_runs"]))
 
 
 wildcard_constraints:
-    seed="[0-9]+",
+    seed="[0-9]+(_[a-z]+)?",
     ground="|".join(GROUNDS),
 
 
@@ -44,6 +49,9 @@ rule steering_learn:
         **needs(mb_a_mb=60, minutes=20),
     params:
         steering={key: STUDY["steering"][key] for key in ("excitation", "robot", "model")},
+        observation=lambda wildcards: (
+            wildcards.seed.partition("_")[2] or STUDY["steering"]["observations"][0]
+        ),
         motion_capture=STUDY["motion_capture"],
         seed=STUDY["seed"],
         code=code("steering_learn"),

@@ -4,17 +4,21 @@ import numpy as np
 
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.steering.experiments.study import experiments_of
-from hopdata.steering.experiments.tasks import CEILING, EXPERIMENTS
+from hopdata.steering.experiments.tasks import CEILING, EXPERIMENTS, LEARNED
 from hopdata.steering.models.process import load_process
 from hopdata.steering.observation.geometry import load_geometry
 from hopdata.steering.trial import true_map_of
 
 with reported(snakemake.log[0]):
-    number, steering = int(snakemake.wildcards.seed), snakemake.params.steering
+    seed, _, observation = snakemake.wildcards.seed.partition("_")
+    number, steering = int(seed), snakemake.params.steering
+    controllers = [*steering["experiments"]["controllers"], CEILING]
+    if observation:  # beside the first, which all others do not depend on
+        controllers = [name for name in controllers if name in LEARNED]
     board = snakemake.wildcards.ground == "board"
     tables = experiments_of(
         [name for name, (_, impeded) in EXPERIMENTS.items() if impeded == board],
-        [*steering["experiments"]["controllers"], CEILING],
+        controllers,
         steering,
         snakemake.params.motion_capture,
         model=load_process(snakemake.input.model),
@@ -25,4 +29,6 @@ with reported(snakemake.log[0]):
     for name in ("runs", "stances", "example", "film"):
         table = getattr(tables, name)
         table.insert(0, "seed", number)
+        if observation and "controller" in table:
+            table["controller"] += f", {observation} observation"
         write_table(getattr(snakemake.output, name), table)

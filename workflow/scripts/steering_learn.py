@@ -12,15 +12,20 @@ from hopdata.steering.trial import simulate_excitation
 
 with reported(snakemake.log[0]):
     steering, output = snakemake.params.steering, snakemake.output
-    seed = np.random.SeedSequence(snakemake.params.seed, spawn_key=(int(snakemake.wildcards.seed),))
+    observation = snakemake.params.observation
+    number = int(snakemake.wildcards.seed.partition("_")[0])
+    seed = np.random.SeedSequence(snakemake.params.seed, spawn_key=(number,))
     recordings = [read_recording(path) for path in snakemake.input]
     if not recordings:
-        trial = simulate_excitation(steering, snakemake.params.motion_capture, seed=seed)
+        trial = simulate_excitation(
+            steering, snakemake.params.motion_capture, seed=seed, observation=observation
+        )
         recordings = [trial.recording]
         write_recording(output.recording, trial.recording)
         write_table(output.true_stances, trial.stances)
         write_table(output.true_motion, trial.motion)
-    observed = observe_recordings(recordings, swing_limit_rad=steering["robot"]["swing_limit_rad"])
+    limit = steering["robot"]["swing_limit_rad"]
+    observed = observe_recordings(recordings, swing_limit_rad=limit, observation=observation)
     process, scores = learn(observed.changes, steering["model"], seed=seed)
     save_process(output.model, process)
     observed.geometry.save(output.geometry)
@@ -28,4 +33,4 @@ with reported(snakemake.log[0]):
     write_table(output.stances, observed.stances)
     write_table(output.motion, observed.motion)
     write_json(output.counts, observed.counts)
-    write_table(output.scores, scores.assign(seed=int(snakemake.wildcards.seed)))
+    write_table(output.scores, scores.assign(seed=number, observation=observation))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
 import tempfile
 import threading
@@ -43,8 +44,8 @@ def drive(options: argparse.Namespace) -> int:
         limits = Limits(swing_rad=options.swing_limit, fence_m=options.fence)
         setup = {
             "simulated": options.host is None, "dry_run": options.dry_run, "to": options.to,
-            "adaptive": options.adaptive,
-            "heading_deg": options.heading, "rate_hz": options.rate, "limits": vars(limits),
+            "adaptive": options.adaptive, "heading_deg": options.heading,
+            "rate_hz": options.rate, "limits": vars(limits),
         }  # fmt: skip
         geometry, controller = _parts(setup, files)
     boom: Boom
@@ -192,7 +193,7 @@ class Screen:
         self._begun = self._drawn = time.monotonic()
         self._hops, self._rests, self._last = 0, 0, "no stance yet"
         self._live, self._lines = sys.stdout.isatty() and sys.stdin.isatty(), 0
-        print(title + ("; Enter or Ctrl-C: the boom rests, and it ends" if self._live else ""))
+        print(title + ("\nEnter or Ctrl-C: the boom rests, and it ends" if self._live else ""))
 
     def decided(self, decision: Decision) -> None:
         """Take the decision at a stance; called in the loop's thread."""
@@ -203,8 +204,9 @@ class Screen:
             f"hop {self._hops:3d}  x {x:+.2f} m, y {y:+.2f} m, "
             f"heading {math.degrees(heading) % 360:3.0f} deg, "
             f"boom {math.degrees(decision.boom_angle_rad) % 360:3.0f} deg\n"
-            f"         swing {decision.command_rad:+.2f} rad {decision.outcome}, planned in "
-            f"{1e3 * decision.planning_s:.1f} ms, {spare:.0f} ms to spare; {decision.reason}"
+            f"         {decision.outcome}: swing {decision.command_rad:+.2f} rad, plan took "
+            f"{1e3 * decision.planning_s:.1f} ms, {spare:.0f} ms to spare"
+            + (f"; {decision.reason}" if decision.reason else "")
         )
         if not self._live:
             print(" ".join(self._last.split()), flush=True)
@@ -232,7 +234,8 @@ class Screen:
             + (f", the last: {rests[-1].cause}" if rests else ""),
         ]
         up = f"\033[{self._lines}A" if self._lines else ""
-        print(up + "\n".join(f"\033[K{line[: terminal.WIDTH]}" for line in lines), flush=True)
+        width = os.get_terminal_size().columns - 1  # a line that wraps would leave its rest behind
+        print(up + "\n".join(f"\033[K{line[:width]}" for line in lines), flush=True)
         self._lines = len(lines)
 
 

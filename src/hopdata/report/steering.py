@@ -117,6 +117,7 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
     columns: show.Columns = {
         "frame change": show.text("component"),
         "seed": show.counted("seed"),
+        "observed as": show.text("observation"),
         "R2": show.decimals("r2", 3),
         "rms error": lambda row: f"{show.fixed(row['rmse'], 2)} {row['unit']}",
         "within 95 % (%)": show.decimals("coverage", 1, 100),

@@ -2,6 +2,9 @@
 
 import numpy as np
 
+# How an excitation is drawn and observed: by the dissertation's Algorithms 1 to 4, or as put right.
+OBSERVATIONS = CORRECTED, PRINTED = ("corrected", "printed")
+
 # Streams of chance under the seed of an excitation: first number of the key.
 
 START = 0  # then the experiment's place and the number of the start

@@ -178,26 +178,16 @@ def steer_hop(
     search = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
     times = np.union1d(frames, search)
     hop = fly_hop(
-        parameters,
-        kicked(apex.state, robot.kicks, rng),
-        variant=variant,
-        preloads_n=robot.preloads_n * chance,
-        frame_times_s=times,
-        limit_s=robot.hop_limit_s,
-    )
+        parameters, kicked(apex.state, robot.kicks, rng), variant=variant,
+        preloads_n=robot.preloads_n * chance, frame_times_s=times, limit_s=robot.hop_limit_s,
+    )  # fmt: skip
     times = times[: len(hop.states)]
     shown = np.isin(times, frames)
     boom = parameters.after(hop.end_time_s).boom_angle_rad
     end = Apex(apex.time_s + hop.end_time_s, hop.end_state, boom)
-    return SteeredHop(
-        start=apex,
-        swing_rad=swing,
-        stance=_stance(robot, hop, times, apex.time_s, boom),
-        end=end,
-        frame_time_s=apex.time_s + times[shown],
-        markers=_markers(robot, hop, shown),
-        hop=hop,
-    )
+    stance = _stance(robot, hop, times, apex.time_s, boom)
+    frame_time_s, markers = apex.time_s + times[shown], _markers(robot, hop, shown)
+    return SteeredHop(apex, swing, stance, end, frame_time_s, markers, hop)
 
 
 def _stance(

@@ -12,7 +12,7 @@ from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, RecordingError, require
 from hopdata.recording import Recording
 from hopdata.rigid import relative
-from hopdata.steering import EXCITATION, TRIAL, child
+from hopdata.steering import CORRECTED, EXCITATION, PRINTED, TRIAL, child
 from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import is_finite
 from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
@@ -138,6 +138,34 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntA
     return step
 
 
+def random_excitation(grid: ControlGrid, rng: np.random.Generator, *, start: int = 0) -> Excitation:
+    """Draw moves at random until all are made (Algorithm 1).
+
+    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
+    among those to which a move is still wanted, or among all in reach if there are none. Put right
+    are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
+    the matrix, and the last angle, without which the last move would not be commanded.
+
+    Parameters
+    ----------
+    grid : ControlGrid
+    rng : numpy Generator
+    start : int
+        Index of the first boom angle.
+    """
+    wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
+    made: list[int] = []
+    k = start % grid.n_angles
+    while wanted.any():
+        choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
+        weights = wanted[(k + grid.steps[choices]) % grid.n_angles].sum(axis=1) + 1 / grid.n_steps
+        move = rng.choice(choices, p=weights / weights.sum())
+        wanted[k, move] = max(wanted[k, move] - 1, 0)
+        made.append(int(grid.steps[move]))
+        k = (k + made[-1]) % grid.n_angles
+    return Excitation(grid, start % grid.n_angles, np.array(made))
+
+
 # The trial: the hopper hops with these swings, and is recorded.
 
 POSE = ["x_m", "y_m", "heading_rad"]
@@ -198,14 +226,10 @@ def record_trial(
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
     trial = run_trial(
         replace(robot.hopper, boom_start_s=0.0),
-        hops=len(swings),
-        rate_hz=camera.rate_hz,
-        rng=kicks_rng,
-        kicks=robot.kicks,
-        operator=operator,
-        changes=[{"boom_swing_rad": swing} for swing in swings.tolist()],
+        hops=len(swings), rate_hz=camera.rate_hz, rng=kicks_rng, kicks=robot.kicks,
+        operator=operator, changes=[{"boom_swing_rad": swing} for swing in swings.tolist()],
         preloads_n=robot.preloads_n,
-    )
+    )  # fmt: skip
     tracks = track_markers(trial, robot.hopper, camera.markers)
     floor = draw_floor(camera.floor, floor_rng)
     recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
@@ -340,8 +364,9 @@ NAME = "excitation"
 
 @one_blas_thread()
 def simulate_excitation(
-    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: np.random.SeedSequence
-) -> SteeredTrial:
+    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *,
+    seed: np.random.SeedSequence, observation: str = CORRECTED,
+) -> SteeredTrial:  # fmt: skip
     """Let the simulated robot execute an excitation, seen by motion capture.
 
     Parameters
@@ -350,11 +375,14 @@ def simulate_excitation(
         These blocks of the configuration.
     seed : SeedSequence
         Of all its chance.
+    observation : {"corrected", "printed"}
+        Whether the swings are a tour of all, or drawn at random.
     """
     camera = plant.camera_of(motion_capture)
     robot = plant.robot_of(steering["robot"], camera)
     rng = np.random.default_rng(child(seed, EXCITATION))
-    swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
+    drawn = random_excitation if observation == PRINTED else eulerian_excitation
+    swings = drawn(ControlGrid(**steering["excitation"]), rng).swings
     chance = child(seed, TRIAL).generate_state(4).tolist()
     return record_trial(robot, swings, seed=chance, camera=camera, name=NAME)
 

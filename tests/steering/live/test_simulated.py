@@ -8,7 +8,7 @@ from test_drive import LENIENT, Controller, geometry
 
 from hopdata.steering.live.drive import drive
 from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
-from hopdata.steering.robot import Board, SteeredHopper, released, steer_hop
+from hopdata.steering.robot import SteeredHopper, released, steer_hop
 
 
 def frames(hopper, n):
@@ -67,13 +67,6 @@ def test_a_hopper_that_falls_is_let_go_again():
     assert all(np.isnan(hop.stance_s) for hop in hopper.hops)
     assert np.isfinite(markers).all()
     assert len(hopper.hops) == pytest.approx(3, abs=1)
-
-
-def test_a_board_is_pushed_along():
-    board = Board(direction=(1.0, 0.0), place_m=0.2)
-    hopper = LiveHopper(SteeredHopper(), lambda: None, board=board)
-    frames(hopper, 80)
-    assert hopper.board.place_m > 0.3
 
 
 def test_the_simulated_hopper_is_driven_without_a_server():

@@ -92,12 +92,9 @@ class WatchedHopper:
         camera, body = sight.camera, robot.markers.body_m
         markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
         self._hidden: BoolArray = draw_gaps(
-            camera.gaps,
-            frames=round(most_hops * robot.hop_limit_s * camera.rate_hz),
-            markers=len(markers),
-            rate_hz=camera.rate_hz,
-            rng=gaps,
-        )
+            camera.gaps, frames=round(most_hops * robot.hop_limit_s * camera.rate_hz),
+            markers=len(markers), rate_hz=camera.rate_hz, rng=gaps,
+        )  # fmt: skip
         self._tracker = HopperTracker(sight.geometry, markers)
         self._body = sight.geometry.body_places(markers)
         self._detector = StanceDetector.of(sight.geometry, rate_hz=camera.rate_hz)
@@ -159,13 +156,9 @@ class WatchedHopper:
         camera = self.sight.camera
         index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(self._hidden)
         return observe(
-            hop.markers,
-            floor=self.sight.floor,
-            noise_m=camera.noise_m,
-            resolution_m=camera.resolution_m,
-            hidden=self._hidden[index],
-            rng=self._noise,
-        )
+            hop.markers, floor=self.sight.floor, noise_m=camera.noise_m,
+            resolution_m=camera.resolution_m, hidden=self._hidden[index], rng=self._noise,
+        )  # fmt: skip
 
 
 # Columns of the stances of a run: poses as they truly were, as they were seen (NaN where not), and
@@ -173,16 +166,8 @@ class WatchedHopper:
 # is as seen, or by the swing that was commanded; the swing is that of the hop after; the board's
 # place is along its direction, NaN without one; whether it was touched is of the hop before.
 MEASURED, PREDICTED = ([f"{kind}_{name}" for name in POSE] for kind in ("measured", "predicted"))
-COLUMNS = [
-    "time_s",
-    *POSE,
-    *MEASURED,
-    "boom_angle_rad",
-    "swing_rad",
-    *PREDICTED,
-    "board_m",
-    "touched",
-]
+COLUMNS = ["time_s", *POSE, *MEASURED, "boom_angle_rad", "swing_rad", *PREDICTED, "board_m"]
+COLUMNS += ["touched"]
 
 
 @dataclass(frozen=True)

@@ -153,6 +153,7 @@ Policy: TypeAlias = Callable[[Start], objectives.Controller]
 
 CONTROLLERS = ("printed", "planner", "adaptive", "random", "none")
 PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE = CONTROLLERS
+LEARNED = (PRINTED, PLANNER, ADAPTIVE)  # who steer by what was learned
 CEILING = "ceiling"  # the planner that knows the true map, whose hops are the measure
 
 

@@ -144,14 +144,9 @@ def drive(
     loop = ControlLoop(
         stream.buffer,
         lambda: (HopperTracker(geometry, names), StanceDetector.of(geometry, rate_hz=rate_hz)),
-        controller,
-        boom,
-        limits=limits,
-        on_decision=decided,
-        on_frames=None if log is None else log.frames,
-        fault=fault,
-        stop=stop,
-    )
+        controller, boom, limits=limits, on_decision=decided,
+        on_frames=None if log is None else log.frames, fault=fault, stop=stop,
+    )  # fmt: skip
     if log is not None:
         log.start(lambda: log.events(said.history(), loop.watch.rests))
     with _Signals() as signals:

@@ -287,24 +287,15 @@ class ControlLoop:
         sent_s = self._clock()
         self._log(
             Decision(
-                stance_s=stance.time_s,
-                told_s=frame.time_s,
-                epoch=frame.epoch,
+                stance_s=stance.time_s, told_s=frame.time_s, epoch=frame.epoch,
                 pose=pose.values if len(pose.values) == 3 else (math.nan,) * 3,
-                boom_angle_rad=boom.values[0],
-                swung_rad=math.nan if swung is None else swung,
-                asked_s=asked_s,
-                pose_age_s=ages[0],
-                boom_age_s=ages[1],
-                outcome=outcome,
-                planned_rad=planned,
-                command_rad=command,
-                planning_s=planning_s,
-                latency_s=sent_s - frame.arrival_s,
-                since_stance_s=sent_s - stance_s,
-                reason=reason,
+                boom_angle_rad=boom.values[0], swung_rad=math.nan if swung is None else swung,
+                asked_s=asked_s, pose_age_s=ages[0], boom_age_s=ages[1],
+                outcome=outcome, planned_rad=planned, command_rad=command,
+                planning_s=planning_s, latency_s=sent_s - frame.arrival_s,
+                since_stance_s=sent_s - stance_s, reason=reason,
             )
-        )
+        )  # fmt: skip
 
     def _refusal(
         self, pose_age_s: float, boom_age_s: float, stance_age_s: float, *, overtaken: bool

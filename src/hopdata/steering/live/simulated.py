@@ -13,15 +13,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.steering.live.buffer import Frame, FrameBuffer, Status, StatusLog, StreamCounts, joined
-from hopdata.steering.robot import (
-    Apex,
-    Board,
-    SteeredHop,
-    SteeredHopper,
-    released,
-    steer_hop,
-    steer_past,
-)
+from hopdata.steering.robot import Apex, SteeredHop, SteeredHopper, released, steer_hop
 
 
 @dataclass(frozen=True)
@@ -57,8 +49,6 @@ class LiveHopper:
         Frame rate, Hz.
     noise_m : float
         Standard deviation of the noise on each coordinate, m.
-    board : Board, optional
-        What stands in its way.
     seed : int or sequence of int
         Of kicks and noise.
     """
@@ -72,10 +62,9 @@ class LiveHopper:
         boom_angle_rad: float = np.pi,
         rate_hz: float = 100.0,
         noise_m: float = 0.0006,
-        board: Board | None = None,
         seed: int | Sequence[int] = 0,
     ) -> None:
-        self.robot, self.board, self.rate_hz, self.noise_m = robot, board, rate_hz, noise_m
+        self.robot, self.rate_hz, self.noise_m = robot, rate_hz, noise_m
         self.hops: list[TrueHop] = []
         self._swings, self._apex = swings, released(robot, pose, boom_angle_rad)
         streams = np.random.SeedSequence(seed).spawn(2)
@@ -101,14 +90,8 @@ class LiveHopper:
     def _next_hop(self) -> SteeredHop:
         swing = self._swings() or 0.0
         upcoming = self._n_frames + np.arange(np.ceil(self.robot.hop_limit_s * self.rate_hz))
-        hop, self.board = steer_past(
-            self.robot,
-            self._apex,
-            swing,
-            self.board,
-            rng=self._kicks,
-            frame_times_s=upcoming / self.rate_hz,
-        )
+        frames_s = upcoming / self.rate_hz
+        hop = steer_hop(self.robot, self._apex, swing, rng=self._kicks, frame_times_s=frames_s)
         self._n_frames += len(hop.frame_time_s)
         self.hops.append(_true_hop(hop))
         self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
@@ -124,13 +107,8 @@ class LiveHopper:
 def _true_hop(hop: SteeredHop) -> TrueHop:
     stance = hop.stance
     x, y, yaw = stance.pose.tolist()
-    return TrueHop(
-        start_s=hop.start.time_s,
-        swing_rad=hop.swing_rad,
-        stance_s=np.nan if stance.fell else stance.time_s,
-        pose=(x, y, yaw),
-        boom_angle_rad=stance.boom_angle_rad,
-    )
+    stance_s = np.nan if stance.fell else stance.time_s
+    return TrueHop(hop.start.time_s, hop.swing_rad, stance_s, (x, y, yaw), stance.boom_angle_rad)
 
 
 class SimulatedBoom:

@@ -302,14 +302,9 @@ RECOMMENDED = ProcessOptions()
 # The formula of Section 3.4.2 has no variance and no length scale, so both are 1; motion capture
 # gives mm.
 PRINTED = ProcessOptions(
-    periodic=False,
-    standardised=False,
-    own_scales=False,
-    variance=1.0,
-    noise=0.1,
-    length_scale=1.0,
-    restarts=0,
-)
+    periodic=False, standardised=False, own_scales=False,
+    variance=1.0, noise=0.1, length_scale=1.0, restarts=0,
+)  # fmt: skip
 
 
 # Hyper-parameters of largest marginal likelihood, by scikit-learn.
@@ -395,10 +390,8 @@ def _embedded_matern() -> Any:
             if not eval_gradient or self.hyperparameter_length_scale.fixed:
                 return plain(X, Y, eval_gradient)
             covariance, gradient = plain(X, Y, True)
-            tied = np.concatenate(
-                [gradient[..., :1] + gradient[..., 1:2], gradient[..., 2:]], axis=-1
-            )
-            return covariance, tied
+            gradient[..., 1] += gradient[..., 0]
+            return covariance, gradient[..., 1:]
 
     return EmbeddedMatern
 
@@ -433,16 +426,9 @@ def trained_process(
     found = [hyper_parameters(regressor, inputs.shape[1]) for regressor in regressors]
     variance, lengths, noise = zip(*found, strict=True)
     return FrameChangeProcess(
-        smoothness=options.smoothness,
-        periodic=options.periodic,
-        inputs=inputs,
-        outputs=outputs,
-        offset=offset,
-        unit=unit,
-        variance=np.array(variance),
-        noise=np.array(noise),
-        length_scales=np.array(lengths) * scale,
-    )
+        options.smoothness, options.periodic, inputs, outputs, offset, unit,
+        variance=np.array(variance), noise=np.array(noise), length_scales=np.array(lengths) * scale,
+    )  # fmt: skip
 
 
 def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:

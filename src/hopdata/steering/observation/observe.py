@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
+from hopdata.rigid import rigid_fit
+from hopdata.steering import CORRECTED, PRINTED
 from hopdata.steering.frame_changes import FrameChanges, frame_changes, joined
-from hopdata.steering.observation.calibration import calibrate
+from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stances, find_stances, local_fit
-from hopdata.steering.observation.tracking import HopperMotion, hopper_motion
+from hopdata.steering.observation.tracking import HopperMotion, hopper_motion, unwrapped
 
 # Pose and boom angle of each stance: what the frame changes are made of.
 
@@ -100,6 +102,121 @@ def _boom_angles(motion: HopperMotion, stances: Stances) -> FloatArray:
     return medians
 
 
+# Observation as printed (Algorithms 2 to 4), its slips put right: to the letter it finds no hop.
+
+WINDOW, ORDER = 7, 3  # frames and degree of the filter of the heights
+REST_FRAMES = 40  # whose mean is the home configuration
+
+
+def phasor_poses(body: FloatArray) -> FloatArray:
+    """Return poses by complex phasors, (N, 3): x m, y m, heading rad (Algorithm 2).
+
+    Each marker is a complex number from the mean of all. The others are turned on to the first by
+    their mean ratio to it, and the heading is the angle of the sum, so its zero is the direction
+    to the first marker, nearly. It takes the body for flat: a tilt shortens some phasors more than
+    others. Put right is that the pose is the mean itself, not the markers about it. Any number of
+    markers; a frame is unknown (NaN) unless all are seen.
+
+    Parameters
+    ----------
+    body : (N, B, 3) array
+        Body markers, m; NaN where unseen.
+    """
+    places = body[..., 0] + 1j * body[..., 1]
+    middle = places.mean(axis=1)
+    phasors = places - middle[:, None]
+    with np.errstate(invalid="ignore"):
+        ratios = np.nanmean(phasors[:, :1] / phasors, axis=0)
+    heading = np.angle(phasors @ ratios)
+    return np.column_stack([middle.real, middle.imag, unwrapped(heading)])
+
+
+def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
+    """Return boom angles, (N,), rad, wrapped, with an arbitrary zero and sense (Algorithm 3).
+
+    The home configuration is the mean over the first frames, of three body markers and a fourth,
+    virtual one across their plane. Circle and angle are in the plane of the two leading principal
+    components, by linear least squares. Put right: the fourth marker, the determinant of the
+    rotation, the centring, and which component is the normal.
+
+    Parameters
+    ----------
+    body : (N, 3, 3) array
+        Body markers, m; NaN where unseen.
+    boom : (N, 3) array
+        Boom marker, m.
+    """
+    first, second = body[:, 1] - body[:, 0], body[:, 2] - body[:, 0]
+    across, arms = np.cross(first, second), np.linalg.norm([first, second], axis=2)
+    length = arms.mean(axis=0) / np.linalg.norm(across, axis=1)
+    four = np.concatenate([body, (body[:, 0] + length[:, None] * across)[:, None]], axis=1)
+    home = np.nanmean(four[:REST_FRAMES], axis=0)
+    fit = rigid_fit(four, home - home.mean(axis=0))
+    places = np.einsum("nji,nj->ni", fit.rotation, boom - fit.centre)
+    known = np.isfinite(places).all(axis=1)
+    places -= places[known].mean(axis=0)
+    flat = places @ np.linalg.svd(places[known], full_matrices=False)[2][:2].T
+    x, y = (flat - algebraic_circle(flat[known])[0]).T
+    return np.arctan2(y, x)
+
+
+def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray:
+    """Return frames of consecutive stances, (P, 2) (Algorithm 4).
+
+    Candidates are the extrema of the height, where the speed of a Savitzky-Golay filter passes
+    zero; literally printed are the extrema of that speed. Stances lie more than a standard
+    deviation below the mean height, flights as far above. Of several stance candidates without a
+    flight between them, the lowest counts. Frames with an unknown height are bridged by straight
+    lines first, which is not printed.
+
+    Parameters
+    ----------
+    height : (N,) array
+        m, at a constant frame rate; NaN where unknown.
+    derivative : int
+        That of the height which passes zero: 1, or 2 as literally printed.
+    """
+    from scipy.signal import savgol_filter
+
+    frames, known = np.arange(len(height)), np.isfinite(height)
+    z = np.interp(frames, frames[known], height[known])
+    low, high = z.mean() - z.std(), z.mean() + z.std()
+    turn = np.diff((savgol_filter(z, WINDOW, ORDER, deriv=derivative) < 0).astype(int))
+    stances, flights = np.flatnonzero(turn < 0) + 1, np.flatnonzero(turn > 0) + 1
+    group = np.searchsorted(flights[z[flights] > high], stances)
+    order = np.lexsort([z[stances], group])
+    stances = stances[order][np.unique(group[order], return_index=True)[1]]
+    z, end = np.append(z, np.nan), len(z)  # neither low nor high: what comes after the last
+    flight = np.append(flights, end)[np.searchsorted(flights, stances)]
+    last = np.append(stances, end)[np.searchsorted(stances, flight)]
+    paired = (z[stances] < low) & (z[flight] > high) & (z[last] < low)
+    return np.column_stack([stances, last])[paired]
+
+
+def _as_printed(
+    recording: Recording, motion: HopperMotion
+) -> tuple[HopperMotion, Stances, StanceStates]:
+    """Return the motion, its stances and their states, poses being those of single frames.
+
+    Zeros and senses of the angles, which the print leaves open, are those of `motion`.
+    """
+    poses, boom = phasor_poses(recording.body), recording.positions[:, recording.indices("boom")[0]]
+    poses[:, 2] = _alike(poses[:, 2], motion.pose[:, 2])
+    angles = _alike(printed_boom_angles(recording.body[:, :3], boom), motion.boom_angle_rad)
+    motion = replace(motion, pose=poses, boom_angle_rad=angles, tilt_rad=np.full(len(poses), np.nan))
+    frames, pairs = np.unique(printed_stance_pairs(recording.body_height), return_inverse=True)
+    at = motion.time[frames], motion.height[frames], frames, np.zeros(len(frames), dtype=bool)
+    stances = Stances(*at, pairs.reshape(-1, 2), {})
+    return motion, stances, replace(stance_states(motion, stances), pose=poses[frames])
+
+
+def _alike(angle: FloatArray, other: FloatArray) -> FloatArray:
+    """Return angles (N,) with the sense and the zero with which they are most like others."""
+    off = {sense: np.nanmean(np.exp(1j * (other - sense * angle))) for sense in (1, -1)}
+    sense = max(off, key=lambda one: abs(off[one]))
+    return unwrapped(sense * angle + np.angle(off[sense]))
+
+
 @dataclass(frozen=True)
 class Observed:
     """What the recordings tell.
@@ -124,7 +241,9 @@ class Observed:
 
 
 @one_blas_thread()
-def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: float) -> Observed:
+def observe_recordings(
+    recordings: Sequence[Recording], *, swing_limit_rad: float, observation: str = CORRECTED
+) -> Observed:
     """Observe pose, boom angle and stances, and collect the frame changes.
 
     Parameters
@@ -133,13 +252,14 @@ def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: floa
         Each is calibrated by itself: markers may have been glued anew.
     swing_limit_rad : float
         Largest swing that was commanded.
+    observation : {"corrected", "printed"}
 
     Raises
     ------
     AnalysisError
         If a recording has no boom marker, or cannot be calibrated; it is named.
     """
-    parts = [_observed(recording, swing_limit_rad) for recording in recordings]
+    parts = [_observed(recording, swing_limit_rad, observation) for recording in recordings]
     return Observed(
         geometry=parts[0].geometry,
         changes=joined(part.changes for part in parts),
@@ -149,7 +269,7 @@ def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: floa
     )
 
 
-def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
+def _observed(recording: Recording, swing_limit_rad: float, observation: str) -> Observed:
     if not recording.indices("boom"):
         raise AnalysisError(
             f"{recording.name}: expected a marker with the role boom (markers.boom), on whose "
@@ -161,6 +281,8 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
         raise AnalysisError(f"{recording.name}: {error}") from None
     motion, stances = _seen(recording, geometry)
     states = stance_states(motion, stances)
+    if observation == PRINTED:
+        motion, stances, states = _as_printed(recording, motion)
     changes = frame_changes(
         states.time_s,
         states.pose,
@@ -202,7 +324,7 @@ def _stance_table(name: str, stances: Stances, states: StanceStates) -> pd.DataF
             "recording": name, "frame": stances.frame, "time_s": stances.time_s,
             "height_m": stances.height_m, "x_m": x, "y_m": y, "heading_rad": heading,
             "boom_angle_rad": states.boom_angle_rad, "tilt_rad": states.tilt_rad,
-            "follows": follows,
+            "follows": follows
         }
     )  # fmt: skip
 
@@ -213,6 +335,6 @@ def _motion_table(name: str, motion: HopperMotion) -> pd.DataFrame:
         {
             "recording": name, "time_s": motion.time, "x_m": x, "y_m": y, "heading_rad": heading,
             "height_m": motion.height, "boom_angle_rad": motion.boom_angle_rad,
-            "residual_m": motion.residual, "status": motion.status,
+            "residual_m": motion.residual, "status": motion.status
         }
     )  # fmt: skip

@@ -206,7 +206,8 @@ def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: f
     """
     side = np.where(height < below_m, -1, np.where(height > above_m, 1, 0))
     outside = np.flatnonzero(side)
-    hole = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)[outside]
+    holes = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)
+    hole = holes[outside]
     low = side[outside] < 0
     begins = low.copy()
     begins[1:] &= ~low[:-1] | (hole[1:] > hole[:-1])
@@ -215,7 +216,6 @@ def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: f
     first = inside[np.flatnonzero(np.diff(number, prepend=-1))]
     last = inside[np.flatnonzero(np.diff(number, append=number[-1:] + 1))]
     lowest = [a + int(np.argmin(height[a : b + 1])) for a, b in zip(first, last, strict=True)]
-    holes = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)
     after_hole = np.zeros(len(first), dtype=bool)
     after_hole[1:] = holes[first[1:]] > holes[last[:-1]]
     return Visits(first, last, np.array(lowest, dtype=int), after_hole)

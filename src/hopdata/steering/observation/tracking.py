@@ -195,7 +195,7 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
     status = _statuses(fit, geometry.noise_m)
     known = (status == SEEN) | (status == LEANED)
     centre = np.where(known[:, None], fit.centre, np.nan)
-    heading = _unwrapped(np.where(known, headings(fit.rotation), np.nan))
+    heading = unwrapped(np.where(known, headings(fit.rotation), np.nan))
     return HopperMotion(
         recording.time,
         np.column_stack([centre[:, :2], heading]),
@@ -238,10 +238,10 @@ def _boom_angles(
         return np.full(len(centre), np.nan)
     boom = np.einsum("nji,nj->ni", rotation, recording.positions[:, place] - centre)
     on_circle = geometry.circle.misses(boom) < BOOM_MISS_M
-    return _unwrapped(np.where(on_circle, geometry.circle.angles(boom), np.nan))
+    return unwrapped(np.where(on_circle, geometry.circle.angles(boom), np.nan))
 
 
-def _unwrapped(angle: FloatArray) -> FloatArray:
+def unwrapped(angle: FloatArray) -> FloatArray:
     """Unwrap angles (N,) over those that are known."""
     known = np.isfinite(angle)
     result = angle.copy()
