@@ -78,7 +78,7 @@ def scores() -> pd.DataFrame:
         {
             "seed": 1, "component": ["dx", "dy", "dtheta"], "unit": ["mm", "mm", "deg"],
             "r2": [0.35, 0.46, 0.91], "rmse": [21.0, 17.5, 1.8], "coverage": [0.95, 0.94, 0.96],
-            "training_hops": 100, "test_hops": 217,
+            "training_hops": 100, "test_hops": 217, "observation": "corrected",
         }
     )  # fmt: skip
 

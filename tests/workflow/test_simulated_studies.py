@@ -163,6 +163,7 @@ def steered(checkout):
     def shorten(config):
         config["study"] = "steered"
         config["steering"] = {
+            "observations": ["corrected", "printed"],
             "excitation": {"repeats": 1},
             "model": {"training_hops": 60, "draws": 2},
             "experiments": {
@@ -184,11 +185,13 @@ def steered(checkout):
 def test_a_steering_study_runs_to_a_page(steered):
     results = steered[0] / "results" / "steered" / "steering"
     outcomes = pd.read_csv(results / "tables" / "outcomes.csv")
-    assert len(outcomes) == 20
+    assert len(outcomes) == 28
     assert (outcomes["runs"] == 2).all()
-    assert set(outcomes["controller"]) == {"printed", "planner", "random", "none", "ceiling"}
+    who = {"printed", "planner", "random", "none", "ceiling"}
+    as_printed = {f"{name}, printed observation" for name in ("printed", "planner")}
+    assert set(outcomes["controller"]) == who | as_printed
     trajectories = pd.read_csv(results / "tables" / "trajectories.csv")
-    assert trajectories.groupby(["seed", "experiment", "controller", "run"]).ngroups == 40
+    assert trajectories.groupby(["seed", "experiment", "controller", "run"]).ngroups == 56
     truth = json.loads((results / "truth.json").read_text())
     assert truth["missed_pairs"]["value"] == truth["invented_pairs"]["value"] == 0
     assert truth["heading_rms"]["value"] < 3, "mrad"
@@ -199,7 +202,7 @@ def test_a_steering_study_runs_to_a_page(steered):
     page = (results / "report.html").read_text()
     assert page.count("<figure") == len(STEERING_FIGURES) + 1
     record = json.loads((results / "provenance.json").read_text())
-    assert len(record["stage_seconds"]) == 14
+    assert len(record["stage_seconds"]) == 20
     assert not (steered[0] / "results" / "steered" / "report.html").exists()
 
 

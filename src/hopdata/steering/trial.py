@@ -154,8 +154,7 @@ def random_excitation(grid: ControlGrid, rng: np.random.Generator, *, start: int
         Index of the first boom angle.
     """
     wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
-    made: list[int] = []
-    k = start % grid.n_angles
+    made, k = list[int](), start % grid.n_angles
     while wanted.any():
         choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
         weights = wanted[(k + grid.steps[choices]) % grid.n_angles].sum(axis=1) + 1 / grid.n_steps

@@ -203,7 +203,8 @@ def _as_printed(
     poses, boom = phasor_poses(recording.body), recording.positions[:, recording.indices("boom")[0]]
     poses[:, 2] = _alike(poses[:, 2], motion.pose[:, 2])
     angles = _alike(printed_boom_angles(recording.body[:, :3], boom), motion.boom_angle_rad)
-    motion = replace(motion, pose=poses, boom_angle_rad=angles, tilt_rad=np.full(len(poses), np.nan))
+    untold = np.full(len(poses), np.nan)
+    motion = replace(motion, pose=poses, boom_angle_rad=angles, tilt_rad=untold)
     frames, pairs = np.unique(printed_stance_pairs(recording.body_height), return_inverse=True)
     at = motion.time[frames], motion.height[frames], frames, np.zeros(len(frames), dtype=bool)
     stances = Stances(*at, pairs.reshape(-1, 2), {})
