@@ -104,7 +104,6 @@ def _boom_angles(motion: HopperMotion, stances: Stances) -> FloatArray:
 
 # Observation as printed (Algorithms 2 to 4), its slips put right: to the letter it finds no hop.
 
-WINDOW, ORDER = 7, 3  # frames and degree of the filter of the heights
 REST_FRAMES = 40  # whose mean is the home configuration
 
 
@@ -163,11 +162,11 @@ def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
 def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray:
     """Return frames of consecutive stances, (P, 2) (Algorithm 4).
 
-    Candidates are the extrema of the height, where the speed of a Savitzky-Golay filter passes
-    zero; literally printed are the extrema of that speed. Stances lie more than a standard
-    deviation below the mean height, flights as far above. Of several stance candidates without a
-    flight between them, the lowest counts. Frames with an unknown height are bridged by straight
-    lines first, which is not printed.
+    Candidates are the extrema of the height, where the speed of a Savitzky-Golay filter (cubics
+    through seven frames) passes zero; literally printed are the extrema of that speed. Stances lie
+    more than a standard deviation below the mean height, flights as far above. Of several stance
+    candidates without a flight between them, the lowest counts. Frames with an unknown height are
+    bridged by straight lines first, which is not printed.
 
     Parameters
     ----------
@@ -181,7 +180,7 @@ def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray
     frames, known = np.arange(len(height)), np.isfinite(height)
     z = np.interp(frames, frames[known], height[known])
     low, high = z.mean() - z.std(), z.mean() + z.std()
-    turn = np.diff((savgol_filter(z, WINDOW, ORDER, deriv=derivative) < 0).astype(int))
+    turn = np.diff((savgol_filter(z, 7, 3, deriv=derivative) < 0).astype(int))
     stances, flights = np.flatnonzero(turn < 0) + 1, np.flatnonzero(turn > 0) + 1
     group = np.searchsorted(flights[z[flights] > high], stances)
     order = np.lexsort([z[stances], group])
@@ -203,8 +202,7 @@ def _as_printed(
     poses, boom = phasor_poses(recording.body), recording.positions[:, recording.indices("boom")[0]]
     poses[:, 2] = _alike(poses[:, 2], motion.pose[:, 2])
     angles = _alike(printed_boom_angles(recording.body[:, :3], boom), motion.boom_angle_rad)
-    untold = np.full(len(poses), np.nan)
-    motion = replace(motion, pose=poses, boom_angle_rad=angles, tilt_rad=untold)
+    motion = replace(motion, pose=poses, boom_angle_rad=angles, tilt_rad=np.nan * motion.tilt_rad)
     frames, pairs = np.unique(printed_stance_pairs(recording.body_height), return_inverse=True)
     at = motion.time[frames], motion.height[frames], frames, np.zeros(len(frames), dtype=bool)
     stances = Stances(*at, pairs.reshape(-1, 2), {})
