@@ -77,11 +77,17 @@ site: $(VENV)/.docs
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs . build/site
 	@echo "open build/site/index.html"
 
+# Exact maps hold between sections: those that the study of the new recording finds.
+define bundle
+	for step in simulated bundled; do \
+	  $(BIN)/snakemake --cores 1 --configfile config/$(1).yaml -- results/$(2)/$$step/$(3).h5 && \
+	  cp results/$(2)/$$step/$(3).h5 data/sample/ || exit 1; \
+	done
+endef
+
 sample: $(VENV)/.run
-	$(BIN)/snakemake --cores 1 results/sample/simulated/hopper.h5
-	cp results/sample/simulated/hopper.h5 data/sample/
-	$(BIN)/snakemake --cores 1 --configfile config/sample_control.yaml results/sample_control/simulated/control.h5
-	cp results/sample_control/simulated/control.h5 data/sample/
+	$(call bundle,config,sample,hopper)
+	$(call bundle,sample_control,sample_control,control)
 
 $(VENV)/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "hopdata needs Python 3.11 or newer: none found on PATH (set PYTHON=...)" >&2; exit 1; }

@@ -85,10 +85,8 @@ class Recording(Shown):
             raise ValueError(f"time: expected shape (N,), found {self.time.shape}")
         if len(self.roles) != seen[1]:
             raise ValueError(f"roles: expected {seen[1]} entries, found {len(self.roles)}")
-        for name, array, shape in (
-            ("positions", self.positions, (*seen, 3)),
-            ("filled", self.filled, seen),
-        ):
+        for name, shape in (("positions", (*seen, 3)), ("filled", seen)):
+            array = getattr(self, name)
             if array is not None and array.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape}, found {array.shape}")
 
@@ -354,6 +352,9 @@ class Truth:
         Standard deviation of the noise per marker coordinate, m.
     parameters_json : str
         Everything that the recording was made with, as JSON.
+    true_effect : float
+        Relative difference of the exact maps of the contact orders, as the verdict measures it,
+        between the sections of a study; NaN where nobody has worked it out.
     """
 
     contact_times: FloatArray
@@ -367,6 +368,7 @@ class Truth:
     preloads_n: FloatArray
     noise_m: float
     parameters_json: str
+    true_effect: float = float("nan")
 
 
 # Sizes that go by letters: N frames, L landings, n feet; the others are fixed.

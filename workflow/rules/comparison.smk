@@ -67,7 +67,6 @@ rule first_look:
         summaries=expand("results/{study}/tables/prediction_summary.csv", study=PAIRED),
         distances=expand("results/{study}/tables/distance_summary.csv", study=PAIRED),
         touchdowns=expand("results/{study}/tables/touchdowns.csv", study=PAIRED),
-        sections=expand("results/{study}/landings/sections.json", study=PAIRED),
         recordings=["data/sample/hopper.h5", "data/sample/control.h5"],
     output:
         "results/both_sides/first_look.html",
@@ -77,7 +76,24 @@ rule first_look:
         **needs(minutes=10),
     params:
         names=["c1", "control"],
-        body=["body1", "body2", "body3"],
         code=code("first_look"),
     script:
         "../scripts/first_look.py"
+
+
+rule bundled:
+    """A simulated recording whose truth says how far its exact maps are apart, as in data/sample."""
+    input:
+        recording=rules.simulate.output.recording,
+        maps=rules.true_sections.output.maps,
+        pairs=rules.true_sections.output.pairs,
+    output:
+        f"{RESULTS}/bundled/{{recording}}.h5",
+    log:
+        f"{RESULTS}/logs/bundled_{{recording}}.log",
+    resources:
+        **needs(mb_a_mb=10, minutes=10),
+    params:
+        code=code("bundled"),
+    script:
+        "../scripts/bundled.py"

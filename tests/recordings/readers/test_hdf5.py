@@ -59,6 +59,7 @@ def truth():
         preloads_n=rng.normal(size=(LANDINGS, 2)),
         noise_m=0.0006,
         parameters_json='{"seed": 1}',
+        true_effect=0.25,
     )
 
 
@@ -67,6 +68,13 @@ def test_a_recording_and_its_truth_come_back_as_they_were(tmp_path, recording, t
     write_recording(path, recording, truth)
     arrays_equal(read_recording(path), recording)
     arrays_equal(read_truth(path), truth)
+
+
+def test_a_truth_that_does_not_say_how_far_the_maps_are_apart(tmp_path, recording, truth):
+    write_recording(tmp_path / "a.h5", recording, truth)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file["truth"].attrs["true_effect"]
+    assert np.isnan(read_truth(tmp_path / "a.h5").true_effect)
 
 
 def test_a_recording_without_truth_has_none(tmp_path, recording):

@@ -184,7 +184,7 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
 CHUNK_FRAMES = 16384
 COMPRESSION = 6  # of 9, which takes twice the time for 0.2 % of the bytes
 SIGNATURE = b"\x89HDF\r\n\x1a\n"  # with which HDF5 files begin
-_TRUTH_ATTRIBUTES = ("noise_m", "parameters_json")
+_TRUTH_ATTRIBUTES = ("noise_m", "parameters_json", "true_effect")
 _TRUTH_DATASETS = tuple(f.name for f in fields(Truth) if f.name not in _TRUTH_ATTRIBUTES)
 _TEXT_ATTRIBUTES = ("name", "source", "source_sha256", "vertical_axis")
 
@@ -243,10 +243,9 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
             remarks=stored_texts(file, "remarks") if "remarks" in file else (),
             filled=numbers(file, "filled").astype(bool) if "filled" in file else None,
         )
-        choices = {"roles": ROLES, "vertical_axis": tuple(FILE_AXES)}
-        found = {"roles": recording.roles, "vertical_axis": (recording.vertical_axis,)}
-        for key, known in choices.items():
-            for value in set(found[key]) - set(known):
+        roles, axes = (recording.roles, ROLES), ((recording.vertical_axis,), FILE_AXES)
+        for key, (found, known) in {"roles": roles, "vertical_axis": axes}.items():
+            for value in set(found) - set(known):
                 raise ValueError(f"{key}: expected any of {', '.join(known)}, found '{value}'")
         return recording
 
@@ -263,10 +262,12 @@ def read_truth(path: str | Path) -> Truth | None:
         if "truth" not in file:
             return None
         group = file["truth"]
+        known = "true_effect" in group.attrs  # few files say it
         truth = Truth(
             **{key: numbers(group, key) for key in _TRUTH_DATASETS},
             noise_m=float(attribute(group, "noise_m", "a number")),
             parameters_json=attribute(group, "parameters_json", "text"),
+            true_effect=float(attribute(group, "true_effect", "a number")) if known else np.nan,
         )
         check_sizes(truth)
         return truth

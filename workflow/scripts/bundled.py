@@ -1,0 +1,15 @@
+"""Write a simulated recording again, with the difference of its exact maps in its truth."""
+
+from dataclasses import replace
+
+from hopdata.jobs import read_json, reported
+from hopdata.landings.states.pairs import read_pairs
+from hopdata.maps.truth.maps import true_effect
+from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
+
+with reported(snakemake.log[0]):
+    source = snakemake.input
+    recording, truth = read_recording(source.recording), read_truth(source.recording)
+    states = read_pairs(source.pairs).x
+    effect = true_effect(read_json(source.maps), states, truth.contact_times)
+    write_recording(snakemake.output[0], recording, truth=replace(truth, true_effect=effect))
