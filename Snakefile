@@ -20,6 +20,7 @@ if not workflow.overwrite_configfiles:
 container: "docker://python:3.13-slim"
 
 
+include: "workflow/rules/folder.smk"
 include: "workflow/rules/common.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/recordings.smk"
@@ -30,18 +31,6 @@ include: "workflow/rules/steering.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
 include: "workflow/rules/comparison.smk"
-
-
-onstart:
-    # Scripts that Snakemake wrote out for jobs of a run that was killed; a run beside this one may
-    # be at work with its own.
-    if len(list(Path(".snakemake/locks").glob("*.output.lock"))) == 1:
-        for left in Path(".snakemake/scripts").glob("tmp*"):
-            left.unlink(missing_ok=True)
-    # The limit of starts in time is meant for clusters: here it lets each run wait a second more,
-    # and there is no option without it.
-    if getattr(workflow, "local_exec", False) and hasattr(workflow, "scheduler"):
-        workflow.scheduler.job_rate_limiter = None
 
 
 rule all:

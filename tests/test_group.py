@@ -1,15 +1,23 @@
 """A group of subjects: their table, a study of each, and the page of all."""
 
+import contextlib
 import json
 import os
 import re
+import shlex
+import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
+import psutil
 import pytest
 import yaml
 
+from hopdata.__main__ import main
 from hopdata.errors import ConfigError
 from hopdata.group import put_together, read_group
 
@@ -132,3 +140,77 @@ def test_a_group_runs_to_its_page(tmp_path):
         assert f'href="members/{name}/report.html"' in page
         assert (tmp_path / f"results/trio/members/{name}/report.html").exists()
         assert reason.split(";")[0].split("'")[0] in page
+
+
+def started(folder, *options):
+    """A run of the group in a session of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "hopdata", "run", "group.yaml", "--cores", "2", *options],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT / "src")}, start_new_session=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def bytes_of_all(folder):
+    """What a run leaves, hidden files too; logs say when and how long."""
+    files = [path for path in (folder / "results").rglob("*") if path.is_file()]
+    names = {path: str(path.relative_to(folder)) for path in files if path.parent.name != "logs"}
+    return {name: path.read_bytes() for path, name in names.items()}
+
+
+@pytest.mark.workflow
+def test_a_locked_folder_is_told_with_the_command_that_unlocks_it(group, capfd):
+    group("subject\tfile\nanna\t\n")
+    lock = Path(".snakemake/locks/0.output.lock")
+    lock.parent.mkdir(parents=True)
+    lock.write_text("results/jumps/group.html\n")
+    assert main(["run", "group.yaml"]) == 1
+    said = [line for line in capfd.readouterr().err.splitlines() if "--unlock" in line]
+    assert len(said) == 1
+    unlock = shlex.split(said[0].split("no other runs: ")[1])
+    assert subprocess.run(unlock, check=False, timeout=120).returncode == 0
+    assert not lock.exists()
+
+
+@pytest.mark.workflow
+def test_a_group_killed_at_any_time_ends_in_the_same_bytes(tmp_path):
+    """KILLS=30 kills a group of eight so often: all of a run, or one of its processes."""
+    kills, seed = (int(os.environ.get(*one)) for one in (("KILLS", "2"), ("KILLS_SEED", "29")))
+    names = [f"s{number}" for number in range(8 if kills > 2 else 2)]
+    folders = tmp_path / "whole", tmp_path / "killed"
+    for folder in folders:
+        folder.mkdir()
+        (folder / "samples.tsv").write_text("subject\tfile\n" + "".join(f"{n}\t\n" for n in names))
+        config = CONFIG | {"simulation": {"hops": 100}}
+        (folder / "group.yaml").write_text(yaml.safe_dump(config))
+    whole, killed = folders
+    begun = time.monotonic()
+    assert started(whole).wait(600) == 0
+    takes_s, wanted = time.monotonic() - begun, bytes_of_all(whole)
+    assert len([name for name in wanted if name.endswith("member.json")]) == len(names)
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    done = rounds = 0
+    while done < kills or not (killed / "results/jumps/group.html").exists():
+        run = started(killed)
+        try:
+            wait_s = rng.uniform(0.0, takes_s / 2) if done < kills else 600
+            assert run.wait(wait_s) == 0
+        except subprocess.TimeoutExpired:
+            jobs = psutil.Process(run.pid).children(recursive=True)
+            if jobs and rng.random() < 0.5:
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    jobs[rng.integers(len(jobs))].kill()
+            else:
+                os.killpg(run.pid, signal.SIGKILL)
+            done += 1
+            run.wait(600)
+            if any((killed / ".snakemake/locks").glob("*")):
+                assert started(killed, "--", "--unlock").wait(600) == 0
+            continue
+        rounds += 1
+        found = bytes_of_all(killed)
+        assert sorted(found) == sorted(wanted)
+        assert [name for name in wanted if found[name] != wanted[name]] == []
+        if done < kills:
+            shutil.rmtree(killed / "results")
+    print(f"{done} kills of a run of {takes_s:.0f} s, compared {rounds} times")

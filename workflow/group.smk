@@ -32,6 +32,12 @@ def memory(wildcards, input, attempt):
     return (1000 + int(60 * input.size_mb)) * 2 ** (attempt - 1)
 
 
+include: "rules/folder.smk"
+
+
+warn_of_times_ahead((file for member in MEMBERS for file in files(member)), RESULTS)
+
+
 wildcard_constraints:
     member="|".join(MEMBERS),
 
@@ -71,6 +77,7 @@ rule member:
         runtime=lambda wildcards, attempt: 30 * attempt,
     params:
         member=lambda wildcards: MEMBERS[wildcards.member],
+        stamps=lambda wildcards: stamps(files(wildcards.member)),
         code=lambda wildcards: code_digest(HERE / "scripts" / "member.py"),
     script:
         "scripts/member.py"

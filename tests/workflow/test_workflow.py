@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -379,3 +380,21 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
     assert not any(path.exists() for path in left)
     assert (sample / figure).read_bytes() == before
     assert "hopdata: " not in run.stderr
+
+
+def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sample):
+    """Ahead in the first run, back in the second: times alone would leave the old results."""
+    source, verdict = sample / "data/sample/hopper.h5", "results/sample/verdict.json"
+    seconds, before = source.stat().st_mtime, (sample / verdict).read_bytes()
+    os.utime(source, (seconds, time.time() + 86_400))
+    run = snakemake(sample, verdict)
+    assert run.returncode == 0, run.stdout + run.stderr
+    told = [line for line in run.stderr.splitlines() if line.startswith("hopdata: ")]
+    assert len(told) == 1
+    assert told[0].startswith("hopdata: data/sample/hopper.h5: expected a time before now")
+    assert (sample / verdict).read_bytes() == before
+    os.utime(source, (seconds, seconds - 86_400))
+    os.utime(sample / verdict, (seconds, time.time() + 86_400))
+    run = snakemake(sample, "--dry-run", verdict)
+    assert "rule recording:" in run.stdout + run.stderr
+    assert f"hopdata: {verdict}: expected a time before now" in run.stderr

@@ -1,6 +1,5 @@
 import os
 import re
-import shlex
 import sys
 from pathlib import Path
 
@@ -35,21 +34,9 @@ for folder in ("results", RESULTS):
             f"hopdata: error: {folder}: expected a folder for the results, found a file; move it "
             "away, or give the study another name"
         )
-# Snakemake refuses a locked folder, and does not say with which command it is unlocked.
-if (
-    workflow.is_main_process
-    and "--unlock" not in sys.argv
-    and any(Path(".snakemake/locks").glob("*.output.lock"))
-):
-    is_module = sys.argv[0].endswith("__main__.py")
-    program = [sys.executable, "-m", "snakemake"] if is_module else sys.argv[:1]
-    print(
-        "hopdata: .snakemake/locks: another run is at work in this folder, or one was killed; if "
-        f"Snakemake refuses to start and no other runs: {shlex.join([*program, *sys.argv[1:]])} --unlock",
-        file=sys.stderr,
-    )
 STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
+warn_of_times_ahead((file for files in SOURCES.values() for file in files), RESULTS)
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
 METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]

@@ -24,6 +24,12 @@ rule contact_overlay:
         configured=EXTERNAL,
         external=STUDY["external"],
         rate_hz=STUDY["input"]["rate_hz"],
+        stamps=stamps(
+            block["file"]
+            for blocks in EXTERNAL.values()
+            for block in blocks.values()
+            if block["file"]
+        ),
         code=code("contact_overlay"),
     script:
         "../scripts/contact_overlay.py"

@@ -43,6 +43,7 @@ rule recording:
         fills=FILLS,
         longest_s=STUDY["filling"]["longest_s"],
         contacts=consistency.contact_options(STUDY),
+        stamps=lambda wildcards: stamps(SOURCES[wildcards.recording]),
         code=code("recording"),
     script:
         "../scripts/recording.py"

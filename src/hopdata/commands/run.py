@@ -123,6 +123,8 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
         try:
             for line in snakemake.stderr or ():
                 said.append(line)
+                if line.startswith("hopdata:") and line not in said[:-1]:
+                    print(line, end="", file=sys.stderr, flush=True)
                 if not (found := _SAID.match(line)):
                     continue
                 begins, ends, rule, done, number = found.groups()
@@ -140,8 +142,8 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     if not {"-n", "--dry-run", "--dryrun"} & set(options):
         _keep(log, said)
     if code:
-        own = list(dict.fromkeys(line for line in said if line.startswith("hopdata:")))
-        print("".join(own or said[-_LAST_LINES:]), end="", file=sys.stderr)
+        if not any(line.startswith("hopdata:") for line in said):
+            print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
         print(f"hopdata: {log}: all that Snakemake said" * log.exists(), file=sys.stderr)
     return code
 
@@ -183,7 +185,6 @@ def doctor(_options: argparse.Namespace) -> int:
     places = [Path(hopdata.__file__).parent, os.environ.get("NUMBA_CACHE_DIR")]
     places.append(Path("~/.cache/hopdata").expanduser())
     compiled = [file for place in places if place for file in Path(place).rglob("*.nbi")]
-    free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
     lines = [("python", f"{platform.python_version()}, {platform.system()} {platform.machine()}")]
     problems = []
     for name in REPORTED_PACKAGES:
@@ -194,7 +195,7 @@ def doctor(_options: argparse.Namespace) -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     lines += [("cores", f"{cores}"), ("memory", _memory()), ("workflow", str(SNAKEFILE))]
     lines += [("compiled", f"{len(compiled)} functions" if compiled else "none; once, some 20 s")]
-    lines += [("this folder", f"{Path.cwd()}, {free_gb:.1f} GB free")]
+    lines += [("this folder", f"{Path.cwd()}, {shutil.disk_usage('.').free / 1e9:.1f} GB free")]
     if not SNAKEFILE.exists():
         problems.append(f"{SNAKEFILE}: expected the workflow, found no file; install hopdata anew")
     if not os.access(Path.cwd(), os.W_OK):

@@ -98,7 +98,7 @@ def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) 
         highlights=_highlights(group),
         pictures=[picture_of(figure, {}) for figure in figures],
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
-        has_conditions=any(row["condition"] for row in rows),
+        has_conditions=len({row["condition"] for row in rows}) > 1,
         members=[_member(row) for row in rows],
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
         version=__version__,
@@ -107,12 +107,11 @@ def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) 
 
 def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     rows, effect = group["members"], group["effect"]
-    answers = Counter(row["conclusion"] for row in rows if not row["reason"])
+    answers = Counter("no answer" if row["reason"] else row["conclusion"] for row in rows)
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
-    unanswered = sum(bool(row["reason"]) for row in rows)
     cards = [
         ("Subjects", show.count(len({row["subject"] for row in rows})), f"{len(rows)} studies"),
-        ("Studies judged", show.count(len(rows) - unanswered), said or "none"),
+        ("Studies judged", show.count(len(rows) - answers["no answer"]), said),
     ]
     if effect is None:
         return cards
