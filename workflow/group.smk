@@ -35,7 +35,7 @@ def memory(wildcards, input, attempt):
 include: "rules/folder.smk"
 
 
-warn_of_times_ahead((file for member in MEMBERS for file in files(member)), RESULTS)
+check_times((file for member in MEMBERS for file in files(member)), RESULTS)
 
 
 wildcard_constraints:

@@ -36,7 +36,7 @@ for folder in ("results", RESULTS):
         )
 STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
-warn_of_times_ahead((file for files in SOURCES.values() for file in files), RESULTS)
+check_times((file for files in SOURCES.values() for file in files), RESULTS)
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
 METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]

@@ -35,20 +35,22 @@ def stamps(files):
     return found
 
 
-def warn_of_times_ahead(files, folder):
-    """Say which of the files, or of the results in the folder, is dated after now."""
+def check_times(files, folder):
+    """Refuse files dated after now, whose results Snakemake would refuse, and name such results."""
     if not workflow.is_main_process:
         return
     made = (os.path.join(place, name) for place, _, names in os.walk(folder) for name in names)
     latest = (time.time() + SKEW_S) * 1e9
-    for kept, mend in ((files, "touch it"), (made, "run once with --force, or --forceall")):
-        ahead = [name for name, _, changed in stamps(kept) if changed > latest]
-        if ahead:
-            print(
-                f"hopdata: {ahead[0]}: expected a time before now, found one after it: a clock is or was "
-                f"wrong, and times say what is to be made anew; {mend}",
-                file=sys.stderr,
-            )
+    read, kept = ([one[0] for one in stamps(x) if one[2] > latest] for x in (files, made))
+    told = "expected a time before now, found a later one: a clock is or was wrong"
+    if read:
+        sys.exit(f"hopdata: error: {read[0]}: {told}; touch it and run again")
+    if kept:
+        print(
+            f"hopdata: {kept[0]}: {told}, and times say what is to be made anew; run once with "
+            "--force, or --forceall",
+            file=sys.stderr,
+        )
 
 
 onstart:
