@@ -6,7 +6,7 @@ snakemake --cores 2 --configfile config/runner.yaml   another study
 
 from snakemake.utils import min_version
 
-min_version("9.0")
+min_version("9.14")
 
 # A config file given on the command line replaces the default one; it does not extend it.
 if not workflow.overwrite_configfiles:
