@@ -140,7 +140,7 @@ def _unguarded(cell: object) -> object:
 
 def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.DataFrame:
     """Change the texts of a table, the names of its columns too."""
-    texts = table.select_dtypes(["object", "str"]) if len(table) else ()
+    texts = [name for name in table if len(table) and table[name].dtype.kind == "O"]
     changed = {str(name): table[name].map(change) for name in texts}
     return table.assign(**changed).rename(columns=change)
 
