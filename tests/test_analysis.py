@@ -64,7 +64,7 @@ def test_nothing_is_imported_before_it_is_used():
         "assert not {'numpy', 'pandas', 'numba'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
-    with pytest.raises(AttributeError, match="no attribute 'analyze'"):
+    with pytest.raises(AttributeError, match="no attribute 'analyze'; did you mean 'analyse'"):
         _ = hd.analyze
 
 
@@ -116,6 +116,34 @@ def test_millimetres_for_metres_and_a_text_for_a_list_are_told(sample_path):
         hd.analyse(sample_path, feet="foot1", body=BODY)
 
 
+STATES = np.zeros((20, 18))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (lambda: hd.judge(STATES, STATES, STATES), "judge: expected .* 'seed'"),
+        (lambda: hd.judge(STATES, STATES, STATES, seed=1, flip=9), "did you mean 'flips'"),
+        (lambda: hd.judge("a", STATES, STATES, seed=1), "x: expected an array of numbers"),
+        (lambda: hd.judge(*2 * [STATES[:, :17]], STATES, seed=1), r"\(n, 6B\).*\(20, 17\)"),
+        (lambda: hd.judge(STATES, STATES, STATES, seed=1, confidence=95), "confidence: .* 95"),
+        (lambda: hd.plan("x"), "pilot: expected a study or its verdict, found 'x'"),
+        (lambda: hd.read("a.c3d", units="mm"), "input.units: .* did you mean 'unit'"),
+        (lambda: hd.read("a.c3d", rate_hz="fast"), "input.rate_hz: expected a number"),
+        (lambda: hd.read([], feet=FEET), "file: expected a path or a list of paths"),
+        (lambda: hd.analyse("a.c3d", input="mm"), "input: expected keys with values"),
+        (lambda: hd.analyse("a.c3d", progress=True), "progress: expected a function"),
+        (lambda: hd.synthesize("hopper", simulation=20), "simulation: expected keys with values"),
+        (lambda: hd.Recording.from_arrays([0, 1], STATES, FEET), "from_arrays: .*'feet'"),
+        (lambda: hd.Recording("a", [0, 1], STATES, (), (), 1.0), "time: expected an array of"),
+    ],
+)
+def test_wrong_calls_are_told_by_name_in_a_line(wrong, told):
+    with pytest.raises(hd.HopdataError, match=told) as caught:
+        wrong()
+    assert "\n" not in str(caught.value)
+
+
 def test_results_are_shown_in_a_line_and_a_small_table(study):
     study = study[0]
     shown = (study.recordings[0], study.pairs, study.sections, study.verdict, study.figures)
@@ -136,7 +164,10 @@ def test_an_error_is_one_line_in_a_notebook():
 
 def test_steps_one_by_one_compute_no_more_than_they_need(sample_path):
     told = []
-    recording = hd.read(sample_path, feet=FEET, body=BODY).part(slice(12_000))
+    whole = hd.read(sample_path, feet=FEET, body=BODY)
+    with pytest.raises(hd.HopdataError, match=r"frames: expected a slice.* found 5"):
+        whole.part(5)
+    recording = whole.part(slice(12_000))
     study = hd.study(recording, progress=told.append)
     assert "no verdict yet" in repr(study)
     assert study.read()[0] is recording

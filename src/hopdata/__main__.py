@@ -205,11 +205,9 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
     "inspect": (
         "hopdata.commands.inspect:inspect",
         "say what is in a recording, and what looks wrong",
-        "Say what is in a recording: markers, rate, duration, gaps; unit and vertical axis with\n"
-        "the reason for the guess; rigid clusters and noise; and what looks wrong: swapped\n"
-        "markers, spikes, jumps, frozen markers, dropped frames, irregular time stamps.\n"
-        "Nothing is written unless --html asks for it. Exit code 1 if anything looks wrong;\n"
-        "gaps alone do not count.",
+        "Say what is in a recording: markers, rate, gaps, unit and vertical axis, rigid clusters,\n"
+        "noise; and what looks wrong: swaps, spikes, jumps, frozen markers, dropped frames,\n"
+        "irregular time stamps. Exit code 1 if anything does; gaps alone do not count.",
         "  hopdata inspect data/sample/hopper.h5\n"
         "  hopdata inspect monday.tsv --html monday.html\n"
         "  hopdata inspect monday.tsv --rate 250        a file that does not state its rate\n",
@@ -227,9 +225,8 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
     "init": (
         "hopdata.commands.init:init",
         "write a first configuration for a recording",
-        "Write a configuration with comments, the roles of the markers guessed from their\n"
-        "motion and names, each guess with its reason. Exit code 1 if something must be filled\n"
-        "in by hand.",
+        "Write a configuration, the roles of the markers guessed from motion and names, each with\n"
+        "its reason. Exit code 1 if something must be filled in by hand.",
         "  hopdata init data/sample/hopper.h5           writes config/hopper.yaml\n"
         "  hopdata init monday.tsv -o config/mine.yaml\n",
         _init_options,
@@ -237,9 +234,8 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
     "check": (
         "hopdata.commands.check:check",
         "check a configuration and its recordings",
-        "Check a configuration, read its recordings, and say what is in them and what the study\n"
-        "will find: landings used, whether the verdict is in reach, what to change. Exit code 1,\n"
-        "and a line on each mistake, if anything is wrong. Nothing is written.",
+        "Read a configuration and its recordings, and say what a study will find: landings used,\n"
+        "whether the verdict is in reach, what to change. Exit code 1 if anything is wrong.",
         "  hopdata check config/config.yaml\n",
         _check_options,
     ),
@@ -256,12 +252,11 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         _run_options,
     ),
     "plan": (
-        "hopdata.commands.plan:plan",
+        "hopdata.commands.run:plan",
         "say how many landings show which difference",
-        "Say how many landings a study takes to show a difference of a given size, from the\n"
-        "verdict on a pilot: a short recording of the same kind, or a study simulated with\n"
-        "the feet, rate, noise and kicks of its configuration. Errors fall with the root of the\n"
-        "number of landings.",
+        "Say how many landings a study takes to show a difference, from the verdict on a pilot: a\n"
+        "short recording of the same kind, or a study simulated as its configuration says.\n"
+        "Errors fall with the root of the number of landings.",
         "  hopdata plan results/sample/verdict.json\n"
         "  hopdata plan config/quadruped.yaml --difference 0.08 --figure plan.svg\n",
         _plan_options,

@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import one_blas_thread, pd
-from hopdata.errors import AnalysisError, RecordingError, did_you_mean
-from hopdata.recording import Recording, Truth, marker_names, require_distinct
+from hopdata.errors import AnalysisError, ArgumentError, RecordingError, did_you_mean, told_call
+from hopdata.recording import Recording, Truth, marker_names, numbers, require_distinct
 
 if TYPE_CHECKING:
     from hopdata.landings.sections.select import Sections
@@ -31,6 +31,7 @@ Progress = Callable[[str], object]
 Simulate = Callable[..., tuple[Recording, Truth]]
 
 
+@told_call
 def read(
     file: str | Path | Sequence[str | Path],
     *,
@@ -69,8 +70,12 @@ def read(
     >>> read("data/sample/hopper.h5", feet=feet, body=body)
     <Recording 'hopper': 6 markers, 106,334 frames at 100 Hz, 100 % seen>
     """
+    from hopdata.config.loading import check_keys
     from hopdata.recordings.importing import import_recording
 
+    if not file or not isinstance(file, str | Path | Sequence):
+        raise ArgumentError(f"file: expected a path or a list of paths, found {file!r}")
+    check_keys("read", {"input": options})
     first = Path(file if isinstance(file, str | Path) else file[0])
     markers = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
     options = {"vertical_axis": _guessed(first, markers, options)[0], **options}
@@ -98,6 +103,7 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, lis
     return axis.value, feet_between(raw.markers, positions, raw.rate_hz, feet)
 
 
+@told_call
 def study(
     source: str | Path | Mapping[str, Any] | Recording,
     *,
@@ -107,10 +113,13 @@ def study(
     **keys: Any,
 ) -> Study:
     """Prepare a study, to be gone through step by step; arguments and errors of `analyse`."""
-    from hopdata.config.loading import load_config, read_yaml
+    from hopdata.config.loading import check_keys, load_config, read_yaml
     from hopdata.recordings.plausibility import check_plausible
 
+    if not callable(progress):
+        raise ArgumentError(f"progress: expected a function such as print, found {progress!r}")
     given: tuple[Recording, ...] = ()
+    files: list[str | Path] = []
     content: Mapping[str, Any]
     roles = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
     if isinstance(source, Recording):
@@ -124,27 +133,30 @@ def study(
     elif not isinstance(source, str | Path):
         raise RecordingError(
             "source: expected a file, a configuration or a recording, found a "
-            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays"
+            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays, several files "
+            "through hd.read"
         )
     elif Path(source).suffix.lower() in {".yaml", ".yml"}:
-        content = read_yaml(source)
+        content, files = read_yaml(source), [source]
     else:
         entry = {"name": Path(source).stem, "file": str(source)}
         content = {"study": entry["name"], "recordings": [entry]}
-        options = dict(keys.get("input", {}))
+        options, sections = (keys.get(key) or {} for key in ("input", "sections"))
+        check_keys("configuration", {"input": options, "sections": sections})
         up, others = _guessed(Path(source), roles, options)
         keys["input"] = {**options, "vertical_axis": up}
         progress(f"reading {source} with {up} up")
-        if others and "frames" not in keys.get("sections", {}):
-            keys["sections"] = {**keys.get("sections", {}), "frames": "landings"}
+        if others and "frames" not in sections:
+            keys["sections"] = {**sections, "frames": "landings"}
             progress(f"sections.frames: landings, since other feet land too ({', '.join(others)})")
     markers = {"markers": roles} if any(roles.values()) else {}
-    config = load_config({**content, **markers, **keys})
+    config = load_config({**content, **markers, **keys}, files=files)
     for recording in given:
         check_plausible(recording, **config["quality"])
     return Study(config, given, progress)
 
 
+@told_call
 def analyse(
     source: str | Path | Mapping[str, Any] | Recording,
     *,
@@ -184,6 +196,7 @@ def analyse(
     return found
 
 
+@told_call
 def synthesize(
     scene: str = "hopper", *, name: str = "simulated", seed: int = 0, **keys: Any
 ) -> tuple[Recording, Truth]:
@@ -215,7 +228,8 @@ def synthesize(
     from hopdata.config.loading import load_config
     from hopdata.synthesis import simulate_recording
 
-    keys["simulation"] = {"scene": scene, **keys.get("simulation", {})}
+    options = keys.get("simulation") or {}
+    keys["simulation"] = {"scene": scene, **options} if isinstance(options, Mapping) else options
     # All markers are made, whichever of them a study would follow.
     markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
     content = {"study": name, "recordings": [{"name": name}], "markers": markers, "seed": seed}
@@ -230,6 +244,7 @@ def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recor
     return simulate(simulation_of(config, name), config["motion_capture"], seed=seed, name=name)
 
 
+@told_call
 def plan(
     pilot: Study | Verdict, differences: Sequence[float] = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5)
 ) -> pd.DataFrame:
@@ -253,15 +268,21 @@ def plan(
         If the pilot has no answer.
     """
     from hopdata.maps.verdict.effect import landings_needed
+    from hopdata.maps.verdict.judge import Verdict
 
-    verdict = pilot.verdict if isinstance(pilot, Study) else pilot
-    if not min(differences, default=0) > 0:
+    verdict, sizes = getattr(pilot, "verdict", pilot), numbers("differences", differences).ravel()
+    if not isinstance(verdict, Verdict):
+        raise ArgumentError(
+            f"pilot: expected a study or its verdict, found {pilot!r}; a verdict.json goes through "
+            "the command hopdata plan"
+        )
+    if not min(sizes, default=0) > 0:
         raise AnalysisError(f"differences: expected numbers above 0, found {differences}")
     if verdict.effect is None:
         raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
     known = (verdict.n_landings, verdict.effect.detectable)
-    needed = [landings_needed(*known, size, verdict.n_feet) for size in differences]
-    return pd.DataFrame({"difference": list(differences), "landings": needed})
+    needed = [landings_needed(*known, size, verdict.n_feet) for size in sizes]
+    return pd.DataFrame({"difference": sizes, "landings": needed})
 
 
 @dataclass(frozen=True, repr=False)
@@ -576,14 +597,10 @@ class Study:
         from hopdata.jobs import as_stored
 
         name = Path(file).stem
-        if name == "touchdowns":  # without all the other stages
-            return self.touchdowns
-        if name == "verdict":
-            return self.verdict.to_dict()
-        if name == "sections":
-            return self.sections.to_dict()
-        if name == "units":
-            return self.units
+        if name in ("touchdowns", "units"):  # without all the other stages
+            return getattr(self, name)
+        if name in ("verdict", "sections"):
+            return getattr(self, name).to_dict()
         if name in self._of_landings:  # without fitting all the models
             return as_stored(self._of_landings[name])
         return as_stored(self._of_maps[0][name])

@@ -1,10 +1,13 @@
 """Errors a user can act on: each says where, what was expected and what was found."""
 
 import difflib
-from collections.abc import Iterable, Mapping
-from typing import TypeVar
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 Entry = TypeVar("Entry")
+Arguments = ParamSpec("Arguments")
 
 
 class HopdataError(Exception):
@@ -19,6 +22,10 @@ class HopdataError(Exception):
     def _render_traceback_(self) -> list[str]:
         """Show the message alone in a notebook, which asks for this, without our inner frames."""
         return [f"{type(self).__name__}: {self}"]
+
+
+class ArgumentError(HopdataError, TypeError, ValueError):
+    """A function was called with what it does not take."""
 
 
 class ConfigError(HopdataError):
@@ -53,6 +60,26 @@ def did_you_mean(name: str, choices: Iterable[str]) -> str:
 def _plain(name: str) -> str:
     """Return a name without what is easily overlooked: case, spaces at its ends, kinds of space."""
     return " ".join(name.split()).casefold()
+
+
+def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry]:
+    """Decorate a function so that a misspelt or missing argument is told with those there are."""
+    known = inspect.signature(function)
+    names = [name for name in known.parameters if name != "cls"]
+
+    @wraps(function)
+    def called(*given: Arguments.args, **named: Arguments.kwargs) -> Entry:
+        try:
+            known.bind(*given, **named)
+        except TypeError as error:
+            near = [did_you_mean(name, names) for name in named if name not in names]
+            raise ArgumentError(
+                f"{function.__name__}: expected the arguments {', '.join(names)}, found "
+                f"{error}{''.join(near)}"
+            ) from None
+        return function(*given, **named)
+
+    return called
 
 
 def require(holds: bool, key: str, wanted: str, found: object) -> None:

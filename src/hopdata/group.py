@@ -15,16 +15,8 @@ NAME = "[A-Za-z0-9][A-Za-z0-9_-]{0,99}"
 NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session", "condition")
 #: What a member's row takes from its verdict.
 SIZES = (
-    "estimate",
-    "low",
-    "high",
-    "upper_bound",
-    "p_value",
-    "squared",
-    "squared_error",
-    "along_error",
-    "granted_squared",
-    "moved_squared",
+    *("estimate", "low", "high", "upper_bound", "p_value"),
+    *("squared", "squared_error", "along_error", "granted_squared", "moved_squared"),
 )
 
 logger = logging.getLogger("hopdata")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import glob
 import json
 import logging
@@ -11,7 +10,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -74,26 +73,27 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     StorageError
-        If the disk is full, or the quota or the limit of a file's size is reached.
+        If it cannot be written, for instance since the disk is full.
     """
     target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
-        left.unlink(missing_ok=True)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        for left in target.parent.glob(f".{glob.escape(target.name)}.*.part"):
+            left.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, target)
     except (OSError, RuntimeError) as error:  # h5py's has the number in its words alone
         told = re.search(r"errno = (\d+)", str(error))
         code = int(told[1]) if told else getattr(error, "errno", None)
-        if code not in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
+        if code is None:
             raise
         raise StorageError(
-            f"{path}: expected room to write it, found: {os.strerror(code)}; nothing of it is kept"
+            f"{path}: expected a place to write it, found: {os.strerror(code)}; nothing is kept"
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink()
 
 
 def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None:

@@ -14,15 +14,9 @@ from hopdata import __version__
 PACKAGE = Path(__file__).parent
 ASSETS = {".css", ".j2", ".mplstyle", ".yaml"}
 REPORTED_PACKAGES = [
-    "hopdata",
-    "numpy",
-    "scipy",
-    "pandas",
-    "matplotlib",
-    "h5py",
-    "numba",
-    "snakemake",
+    *("hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba", "snakemake")
 ]
+MISSING = "not installed"
 # Statements `from hopdata... import ...`, also over several lines, and `import hopdata...`. To
 # parse all sources takes half as long as the shortest study.
 IMPORT = re.compile(
@@ -117,7 +111,7 @@ def provenance(
         "config": dict(config),
         "inputs": dict(inputs),
         "code_sha256": package_digest(),
-        "versions": {name: _version(name) for name in REPORTED_PACKAGES},
+        "versions": {name: version_of(name) for name in REPORTED_PACKAGES},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
         "stage_seconds": {path.stem: _seconds(path) for path in sorted(stage_times)},
@@ -133,11 +127,12 @@ def package_digest() -> str:
     return digest.hexdigest()
 
 
-def _version(name: str) -> str:
+def version_of(name: str) -> str:
+    """Return the version of a package that is installed, or `MISSING`."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
-        return __version__ if name == "hopdata" else "not installed"
+        return __version__ if name == "hopdata" else MISSING
 
 
 def _seconds(path: Path) -> float:

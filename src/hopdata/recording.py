@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, Shown
-from hopdata.errors import RecordingError, require_choice
+from hopdata.errors import ArgumentError, RecordingError, require_choice, told_call
 
 
 @dataclass(frozen=True)
@@ -81,14 +81,12 @@ class Recording(Shown):
 
     def __post_init__(self) -> None:
         seen = (len(self.time), len(self.markers))
-        if self.time.ndim != 1:
-            raise ValueError(f"time: expected shape (N,), found {self.time.shape}")
         if len(self.roles) != seen[1]:
-            raise ValueError(f"roles: expected {seen[1]} entries, found {len(self.roles)}")
-        for name, shape in (("positions", (*seen, 3)), ("filled", seen)):
+            raise ArgumentError(f"roles: expected {seen[1]} entries, found {len(self.roles)}")
+        for name, shape in (("time", seen[:1]), ("positions", (*seen, 3)), ("filled", seen)):
             array = getattr(self, name)
-            if array is not None and array.shape != shape:
-                raise ValueError(f"{name}: expected shape {shape}, found {array.shape}")
+            if array is not None and (found := getattr(array, "shape", type(array))) != shape:
+                raise ArgumentError(f"{name}: expected an array of shape {shape}, found {found}")
 
     def told(self) -> str:
         """Return name, size and how much of it was seen."""
@@ -128,6 +126,7 @@ class Recording(Shown):
         return DataArray(self.positions, {**axes, "role": roles}, list(axes), self.name, attributes)
 
     @classmethod
+    @told_call
     def from_arrays(
         cls,
         time: ArrayLike,
@@ -165,7 +164,7 @@ class Recording(Shown):
         >>> Recording.from_arrays(time, still, markers, feet=["toe"], body=markers[1:])
         <Recording 'recording': 4 markers, 5 frames at 100 Hz, 100 % seen>
         """
-        stamps, places = _numbers("time", time), _numbers("positions", positions)
+        stamps, places = numbers("time", time), numbers("positions", positions)
         known, of_foot, of_body = (
             marker_names(*named) for named in (("markers", markers), ("feet", feet), ("body", body))
         )
@@ -182,6 +181,7 @@ class Recording(Shown):
             raise RecordingError(
                 f"positions: expected shape {wanted} (frames, markers, 3), found {places.shape}"
             )
+        marker_names("feet and body", (*of_foot, *of_body))
         for key, chosen in (("feet", of_foot), ("body", of_body)):
             for one in chosen:
                 require_choice(key, one, known)
@@ -205,6 +205,8 @@ class Recording(Shown):
 
     def part(self, frames: slice) -> Recording:
         """Return the recording of these frames alone."""
+        if not isinstance(frames, slice):
+            raise ArgumentError(f"frames: expected a slice, as slice(0, 1000), found {frames!r}")
         filled = None if self.filled is None else self.filled[frames]
         kept: Any = {"time": self.time[frames], "positions": self.positions[frames]}
         return replace(self, **kept, filled=filled)
@@ -231,12 +233,13 @@ def _together(markers: list[int]) -> list[int] | slice:
     return slice(markers[0], markers[-1] + 1) if side_by_side else markers
 
 
-def _numbers(key: str, values: ArrayLike) -> FloatArray:
+def numbers(key: str, values: ArrayLike) -> FloatArray:
+    """Return what is given for an argument as an array; refuse all but numbers by its name."""
     try:
         return np.asarray(values, float)
     except (TypeError, ValueError) as error:
         found = str(error).partition(". ")[0]
-        raise RecordingError(f"{key}: expected an array of numbers, found {found}") from None
+        raise ArgumentError(f"{key}: expected an array of numbers, found {found}") from None
 
 
 def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
@@ -373,16 +376,10 @@ class Truth:
 
 # Sizes that go by letters: N frames, L landings, n feet; the others are fixed.
 _SIZES: dict[str, str] = {
-    "contact_times": "L n",
-    "apex_times": "L",
-    "complete": "L",
-    "foot_down": "N n",
-    "body_height": "N",
-    "contact_points": "L n 2",
-    "floor_at_contacts": "L n",
-    "apex_states": "L 12",
-    "preloads_n": "L n",
-}
+    "contact_times": "L n", "apex_times": "L", "complete": "L", "foot_down": "N n",
+    "body_height": "N", "contact_points": "L n 2", "floor_at_contacts": "L n",
+    "apex_states": "L 12", "preloads_n": "L n",
+}  # fmt: skip
 
 
 def check_sizes(truth: Truth) -> None:

@@ -47,6 +47,27 @@ def test_progress_is_plain_lines_where_no_one_looks(folder, capfd):
     assert "loud" in Path("results/trial/logs/run.log").read_text()
 
 
+def test_a_dry_run_says_a_line_a_stage(folder, capfd):
+    rules = (
+        'rule all:\n    input: "a1", "a2"\n'
+        'rule a:\n    output: "a{n}"\n    shell: "touch {output}"\n'
+    )
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    snakefile = workflow(folder, rules)
+    assert run_workflow(*options, "--dry-run", snakefile=snakefile) == 0
+    said = capfd.readouterr()
+    assert [line.split() for line in said.out.splitlines()] == [
+        ["trial:", "would", "run"],
+        ["a", "2", "jobs"],
+    ]
+    assert said.err == ""
+    assert not Path("a1").exists()
+    assert run_workflow(*options, snakefile=snakefile) == 0
+    capfd.readouterr()
+    assert run_workflow(*options, "--dry-run", snakefile=snakefile) == 0
+    assert capfd.readouterr().out == "trial: nothing to do\n"
+
+
 def test_a_failure_names_its_line_and_the_log(folder, capfd):
     rules = 'rule a:\n    output: "a"\n    shell: "echo hopdata: error: no feet >&2; exit 1"\n'
     options = (Path("config.yaml"), "trial", "--cores", "1")

@@ -46,20 +46,18 @@ def check(options: argparse.Namespace) -> int:
                 )  # fmt: skip
                 progress(f"checking {', '.join(files)}")
                 check_plausible(recording, **config["quality"])
+            span_s, rate_hz = recording.time[[0, -1]].tolist(), config["input"]["rate_hz"]
             known = describe_external(
-                entry,
-                feet=feet_of(config),
-                span_s=(float(recording.time[0]), float(recording.time[-1])),
-                rate_hz=config["input"]["rate_hz"],
+                entry, feet=feet_of(config), span_s=span_s, rate_hz=rate_hz,
                 extent_m=extent(recording.positions),
-            )
+            )  # fmt: skip
         except RecordingError as error:
             key = re.search(r"markers\.\w+: expected .*", str(error))
             place = place_of(key[0], [options.config], "") if key else ""
             mistakes.append(f"{place}: {error}" if place else str(error))
             continue
         print("\n".join([_summary(recording, config), *known]))
-        remarks += [*notes(recording), *_suspects(recording, config["input"]["rate_hz"])]
+        remarks += [*notes(recording), *_suspects(recording, rate_hz)]
         sound.append(recording)
     for remark in remarks:
         print(f"note: {remark}")

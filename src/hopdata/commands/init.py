@@ -249,17 +249,15 @@ def _draft(
             "tell where the sections should be."
         )
     return Draft(
-        study=study_name(out.stem),
-        recording=study_name(options.file.stem),
-        file=_relative(options.file),
-        markers={"body": roles.body, "feet": roles.feet, "boom": roles.boom},
-        reasons=reasons,
-        settings={section: values for section, values in settings.items() if values},
-        remarks=[remark for remark in remarks if remark not in inspection.remarks],
-        notes=inspection.remarks,
-        all_markers=inspection.markers,
-        home=roles.home,
-    )
+        study_name(out.stem),
+        study_name(options.file.stem),
+        _relative(options.file),
+        {"body": roles.body, "feet": roles.feet, "boom": roles.boom},
+        reasons,
+        {section: values for section, values in settings.items() if values},
+        [remark for remark in remarks if remark not in inspection.remarks],
+        inspection.remarks, inspection.markers, roles.home,
+    )  # fmt: skip
 
 
 _WHAT = {"body": "The body:", "feet": "The feet, numbered in this order:", "boom": "The boom:"}

@@ -1,4 +1,4 @@
-"""``hopdata run``, ``clean``, ``doctor``: the workflow, what it leaves behind, what it needs."""
+"""``hopdata run``, ``plan``, ``clean``, ``doctor``: the workflow, what it leaves and needs."""
 
 import argparse
 import filecmp
@@ -10,20 +10,23 @@ import shutil
 import subprocess
 import sys
 import time
-from importlib import metadata
+from contextlib import suppress
 from pathlib import Path
+from statistics import fmean
+from typing import Any
 
 from hopdata.analysis import SNAKEFILE
 from hopdata.commands.terminal import OK, PROBLEM
-from hopdata.errors import ConfigError
-from hopdata.provenance import REPORTED_PACKAGES, package_digest
+from hopdata.errors import ConfigError, counted
+from hopdata.provenance import MISSING, REPORTED_PACKAGES, package_digest, version_of
 from hopdata.report.tables import quality_summary
 
 GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE, SAMPLE_CONFIG = Path("data/sample/hopper.h5"), Path("config/config.yaml")
+OPTIONAL = {"xarray": "Recording.to_xarray", "qtm-rt": "hopdata drive --host"}
 # What Snakemake says of a job: that it begins, that it is done, and how many are.
 _SAID = re.compile(r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \(")
-_LAST_LINES = 12
+_LAST_LINES, _DRY = 12, {"-n", "--dry-run", "--dryrun"}
 
 
 def run(options: argparse.Namespace) -> int:
@@ -50,11 +53,9 @@ def run(options: argparse.Namespace) -> int:
         answer, page = (Path("results", study, name) for name in ("verdict.json", "report.html"))
     chosen = {"--dry-run": options.dry_run, "--forceall": options.force}
     passed = [*(flag for flag, is_set in chosen.items() if is_set), *options.passed_on]
-    passed += ["--quiet", "rules", "host", "reason"] * options.dry_run  # jobs without their files
     if run_workflow(config, study, "--cores", options.cores, *passed, snakefile=snakefile):
         return PROBLEM
-    is_dry = {"-n", "--dry-run", "--dryrun"} & set(passed)
-    if page.exists() and answer.exists() and not is_dry:
+    if page.exists() and answer.exists() and not _DRY & set(passed):
         print(json.loads(answer.read_text(encoding="utf-8"))["sentence"])
         if (checks := answer.with_name("quality.json")).exists():
             good, others = quality_summary(json.loads(checks.read_text(encoding="utf-8")))
@@ -70,20 +71,15 @@ def _run_again(options: argparse.Namespace) -> int:
     from hopdata import __version__
 
     place = options.provenance
-    try:
-        record = json.loads(place.read_text(encoding="utf-8"))
-        config, version = record["config"], record["versions"]["hopdata"]
-        inputs = record["inputs"]
-    except OSError as error:
-        raise ConfigError(f"{place}: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise ConfigError(f"{place}: expected the provenance.json of a study") from None
+    keys = ("config", "inputs", "versions")
+    config, inputs, versions = _values(place, "provenance.json", *keys)
+    version = versions["hopdata"]
     if version != __version__:
         raise ConfigError(
             f"{place}: expected results of hopdata {__version__}, found those of {version}; to "
             f"make them again: pip install hopdata=={version}"
         )
-    if record.get("code_sha256") != package_digest():
+    if _values(place, place.name, "code_sha256") != [package_digest()]:
         print(f"note: {place}: made by other code of version {version}", file=sys.stderr)
     again = f"{config['study'][:94]}_again"
     copy = Path("results", again, "config.yaml")
@@ -103,6 +99,17 @@ def _run_again(options: argparse.Namespace) -> int:
     return PROBLEM if other else OK
 
 
+def _values(file: Path, name: str, *keys: str) -> list[Any]:
+    """Return values of a JSON file that a study left."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        return [content[key] for key in keys]
+    except OSError as error:
+        raise ConfigError(f"{file}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise ConfigError(f"{file}: expected the {name} of a study, found another file") from None
+
+
 def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE) -> int:
     """Run Snakemake on a configuration, show how far it is, and return its exit code.
 
@@ -116,10 +123,13 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     # In this order: any number of files may follow --configfile, and a target would be one.
     places = ["--configfile", str(config), "--snakefile", str(snakefile), "--nocolor"]
     command = [sys.executable, "-m", "snakemake", *places, *options]
-    said, begun, last = [], {"": time.monotonic()}, ""
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
-    ) as snakemake:
+    listed = ["--quiet", "rules", "host", "reason"] * ("--dry-run" in options)
+    given = options[options.index("--cores") + 1]
+    cores = int(given) if given.isdigit() else os.cpu_count() or 1
+    said, begun, took, last = [], {"": time.monotonic()}, [], ""
+    pipes: Any = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE if listed else None}
+    pipes |= {"encoding": "utf-8", "errors": "replace"}
+    with subprocess.Popen([*command, *listed], **pipes) as snakemake:
         try:
             for line in snakemake.stderr or ():
                 said.append(line)
@@ -131,16 +141,25 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
                 if begins:
                     begun[begins] = time.monotonic()
                 elif ends:
-                    last = f"{rule} {time.monotonic() - begun.get(ends, begun['']):.0f} s"
+                    took.append(time.monotonic() - begun.get(ends, begun[""]))
+                    last = f"{rule} {took[-1]:.0f} s"
                 else:
-                    far = _how_far(int(done), int(number), time.monotonic() - begun[""], last)
-                    print(f"{study}: {far}", file=sys.stderr, flush=True)
+                    left = (int(number) - int(done)) * fmean(took or [0.0]) / cores
+                    seconds = left or time.monotonic() - begun[""]
+                    words = f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+                    last = f"{last}, about {words} left" if left else f"after {words}"
+                    print(f"{study}: {done} of {number} jobs done, {last}", file=sys.stderr)
+            told = "".join(snakemake.stdout or ())
             code = snakemake.wait()
         except KeyboardInterrupt:  # Snakemake got it too: it ends its jobs and unlocks the folder
             snakemake.wait()
             raise
-    if not {"-n", "--dry-run", "--dryrun"} & set(options):
-        _keep(log, said)
+    if not _DRY & set(options):
+        with suppress(OSError):  # a folder that cannot be written is Snakemake's to complain of
+            log.parent.mkdir(parents=True, exist_ok=True)
+            log.write_text("".join(said), encoding="utf-8")
+    if listed and not code:
+        print(_stages(study, told))
     if code:
         if not any(line.startswith("hopdata:") for line in said):
             print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
@@ -148,21 +167,11 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     return code
 
 
-def _how_far(done: int, number: int, seconds: float, last: str) -> str:
-    """Say how many jobs are done, and how long the others take if they are like these."""
-    left = seconds * (number - done) / done or seconds
-    words = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
-    said = f"{last}, about {words} left" if done < number else f"after {words}"
-    return f"{done} of {number} jobs done, {said}"
-
-
-def _keep(log: Path, said: list[str]) -> None:
-    """Write the log; a folder that cannot be written is Snakemake's to complain of."""
-    try:
-        log.parent.mkdir(parents=True, exist_ok=True)
-        log.write_text("".join(said), encoding="utf-8")
-    except OSError:
-        pass
+def _stages(study: str, told: str) -> str:
+    """Say what would run, a line a stage, from Snakemake's table of a dry run."""
+    table = re.findall(r"^(\w+) +(\d+)$", told.partition("\ntotal ")[0], re.MULTILINE)
+    lines = [f"  {rule:18} {counted(int(n), 'job')}" for rule, n in table if rule != "all"]
+    return "\n".join([f"{study}: {'would run' if lines else 'nothing to do'}", *lines])
 
 
 def _bring(file: Path) -> None:
@@ -178,6 +187,58 @@ def _bring(file: Path) -> None:
         )
 
 
+DIFFERENCES = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5)
+
+
+def plan(options: argparse.Namespace) -> int:
+    """Print a table of differences and the landings that show them; draw the curve if asked."""
+    from hopdata.maps.verdict.effect import landings_needed
+
+    file = options.pilot
+    if file.suffix in (".yaml", ".yml"):
+        file = _verdict_of(file)
+    landings, feet, power, seen = _pilot(file)
+    found = f"{100 * seen:.2g} % in {100 * power:g} % of studies"
+    print(f"{landings:,} landings of {feet} feet find {found}\n")
+    print("difference  landings")
+    own = () if options.difference is None else (options.difference,)
+    needed = {
+        difference: landings_needed(landings, seen, difference, feet)
+        for difference in sorted({*DIFFERENCES, *own})
+    }
+    for difference, number in needed.items():
+        print(f"{100 * difference:8.2g} %  {int(float(f'{number:.1e}')):8,}")
+    if options.figure is not None:
+        from hopdata.figures.style import save_figure
+        from hopdata.figures.verdict import plan_figure
+
+        figure = plan_figure(needed, (landings, seen), power)
+        base, suffix = options.figure.with_suffix(""), options.figure.suffix.removeprefix(".")
+        print(f"\n{save_figure(figure, base, formats=(suffix or 'svg',))[0]}: written")
+    return OK
+
+
+def _verdict_of(config: Path) -> Path:
+    """Run a study, which may be simulated, as far as its verdict, and return where that is."""
+    from hopdata.config.loading import load_config
+
+    study = load_config(config)["study"]
+    verdict = Path("results") / study / "verdict.json"
+    print(f"{config}: as far as {verdict}", flush=True)
+    if run_workflow(config, study, "--cores", "2", "--", str(verdict)):
+        raise ConfigError(f"{config}: the study does not run to its verdict; see above")
+    return verdict
+
+
+def _pilot(file: Path) -> tuple[int, int, float, float]:
+    """Return landings, feet, power and the difference that is found with it."""
+    keys = ("n_landings", "n_feet", "power", "effect")
+    landings, feet, power, effect = _values(file, "verdict.json", *keys)
+    if effect is None:
+        raise ConfigError(f"{file}: the pilot has no answer: {_values(file, '', 'sentence')[0]}")
+    return landings, feet, power, effect["detectable"]
+
+
 def doctor(_options: argparse.Namespace) -> int:
     """Say what there is of versions, cores, memory, caches and space; exit code 1 if it lacks."""
     import hopdata
@@ -186,12 +247,10 @@ def doctor(_options: argparse.Namespace) -> int:
     places.append(Path("~/.cache/hopdata").expanduser())
     compiled = [file for place in places if place for file in Path(place).rglob("*.nbi")]
     lines = [("python", f"{platform.python_version()}, {platform.system()} {platform.machine()}")]
-    problems = []
-    for name in REPORTED_PACKAGES:
-        try:
-            lines.append((name, metadata.version(name)))
-        except metadata.PackageNotFoundError:
-            problems.append(f"{name}: expected it installed; install hopdata anew")
+    lines += [(name, version_of(name)) for name in REPORTED_PACKAGES]
+    problems = [f"{name}: expected it installed; install hopdata anew" for name, version in lines
+                if version == MISSING]  # fmt: skip
+    lines += [(name, f"{version_of(name)} (for {use} alone)") for name, use in OPTIONAL.items()]
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     lines += [("cores", f"{cores}"), ("memory", _memory()), ("workflow", str(SNAKEFILE))]
     lines += [("compiled", f"{len(compiled)} functions" if compiled else "none; once, some 20 s")]

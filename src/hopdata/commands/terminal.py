@@ -26,12 +26,9 @@ OK, PROBLEM, INTERRUPTED = 0, 1, 130
 
 WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
 KINDS = {
-    "frozen": "frozen marker",
-    "dropped": "dropout",
-    "rate": "wrong frame rate",
-    "irregular": "irregular time stamp",
-    "backward": "backward time stamp",
-}
+    "frozen": "frozen marker", "dropped": "dropout", "rate": "wrong frame rate",
+    "irregular": "irregular time stamp", "backward": "backward time stamp",
+}  # fmt: skip
 LONG_UNSEEN = 0.2  # of the frames
 HEIGHTS, PARTLY, UNSEEN = "▁▂▃▄▅▆▇█", "▒", "·"
 PLAIN = str.maketrans(HEIGHTS + PARTLY + UNSEEN, "#" * len(HEIGHTS) + "+.")
@@ -77,10 +74,9 @@ def _facts(inspection: Inspection) -> list[str]:
         stamps = f"{counted(timing.n_dropped, 'frame')} dropped"
     rate = f"{len(inspection.time)} at {inspection.rate_hz:g} Hz, {inspection.duration_s:.1f} s"
     unit, up = inspection.unit, inspection.up
-    names = ", ".join(inspection.markers)
     return [
         f"  {'frames':8} {rate}; {stamps}",
-        *_wrapped("markers", f"{len(inspection.markers)}: {names}"),
+        *_wrapped("markers", f"{len(inspection.markers)}: {', '.join(inspection.markers)}"),
         *_wrapped("unit", f"{unit.value}: {unit.reason}"),
         *_wrapped("up", f"{up.value}: {up.reason}"),
     ]

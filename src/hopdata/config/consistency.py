@@ -151,7 +151,7 @@ def nearest_file(file: Path) -> str:
     folder = file.parent
     if not folder.is_dir():
         return f"; there is no folder '{folder}' in {Path.cwd()}"
-    files = (p for p in sorted(folder.iterdir()) if p.is_file())
+    files = (p for p in sorted(folder.iterdir()) if p.is_file() and p.name[0] != ".")
     names = [p.name for p in files if (p.suffix in YAML) == (file.suffix in YAML)]
     if near := did_you_mean(file.name, names):
         return near

@@ -215,6 +215,12 @@ def load_config(
     return config
 
 
+def check_keys(place: str, keys: Mapping[str, Any]) -> None:
+    """Check some sections of a configuration; raise a `ConfigError` that begins with `place`."""
+    schema = {**load_schema(_scene_of(keys)), "required": []}
+    _raise_all(place, [], _schema_mistakes(dict(keys), schema))
+
+
 def _scene_of(content: Mapping[str, Any]) -> str:
     """Return the scene that is simulated; the standard one if the content names none that is."""
     simulation = content.get("simulation")

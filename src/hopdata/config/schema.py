@@ -22,20 +22,13 @@ if TYPE_CHECKING:
 SCHEMA_FILE = Path(__file__).with_name("schema.yaml")
 
 _TYPES = {
-    "number": "a number",
-    "integer": "a whole number",
-    "string": "text",
-    "boolean": "true or false",
-    "array": "a list",
-    "object": "keys with values",
-    "null": "null",
-}
+    "number": "a number", "integer": "a whole number", "string": "text", "null": "null",
+    "boolean": "true or false", "array": "a list", "object": "keys with values",
+}  # fmt: skip
 _BOUNDS = {
-    "exclusiveMinimum": "above {}",
-    "minimum": "at least {}",
-    "exclusiveMaximum": "below {}",
-    "maximum": "at most {}",
-}
+    "exclusiveMinimum": "above {}", "minimum": "at least {}",
+    "exclusiveMaximum": "below {}", "maximum": "at most {}",
+}  # fmt: skip
 
 
 @cache

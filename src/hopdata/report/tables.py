@@ -497,7 +497,7 @@ def excluded_table(
         "time (s)": show.decimals("t_pre_s", 2),
     }
     if by_name:
-        columns["feet, and when they touched"] = lambda row: Markup(
+        columns["feet, coloured as in 3-D, and when they touched"] = lambda row: Markup(
             small_plot(by_name.get(str(row["recording"])), row)
         )
     return show.table_of(

@@ -231,7 +231,7 @@ def test_bad_data_get_a_sentence_and_no_number(name):
 
 def test_tables_of_unequal_length_are_refused():
     data = landings(n=300)
-    with pytest.raises(AnalysisError, match=r"expected a row a landing, found \[299, 300\]"):
+    with pytest.raises(AnalysisError, match=r"x, y, instants: .* found \(300, 18\), \(299, 18\)"):
         judge(data.before, data.after[:-1], data.instants, **OPTIONS)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import Shown, one_blas_thread
-from hopdata.errors import AnalysisError, require_choice
+from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.effect import (
     EffectSize,
@@ -23,6 +23,7 @@ from hopdata.maps.verdict.effect import (
 )
 from hopdata.maps.verdict.inputs import section_landings
 from hopdata.maps.verdict.model import fit_kinks
+from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
 #: Difference of which every verdict says how many landings would show it.
@@ -131,6 +132,7 @@ def outlook(effect: EffectSize, needed: int, power: float) -> str:
     )
 
 
+@told_call
 @one_blas_thread()
 def judge(
     x: ArrayLike,
@@ -164,21 +166,24 @@ def judge(
     Raises
     ------
     AnalysisError
-        If the three have not as many rows.
+        If the three do not fit together.
     """
-    parts = [np.asarray(part, float) for part in (x, y, instants)]
-    if len(counts := {len(part) for part in parts}) > 1:
-        raise AnalysisError(f"x, y and instants: expected a row a landing, found {sorted(counts)}")
+    parts = [numbers(*one) for one in (("x", x), ("y", y), ("instants", instants))]
+    shapes = [part.shape for part in parts]
+    fits = [len(shape) for shape in shapes] == [2, 2, 2] and shapes[0] == shapes[1]
+    if not fits or shapes[0][0] != shapes[2][0] or shapes[0][1] % 6:
+        told = "x, y, instants: expected a row a landing, (n, 6B), (n, 6B) and (n, feet), found "
+        raise AnalysisError(told + ", ".join(map(str, shapes)))
+    for key, share in (("confidence", confidence), ("power", power)):
+        require(0 < share < 1, key, "a number between 0 and 1", share)
+    for key, number in (("margin", margin), ("flips", flips)):
+        require(number > 0, key, "a number above 0", number)
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
     notes = _unknown_notes(known)
     asked: dict[str, Any] = {
-        "n_feet": parts[2].shape[1],
-        "n_landings": int(known.sum()),
-        "confidence": confidence,
-        "margin": margin,
-        "power": power,
-        "flips": flips,
-    }
+        "n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "confidence": confidence,
+        "margin": margin, "power": power, "flips": flips,
+    }  # fmt: skip
     try:
         landings = section_landings(*(part[known] for part in parts))
         *differences, what = compared(landings)

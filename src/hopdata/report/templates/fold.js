@@ -20,3 +20,23 @@
   addEventListener("beforeprint", () => folds.forEach((fold) => (fold.open = true)));
   unfold();
 }
+// In a narrow window the panels of the first picture stand one below the other, their letters as large as before.
+const wide = document.querySelector("#glance-picture img");
+if (wide && matchMedia("(max-width: 45rem)").matches) {
+  const bytes = Uint8Array.from(atob(wide.src.split(",")[1]), (sign) => sign.charCodeAt(0));
+  const drawn = new DOMParser().parseFromString(new TextDecoder().decode(bytes), "image/svg+xml").documentElement;
+  const panels = [...drawn.querySelectorAll("[id^=axes_]")];
+  document.body.append(drawn);
+  const boxes = panels.map((panel) => panel.getBBox());
+  drawn.remove();
+  for (const [i, { x, y, width, height }] of boxes.entries()) {
+    const image = wide.cloneNode(), view = { viewBox: [x, y, width, height].join(" "), width: `${width}pt`, height: `${height}pt` };
+    for (const [key, value] of Object.entries(view)) drawn.setAttribute(key, value);
+    panels.forEach((panel, k) => panel.setAttribute("visibility", k === i ? "visible" : "hidden"));
+    image.src = "data:image/svg+xml," + encodeURIComponent(new XMLSerializer().serializeToString(drawn));
+    image.style.setProperty("--paper", `${width}pt`);
+    if (i) image.alt = "";
+    wide.before(image);
+  }
+  wide.remove();
+}
