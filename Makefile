@@ -141,7 +141,10 @@ release: export SOURCE_DATE_EPOCH = $(shell git log -1 --format=%ct)
 release: $(VENV)/.dev
 	@test -z "$$(git status --porcelain)" || { echo "release: expected a clean checkout, found changes" >&2; exit 1; }
 	grep -q "^version: $$($(BIN)/hopdata --version | cut -d' ' -f2)$$" CITATION.cff
-	rm -rf dist && for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to; done
+# The wheel brings machine code; it stands here only meanwhile, for a clone compiles its own.
+	rm -rf dist && trap 'rm -rf src/hopdata/_machine_code' EXIT && \
+	  $(BIN)/python packaging/machine_code.py src/hopdata/_machine_code && \
+	  for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to || exit 1; done
 	for file in dist/hopdata-*; do cmp $$file dist/again/$${file##*/} || exit 1; done
 	rm -r dist/again && cd dist && sha256sum hopdata-* > SHA256SUMS && cat SHA256SUMS
 	for file in $(CURDIR)/dist/hopdata-*; do \

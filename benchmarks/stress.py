@@ -13,6 +13,7 @@ sign of h. `right` there asks of it what is asked of ours; read its `missed`, `s
 `error_max` instead. The rows of `quick` are `--systems` / 5 random members of each family of guards
 that bend or move quickly, at each of four tolerances, by all methods in turn; SciPy's DOP853 and
 heyoka (where the guard is an expression) integrate the same, which no event changes, and watch.
+`--seed` draws other systems in every random family; the peers are run with the usual ones alone.
 """
 
 from __future__ import annotations
@@ -107,19 +108,19 @@ def block_rows(first: int, count: int, *, affine: bool) -> Iterator[Row]:
     yield summed_row(f"{cases[0].name} back", seeds, [turned_back(case) for case in cases])
 
 
-def swing_rows(count: int) -> Iterator[Row]:
+def swing_rows(count: int, seed: int) -> Iterator[Row]:
     """Yield a row for each method that swings near their guard are integrated by."""
-    cases = swing_cases(count)
+    cases = swing_cases(count, 11 + seed)
     for method in SWING_METHODS:
         chosen = [case for case in cases if case.options["method"] == method]
         yield summed_row("swing", f"{len(chosen)} systems, {method}", chosen)
 
 
-def quick_rows(count: int) -> Iterator[Row]:
-    """Yield rows of the families of quick guards: ours, SciPy's and heyoka's."""
+def quick_rows(count: int, seed: int) -> Iterator[Row]:
+    """Yield rows of the families of quick guards: ours and, of seed 0, SciPy's and heyoka's."""
     for family in (*FAMILIES, "shaking table"):
         for number, rtol in enumerate(RTOLS):
-            rng = np.random.default_rng([number, *map(ord, family)])
+            rng = np.random.default_rng([number + len(RTOLS) * seed, *map(ord, family)])
             if family == "shaking table":
                 cases = [table_member(rng, rtol) for _ in range(count)]
                 yield summed_row("quick", f"{family}, {rtol:g}", cases)
@@ -136,6 +137,8 @@ def quick_rows(count: int) -> Iterator[Row]:
             if family == "after an event":  # of which peers without locks know nothing
                 continue
             yield summed_row("quick back", f"{family}, {rtol:g}", [turned_back(c) for c in ours])
+            if seed > 0:
+                continue
             yield peer_row("scipy", f"{family}, {rtol:g}", [watched_by_scipy(c) for c in cases])
             if family not in KINKED:
                 watch = heyoka_watcher(family, rtol)
@@ -311,16 +314,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--hops", type=int, default=100_000, help="hops of the long run")
     parser.add_argument("--systems", type=int, default=1000, help="random systems of each kind")
+    parser.add_argument("--seed", type=int, default=0, help="other random systems than those of 0")
     arguments = parser.parse_args()
+    seed, drawn_before = arguments.seed, arguments.seed * arguments.systems
     cases = [*gap_cases(), *root_cases(), *edge_cases(), *mass_cases()]
     rows = list(single_rows(cases))
     rows.extend(long_row(arguments.hops, rtol) for rtol in (1e-13, SMALLEST_RTOL))
     for affine in (False, True):
         for first in range(0, arguments.systems, BLOCK):
             count = min(BLOCK, arguments.systems - first)
-            rows.extend(block_rows(first, count, affine=affine))
-    rows.extend(swing_rows(arguments.systems))
-    rows.extend(quick_rows(max(1, arguments.systems // 5)))
+            rows.extend(block_rows(drawn_before + first, count, affine=affine))
+    rows.extend(swing_rows(arguments.systems, seed))
+    rows.extend(quick_rows(max(1, arguments.systems // 5), seed))
     rows.extend(scipy_rows(cases))
     table = pd.DataFrame(rows)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import json
 import os
 import shutil
 import subprocess
@@ -10,11 +12,12 @@ import tempfile
 import time
 from pathlib import Path
 
+import llvmlite.binding as llvm
 import numba
 import pytest
 
 import hopdata
-from hopdata.code_cache import cache_directory
+from hopdata.code_cache import cache_directory, compiled_in_cache, made_with
 from hopdata.hybrid.driver import loop as entry
 
 PACKAGE = Path(hopdata.__file__).parent
@@ -287,3 +290,70 @@ def test_one_process_compiles_while_the_others_wait(tmp_path):
     for process in [subprocess.Popen(command, env=environment) for _ in range(3)]:
         assert process.wait(timeout=120) == 0
     assert (tmp_path / "log").read_text().split() == ["begins", "ends"] * 3
+
+
+COMPILES = """
+from hopdata.hybrid.driver import loop
+
+def tiny_driver(desk, flags):
+    return desk + flags
+
+loop._run = tiny_driver
+print(loop.compiled_run().ctypes(40, 2))
+"""
+
+
+def test_only_the_process_that_compiles_the_driver_says_so(tmp_path):
+    (tmp_path / "tiny.py").write_text(COMPILES)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    command = [sys.executable, str(tmp_path / "tiny.py")]
+    folder = tmp_path / "kept" / f"hopdata-{entry.driver_digest()}"
+    folder.mkdir(parents=True)
+    with (folder / "lock").open("a") as lock:
+        fcntl = pytest.importorskip("fcntl")
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        both = [subprocess.Popen(command, env=environment, **pipes) for _ in range(2)]
+        time.sleep(3.0)  # now both wait, or one does and the other will find it compiled
+    said = [process.communicate(timeout=120) for process in both]
+    assert [out for out, _ in said] == ["42\n", "42\n"]
+    assert sum("compiling" in error for _, error in said) == 1
+
+
+@pytest.fixture
+def brought(monkeypatch, tmp_path):
+    """The machine code of `tiny_driver` as a wheel brings it; returns a way to write it anew."""
+    monkeypatch.setattr("hopdata.code_cache.BROUGHT", tmp_path)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kept"))
+    compiler = numba.cfunc(entry.RUN_NATIVE, error_model="numpy")
+    compiled = compiler(tiny_driver)
+    machine = llvm.Target.from_default_triple().create_target_machine(jit=True, reloc="static")
+    code = machine.emit_object(llvm.parse_assembly(compiled.inspect_llvm()))
+
+    def write(versions=None, features=(), needed=()):
+        line = json.dumps([versions or made_with(), compiled.native_name, features, needed])
+        (tmp_path / "tiny_driver-0123").write_bytes(line.encode() + b"\n" + code)
+        return compiled_in_cache(tiny_driver, "0123", lambda _: None)
+
+    return write
+
+
+def test_machine_code_that_a_wheel_brought_is_taken(brought):
+    features = [name for name, there in llvm.get_host_cpu_features().items() if there]
+    code = brought(features=features, needed=["pow"])
+    assert (
+        ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(code.address)(40, 2) == 42
+    )
+
+
+@pytest.mark.parametrize(
+    "what", [{"versions": ["0.1", "0.1", "vax"]}, {"features": ["fma9"]}, {"needed": ["no_such"]}]
+)
+def test_what_does_not_fit_is_compiled_here(brought, what):
+    assert brought(**what) is None
+
+
+@pytest.mark.parametrize("setting", [("CPU_NAME", "generic"), ("CPU_FEATURES", "-avx2")])
+def test_a_processor_that_the_user_names_is_compiled_for(brought, monkeypatch, setting):
+    monkeypatch.setattr(numba.config, *setting)
+    assert brought() is None

@@ -8,10 +8,14 @@ The folders stand in the first of these that can be written to: ``NUMBA_CACHE_DI
 set it, ``__pycache__`` beside the source, the user's cache folder, and a folder of the user's own
 among the temporary files. Where there is none, functions are compiled anew in each process.
 Removing them is always safe.
+
+A wheel may bring machine code (``packaging/machine_code.py`` makes it), for C functions that are
+called by their address. Where their digests, Numba and the processor fit, it is taken as it is.
 """
 
 import gc
 import hashlib
+import json
 import os
 import sys
 import tempfile
@@ -20,13 +24,17 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from threading import RLock
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
+import llvmlite
+import llvmlite.binding as llvm
+import numba
 import numpy as np
 from numba import NumbaError, config, njit
 
 DIGITS = 16
+BROUGHT = Path(__file__).parent / "_machine_code"  # by a wheel
 _LOCK = RLock()  # the setting of the folder is Numba's, and there is one for all threads
 
 
@@ -73,11 +81,13 @@ def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[Path 
 def compiled_in_cache(
     function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]
 ) -> Any:
-    """Return ``compile_it(True)``, loaded from the cache if it is there.
+    """Return ``compile_it(True)``, loaded from the cache if it is there, or what a wheel brought.
 
     Where caching fails (a full disk, a module that cannot be imported by its name), it is
     ``compile_it(False)``: compiled without.
     """
+    if (brought := brought_code(function, digest)) is not None:
+        return brought
     with cache_directory(function, digest) as folder, _alone_in(folder), _without_collector():
         try:
             return compile_it(folder is not None)
@@ -87,6 +97,36 @@ def compiled_in_cache(
             if folder is None:
                 raise
         return compile_it(False)
+
+
+def made_with() -> list[str]:
+    """Return the versions and the system that machine code is bound to."""
+    return [numba.__version__, llvmlite.__version__, llvm.get_default_triple()]
+
+
+def brought_code(function: Callable[..., Any], digest: str) -> SimpleNamespace | None:
+    """Return the `address` of a C function that came in the wheel, if it fits here.
+
+    What holds it in memory is returned beside it.
+
+    The file is a line of JSON and an object file. The line holds what `made_with` returned, the
+    function's symbol, the features of the processor that the code uses, and symbols that it needs,
+    without which the process would end. Numba's own settings of the processor exclude it.
+    """
+    file = BROUGHT / f"{function.__name__}-{digest}"
+    if config.CPU_NAME or config.CPU_FEATURES or not config.ENABLE_AVX or not file.is_file():  # type: ignore[attr-defined]
+        return None
+    line, code = file.read_bytes().split(b"\n", 1)
+    versions, symbol, features, needed = json.loads(line)
+    here = llvm.get_host_cpu_features()
+    fits = versions == made_with() and all(here.get(feature) for feature in features)
+    if not fits or not all(llvm.address_of_symbol(name) for name in needed):
+        return None
+    machine = llvm.Target.from_default_triple().create_target_machine(jit=True)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return SimpleNamespace(address=engine.get_function_address(symbol), engine=engine)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from hopdata.hybrid.compiled import kernel, linking
 
 LIBRARY = Path(hopdata.__file__).parent
 PUBLIC = {"numba", "numba.extending", "numba.types", "numba.typed", "numba.errors"}
+PUBLIC |= {"llvmlite", "llvmlite.binding"}
 MAY = {"hybrid/compiled/memory.py", "hybrid/compiled/linking.py", "hybrid/lanes/vectors.py"}
 
 

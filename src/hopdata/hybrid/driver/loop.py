@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from math import inf
 from typing import Any
 
@@ -265,20 +265,20 @@ def _enter(desk: int, flags: int) -> int:
 @cache
 def compiled_run() -> Any:
     """Return the driver's machine code: from the cache, or compiled now, which stderr then says."""
-    digest, started = driver_digest(), time.monotonic()
-    known = is_in_cache(_run, digest)
-    if not known:
-        _say("compiling the integrator, some 15 s of one core; later processes load it")
+    digest = driver_digest()
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)(_run)
-
-    driver = compiled_in_cache(_run, digest, compile_it)
-    with cache_directory(_run, digest) as folder:
-        where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
-    if not known:
+        compiler = cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)
+        if is_in_cache(_run, digest):  # by now: this process may have waited for another
+            return compiler(_run)
+        _say("compiling the integrator, some 15 s of one core; later processes load it")
+        started, driver = time.monotonic(), compiler(_run)
+        with cache_directory(_run, digest) as folder:
+            where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
         _say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
-    return driver
+        return driver
+
+    return compiled_in_cache(_run, digest, compile_it)
 
 
 def _say(what: str) -> None:
@@ -293,20 +293,16 @@ def run_address() -> int:
 @cache
 def compiled_first_order() -> Any:
     """Return the machine code that carries Jacobians: the driver calls it by its address."""
-
-    def compile_it(cached: bool) -> Any:
-        return cfunc(jacobian.FIRST_ORDER_NATIVE, cache=cached, **code.ENTRY)(_first_order)
-
-    return compiled_in_cache(_first_order, driver_digest(), compile_it)
+    return _compiled(_first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY))
 
 
 def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
     """Return a small compiled function which releases the interpreter's lock."""
+    return _compiled(function, partial(njit, native, nogil=True, **code.ENTRY))
 
-    def compile_it(cached: bool) -> Any:
-        return njit(native, cache=cached, nogil=True, **code.ENTRY)(function)
 
-    return compiled_in_cache(function, driver_digest(), compile_it)
+def _compiled(function: Callable[..., Any], make: Callable[..., Any]) -> Any:
+    return compiled_in_cache(function, driver_digest(), lambda kept: make(cache=kept)(function))
 
 
 @cache

@@ -13,9 +13,10 @@ to there, and its end moved by the little that is left. A system for which that 
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Sequence
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import types
@@ -138,38 +139,20 @@ INDEX, EVENTS, SAMPLES, DUE, OPEN, CULPRIT, STATUS, LEAD, MEMBERS, N_GROUPS = ra
 BOOK_ROWS = 10
 
 # The room of the lanes: rows of a table, each as wide as there are lanes.
-
-
-class Room(NamedTuple):
-    """Rows for states, slopes and guards, as `Rows`; the modes of the lanes, and their groups."""
-
-    y: Any
-    k: Any  # slopes of the stages, of the end, and of the interpolant's stages
-    inner: Any  # the state inside the step
-    end: Any
-    moved: Any  # the end, moved to the flip
-    work: Any
-    other: Any
-    dense: Any
-    aim: Any  # margins and slopes of the guard that is thought to flip first, and where
-    h0: Any  # guards at the start, ...
-    rate0: Any
-    h: Any  # ... inside, ...
-    rate: Any
-    h1: Any  # ... and at the end of the step
-    rate1: Any
-    along: Any  # rates along one way, at the start, at the end and inside
-    along1: Any
-    size: Any  # largest value lately, the scale of rounding
-    leaving: Any  # 1 where a guard is at its surface, on its new side
-    lock: Any
-    inside: Any
-    other_h: Any
-    other_rate: Any
-    params: Any
-    table: Any  # all rows, by lane
-    modes: Any  # a row for each lane
-    book: Any  # whole numbers of each lane
+#
+# y, inner, end: the states at the start, inside and at the end of the step; k: slopes of the
+# stages, of the end, and of the interpolant's stages; moved: the end, moved to the flip; dense: the
+# interpolant; work, other: free; aim: margins and slopes of the guard that is thought to flip
+# first, and where. Of the guards: h0, rate0 at the start, h, rate inside, h1, rate1 at the end of
+# the step; along, along1, inside: rates along one way, at the start, at the end and inside; size:
+# the largest value lately, the scale of rounding; leaving: 1 where a guard is at its surface, on
+# its new side; lock; other_h, other_rate: free. params; table: all rows, by lane; modes: a row for
+# each lane; book: whole numbers of each lane.
+Room = namedtuple(
+    "Room",
+    "y k inner end moved work other dense aim h0 rate0 h rate h1 rate1 along along1 size leaving "
+    "lock inside other_h other_rate params table modes book",
+)
 
 
 def field_of_one(t: Any, y: Any, r: Any, dy: Any) -> None:

@@ -1,0 +1,62 @@
+"""Compile what a first `solve` else would, for the wheel to bring: `make release` calls it.
+
+    python packaging/machine_code.py src/hopdata/_machine_code
+
+Made are the driver, what carries Jacobians, and the generic steps of explicit methods, for a
+processor of the level x86-64-v3 (2013 and later) and for the Python, Numba and llvmlite at work. A
+machine where one of them differs compiles as without. `hopdata.code_cache.brought_code` reads it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+LEVEL = "x86-64-v3"
+FEATURES = [
+    "avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "xsave",
+]  # fmt: skip
+SWITCHES = ",".join(f"+{feature}" for feature in FEATURES)
+os.environ |= {"NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": SWITCHES}  # read by Numba's import
+
+import llvmlite.binding as llvm  # noqa: E402
+
+from hopdata.code_cache import made_with  # noqa: E402
+from hopdata.hybrid.driver import loop  # noqa: E402
+from hopdata.hybrid.methods import method, table  # noqa: E402
+
+
+def main() -> None:
+    """Write a file for each function."""
+    target = llvm.Target.from_default_triple()
+    if not target.triple.startswith("x86_64"):
+        print(f"the wheel is built without machine code: it is for x86_64, this is {target.triple}")
+        return
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True)
+
+    def keep(function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]) -> Any:
+        """Compile as `compiled_in_cache` would, and write the machine code down."""
+        compiled = compile_it(False)
+        needed = re.findall(r"^declare .*?@(\w+)\(", compiled.inspect_llvm(), re.MULTILINE)
+        line = json.dumps([made_with(), compiled.native_name, FEATURES, needed])
+        code = compiled._library._get_compiled_object()
+        (folder / f"{function.__name__}-{digest}").write_bytes(line.encode() + b"\n" + code)
+        return compiled
+
+    loop.compiled_in_cache = method.compiled_in_cache = keep  # type: ignore[assignment]
+    loop.compiled_run()
+    loop.compiled_first_order()
+    for name in table.TABLEAUS:
+        table.generic_code(name)
+    for file in sorted(folder.iterdir()):
+        print(f"{file.name}: {file.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
