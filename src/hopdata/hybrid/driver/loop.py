@@ -274,7 +274,7 @@ def compiled_run() -> Any:
         _say("compiling the integrator, some 15 s of one core; later processes load it")
         started, driver = time.monotonic(), compiler(_run)
         with cache_directory(_run, digest) as folder:
-            where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
+            where = f"it is kept in {folder.parent}" if cached and folder else NOT_KEPT
         _say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
         return driver
 
