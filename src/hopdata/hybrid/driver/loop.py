@@ -13,13 +13,14 @@ import time
 from collections.abc import Callable
 from functools import cache, partial
 from math import inf
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit, types
+from numba import cfunc, config, njit, types
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.code_cache import cache_directory, compiled_in_cache, is_in_cache
+from hopdata.code_cache import compiled_in_cache
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.compiled import kernel as code
@@ -265,20 +266,19 @@ def _enter(desk: int, flags: int) -> int:
 @cache
 def compiled_run() -> Any:
     """Return the driver's machine code: from the cache, or compiled now, which stderr then says."""
-    digest = driver_digest()
 
     def compile_it(cached: bool) -> Any:
         compiler = cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)
-        if is_in_cache(_run, digest):  # by now: this process may have waited for another
+        folder = Path(config.CACHE_DIR) if cached else None  # type: ignore[attr-defined]
+        if folder and any(folder.glob(f"*/*{_run.__name__}-*.nbi")):  # maybe since it waits
             return compiler(_run)
         _say("compiling the integrator, some 15 s of one core; later processes load it")
         started, driver = time.monotonic(), compiler(_run)
-        with cache_directory(_run, digest) as folder:
-            where = f"it is kept in {folder.parent}" if cached and folder else NOT_KEPT
+        where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
         _say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
         return driver
 
-    return compiled_in_cache(_run, digest, compile_it)
+    return compiled_in_cache(_run, driver_digest(), compile_it)
 
 
 def _say(what: str) -> None:
