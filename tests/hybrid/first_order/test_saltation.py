@@ -16,13 +16,18 @@ from hopdata.hybrid.first_order import (
     bouligand_derivative,
     project_onto_section,
     saltation_matrix,
-    saltation_product,
 )
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
+
+
+def saltation_product(system, state, order, **options):
+    """Product of the matrices of guards that are crossed at one instant, the first named first."""
+    flow = bouligand_derivative(system, state, guards=order, **options)
+    return flow.node(tuple(order)).product
 
 
 def test_bounce_is_the_textbook_one():

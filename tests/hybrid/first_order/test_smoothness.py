@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import octant
-from hybrid_systems import ball, ladder, sliding
+from exact import octant, octant_guards
+from hybrid_systems import ball, ladder, relay, sliding, throw
+from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import System, field, guards
 from hopdata.hybrid.first_order import check_c1
-from hopdata.hybrid.first_order.smoothness import ONE_PRODUCT, spread
+from hopdata.hybrid.first_order.linearise import instant, lock_combinations
+from hopdata.hybrid.first_order.smoothness import (
+    CONTINUOUS,
+    CROSSED,
+    KEPT,
+    ONCE,
+    ONE_PRODUCT,
+    Finding,
+    event_selection,
+    spread,
+)
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-from hopdata.scenes.small import VerticalHopper
 
 HOPPER = HopperParameters()
 FEET = ("foot1", "foot2", "foot3")
@@ -154,3 +164,117 @@ def test_spread_is_relative_to_the_effect():
     assert spread([one, other, one]) == pytest.approx(0.25)
     assert spread([one, one]) == 0
     assert spread([np.eye(2)]) == 0
+
+
+# Event-selection: liveness in all modes, continuity, one crossing each.
+
+FREE = [-1, -1, -1]
+
+
+def selected(system, state, *, scale=None, **options):
+    """Values and names of those that fail, of the conditions of event-selection alone."""
+    report = check_c1(system, state, scale=scale, **options)
+    own = [f for f in report.selection if f.condition in (CONTINUOUS, CROSSED, ONCE, KEPT)]
+    return {f.condition: f.value for f in own}, [f.condition for f in own if not f.passed]
+
+
+def test_octant_farther_out_is_not():
+    """dx/dt = 1 - 2 y beyond x: it turns back where y > 1/2."""
+    found, failed = selected(octant(), [0, 0.6, 0], mode=FREE, guards=("x", "y", "z"))
+    assert failed == [CROSSED, KEPT]
+    assert found[CROSSED] < 0
+
+
+def test_one_mode_of_four_suffices_to_break_it():
+    @field
+    def coupled(t, y, mode, params, dy):
+        both = mode[0] > 0 and mode[1] < 0
+        dy[0], dy[1], dy[2] = 1.0, (-1.0 if both else 1.0), -1.0
+
+    system = System(coupled, octant_guards, n_states=3, guard_names=("x", "y", "z"))
+    found, failed = selected(system, np.zeros(3), mode=FREE)
+    assert (found[CROSSED], found[KEPT]) == (-1, -1)
+    assert failed == [CROSSED, KEPT]
+
+
+def test_sliding_is_not_event_selected():
+    found, failed = selected(sliding(), [0.0], params=(1.0, 2.0), mode=[-1])
+    assert CROSSED in failed
+    assert found[KEPT] == -0.5
+    found, failed = selected(sliding(), [0.0], params=(-1.0, 2.0), mode=[-1])
+    assert failed == []
+    assert found[KEPT] == 0.5
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.8])
+def test_a_rigid_bounce_is_not(restitution):
+    found, failed = selected(ball(), [0, -2.0], params=(9.81, 0, restitution), mode=[-1])
+    assert {CONTINUOUS, KEPT} <= set(failed)
+    assert found[KEPT] == pytest.approx(-restitution, abs=1e-15)
+    assert found[CONTINUOUS] == pytest.approx(1 + restitution)
+
+
+def test_a_velocity_lost_in_part_is_only_a_jump():
+    found, failed = selected(ball(), [0, -2.0], params=(9.81, 0, -0.7), mode=[-1])
+    assert failed == [CONTINUOUS]
+    assert found[KEPT] == pytest.approx(0.7)
+
+
+def test_falling_guards_count_in_their_own_direction():
+    throws = {"params": (9.81, 1.0)}
+    assert selected(throw(), [1.0, -3.0], mode=[1], **throws)[1] == []
+    assert CROSSED in selected(throw(), [1.0, -3.0], mode=[-1], **throws)[1]
+
+
+def test_a_handler_that_pushes_another_guard_across_is_found():
+    found, failed = selected(relay(), [1.0, 0.0], mode=FREE, guards=("first", "second"))
+    assert found[ONCE] > 1
+    assert ONCE in failed
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+def test_shares_do_not_depend_on_units(unit):
+    found, failed = selected(
+        throw(), [1.0, -3 * unit], params=(9.81 * unit, 1.0), mode=[1], scale=[1.0, unit]
+    )
+    assert failed == []
+    assert found[CROSSED] == pytest.approx(1.0)
+
+
+def test_more_than_eight_guards_are_sampled():
+    rungs = np.r_[np.ones(10), 0.1 * np.ones(10)]
+    start = instant(ladder(10), [1.0, 0.0], params=rungs, mode=[-1] * 10, t=0.0)
+    findings = event_selection(ladder(10), start, range(10), np.ones(2), 0)
+    assert all(finding.passed for finding in findings)
+    combinations = list(lock_combinations(range(10)))
+    assert len(set(combinations)) == len(combinations) == 256
+    assert {(), tuple(range(10)), *((k,) for k in range(10))} <= set(combinations)
+    assert len(list(lock_combinations((5, 2)))) == 4
+
+
+def test_there_must_be_a_guard():
+    with pytest.raises(ValueError, match="guards"):
+        check_c1(octant(), [1, 1, 1], mode=FREE)
+
+
+# Findings and their table.
+
+
+def test_bounds():
+    assert Finding.at_most("a", 1.0, 1.0, "").passed
+    assert not Finding.at_most("a", 1.1, 1.0, "").passed
+    assert not Finding.above("a", 1.0, 1.0, "").passed
+    assert Finding.above("a", 1.1, 1.0, "").passed
+    assert not Finding.at_most("a", np.nan, 1.0, "").passed
+    assert not Finding.above("a", np.nan, 1.0, "").passed
+
+
+def test_columns_are_aligned():
+    table = Finding.table(
+        [Finding.at_most("short", 0.123456, 1, "one"), Finding("longer", False, np.nan, "x", "two")]
+    )
+    assert table.split("\n") == [
+        "     condition  found  needed  the number is",
+        "yes  short      0.123  <= 1    one",
+        "NO   longer     -      x       two",
+    ]

@@ -5,17 +5,13 @@ from hopdata.hybrid.first_order.saltation import (
     bouligand_derivative,
     project_onto_section,
     saltation_matrix,
-    saltation_product,
 )
-from hopdata.hybrid.first_order.selection import check_event_selected
 from hopdata.hybrid.first_order.smoothness import check_c1
 
 __all__ = [
     "NotTransversalError",
     "bouligand_derivative",
     "check_c1",
-    "check_event_selected",
     "project_onto_section",
     "saltation_matrix",
-    "saltation_product",
 ]

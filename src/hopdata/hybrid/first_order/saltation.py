@@ -96,46 +96,6 @@ def crossing(
     return matrix, there
 
 
-def saltation_product(
-    system: System,
-    state: ArrayLike,
-    order: Sequence[int],
-    *,
-    params: ArrayLike = (),
-    mode: Sequence[int],
-    t: float = 0.0,
-    scale: ArrayLike | None = None,
-) -> FloatArray:
-    """Return the product of the saltation matrices of guards that are crossed at one instant.
-
-    Parameters
-    ----------
-    system : System
-        Field, guards and handler; the handler is run at each crossing.
-    state : (n,) array_like
-        State at the crossing.
-    order : sequence of int
-        Numbers of the guards, the first crossed first.
-    params, mode, t
-        As for `solve`; `mode` is that before the first crossing, with all locks set.
-    scale : (n,) array_like, optional
-        Size of each coordinate, for the steps of differences. By default 1.
-
-    Returns
-    -------
-    (n, n) array
-    """
-    sizes = local.state_scale(system, scale)
-    here = local.linearise(
-        system, local.instant(system, state, params=params, mode=mode, t=t), sizes
-    )
-    product = np.eye(system.n_states)
-    for guard in order:
-        matrix, here = crossing(system, here, guard, sizes)
-        product = matrix @ product
-    return product
-
-
 # The orders in which guards that meet at one state are crossed, each with its matrix.
 
 NARROW = 1e-9  # a cone of deviations that is thinner than this is taken for a plane

@@ -1,24 +1,155 @@
 """Is the flow through a state C1? The first column of table 1.1, and what decides.
 
-The table's first column is event-selection. Whether the crossings commute is computed: the flow has
-a Jacobian at the state if all orders that occur around it have one matrix. (The second column,
-forces that add and guards of position alone, suffices for that, and is not needed.)
+The table's first column is event-selection (definitions 1.2.1 and 1.2.2 of the dissertation): every
+active guard is approached, whichever of the others have been crossed, and the state does not jump.
+Then every trajectory nearby crosses each of them exactly once: rates that are above zero here are
+so around here. Whether the crossings commute is computed: the flow has a Jacobian at the state if
+all orders that occur around it have one matrix. (The second column, forces that add and guards of
+position alone, suffices for that, and is not needed.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid.first_order import linearise as local
-from hopdata.hybrid.first_order.linearise import Linearisation
+from hopdata.hybrid.first_order.linearise import Combination, Instant, Linearisation
 from hopdata.hybrid.first_order.saltation import BouligandDerivative, NotTransversalError
-from hopdata.hybrid.first_order.selection import Finding, check_event_selected
 from hopdata.hybrid.system import System
+
+# Findings, and the table that shows them.
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One condition: what was found, and what is needed.
+
+    Parameters
+    ----------
+    condition : str
+        What should hold.
+    passed : bool
+        Whether it does.
+    value : float
+        What was found; NaN if it could not be computed.
+    needed : str
+        What the value has to be.
+    detail : str
+        What the value is.
+    """
+
+    condition: str
+    passed: bool
+    value: float
+    needed: str
+    detail: str
+
+    @classmethod
+    def at_most(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
+        """Return a finding that passes if the value is not above a bound."""
+        return cls(condition, bool(value <= bound), float(value), f"<= {bound:g}", detail)
+
+    @classmethod
+    def above(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
+        """Return a finding that passes if the value is above a bound."""
+        return cls(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
+
+    def cells(self) -> tuple[str, ...]:
+        """Return the row of a table."""
+        value = "-" if isnan(self.value) else f"{self.value:.3g}"
+        return ("yes" if self.passed else "NO", self.condition, value, self.needed, self.detail)
+
+    @staticmethod
+    def table(findings: Sequence[Finding]) -> str:
+        """Return findings as aligned lines."""
+        head = "", "condition", "found", "needed", "the number is"
+        rows = [head, *(finding.cells() for finding in findings)]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
+        return "\n".join(line.rstrip() for line in lines)
+
+
+# Event-selection: how the active guards are crossed, in all combinations of their locks.
+
+CONTINUOUS, CROSSED = "trajectories are continuous", "each guard is crossed"
+ONCE, KEPT = "each guard is crossed only once", "contact keeps penetration velocity"
+LIVE = 1e-6
+UNCHANGED = 1e-12
+
+
+def event_selection(
+    system: System, start: Instant, active: Sequence[int], scale: FloatArray, seed: int
+) -> tuple[Finding, ...]:
+    """Return whether the state does not jump, and each guard is crossed, once, and not held up.
+
+    Over all 2^n combinations of locks up to n = 8 active guards, over 256 beyond. The rates are
+    over the sums |Dh_i f_i| + |dh/dt|: 1 if all terms pull together, negative if a guard runs back.
+    They do not change with the units of state, guard or time.
+    """
+    guards, views = list(active), local.mode_fields(system, start, active, scale, seed)
+    ways = -start.mode[guards]  # in which they are crossed
+    rates = {crossed: ways * view.guard_rates[guards] for crossed, view in views.items()}
+    shares = [_share(rates[c], view.guard_scales[guards]) for c, view in views.items()]
+    size = np.maximum(scale, np.abs(start.y))
+    jump = max(float(np.max(np.abs(v.instant.y - start.y) / size)) for v in views.values())
+    return (
+        Finding.at_most(CONTINUOUS, jump, UNCHANGED, "largest jump of a coordinate"),
+        Finding.above(
+            CROSSED, float(np.min(shares)), LIVE,
+            "smallest normalised rate of a guard in any mode",
+        ),
+        Finding.at_most(
+            ONCE, _pushed_back(system, views, guards, ways, scale), UNCHANGED,
+            "largest step of a handler against a lock",
+        ),
+        Finding.above(
+            KEPT, _kept(rates, guards), LIVE,
+            "smallest ratio of a guard's rate after its crossing to that before",
+        ),
+    )  # fmt: skip
+
+
+def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
+    """Return parts of wholes, 0 of nothing."""
+    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
+
+
+def _kept(rates: Mapping[Combination, FloatArray], guards: Sequence[int]) -> float:
+    """Return the smallest ratio of a guard's rate after its crossing to that before; 0 if none."""
+    ratios = []
+    for before, rate in rates.items():
+        for i, guard in enumerate(guards):
+            after = rates.get(tuple(sorted({*before, guard})))
+            if guard not in before and after is not None and rate[i] != 0:
+                ratios.append(float(after[i] / rate[i]))
+    return min(ratios, default=0.0)
+
+
+def _pushed_back(
+    system: System, views: Mapping[Combination, Linearisation], guards: list[int], ways: FloatArray,
+    scale: FloatArray,
+) -> float:  # fmt: skip
+    """Return how far handlers move a guard against its lock, in units of its scale."""
+    surfaces = {
+        crossed: local.guards_at(system, view.instant, view.rate)[0][guards]
+        for crossed, view in views.items()
+    }
+    worst = 0.0
+    for crossed, view in views.items():
+        is_over = np.isin(guards, crossed)
+        if not np.array_equal(view.instant.mode[guards], np.where(is_over, ways, -ways)):
+            return np.inf
+        size = np.maximum(np.abs(view.gradients[guards]) @ scale, np.finfo(float).tiny)
+        moved = np.where(is_over, -ways, ways) * (surfaces[crossed] - surfaces[()]) / size
+        worst = max(worst, float(moved.max()))
+    return worst
+
 
 # Measures of smooth guards, and of crossings that commute.
 
@@ -55,8 +186,8 @@ def _gap(
 def rates_agree(system: System, here: Linearisation, guards: list[int]) -> float:
     """Return how far rates that the guards report are from Dh f + dh/dt, relative to their size."""
     reported = local.guards_at(system, here.instant, here.rate)[1][guards]
-    off, size = np.abs(reported - here.guard_rates[guards]), here.guard_scales[guards]
-    return float(np.max(np.divide(off, size, out=np.zeros_like(off), where=size > 0)))
+    off = np.abs(reported - here.guard_rates[guards])
+    return float(np.max(_share(off, here.guard_scales[guards])))
 
 
 def spread(products: Sequence[FloatArray]) -> float:
@@ -157,8 +288,6 @@ def check_c1(
     t: float = 0.0,
     guards: Sequence[int | str] | None = None,
     scale: ArrayLike | None = None,
-    radius: float = 1e-3,
-    n_samples: int = 16,
     seed: int = 0,
     tolerance: float = EQUAL,
 ) -> SmoothnessReport:
@@ -175,9 +304,9 @@ def check_c1(
     guards : sequence of int or str, optional
         The guards that are crossed. By default those on whose surface the state lies.
     scale : (n,) array_like, optional
-        Size of each coordinate: unit of differences, samples and norms. By default 1.
-    radius, n_samples, seed
-        Liveness is looked at on so many states more, in a ball of this radius in units of `scale`.
+        Size of each coordinate: unit of differences and norms. By default 1.
+    seed : int
+        Which combinations of more than eight guards, and orders of more than six, are looked at.
     tolerance : float
         Up to which two numbers are taken as equal, relative to their size.
 
@@ -185,16 +314,20 @@ def check_c1(
     -------
     SmoothnessReport
         Print it for the table.
+
+    Raises
+    ------
+    ValueError
+        If there is no guard to be crossed.
     """
     sizes = local.state_scale(system, scale)
     start = local.instant(system, state, params=params, mode=mode, t=t)
     here = local.linearise(system, start, sizes)
     active = local.active_guards(system, here, guards, sizes)
-    selected = check_event_selected(
-        system, start.y, params=params, mode=mode, t=t, guards=active,
-        radius=radius, n_samples=n_samples, seed=seed, scale=sizes,
-    )  # fmt: skip
-    continuous, *others = selected.findings
+    if not active:
+        raise ValueError("guards: expected at least one, the state lies on no surface")
+    continuous, *others = event_selection(system, start, active, sizes, seed)
     smooth = smooth_guards(system, here, list(active), sizes, tolerance)
     products = one_product(BouligandDerivative(system, start, active, sizes), seed, tolerance)
-    return SmoothnessReport(selected.guards, (continuous, *smooth, *others), products)
+    names = tuple(system.guard_names[k] for k in active)
+    return SmoothnessReport(names, (continuous, *smooth, *others), products)
