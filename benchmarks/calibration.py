@@ -27,10 +27,10 @@ import pandas as pd
 from exact import hopper_states
 from machine import quartiles, this_machine
 from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, hopper_simulation, steps
+from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import solve
-from hopdata.scenes.small import VerticalHopper
 
 HOPPER = VerticalHopper()
 START, UNTIL_S = (2.0, 0.0), 2.0

@@ -18,10 +18,10 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
+from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, affine, field, guards
-from hopdata.scenes.small import VerticalHopper
 
 INITIAL_STATE = (-0.4, -0.15, 0.3)
 T_SPAN = (0.0, 0.5)

@@ -22,6 +22,7 @@ from exact import INITIAL_STATE, T_SPAN, octant
 from machine import in_turn
 from numpy.typing import NDArray
 from plate_scene import Plate
+from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1
@@ -30,7 +31,6 @@ from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-from hopdata.scenes.small import VerticalHopper
 
 Run = Callable[..., Solution]
 TIGHT = {"rtol": 1e-13, "atol": 1e-14}

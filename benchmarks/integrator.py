@@ -40,6 +40,7 @@ from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, restart
 from numba import njit
 from numpy.typing import NDArray
 from plate_scene import Plate
+from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, on_event, solve
@@ -51,7 +52,6 @@ from hopdata.hybrid.methods.method import Scene, explicit_method
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.small import VerticalHopper
 from hopdata.synthesis.hops import level_state
 
 # What a method costs by itself: its steps in one loop, without events, step control or a driver.
@@ -178,7 +178,7 @@ E1, _, E3, E4, E5, E6, E7 = DOPRI5.errors[0]
 
 @njit(error_model="numpy")
 def _rate(z: float, v: float, lock: int, p: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the field of `hopdata.scenes.small`, of numbers."""
+    """Return the field of `vertical_hopper`, of numbers."""
     gravity, stiffness, rest_length, damping = p[0], p[1], p[2], p[3]
     push = stiffness * (rest_length - z) - damping * v if lock < 0 else 0.0
     return v, push - gravity

@@ -48,12 +48,12 @@ import numpy as np
 import pandas as pd
 from peers import PLATE_SPAN, FloatArray, Found, Problem, Solver, problems, solvers_of
 from plate_scene import Plate
+from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid import System, field, guards, solve_batch
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.lanes.vectors import WIDTH
-from hopdata.scenes.small import VerticalHopper
 
 # Times at equal error, and their ratios.
 

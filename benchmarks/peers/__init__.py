@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, plate_end
 from plate_scene import Plate
+from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, System, guards, solve, solve_batch
 from hopdata.hybrid import field as _field
 from hopdata.hybrid.arguments import SMALLEST_RTOL
-from hopdata.scenes.small import VerticalHopper
 
 # What every peer offers: named solvers that take a tolerance and give something to run.
 

@@ -30,8 +30,8 @@ from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike
 from plate_scene import Plate
+from vertical_hopper import VerticalHopper
 
-from hopdata.scenes.small import VerticalHopper
 from peers import FloatArray, Found, Problem, Run, Solver
 
 try:

@@ -9,9 +9,9 @@ import pytest
 from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, growth, ladder
 from test_derived import bounce_undone
+from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import System, field, solve
-from hopdata.scenes.small import VerticalHopper
 
 
 @field

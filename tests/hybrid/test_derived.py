@@ -10,12 +10,12 @@ from bent_systems import bent, bent_params
 from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, fall_field, floor_guard, ladder, relay, throw
 from plate_scene import Plate
+from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.small import VerticalHopper
 
 RTOLS = (1e-4, 1e-7, 1e-10)
 

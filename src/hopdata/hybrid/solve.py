@@ -106,9 +106,15 @@ def solve(
 
     Examples
     --------
-    >>> from hopdata.scenes.small import VerticalHopper
-    >>> hopper = VerticalHopper(mass_kg=1.0, stiffness_n_m=1000.0)
-    >>> hops = solve(hopper.system(), (0.0, 1.0), [2.0, 0.0], params=hopper.params)
+    >>> from hopdata.hybrid import field, guards
+    >>> @field
+    ... def hopper(t, y, mode, params, dy):  # height and velocity of a mass on a springy leg
+    ...     dy[0], dy[1] = y[1], -9.81 + (params[0] * (1.0 - y[0]) if mode[0] < 0 else 0.0)
+    >>> @guards
+    ... def contact(t, y, dy, mode, params, h, hdot):
+    ...     h[0], hdot[0] = y[0] - 1.0, dy[0]
+    >>> system = System(hopper, contact, n_states=2, guard_names=("contact",))
+    >>> hops = solve(system, (0.0, 1.0), [2.0, 0.0], params=[1000.0])
     >>> hops.events.time.round(6), hops.events.direction  # touchdown, lift-off
     (array([0.451524, 0.555292]), array([-1,  1]))
     """

@@ -1,8 +1,4 @@
-"""Scenes: vector fields with guards, ready for the hybrid integrator.
-
-Those of `SCENES` land on several feet and can be studied (`hopdata.scenes.scene`); the others are
-examples of the integrator.
-"""
+"""Scenes: bodies that land on several feet, and can be studied (`hopdata.scenes.scene`)."""
 
 from __future__ import annotations
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import solve
-from hopdata.scenes.small import VerticalHopper
 
 PRELOADED = VerticalHopper(rest_length_m=1.05)
 DAMPED = VerticalHopper(damping_n_s_m=6.0, rest_length_m=1.02)
