@@ -134,7 +134,7 @@ def spike(size_m: float, length: int) -> Callable[[Recording, np.random.Generato
         way = rng.normal(size=3)
         positions = recording.positions.copy()
         positions[start : start + length, m] += size_m * way / np.linalg.norm(way)
-        expected = (recording.markers[m], start, start + length)
+        expected = (m, start, start + length)
 
         def is_found(faults: Faults) -> bool:
             return any((s.marker, s.start, s.stop) == expected for s in faults.spikes)

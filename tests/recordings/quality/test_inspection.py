@@ -123,7 +123,7 @@ def test_three_names_that_go_round():
 def test_a_spike_is_found_and_nothing_else(marker, n_frames):
     found = faults(with_spike(hopping(6)[1], marker, 777, 0.05, n_frames=n_frames))
     (spike,) = found.spikes
-    assert (spike.marker, spike.start, spike.stop) == (marker, 777, 777 + n_frames)
+    assert (MARKERS[spike.marker], spike.start, spike.stop) == (marker, 777, 777 + n_frames)
     assert spike.size == pytest.approx(0.05, rel=0.4 if n_frames == 1 else 1.4)
     assert found.count == 1
 
@@ -133,7 +133,7 @@ def test_a_jump_is_no_spike():
     positions[900:, MARKERS.index("hip3")] += [0.04, 0.0, 0.03]
     found = faults(positions)
     (jump,) = found.jumps
-    assert (jump.marker, jump.start) == ("hip3", 900)
+    assert (MARKERS[jump.marker], jump.start) == ("hip3", 900)
     assert jump.size == pytest.approx(0.05, rel=0.3)
     assert found.count == 1
 

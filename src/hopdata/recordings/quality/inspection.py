@@ -16,7 +16,7 @@ from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid, stretches
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
 from hopdata.recordings.quality.swaps import (
-    Spike,
+    Excursion,
     Swap,
     explained_frames,
     find_jumps,
@@ -37,8 +37,8 @@ class Faults:
     """What looks wrong; frames count from 0, lengths are in m."""
 
     swaps: tuple[Swap, ...]
-    spikes: tuple[Spike, ...]
-    jumps: tuple[Spike, ...]
+    spikes: tuple[Excursion, ...]
+    jumps: tuple[Excursion, ...]
     frozen: tuple[stretches.Frozen, ...]
 
     @property
@@ -161,11 +161,13 @@ class Inspection:
             yield "swap", swap.markers, swap.start, swap.stop or len(self.time), text
         for spike in self.faults.spikes:
             length = counted(spike.stop - spike.start, "frame")
-            text = f"{spike.marker} is {1e3 * spike.size:.1f} mm off for {length}"
-            yield "spike", (spike.marker,), spike.start, spike.stop, text
+            name = self.markers[spike.marker]
+            text = f"{name} is {1e3 * spike.size:.1f} mm off for {length}"
+            yield "spike", (name,), spike.start, spike.stop, text
         for jump in self.faults.jumps:
-            text = f"{jump.marker} jumps by {1e3 * jump.size:.1f} mm"
-            yield "jump", (jump.marker,), jump.start, jump.stop, text
+            name = self.markers[jump.marker]
+            text = f"{name} jumps by {1e3 * jump.size:.1f} mm"
+            yield "jump", (name,), jump.start, jump.stop, text
         for one in self.faults.frozen:
             text = f"{one.marker} repeats one position in {one.stop - one.start} frames"
             yield "frozen", (one.marker,), one.start, one.stop, text
@@ -236,8 +238,8 @@ def inspect_recording(
     explained |= _told_elsewhere(explained.shape, timing, frozen, raw.markers)
     faults = Faults(
         swaps=swaps,
-        spikes=find_spikes(missed, raw.markers, explained=explained),
-        jumps=find_jumps(missed, raw.markers, explained=explained),
+        spikes=find_spikes(missed, explained=explained),
+        jumps=find_jumps(missed, explained=explained),
         frozen=frozen,
     )
     rate = guess_rate(raw, unit_guess.value, up=up_guess.value)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.recordings.quality.inspection import Faults, Inspection
+from hopdata.recordings.quality.inspection import Inspection
 from hopdata.recordings.quality.rigid import PairDistances
 from hopdata.recordings.quality.stretches import BAND_M, at_rest, lowest, runs
 
@@ -297,7 +297,8 @@ def _heel_again(m: int, chosen: list[int], inspection: Inspection) -> bool:
 
 def _home(body: list[int], inspection: Inspection) -> tuple[str, str]:
     """Return the first body marker that nothing is wrong with, or the least bad, and why."""
-    markers, faults = inspection.markers, _faults_by_marker(inspection.faults)
+    markers = inspection.markers
+    faults = Counter(name for one in inspection.suspects() for name in one.markers)
     unseen = 1.0 - np.isfinite(inspection.positions[:, body, 0]).mean(axis=0)
 
     def rank(k: int) -> tuple[int, float]:
@@ -310,14 +311,6 @@ def _home(body: list[int], inspection: Inspection) -> tuple[str, str]:
         all_bad = f"none of the body's markers is without fault, it has {_wrong(*rank(best))}"
         return markers[body[best]], f"{all_bad}; look at hopdata inspect"
     return markers[body[best]], reason
-
-
-def _faults_by_marker(faults: Faults) -> Counter[str]:
-    """Count what looks wrong with each marker."""
-    named = [name for swap in faults.swaps for name in swap.markers]
-    for faulty in (faults.spikes, faults.jumps, faults.frozen):
-        named += [fault.marker for fault in faulty]
-    return Counter(named)
 
 
 def _wrong(faults: int, unseen: float) -> str:

@@ -201,60 +201,27 @@ def _limit(off: FloatArray) -> float:
     return float(max(LEAST_M, OF_MEDIAN * middle, min(OF_99 * q99, tail * q999)))
 
 
-@dataclass(frozen=True)
-class Spike:
-    """A marker that is elsewhere for up to three frames, or (a jump) from a frame on.
-
-    Parameters
-    ----------
-    marker : str
-        Its name.
-    start, stop : int
-        First frame and the frame after the last, from 0.
-    size : float
-        How far off it is at least, m.
-    """
-
-    marker: str
-    start: int
-    stop: int
-    size: float
-
-
-def find_spikes(
-    missed: Surprises, markers: tuple[str, ...], *, explained: NDArray[np.bool_]
-) -> tuple[Spike, ...]:
-    """List the spikes.
+def find_spikes(missed: Surprises, *, explained: NDArray[np.bool_]) -> tuple[Excursion, ...]:
+    """List the spikes: markers that are elsewhere for up to three frames.
 
     Parameters
     ----------
     missed : Surprises
         Misses of the one-sided predictions.
-    markers : tuple of str
-        The M names.
     explained : (N, M) bool array
         Frames that a swap explains.
     """
-    return tuple(
-        Spike(markers[e.marker], e.start, e.stop, e.size)
-        for e in missed.spikes
-        if not explained[e.start : e.stop, e.marker].any()
-    )
+    return tuple(e for e in missed.spikes if not explained[e.start : e.stop, e.marker].any())
 
 
-def find_jumps(
-    missed: Surprises, markers: tuple[str, ...], *, explained: NDArray[np.bool_]
-) -> tuple[Spike, ...]:
-    """List the jumps that are neither spikes nor explained by a swap; see `find_spikes`."""
+def find_jumps(missed: Surprises, *, explained: NDArray[np.bool_]) -> tuple[Excursion, ...]:
+    """List the jumps, to another place from a frame on, that no spike and no swap explains."""
     near_spike = missed.is_spike
     for _ in range(LONGEST_SPIKE):
         near_spike[1:] |= near_spike[:-1].copy()
         near_spike[:-1] |= near_spike[1:].copy()
-    return tuple(
-        Spike(markers[e.marker], e.start, e.stop, e.size)
-        for e in missed.steps
-        if not (explained[e.start, e.marker] or near_spike[e.start, e.marker])
-    )
+    told = explained | near_spike
+    return tuple(e for e in missed.steps if not told[e.start, e.marker])
 
 
 # Frames at which markers go on from one another's places instead of their own.
