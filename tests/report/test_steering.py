@@ -2,18 +2,15 @@ from dataclasses import replace
 
 import pytest
 from fake_steering import FIGURES, counts, full_steering, outcomes
-from fake_study import full_study
 from test_page import Page
 
 from hopdata.errors import ConfigError
 from hopdata.jobs import write_json, write_table
-from hopdata.report.inputs import ReportFigure, ReportInputs, SteeringInputs
-from hopdata.report.page import build_report
+from hopdata.report.inputs import ReportFigure, SteeringInputs
 from hopdata.report.steering import (
     build_steering_report,
     left_out_table,
     outcomes_table,
-    read_sections,
     read_steering,
     steering_facts,
 )
@@ -72,17 +69,6 @@ def test_what_is_missing_is_said_in_words():
     assert "no truth to compare with" in made.text
 
 
-def test_the_study_s_page_has_these_sections_only_if_they_are_given():
-    study = full_study()
-    assert "steering" not in Page(build_report(study)).ids
-    made = Page(build_report(replace(study, steering=full_steering())))
-    assert made.unbalanced == []
-    assert len(made.ids) == len(set(made.ids))
-    assert {"steering", "steering-model", "steering-observed", "steering-truth"} <= set(made.ids)
-    assert "#steering" in made.links
-    assert Page(build_report(ReportInputs("bare", steering=SteeringInputs("bare")))).open == []
-
-
 def test_a_caption_that_names_no_fact_is_a_mistake():
     broken = ReportFigure("steering_map", b"", "", "# Title\n\n{{ nothing }}")
     with pytest.raises(ConfigError, match="steering_map"):
@@ -124,10 +110,3 @@ def test_a_recorded_robot_has_no_experiments_and_the_page_says_so(tmp_path):
     made = Page(build_steering_report(inputs))
     assert "there is no simulation of it to steer" in made.text
     assert "Learned from 100 hops." in made.text
-
-
-def test_sections_are_read_only_where_they_are_wanted(tmp_path):
-    files = {f"steering_{name}": path for name, path in written(tmp_path).items()}
-    config = {"study": "mine", "steering": {"in_report": True}}
-    assert read_sections(config, {**files, "truth": "elsewhere.json"}).truth is None
-    assert read_sections({"study": "mine", "steering": {"in_report": False}}, files) is None

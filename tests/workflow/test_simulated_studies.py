@@ -215,20 +215,11 @@ def test_a_key_of_the_experiments_leaves_the_model_alone(steered):
     assert "steering_learn" not in planned
 
 
-def test_the_study_s_page_waits_for_the_steering_if_it_shall_show_it(steered):
+def test_the_study_s_page_does_not_wait_for_the_steering(steered):
     folder, edited = steered
-    config = (folder / edited).read_text()
-    without = planned_rules(folder, "--configfile", edited)
-    assert "report" in without
-    assert not any("steering" in rule for rule in without)
-    (folder / "config" / "both.yaml").write_text(
-        config.replace("steering:\n", "steering:\n  in_report: true\n").replace(
-            "seed: 20261121", "seed: 4"
-        )
-    )
-    both = planned_rules(folder, "--configfile", "config/both.yaml")
-    assert {"report", "steering_experiments", "figures_steering_model"} <= both
-    assert "steering_report" not in both
+    planned = planned_rules(folder, "--configfile", edited)
+    assert "report" in planned
+    assert not any("steering" in rule for rule in planned)
 
 
 def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):

@@ -1,15 +1,6 @@
-# Whether the study's page has the sections of the steering.
-IN_REPORT = STUDY["steering"]["in_report"]
-
-
 rule report:
     """One page with everything, and where it comes from."""
     input:
-        **(
-            {f"steering_{name}": files for name, files in STEERING_PAGE.items()}
-            if IN_REPORT
-            else {}
-        ),
         figures=FIGURES,
         captions=expand(f"{CAPTIONS}/{{name}}.md", name=FIGURE_NAMES),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
@@ -49,7 +40,7 @@ rule report:
         **needs(mb_a_mb=10, minutes=10),
     params:
         study=STUDY,
-        stage_times=stage_times(RESULTS) + (stage_times(STEERING) if IN_REPORT else []),
+        stage_times=stage_times(RESULTS),
         code=code("report"),
     script:
         "../scripts/report.py"

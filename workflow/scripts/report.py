@@ -7,7 +7,6 @@ from hopdata.provenance import provenance
 from hopdata.recordings.readers.hdf5 import read_recording
 from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 from hopdata.report.page import build_report
-from hopdata.report.steering import read_sections
 
 TABLES = ("touchdowns", "prediction", "distances", "faults", "remarks")
 
@@ -36,7 +35,6 @@ with reported(snakemake.log[0]):
             quality=read_json(source.quality),
             **{name: read_table(getattr(source, name)) for name in TABLES},
             notes=[note for path in source.notes for note in read_json(path)],
-            steering=read_sections(snakemake.params.study, dict(source.items())),
         )
     )
     write_json(snakemake.output.provenance, record)

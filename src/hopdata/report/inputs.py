@@ -169,8 +169,6 @@ class ReportInputs:
         ``remarks.csv``.
     notes : sequence
         What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
-    steering : SteeringInputs, optional
-        What the page shows of the steering; no such sections without it.
     """
 
     study: str
@@ -192,7 +190,6 @@ class ReportInputs:
     faults: pd.DataFrame | None = None
     remarks: pd.DataFrame | None = None
     notes: Sequence[str | Mapping[str, Any]] = ()
-    steering: SteeringInputs | None = None
 
 
 def describe_recording(recording: Recording) -> dict[str, Any]:

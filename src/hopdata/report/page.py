@@ -12,7 +12,6 @@ from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
 from hopdata.report.inputs import Picture, ReportFigure, ReportInputs, as_yaml, picture_of, rendered
 from hopdata.report.scene import landings_scene
-from hopdata.report.steering import steering_content
 
 # The few numbers that the page opens with, and that captions may name.
 
@@ -205,7 +204,6 @@ def build_report(inputs: ReportInputs) -> str:
         verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
         config=as_yaml((inputs.provenance or {}).get("config")),
         count=show.count,
-        steering=None if inputs.steering is None else steering_content(inputs.steering),
     )
 
 

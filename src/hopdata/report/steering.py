@@ -1,4 +1,4 @@
-"""The steering study on a page of its own, or as sections of the study's page."""
+"""The steering study on a page of its own."""
 
 from __future__ import annotations
 
@@ -218,18 +218,6 @@ def read_steering(
         provenance=provenance,
         notes=notes,
     )
-
-
-def read_sections(config: Mapping[str, Any], files: Mapping[str, Any]) -> SteeringInputs | None:
-    """Read the same for the study's page, from files whose names begin with ``steering_``.
-
-    None if the configuration does not want them there.
-    """
-    if not config["steering"]["in_report"]:
-        return None
-    prefix = "steering_"
-    own = {name.removeprefix(prefix): path for name, path in files.items() if prefix in name}
-    return read_steering(config["study"], own)
 
 
 def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
