@@ -24,10 +24,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from exact import hopper_states
+from exact import VerticalHopper, hopper_states
 from machine import quartiles, this_machine
 from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, hopper_simulation, steps
-from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import solve

@@ -18,11 +18,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from exact import INITIAL_STATE, T_SPAN, octant
+from exact import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from machine import in_turn
 from numpy.typing import NDArray
 from plate_scene import Plate
-from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1

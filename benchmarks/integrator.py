@@ -36,11 +36,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, restarted
+from exact import INITIAL_STATE, T_SPAN, VerticalHopper, hopper_end, octant, octant_end, restarted
 from numba import njit
 from numpy.typing import NDArray
 from plate_scene import Plate
-from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, on_event, solve
@@ -178,7 +177,7 @@ E1, _, E3, E4, E5, E6, E7 = DOPRI5.errors[0]
 
 @njit(error_model="numpy")
 def _rate(z: float, v: float, lock: int, p: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the field of `vertical_hopper`, of numbers."""
+    """Return the field of `exact`, of numbers."""
     gravity, stiffness, rest_length, damping = p[0], p[1], p[2], p[3]
     push = stiffness * (rest_length - z) - damping * v if lock < 0 else 0.0
     return v, push - gravity

@@ -46,9 +46,9 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
+from exact import VerticalHopper
 from peers import PLATE_SPAN, FloatArray, Found, Problem, Solver, problems, solvers_of
 from plate_scene import Plate
-from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid import System, field, guards, solve_batch

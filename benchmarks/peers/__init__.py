@@ -21,9 +21,8 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, plate_end
+from exact import INITIAL_STATE, T_SPAN, VerticalHopper, hopper_end, octant, octant_end, plate_end
 from plate_scene import Plate
-from vertical_hopper import VerticalHopper
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, System, guards, solve, solve_batch

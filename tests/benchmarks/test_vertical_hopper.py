@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact import VerticalHopper
 from scipy.optimize import brentq
-from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import solve
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exact import INITIAL_STATE, T_SPAN, octant
+from exact import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hybrid_systems import ball, growth, ladder
 from test_derived import bounce_undone
-from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import System, field, solve
 

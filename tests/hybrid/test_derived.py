@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params
-from exact import INITIAL_STATE, T_SPAN, octant
+from exact import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hybrid_systems import ball, fall_field, floor_guard, ladder, relay, throw
 from plate_scene import Plate
-from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
 from hopdata.scenes.body import flight_mode

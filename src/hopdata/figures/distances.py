@@ -90,8 +90,7 @@ def _draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
     _, colour, _ = KINDS[kind]
     values = [float(row.get(quantile, np.nan)) for quantile in QUANTILES]
     if not np.all(np.isfinite(values)):
-        look: Any = {"ha": "center", "va": "center", "color": style.GREY}
-        axes.text(0.5, place, "none", transform=axes.get_yaxis_transform(), **look)
+        style.lacking(axes, 0.5, place, "none", axes.get_yaxis_transform())
         return
     style.box(axes, place, values, colour, widths=0.55, orientation="horizontal")
 

@@ -66,14 +66,8 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
             style.box(axes, place, [float(numbers[q]) for q in QUANTILES], colour, widths=0.5)
             _write_share(axes, place, rows[name], rows.get("mean"))
         else:
-            look: Any = {
-                "ha": "center",
-                "va": "center",
-                "color": style.GREY,
-                "bbox": style.ON_WHITE,
-            }
             words = "not fitted:\ntoo few\ntouchdowns"
-            axes.text(place, 0.5, words, transform=axes.get_xaxis_transform(), **look)
+            style.lacking(axes, place, 0.5, words, axes.get_xaxis_transform())
     _label(axes, rows, units)
     return figure
 

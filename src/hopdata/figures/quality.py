@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -136,8 +135,7 @@ def _draw_sections(axes: Axes, stability: pd.DataFrame) -> None:
         moved = 1e3 * (others[column].to_numpy(float) - float(chosen[column]))
         axes.plot(moved, place, linestyle="", marker=mark, color=colour, label=label, markersize=4)
     for row in np.flatnonzero(others["pre_height_m"].isna()):
-        look: Any = {"ha": "center", "va": "center", "color": style.GREY, "bbox": style.ON_WHITE}
-        axes.text(0.0, float(row), "none", **look)
+        style.lacking(axes, 0.0, float(row), "none")
     style.name_rows(axes, list(others["variant"]))
     reach = 1.08 * max(map(abs, axes.get_xlim()))
     axes.set(xlim=(-reach, reach), xlabel="change of the section (mm)")

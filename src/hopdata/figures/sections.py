@@ -147,7 +147,7 @@ def _draw_foot_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
     axes.set_ylabel(f"{which} foot height (mm)")
     axes.set_xlabel("density (1/m)")
     if not len(height):
-        axes.text(0.5, 0.5, "no density", ha="center", transform=axes.transAxes)
+        style.lacking(axes, 0.5, 0.5, "no density", axes.transAxes)
         return
     axes.semilogx(density, height, color=style.INK, linewidth=0.7)
     axes.set_xlim(density.max() / 10**DECADES_SHOWN, density.max() * 2)
@@ -164,8 +164,7 @@ def _draw_body_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
         axes.plot(height, density, color=colour)
         axes.fill_between(height, density, color=colour, alpha=0.15, linewidth=0)
     if not len(_curve(densities, given)[0]):
-        text = f"no frame with {side.condition}"
-        axes.text(0.5, 0.5, text, ha="center", transform=axes.transAxes, bbox=style.ON_WHITE)
+        style.lacking(axes, 0.5, 0.5, f"no frame with {side.condition}", axes.transAxes)
     axes.set_ylim(bottom=0)
     axes.locator_params(axis="y", nbins=4)
 

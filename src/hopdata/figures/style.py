@@ -80,6 +80,13 @@ def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options:
     axes.annotate(text, xy=at, xytext=offset, **options)
 
 
+def lacking(axes: Axes, x: float, y: float, text: str, transform: Any = None) -> None:
+    """Write in grey, about the middle of a place, what is not there."""
+    place = axes.transData if transform is None else transform
+    look: Any = {"ha": "center", "va": "center", "color": GREY, "bbox": ON_WHITE}
+    axes.text(x, y, text, transform=place, **look)
+
+
 def plain_numbers(axis: Axis) -> None:
     """Write the numbers of a logarithmic axis as they are, and none at minor ticks."""
     axis.set_minor_locator(ticker.NullLocator())

@@ -7,11 +7,11 @@ from itertools import permutations
 import numpy as np
 import pytest
 from bent_systems import bent, bent_jacobian, bent_params, bent_sparse, turn_back
+from exact import VerticalHopper
 from hybrid_systems import ladder
 from jacobian_checks import TIGHT, carried, differences, gap
 from plate_scene import Plate
 from scipy.integrate import solve_ivp
-from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch
 from hopdata.hybrid.first_order import bouligand_derivative, project_onto_section

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import octant, octant_guards
+from exact import VerticalHopper, octant, octant_guards
 from hybrid_systems import ball, ladder, relay, sliding, throw
-from vertical_hopper import VerticalHopper
 
 from hopdata.hybrid import System, field, guards
 from hopdata.hybrid.first_order import check_c1

@@ -249,9 +249,5 @@ def _row_that(sheet: _Sheet, what: str, is_it: Callable[[Row], bool]) -> int:
 
 def _stated(place: str, keys: dict[str, str], *names: str) -> float | None:
     """Return the first of some keys as a number; None if the file has none of them."""
-    for name in names:
-        if value := text.pointed(keys.get(name, "")):
-            if not text.is_number(value):
-                raise RecordingError(f"{place}: {name}: expected a number, found '{value[:40]}'")
-            return float(value)
-    return None
+    name = next((name for name in names if keys.get(name)), "")
+    return text.stated_number(place, name, keys.get(name, ""))

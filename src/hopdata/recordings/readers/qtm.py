@@ -6,7 +6,7 @@ column row (``Frame  Time  <name> X ...``) stands only where the exporter was to
 """
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import islice
 from math import isfinite
@@ -67,15 +67,7 @@ class QtmHeader:
         RecordingError
             If the value is not a number.
         """
-        if key not in self.values:
-            return None
-        stated = text.pointed((self.values[key] or [""])[0])
-        try:
-            return float(stated)
-        except ValueError:
-            raise RecordingError(
-                f"{self.place(key)}: {key}: expected a number, found '{stated}'"
-            ) from None
+        return text.stated_number(self.place(key), key, (self.values.get(key) or [""])[0])
 
 
 def read_header(path: Path) -> QtmHeader:
@@ -327,30 +319,27 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     header = read_header(Path(path))
     _check_kind(header)
     place, names, counters, wrong = layout(header)
-    markers, renamed = raw.distinct_names(place, names, may_lack=True)
-    n_columns, width = len(counters) + 3 * len(names), len(header.first_row)
-    rows = text.Rows(header.path, header.n_lines, header.offset, width, header.mark)
-    unit, factor = (
-        raw.metric(str(header.path), header.unit) if header.unit else (raw.USUAL_UNIT, 1.0)
-    )
-    columns = range(len(counters), n_columns)
+    rows = text.Rows(header.path, header.n_lines, header.offset, len(header.first_row), header.mark)
+    columns = range(len(counters), len(counters) + 3 * len(names))
     counted, positions = rows.markers(counters, columns)
-    positions *= factor
-    key = "NO_OF_FRAMES"
+    key, by_name = "NO_OF_FRAMES", dict(zip(counters, counted.T, strict=True))
     wrong += raw.frame_count(header.place(key), key, header.number(key), len(positions))
-    time, rate, remarks = _time_and_rate(header, counted, counters, rate_hz)
-    return raw.RawRecording(
-        markers,
-        time,
+    stamps, stopped = _stamps(header, by_name.get("Time"))
+    found = raw.assembled(
+        str(header.path),
+        raw.distinct_names(place, names, may_lack=True),
         positions,
-        rate,
-        unit=unit,
+        number=by_name.get("Frame", np.arange(1.0, len(positions) + 1)).copy(),
+        stamps=stamps,
+        unit=(str(header.path), header.unit),
+        rates_hz=(_stated_rate(header, rate_hz), rate_hz),
+        rate_place=header.place("FREQUENCY"),
+        remarks=header.remarks + wrong + stopped,
         unit_is_stated=bool(header.unit) or not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
         started=moment((header.values.get("TIME_STAMP") or [""])[0]),
-        remarks=header.remarks + renamed + wrong + remarks + _event_remarks(header, rate),
-        has_stamps="Time" in counters,
     )
+    return replace(found, remarks=found.remarks + _event_remarks(header, found.rate_hz))
 
 
 def _check_kind(header: QtmHeader) -> None:
@@ -362,50 +351,30 @@ def _check_kind(header: QtmHeader) -> None:
         )
 
 
-def _time_and_rate(
-    header: QtmHeader, table: FloatArray, counters: list[str], given_hz: float | None
-) -> tuple[FloatArray, float, tuple[str, ...]]:
-    """Time stamps (N,) in s, the rate in Hz, and remarks."""
-    stamps = table[:, counters.index("Time")].copy() if "Time" in counters else None
-    number = np.arange(len(table), dtype=np.float64)
-    if "Frame" in counters:
-        number = table[:, counters.index("Frame")].copy()
-    remarks: tuple[str, ...] = ()
-    external = (header.values.get("FREQUENCY") or [""])[0].upper() == "EXT"
-    if stamps is not None and external and not np.all(np.diff(stamps) > 0):
-        stamps = None  # with an external trigger the clock is the trigger
-        remarks = (
-            f"{header.path}: FREQUENCY is EXT and the time stamps do not increase; "
-            "time counted from the frames",
-        )
-    rate = raw.resolve_rate(
-        header.place("FREQUENCY"),
-        stated=_stated_rate(header, external, stamps, number),
-        given=given_hz,
+def _is_triggered(header: QtmHeader) -> bool:
+    return (header.values.get("FREQUENCY") or [""])[0].upper() == "EXT"
+
+
+def _stamps(
+    header: QtmHeader, stamps: FloatArray | None
+) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Time stamps (N,), s, and a remark if an external trigger left none that run."""
+    if stamps is None or not _is_triggered(header) or np.all(np.diff(stamps) > 0):
+        return None if stamps is None else stamps.copy(), ()
+    return None, (
+        f"{header.path}: FREQUENCY is EXT and the time stamps do not increase; "
+        "time counted from the frames",
     )
-    if stamps is None:
-        return (number - number[0]) / rate, rate, remarks
-    if external:
-        return stamps, rate, remarks
-    time, remarks = raw.settle(str(header.path), stamps, number, rate)
-    return time, rate, remarks
 
 
-def _stated_rate(
-    header: QtmHeader, external: bool, stamps: FloatArray | None, number: FloatArray
-) -> float | None:
-    """Frame rate by the header or, without it, by the time stamps; None if neither tells."""
-    if external:
-        return None
-    if header.values:
-        near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
-        if near and "FREQUENCY" not in header.values:
-            raise RecordingError(
-                f"{header.path}: header: expected the key FREQUENCY, found none{near}"
-            )
-        if "FREQUENCY" in header.values:
-            return header.number("FREQUENCY")
-    return None if stamps is None else raw.rate_of(stamps, number)
+def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
+    """Frame rate by the header, Hz; None if it tells none. With an external trigger, the given."""
+    near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
+    if near and "FREQUENCY" not in header.values:
+        raise RecordingError(f"{header.path}: header: expected the key FREQUENCY, found none{near}")
+    if _is_triggered(header):
+        return raw.resolve_rate(header.place("FREQUENCY"), stated=None, given=given_hz)
+    return header.number("FREQUENCY")
 
 
 def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:

@@ -142,6 +142,20 @@ def no_number(text: str) -> str:
     return f"expected a number, found {text[:40]!r}{comma}"
 
 
+def stated_number(place: str, key: str, field: str) -> float | None:
+    """Return the number that a header states under a key; None if it states none.
+
+    Raises
+    ------
+    RecordingError
+        If it states something else.
+    """
+    stated = pointed(field)
+    if stated and (fault := no_number(stated)):
+        raise RecordingError(f"{place}: {key}: {fault}")
+    return float(stated) if stated else None
+
+
 def one_line(text: str) -> str:
     """Without the line ends that other libraries put into their messages."""
     return " ".join(text.split())

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
-
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings import raw
 from hopdata.recordings.readers import text
@@ -32,14 +30,7 @@ class _Header:
 
     def number(self, key: str) -> float | None:
         """Value of a key as a finite number; None if the key is absent."""
-        stated = text.pointed(self.values.get(key, ""))
-        if not stated:
-            return None
-        if not (text.is_number(stated) and np.isfinite(float(stated))):
-            raise RecordingError(
-                f"{self.path}, line 3: {key}: expected a number, found '{stated[:40]}'"
-            )
-        return float(stated)
+        return text.stated_number(f"{self.path}, line 3", key, self.values.get(key, ""))
 
 
 def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
