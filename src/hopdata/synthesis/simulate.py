@@ -62,12 +62,15 @@ class Simulation:
         Raises
         ------
         ConfigError
-            If the scene is unknown, or a value out of range.
+            If a key or the scene is unknown, or a value out of range.
         """
-        rest = dict(values or {})
-        name = rest.pop("scene", STANDARD)
-        scene = trials.from_mapping(scene_class(name), rest.pop(name, None))
-        return replace(trials.from_mapping(cls, rest), name=name, scene=scene)
+        given = dict(values or {})
+        name = given.get("scene", STANDARD)
+        kind, others = scene_class(name), ("hops", "duration_s", "kicks", "operator", "control")
+        trials.refuse_unknown(given, ["scene", name, *others], "simulation")
+        scene = trials.from_mapping(kind, given.get(name), f"simulation.{name}")
+        rest = {key: given[key] for key in others if key in given}
+        return replace(trials.from_mapping(cls, rest, "simulation"), name=name, scene=scene)
 
     def said(self) -> dict[str, Any]:
         """Return the block as plain data; a control, and another scene, only if there is one."""
@@ -130,7 +133,7 @@ def simulate_recording(
         If a key is unknown or a value out of range.
     """
     simulated = Simulation.of(simulation)
-    camera = trials.from_mapping(MotionCapture, motion_capture)
+    camera = trials.from_mapping(MotionCapture, motion_capture, "motion_capture")
     scene, control = simulated.scene, simulated.control
     streams = np.random.SeedSequence(seed).spawn(4)
     kicks_rng, floor_rng, *camera_rngs = map(np.random.default_rng, streams)
