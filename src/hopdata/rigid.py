@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError
@@ -26,8 +26,6 @@ class RigidFit:
     residual_m : (N,) array
         What a rigid motion leaves over, rms per degree of freedom and so an estimate of the noise
         per coordinate, m; NaN where not determined.
-    n_seen : (N,) array of int
-        Number of markers seen.
     leaned : (N,) bool array
         Whether an earlier attitude had to help.
     """
@@ -35,7 +33,6 @@ class RigidFit:
     centre: FloatArray
     rotation: FloatArray
     residual_m: FloatArray
-    n_seen: NDArray[np.int64]
     leaned: BoolArray
 
     @property
@@ -85,7 +82,7 @@ def rigid_fit(
     free = np.where(leaned, 1, 3 * count - 6).clip(1)
     square = np.einsum("nb,nbi,nbi->n", weight, misses, misses)
     centre = middle - np.einsum("nij,nj->ni", rotation, home)
-    return RigidFit(centre, rotation, np.sqrt(square / free), count, leaned)
+    return RigidFit(centre, rotation, np.sqrt(square / free), leaned)
 
 
 def headings(rotation: FloatArray) -> FloatArray:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hopdata.hybrid import solve
+from hopdata.hybrid.first_order.linearise import instant, linearise
+from hopdata.hybrid.first_order.saltation import crossing
 
 TIGHT = {"rtol": 1e-13, "atol": 1e-14}
 
@@ -29,3 +31,13 @@ def carried(system, t_span, y0, **options):
 def gap(one, other):
     """Largest difference of two matrices, relative to the largest entry."""
     return np.abs(one - other).max() / np.abs(other).max()
+
+
+def saltation_product(system, state, order, *, params=(), mode, t=0.0):
+    """Product of the matrices of guards that are crossed at one instant, the first named first."""
+    scale, product = np.ones(system.n_states), np.eye(system.n_states)
+    here = linearise(system, instant(system, state, params=params, mode=mode, t=t), scale)
+    for guard in order:
+        matrix, here = crossing(system, here, guard, scale)
+        product = matrix @ product
+    return product

@@ -9,7 +9,7 @@ import pytest
 from bent_systems import bent, bent_jacobian, bent_params, bent_sparse, turn_back
 from exact import VerticalHopper
 from hybrid_systems import ladder
-from jacobian_checks import TIGHT, carried, differences, gap
+from jacobian_checks import TIGHT, carried, differences, gap, saltation_product
 from plate_scene import Plate
 from scipy.integrate import solve_ivp
 
@@ -130,11 +130,6 @@ def test_the_order_does_not_matter_where_the_flow_is_c1():
         assert len(found[-1].events) == 3
     for other in found[1:]:
         assert gap(other.jacobian, found[0].jacobian) < 1e-12
-
-
-def saltation_product(system, state, order, **options):
-    flow = bouligand_derivative(system, state, guards=order, **options)
-    return flow.node(tuple(order)).product
 
 
 def test_where_the_order_matters_it_is_that_of_the_log():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from exact import octant
 from hybrid_systems import ball, ladder, sliding
+from jacobian_checks import saltation_product
 from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, guards, on_event, solve
@@ -22,12 +23,6 @@ from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-
-
-def saltation_product(system, state, order, **options):
-    """Product of the matrices of guards that are crossed at one instant, the first named first."""
-    flow = bouligand_derivative(system, state, guards=order, **options)
-    return flow.node(tuple(order)).product
 
 
 def test_bounce_is_the_textbook_one():
