@@ -17,7 +17,7 @@ from math import isnan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.first_order import linearise as local
 from hopdata.hybrid.first_order.linearise import Combination, Instant, Linearisation
 from hopdata.hybrid.first_order.saltation import BouligandDerivative, NotTransversalError
@@ -132,7 +132,7 @@ def _kept(rates: Mapping[Combination, FloatArray], guards: Sequence[int]) -> flo
 
 
 def _pushed_back(
-    system: System, views: Mapping[Combination, Linearisation], guards: list[int], ways: FloatArray,
+    system: System, views: Mapping[Combination, Linearisation], guards: list[int], ways: IntArray,
     scale: FloatArray,
 ) -> float:  # fmt: skip
     """Return how far handlers move a guard against its lock, in units of its scale."""
