@@ -65,6 +65,7 @@ def test_a_foot_touches_later_than_it_is_too_high(landings):
     [
         (lambda z: z + 0.05, NOT_LANDED),
         (lambda z: 0.0003 * np.sin(np.arange(len(z))), ALREADY_DOWN),
+        (lambda z: 0.0048 * np.sin(0.11 * np.arange(len(z))), ALREADY_DOWN),  # it settles
         (lambda z: z * np.nan, MISSING),
     ],
 )

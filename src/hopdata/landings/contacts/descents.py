@@ -247,19 +247,19 @@ def longest_gaps(seen: FloatArray, spans: FloatArray) -> FloatArray:
 def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
     """Tell which landings (H, 2) have a descent: each has one, the nearest that it holds."""
     have = np.zeros(len(found), dtype=bool)
-    middle = found.mean(axis=1)
     first = np.searchsorted(found[:, 1], spans[:, 0])  # both columns are in the order of time
     stop = np.searchsorted(found[:, 0], spans[:, 1], side="right")
     for (begin, end), low, high in zip(spans, first, stop, strict=True):
         near = low + np.flatnonzero(~have[low:high])
         if len(near) > 0:
-            have[near[np.argmin(np.abs(middle[near] - 0.5 * (begin + end)))]] = True
+            have[near[np.argmin(np.abs(found[near].sum(axis=1) - begin - end))]] = True
     return have
 
 
 LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT = range(5)
 NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
 ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
+SETTLES = 0.5  # of the height below which a foot is down: what sinks by less has stood all along
 LEAST_FRAMES = 5
 LANDINGS = 2000  # looked at together
 #: A foot comes to stand at its lowest frames but three; it touches no higher above than its skin
@@ -383,7 +383,8 @@ def _descents(
         on_its_way = z > (low + ON_ITS_WAY * depth)[:, None]
     first = _last((place <= last[:, None]) & on_its_way)
     first = np.where(first < 0, last, first)
-    status = np.where(last < 0, np.where(t[:, 0] > ends[0], MISSING, ALREADY_DOWN), LANDED)
+    stood = (last < 0) | (depth <= SETTLES * down_height_m)
+    status = np.where(stood, np.where(t[:, 0] > ends[0], MISSING, ALREADY_DOWN), LANDED)
     hidden = _may_hide_landing(t, z, ends, longest, down_height_m)
     status = np.where(low > down_height_m, np.where(hidden, MISSING, NOT_LANDED), status)
     status = np.where(count < LEAST_FRAMES, MISSING, status)
@@ -395,8 +396,7 @@ def _descents(
         before = np.maximum(np.minimum(first, last - 1), 0)
         fall = (z[rows, before] - z[rows, last]) / (t[rows, last] - t[rows, before])
         early = t[rows, last] + np.minimum((z[rows, last] - low) / fall, gap)
-    in_gap = gap > longest  # its far end says nothing
-    in_gap &= (last > 0) & (fall > 0)
+    in_gap = (gap > longest) & (last > 0) & (fall > 0)  # its far end says nothing
     near = np.where(in_gap, early, near)
     landed = status == LANDED
     earliest = np.where(landed, _last_above(t, z, falling, low_first, longest), np.nan)
