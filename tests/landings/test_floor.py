@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jumps import KINDS, NAMES, PELVIS, make
 from section_fakes import hopper, on_floor
 
 from hopdata.errors import AnalysisError
@@ -20,6 +21,7 @@ from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.scoring import match_landings
+from hopdata.recording import Recording
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.raw import rotate_up
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
@@ -309,6 +311,17 @@ def test_a_foot_that_hangs_low_for_half_of_the_run_does_no_harm(bent, height_m):
 
 THREE = HopperParameters()
 BODY = [f"body{k + 1}" for k in range(8)]
+
+
+@pytest.mark.parametrize("seed", [0, 5, 37])
+def test_a_mat_that_gives_at_one_landing_of_two_is_not_the_floor(seed):
+    kind = KINDS["box, begins in the air, soft 8 ms"]
+    seen, _ = make(kind, 2, np.random.default_rng(seed), 120.0, 5e-4)
+    feet = ["LTOE", "LHEE", "RTOE", "RHEE"]
+    time = np.arange(len(seen)) / 120
+    floor = fit_floor(Recording.from_arrays(time, seen, NAMES, feet=feet, body=PELVIS))
+    rests = floor.coefficients_m[0] + floor.foot_offsets_m
+    np.testing.assert_allclose(rests, [0.025, 0.04, 0.025, 0.04], atol=0.002)
 
 
 def simulate(feet, *, hops=40, rate_hz=100.0, markers=3, seed=8):

@@ -13,6 +13,7 @@ BENCHMARK_TABLES = {
     "contact_instants": ["contact_instants.csv"],
     "check_forecast": ["check_forecast.csv"],
     "foot_strikes": ["foot_strikes.csv"],
+    "jumps": ["jumps.csv"],
     "velocities": ["velocities.csv"],
     "maps": ["maps.csv", "maps_noise.csv", "maps_readings.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
@@ -47,6 +48,7 @@ BENCHMARK_ARGUMENTS = {
     "first_solve": "--repeats 3",
     "frame_change_models": "--recordings 4 --draws 4",
     "guesses": "--seeds 2",
+    "jumps": "--seeds 1 --no-check",
     "live_faults": "--hops 500",
     "live_loop": "--seconds 15",
     "maps": "--bootstraps 300 --pairs 5000",
@@ -58,7 +60,7 @@ BENCHMARK_ARGUMENTS = {
     "verdict_power": "--studies 2",
 }
 # Whose tables hold errors and no times: these run beside each other, the others one at a time.
-UNTIMED = {"foot_strikes", "guesses", "map_error", "order", "recording_faults", "velocities"}
+UNTIMED = {"foot_strikes", "guesses", "jumps", "map_error", "order", "recording_faults", "velocities"}
 # Each figure, as `benchmark_figures.py` draws it, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ["order.csv"],

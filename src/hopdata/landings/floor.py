@@ -69,6 +69,7 @@ _STILL_M = 1e-6  # a change of the coefficients that ends the fits
 _SIGMAS = 4.0  # of the ground mode's left flank: what is farther above it is raised
 _ROUNDS = 4
 _LEAST_POINTS = 20  # that a ground mode is found from
+LEAST_STEPS = 5  # of a foot: fewer do not tell rests above the floor from one that gave way below
 _LEAST_SHARE = 0.02  # of the points: the regression deals with fewer by itself
 
 
@@ -108,16 +109,14 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
         found = np.linalg.lstsq(columns[core], heights[core], rcond=None)[0]
         residuals = heights - columns @ found
     near_floor = np.abs(residuals) <= band_m
-    enough = (raised & near_floor).sum() >= _LEAST_SHARE * near_floor.sum()
-    return raised if enough else np.zeros(len(heights), dtype=bool)
+    return raised & bool((raised & near_floor).sum() >= _LEAST_SHARE * near_floor.sum())
 
 
 def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
     """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
     step = max(1, len(heights) // _START_POINTS)
     heights, columns = heights[::step], columns[::step]
-    found: FloatArray = np.zeros(columns.shape[1])
-    weights: FloatArray = np.ones_like(heights)
+    found, weights = np.zeros(columns.shape[1]), np.ones_like(heights)
     for _ in range(_MOST_FITS):
         before, root = found, np.sqrt(weights)
         found = np.asarray(np.linalg.lstsq(columns * root[:, None], heights * root, rcond=None)[0])
@@ -129,6 +128,7 @@ def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(found)
 
 
+_STAYS = 0.01  # singular value, against the largest, of feet that keep to their places: no slope
 _MOST_OF_PLANE = 200_000  # rests, evenly taken, that tell whether the floor slopes
 
 
@@ -198,6 +198,7 @@ def fit_floor(
     first = regress(np.full(len(rest.foot), True))
     columns = floor_surface.floor_columns(rest, scaled, first.terms)
     raised = raised_rests(rest.points[:, 2], columns, band_m=rest_band_m)
+    raised &= n_steps >= LEAST_STEPS * len(first.offsets_m)
     used = (np.abs(first.residuals) <= rest_band_m) & ~raised
     if not used.any():
         raise AnalysisError(
@@ -268,10 +269,9 @@ def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
     """Find the rests within reach of a level floor, or of a plane where the floor slopes, (P,)."""
     near = np.abs(rest.above_mode) <= reach_m
     few = slice(None, None, -(-len(near) // _MOST_OF_PLANE) or 1)
-    heights, columns = rest.points[few, 2], _columns_of_plane(rest, few)
-    told = near[few]
+    heights, columns, told = rest.points[few, 2], _columns_of_plane(rest, few), near[few]
     for _ in range(_ROUNDS):
-        plane = np.linalg.lstsq(columns[told], heights[told])[0]
+        plane = np.linalg.lstsq(columns[told], heights[told], rcond=_STAYS)[0]
         if np.hypot(plane[-2], plane[-1]) < np.tan(np.deg2rad(NOTED_SLOPE_DEG)):
             break
         told = np.abs(heights - columns @ plane) <= reach_m
