@@ -60,7 +60,15 @@ BENCHMARK_ARGUMENTS = {
     "verdict_power": "--studies 2",
 }
 # Whose tables hold errors and no times: these run beside each other, the others one at a time.
-UNTIMED = {"foot_strikes", "guesses", "jumps", "map_error", "order", "recording_faults", "velocities"}
+UNTIMED = {
+    "foot_strikes",
+    "guesses",
+    "jumps",
+    "map_error",
+    "order",
+    "recording_faults",
+    "velocities",
+}
 # Each figure, as `benchmark_figures.py` draws it, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ["order.csv"],
