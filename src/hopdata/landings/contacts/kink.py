@@ -223,7 +223,7 @@ def _unpack(
     flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
     flat[wanted] = rows
     out = flat.reshape(*shape, rows.shape[1])
-    instant, variance, misfit, dof, before, after, evidence = np.moveaxis(out[:, :, :7], 2, 0)
+    instant, variance, misfit, dof, before, after, evidence = np.moveaxis(out[..., :7].copy(), 2, 0)
     value = out[:, :, 7 : 7 + size] * units
     se = np.sqrt(np.maximum(out[:, :, 7 + size :], 0.0)) * units
     return KinkFits(

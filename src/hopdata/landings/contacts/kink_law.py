@@ -246,10 +246,10 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
         See `hopdata.landings.contacts.find.find_contacts`.
     """
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m)
-    alone = feet.fits(near, replace(law, pushes=False), widely=True)
-    law = learned_law(feet, alone.instant, law, own=gravity == "learned")
-    fits = feet.fits(alone.instant, law, widely=True)
-    return _with_softness(feet, feet.fits(fits.instant, law), law, alike=True)
+    instant = feet.fits(near, replace(law, pushes=False), widely=True).instant
+    law = learned_law(feet, instant, law, own=gravity == "learned")
+    instant = feet.fits(instant, law, widely=True).instant  # of all else one is held at a time
+    return _with_softness(feet, feet.fits(instant, law), law, alike=True)
 
 
 def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) -> Softly:
