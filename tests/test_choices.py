@@ -35,6 +35,7 @@ from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality import orientation as free_fall
 from hopdata.recordings.quality import orientation as length_unit
 from hopdata.scenes import SCENES
+from hopdata.steering import OBSERVATIONS
 from hopdata.steering.experiments import tasks
 from hopdata.steering.models import process as models
 
@@ -141,6 +142,7 @@ CONFIGURED = {
     "figures.formats": FORMATS,
     "steering.model.kernel": models.KERNELS,
     "steering.experiments.controllers": tasks.CONTROLLERS,
+    "steering.observations": OBSERVATIONS,
     "simulation.scene": SCENES,
 }
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from html import escape
 from pathlib import Path
@@ -364,7 +364,7 @@ class Study:
         config, name = self.config, entry["name"]
         with TemporaryDirectory() as folder:
             files: list[str] = files_of(entry)
-            if not files:
+            if simulated := not files:
                 from hopdata.recordings.readers.hdf5 import write_recording
                 from hopdata.synthesis import simulate_recording
 
@@ -377,7 +377,7 @@ class Study:
                 exclude=entry["exclude"],
                 **config["input"],
             )
-        return recording
+        return replace(recording, source=f"simulated/{name}.h5") if simulated else recording
 
     @cached_property
     def floors(self) -> dict[str, Any]:

@@ -173,7 +173,7 @@ def test_a_truth_that_is_not_whole_is_refused(tmp_path, recording, truth):
     [
         ("time", np.array([b"x"] * FRAMES), "dataset 'time': expected an array of numbers"),
         ("time", 5.0, "dataset 'time': expected an array of numbers"),
-        ("time", np.zeros((FRAMES, 2)), "time: expected shape"),
+        ("time", np.zeros((FRAMES, 2)), "time: expected an array of shape"),
         ("positions", np.zeros((FRAMES, 5, 3), complex), "found complex128"),
         ("positions", None, "dataset 'positions': expected numbers, found none"),
         ("@markers", 5, "attribute 'markers': expected a list of texts, found 5"),

@@ -73,9 +73,9 @@ def test_gradients_are_those_of_differences(trained):
     gradient = change_and_gradient(process, *points.T)[1]
     for axis in range(points.shape[1]):
         step = np.zeros(points.shape[1])
-        step[axis] = 1e-5
+        step[axis] = 1e-4  # of shorter ones rounding shows: hops that repeat have large weights
         ahead, behind = process.mean_at(points + step), process.mean_at(points - step)
-        np.testing.assert_allclose(gradient[:, :, axis], (ahead - behind) / 2e-5, atol=1e-6)
+        np.testing.assert_allclose(gradient[:, :, axis], (ahead - behind) / 2e-4, atol=1e-6)
 
 
 def test_a_whole_turn_more_is_the_same_hop(trained):

@@ -33,6 +33,7 @@ LEAP = 8.0  # times a step in which all guards were straight: steps up to this a
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
 OF_PATH = 0.05  # of the change: what a step's cubic may err by from its path
 SHORTEST = 2.0**-26  # of the step: a shorter window is not divided
+INSTANTS = 16.0  # that rounding makes one: what guards change by in a window so short is noise
 FINE = 2.0**-8  # of the longest window: shorter ones need not show what is far from the surface
 SURE = 2.0  # times the error in the middle: a margin above this is clear
 OWN, FLOOR = 0.2, 1e-9  # of the change over a window, and of the margin: errors allowed anywhere
@@ -220,7 +221,8 @@ def judge_all(
     is whether all guards move as their cubics say.
     """
     g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, 1e300, True
-    resolution, longest = time_resolution(m.clock[at.T], dt), LONGEST * (p.t_end - p.t_start)
+    resolution = INSTANTS * time_resolution(m.clock[at.T], dt)
+    longest = LONGEST * (p.t_end - p.t_start)
     for i in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, i)
         if m.flags[at.BENT, k] == 0:
@@ -293,7 +295,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     """
     prepare_interpolant(p, m, dt)
     run = (p.t_end - p.t_start) / dt
-    shortest = max(SHORTEST, 16.0 * time_resolution(m.clock[at.T], dt) / dt)
+    shortest = max(SHORTEST, INSTANTS * time_resolution(m.clock[at.T], dt) / dt)
     width, low, a = min(m.clock[at.WINDOW] / dt, LONGEST_IF_SURE * run), 0.0, at.H0
     m.counts[at.WATCHED] = BY_WINDOWS
     while low < 1.0 and m.counts[at.ROUGH] <= MOST_ROUGH:
