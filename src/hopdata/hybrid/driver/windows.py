@@ -33,7 +33,7 @@ LEAP = 8.0  # times a step in which all guards were straight: steps up to this a
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
 OF_PATH = 0.05  # of the change: what a step's cubic may err by from its path
 SHORTEST = 2.0**-26  # of the step: a shorter window is not divided
-INSTANTS = 16.0  # that rounding makes one: what guards change by in a window so short is noise
+INSTANTS = 16.0  # that rounding makes one: what guards change by in a time so short is noise
 FINE = 2.0**-8  # of the longest window: shorter ones need not show what is far from the surface
 SURE = 2.0  # times the error in the middle: a margin above this is clear
 OWN, FLOOR = 0.2, 1e-9  # of the change over a window, and of the margin: errors allowed anywhere
@@ -85,14 +85,15 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
 @kernel_in_loop
 def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int:
     """Count the guards that were straight and are not there; `mark` them as bent if so."""
-    g, found = m.guards, 0
+    g, found, resolution = m.guards, 0, INSTANTS * time_resolution(m.clock[at.T], dt)
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         along, d0, d1 = g[at.RATE_ALONG, k], dt * g[at.RATE0, k], dt * g[at.RATE1, k]
         same = (abs(g[at.RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
         off = abs(g[at.H, k] - cubic(g[at.H0, k], d0, g[at.H1, k], d1, theta))
         size = abs(g[at.H0, k]) + abs(g[at.H1, k]) + abs(d0) + abs(d1)
-        new = 0 if (same & (off <= AFFINE * size)) | (m.flags[at.BENT, k] != 0) else 1
+        noise = blur(max(size, g[at.SIZE, k]), g[at.RATE1, k], resolution)
+        new = 0 if (same & (off <= AFFINE * size + noise)) | (m.flags[at.BENT, k] != 0) else 1
         found += new
         m.flags[at.BENT, k] += new if mark else 0
     return found
@@ -221,8 +222,7 @@ def judge_all(
     is whether all guards move as their cubics say.
     """
     g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, 1e300, True
-    resolution = INSTANTS * time_resolution(m.clock[at.T], dt)
-    longest = LONGEST * (p.t_end - p.t_start)
+    resolution, longest = time_resolution(m.clock[at.T], dt), LONGEST * (p.t_end - p.t_start)
     for i in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, i)
         if m.flags[at.BENT, k] == 0:
