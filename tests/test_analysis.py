@@ -210,6 +210,13 @@ def test_a_simulated_recording_with_its_truth():
         hd.synthesize("hoper")
 
 
+def test_what_is_simulated_for_a_study_names_no_folder_that_is_gone():
+    markers = {"body": BODY, "feet": FEET}
+    config = {"study": "jumps", "markers": markers, "recordings": [{"name": "one"}]}
+    (recording,) = hd.study(config | {"simulation": {"hops": 5}}).imported
+    assert recording.source == "simulated/one.h5"
+
+
 def test_a_plan_halves_the_difference_for_four_times_the_landings(study):
     needed = hd.plan(study[0], [0.02, 0.01])["landings"]
     assert needed[1] == pytest.approx(4 * needed[0], rel=0.01)

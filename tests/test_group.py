@@ -173,6 +173,7 @@ def test_a_locked_folder_is_told_with_the_command_that_unlocks_it(group, capfd):
 
 
 @pytest.mark.workflow
+@pytest.mark.skipif("KILLS" not in os.environ, reason="takes minutes: KILLS=2, or KILLS=30")
 def test_a_group_killed_at_any_time_ends_in_the_same_bytes(tmp_path):
     """KILLS=30 kills a group of eight so often: all of a run, or one of its processes."""
     kills, seed = (int(os.environ.get(*one)) for one in (("KILLS", "2"), ("KILLS_SEED", "29")))
