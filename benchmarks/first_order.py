@@ -18,10 +18,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from exact import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from exact import INITIAL_STATE, T_SPAN, Plate, VerticalHopper, octant
 from machine import in_turn
 from numpy.typing import NDArray
-from plate_scene import Plate
 
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1

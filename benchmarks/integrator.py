@@ -36,10 +36,18 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from exact import INITIAL_STATE, T_SPAN, VerticalHopper, hopper_end, octant, octant_end, restarted
+from exact import (
+    INITIAL_STATE,
+    T_SPAN,
+    Plate,
+    VerticalHopper,
+    hopper_end,
+    octant,
+    octant_end,
+    restarted,
+)
 from numba import njit
 from numpy.typing import NDArray
-from plate_scene import Plate
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, on_event, solve

@@ -31,10 +31,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
+from exact import Plate
 from machine import this_machine, timed
 from numpy.typing import NDArray
 from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, plate_simulation, steps
-from plate_scene import Plate
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 

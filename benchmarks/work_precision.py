@@ -13,10 +13,10 @@ largest deviation of the final state from the exact one, `events_lost` the numbe
 were not found (negative: too many), empty where a solver does not tell. A solver that fails, or is
 not installed, has a row that says so.
 
-`head_to_head.csv`: each solver runs at the loosest of its tolerances, a decade apart, with which
-the final state errs by at most 1e-9; of each package the fastest takes part, of ours one in calls
-of its own and one in a batch. They are timed in turn, and each turn gives a ratio: whatever slows
-the machine down for a while slows down both.
+`head_to_head.csv`: of each package the solver and tolerance take part, a decade apart, that were
+the fastest above of those whose final state errs by at most 1e-9; of ours one in calls of its own
+and one in a batch. They are timed in turn, and each turn gives a ratio: whatever slows the machine
+down for a while slows down both.
 
 `batches.csv` is of ten thousand systems at a tolerance of 1e-9, with random starts (seed 0):
 pendulums, x'' = -sin x from rest at x0 in [-2, 2] for 10 s, with the guard x = 0, crossed three
@@ -46,9 +46,8 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from exact import VerticalHopper
+from exact import Plate, VerticalHopper
 from peers import PLATE_SPAN, FloatArray, Found, Problem, Solver, problems, solvers_of
-from plate_scene import Plate
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid import System, field, guards, solve_batch
@@ -138,9 +137,10 @@ class Entry:
     times: list[float] = own(default_factory=list)
 
     def time_block(self) -> None:
-        """Add one timing: the mean of some calls in a row, after one that finds its code again."""
+        """Add one timing: the mean of calls in a row, short ones after one that finds its code."""
         assert self.run is not None
-        self.run()
+        if self.calls > 1:
+            self.run()
         start = time.process_time()
         for _ in range(self.calls):
             self.run()
@@ -182,14 +182,10 @@ def least_time(run: Callable[[], Found]) -> float:
     return min(times)
 
 
-def measure(problem: Problem, turns: int) -> list[tuple[object, ...]]:
-    """Return the rows of a scene."""
-    solvers, absent = solvers_of(problem)
-    rows: list[tuple[object, ...]] = [
-        (problem.name, package, package, "", *[np.nan] * 6, 0, np.nan, f"absent: {reason}")
-        for package, reason in absent.items()
-    ]
+def measured(problem: Problem, solvers: list[Solver], turns: int) -> list[Entry]:
+    """Return each solver of a scene at each of its settings, timed in turn with the others."""
     slow: set[Solver] = set()
+    found: list[Entry] = []
     for settings in zip_longest(*(solver.settings for solver in solvers)):
         entries = [
             entered(solver, problem, setting, turns)
@@ -201,8 +197,13 @@ def measure(problem: Problem, turns: int) -> list[tuple[object, ...]]:
             for entry in entries:
                 if turn < entry.wanted:
                     entry.time_block()
-        rows += [row(problem, entry) for entry in entries]
-    return rows
+        found += entries
+    return found
+
+
+def absent_row(problem: Problem, package: str, reason: str) -> tuple[object, ...]:
+    """Return what is written of a package that is not there."""
+    return (problem.name, package, package, "", *[np.nan] * 6, 0, np.nan, f"absent: {reason}")
 
 
 def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
@@ -216,19 +217,7 @@ def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
 
 
 # Our integrator and the best of each peer, turn by turn: fewer, and steadier ratios.
-TRIAL = 15  # timings by which the fastest is found
 LEVELS = {"q25": 25, "median": 50, "q75": 75}
-
-
-def loosest(solver: Solver, problem: Problem) -> Entry | None:
-    """Return a solver at its loosest setting that reaches the error; None if none does."""
-    for setting in sorted(solver.settings, reverse=True):
-        entry = entered(solver, problem, setting, TRIAL)
-        if entry.run is not None and entry.error <= EQUAL_ERROR:
-            return entry
-        if entry.run is not None and entry.wanted == 0:  # it takes too long already
-            return None
-    return None
 
 
 def contender(entry: Entry) -> str:
@@ -237,21 +226,12 @@ def contender(entry: Entry) -> str:
 
 
 def fastest(entries: list[Entry]) -> dict[str, Entry]:
-    """Return the fastest entry of each contender, by a few timings in turn."""
-    take_turns(entries, TRIAL)
+    """Return the fastest entry of each contender that errs by at most what is asked for."""
     best: dict[str, Entry] = {}
-    for entry in sorted(entries, key=lambda one: np.median(one.times)):
+    good = [one for one in entries if one.times and one.error <= EQUAL_ERROR]
+    for entry in sorted(good, key=lambda one: np.median(one.times)):
         best.setdefault(contender(entry), entry)
     return best
-
-
-def take_turns(entries: list[Entry], turns: int) -> None:
-    """Time all entries so often, in turn; what they had before is forgotten."""
-    for entry in entries:
-        entry.times.clear()
-    for _ in range(turns):
-        for entry in entries:
-            entry.time_block()
 
 
 def race_row(problem: Problem, name: str, best: dict[str, Entry]) -> dict[str, object]:
@@ -269,12 +249,17 @@ def race_row(problem: Problem, name: str, best: dict[str, Entry]) -> dict[str, o
     } | {"note": ""}  # fmt: skip
 
 
-def race(problem: Problem, turns: int) -> list[dict[str, object]]:
-    """Return the rows of a scene."""
-    solvers, absent = solvers_of(problem)
-    best = fastest([entry for s in solvers if (entry := loosest(s, problem)) is not None])
-    take_turns(list(best.values()), turns)
-    late = {s.package for s in solvers} - {entry.solver.package for entry in best.values()}
+def race(
+    problem: Problem, entries: list[Entry], absent: dict[str, str], turns: int
+) -> list[dict[str, object]]:
+    """Return the rows of a scene; what the best had for timings before is forgotten."""
+    best = fastest(entries)
+    for entry in best.values():
+        entry.times.clear()
+    for _ in range(turns):
+        for entry in best.values():
+            entry.time_block()
+    late = {one.solver.package for one in entries} - {one.solver.package for one in best.values()}
     notes = dict.fromkeys(sorted(late), f"does not reach {EQUAL_ERROR:g}")
     notes |= {package: f"absent: {reason}" for package, reason in absent.items()}
     return [race_row(problem, name, best) for name in best] + [
@@ -485,14 +470,21 @@ def main() -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     warnings.simplefilter("ignore")
     chosen = [one for one in problems() if not given.scenes or one.name in given.scenes]
-    rows = [line for problem in chosen for line in measure(problem, given.turns)]
+    rows: list[tuple[object, ...]] = []
+    racing: list[dict[str, object]] = []
+    for problem in chosen:
+        solvers, absent = solvers_of(problem)
+        entries = measured(problem, solvers, given.turns)
+        rows += [absent_row(problem, *one) for one in absent.items()]
+        rows += [row(problem, entry) for entry in entries]
+        racing += race(problem, entries, absent, given.race_turns)
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     at_equal_error = ratios(table)
     at_equal_error["best_of_way"] = best_of_way(at_equal_error)
     table.to_csv(out, index=False)
     at_equal_error.to_csv(out.with_name("ratios.csv"), index=False)
     print_ratios(at_equal_error)
-    races = pd.DataFrame([line for one in chosen for line in race(one, given.race_turns)])
+    races = pd.DataFrame(racing)
     races.to_csv(out.with_name("head_to_head.csv"), index=False)
     many = scenes_of_batches(given.systems)
     together = pd.DataFrame([row for name, one in many.items() for row in batches(name, one)])

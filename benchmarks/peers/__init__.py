@@ -21,8 +21,16 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from exact import INITIAL_STATE, T_SPAN, VerticalHopper, hopper_end, octant, octant_end, plate_end
-from plate_scene import Plate
+from exact import (
+    INITIAL_STATE,
+    T_SPAN,
+    Plate,
+    VerticalHopper,
+    hopper_end,
+    octant,
+    octant_end,
+    plate_end,
+)
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, System, guards, solve, solve_batch

@@ -26,11 +26,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from exact import VerticalHopper
+from exact import Plate, VerticalHopper
 from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike
-from plate_scene import Plate
 
 from peers import FloatArray, Found, Problem, Run, Solver
 

@@ -11,8 +11,8 @@ import time
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params
+from exact import Plate
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
-from plate_scene import Plate
 
 from hopdata.hybrid import solve, solve_batch
 from hopdata.hybrid.batch import run_in_threads

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params
-from exact import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from exact import INITIAL_STATE, T_SPAN, Plate, VerticalHopper, octant
 from hybrid_systems import ball, fall_field, floor_guard, ladder, relay, throw
-from plate_scene import Plate
 
 from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
 from hopdata.scenes.body import flight_mode

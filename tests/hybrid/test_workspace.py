@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from exact import Plate
 from hybrid_systems import ball, growth, ladder, raising_field
-from plate_scene import Plate
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch, workspace
 

@@ -7,10 +7,9 @@ from itertools import permutations
 import numpy as np
 import pytest
 from bent_systems import bent, bent_jacobian, bent_params, bent_sparse, turn_back
-from exact import VerticalHopper
+from exact import Plate, VerticalHopper
 from hybrid_systems import ladder
 from jacobian_checks import TIGHT, carried, differences, gap, saltation_product
-from plate_scene import Plate
 from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch

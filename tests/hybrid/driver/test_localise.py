@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from plate_scene import Plate
+from exact import Plate
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localise as localisation

@@ -8,9 +8,9 @@ import numba
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params, bent_sparse, turn_back
+from exact import Plate
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plate_scene import Plate
 
 from hopdata.hybrid import System, field, guard, guards, layout, rate_bound, solve
 from hopdata.hybrid.compiled.memory import float_table, float_vector, int_table, int_vector

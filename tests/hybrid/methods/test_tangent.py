@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import bent, bent_jacobian, bent_params, landing
-from exact import INITIAL_STATE, T_SPAN, octant
+from exact import INITIAL_STATE, T_SPAN, Plate, octant
 from hybrid_systems import balance, growth
 from jacobian_checks import carried, differences, gap
-from plate_scene import Plate
 from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, jacobian, solve, solve_batch

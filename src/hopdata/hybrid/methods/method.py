@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from math import nan, sqrt
 from typing import Any
 
@@ -33,6 +34,7 @@ from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
 from hopdata.hybrid.methods.explicit import Tableau
 
 Function = Callable[..., Any]
+KEPT = 128  # of what is made for scenes: systems of the same functions share it
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,7 @@ ENTRIES: dict[str, tuple[Function, Any]] = {
 }
 
 
+@lru_cache(KEPT)
 def compiled_part(part: str, method: Method, n_states: int, *, cache: bool = True) -> Any:
     """Compile a part of a method, or take it from the cache, if that is wanted."""
     entry, digest = _entry(part, method, n_states)
@@ -160,6 +163,7 @@ def compiled_part(part: str, method: Method, n_states: int, *, cache: bool = Tru
     return compiled_in_cache(entry, digest, compile_it)
 
 
+@lru_cache(KEPT)
 def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
     """Return the entry to a part of a method, to be compiled, and its digest."""
     inner = code.kernel_in_loop(with_digest(getattr(method, part)))

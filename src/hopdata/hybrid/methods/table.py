@@ -9,7 +9,8 @@ is in the cache, with generic code where it is not; its own is made when the sce
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Iterable
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,14 +22,10 @@ from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 
+TANGENTS = ("tangent", "short_tangent")  # of which there is no generic code
 TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
-MAKERS = {
-    "dopri5": lambda scene: made.explicit_method(DOPRI5, scene),
-    "dop853": lambda scene: made.explicit_method(DOP853, scene),
-    "taylor": made.taylor_method,
-    "rosenbrock": made.rosenbrock_method,
-}
-CHOICES = ("auto", *MAKERS)
+MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
+CHOICES = ("auto", *TABLEAUS, *MAKERS)
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
 # Steps in a process, from which a scene gets code of its own: that takes 0.4 to 2.5 s, saves 0.02
@@ -46,6 +43,12 @@ def generic_code(name: str) -> dict[str, Any]:
     """Return the machine code of an explicit method for any scene: compiled once per install."""
     method = made.explicit_method(TABLEAUS[name])
     return {part: compiled_part(part, method, 0) for part in ("interpolant", "step")}
+
+
+@lru_cache(made.KEPT)
+def method_for(name: str, scene: Scene) -> Method:
+    """Return a method for a scene, which systems of the same functions share."""
+    return MAKERS[name](scene) if name in MAKERS else made.explicit_method(TABLEAUS[name], scene)
 
 
 def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
@@ -101,7 +104,7 @@ class MethodTable:
         self.choice, self._names = choice, check_method(choice, scene, jacobian)
         self.scene, self._jacobian = scene, jacobian
         self._kept_alive: list[Any] = []
-        self._methods = [MAKERS[name](scene) for name in self._names]
+        self._methods = [method_for(name, scene) for name in self._names]
         self.generic: set[int] = set()
         self.steps = 0
         self.work_rows = max(method.work_rows for method in self._methods)
@@ -136,6 +139,8 @@ class MethodTable:
     def provide(self, number: int) -> None:
         """Make a method ready, which the driver has asked for."""
         if self._generic_will_do(number):
+            if self._jacobian:
+                self.compile(number, TANGENTS)
             for part, code in generic_code(self._names[number]).items():
                 self._enter(number, part, code)
             self.generic.add(number)
@@ -143,10 +148,8 @@ class MethodTable:
             self.compile(number)
 
     def _generic_will_do(self, number: int) -> bool:
-        if self._names[number] not in TABLEAUS or self._jacobian:
-            return False
-        if not self.scene.field.compiled:
-            return True
+        if self._names[number] not in TABLEAUS or not self.scene.field.compiled:
+            return self._names[number] in TABLEAUS
         few = self.steps < WORTH_COMPILING
         return few and not made.is_compiled(self._methods[number], self.scene.n_states)
 
@@ -174,11 +177,11 @@ class MethodTable:
         self._kept_alive.append(code)
         self.rows[number, getattr(layout, part.upper())] = code.address
 
-    def compile(self, number: int) -> None:
-        """Make the machine code of a method for the scene."""
+    def compile(self, number: int, parts: Iterable[str] = made.ENTRIES) -> None:
+        """Make the machine code of a method, or of some parts of it, for the scene."""
         method, scene = self._methods[number], self.scene
-        for part in made.ENTRIES:
-            wanted = self._jacobian or "tangent" not in part
+        for part in parts:
+            wanted = self._jacobian or part not in TANGENTS
             if wanted and getattr(method, part) is not None:
                 code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
                 self._enter(number, part, code)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import plate_scene as pf
 import pytest
-from plate_scene import (
+from exact import (
     N_MEMORY,
     Plate,
+    compression,
     plate_field,
     plate_field_jacobian,
     plate_field_of_sums,
@@ -73,7 +73,7 @@ def test_guards_are_the_compressions_and_their_rates():
     plate_guards(0.0, TILTED, dy, np.ones(5, dtype=np.int64), np.array(plate.params), h, hdot)
     assert h == pytest.approx(plate.compressions(TILTED), abs=1e-15)
     assert hdot == pytest.approx(gradient(plate.compressions, TILTED) @ dy, rel=1e-8)
-    alone = [pf.compression(i, TILTED, np.array(plate.params)) for i in range(5)]
+    alone = [compression(i, TILTED, np.array(plate.params)) for i in range(5)]
     assert h == pytest.approx(alone, abs=1e-15)
 
 
