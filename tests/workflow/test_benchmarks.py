@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from benchmark_figures import FIGURES as DRAWN
 from benchmark_figures import main as draw
-from live_faults import off_by
+from live_loop import off_by
 
 from hopdata.figures.catalogue import FIGURES, source_of
 from hopdata.steering.live.simulated import TrueHop
