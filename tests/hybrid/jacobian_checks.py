@@ -24,8 +24,8 @@ def differences(system, t_span, y0, *, step=1e-4, **options):
 
 
 def carried(system, t_span, y0, **options):
-    """A solution with its Jacobian, at a tight tolerance."""
-    return solve(system, t_span, y0, jacobian=True, **{**TIGHT, **options})
+    """A solution with its Jacobian, at a tight tolerance, by one method: each has its own code."""
+    return solve(system, t_span, y0, jacobian=True, **{"method": "dop853", **TIGHT, **options})
 
 
 def gap(one, other):

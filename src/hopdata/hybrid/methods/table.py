@@ -9,7 +9,6 @@ is in the cache, with generic code where it is not; its own is made when the sce
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import cache, lru_cache
 from typing import Any
 
@@ -22,7 +21,6 @@ from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 
-TANGENTS = ("tangent", "short_tangent")  # of which there is no generic code
 TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
 MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
 CHOICES = ("auto", *TABLEAUS, *MAKERS)
@@ -121,26 +119,21 @@ class MethodTable:
         for name in COLUMNS:
             row[getattr(layout, name.upper())] = getattr(method, name)
         row[[layout.SPARSER, layout.DENSER, layout.STIFFER, layout.RELAXED]] = -1
-        if len(self._names) > 1:
-            self._chain(number, row)
+        self._chain(number, row)
 
     def _chain(self, number: int, row: IntArray) -> None:
-        """Say which method follows which, among those of an automatic choice."""
-        last = len(self._names) - 1
-        has_stiff = self._names[last] == "rosenbrock"
-        highest = last - 1 if has_stiff else last
-        if has_stiff and number == last:
+        """Say which method follows which: explicit ones up to the highest, then a stiff one."""
+        highest = sum(name in TABLEAUS for name in self._names) - 1
+        if number > highest:
             row[layout.RELAXED] = highest
             return
         row[layout.SPARSER] = number + 1 if number < highest else -1
         row[layout.DENSER] = number - 1
-        row[layout.STIFFER] = last if has_stiff else -1
+        row[layout.STIFFER] = highest + 1 if highest + 1 < len(self._names) else -1
 
     def provide(self, number: int) -> None:
         """Make a method ready, which the driver has asked for."""
         if self._generic_will_do(number):
-            if self._jacobian:
-                self.compile(number, TANGENTS)
             for part, code in generic_code(self._names[number]).items():
                 self._enter(number, part, code)
             self.generic.add(number)
@@ -148,8 +141,10 @@ class MethodTable:
             self.compile(number)
 
     def _generic_will_do(self, number: int) -> bool:
-        if self._names[number] not in TABLEAUS or not self.scene.field.compiled:
-            return self._names[number] in TABLEAUS
+        if self._names[number] not in TABLEAUS or self._jacobian:
+            return False
+        if not self.scene.field.compiled:
+            return True
         few = self.steps < WORTH_COMPILING
         return few and not made.is_compiled(self._methods[number], self.scene.n_states)
 
@@ -177,11 +172,11 @@ class MethodTable:
         self._kept_alive.append(code)
         self.rows[number, getattr(layout, part.upper())] = code.address
 
-    def compile(self, number: int, parts: Iterable[str] = made.ENTRIES) -> None:
-        """Make the machine code of a method, or of some parts of it, for the scene."""
+    def compile(self, number: int) -> None:
+        """Make the machine code of a method for the scene."""
         method, scene = self._methods[number], self.scene
-        for part in parts:
-            wanted = self._jacobian or part not in TANGENTS
+        for part in made.ENTRIES:
+            wanted = self._jacobian or "tangent" not in part
             if wanted and getattr(method, part) is not None:
                 code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
                 self._enter(number, part, code)
