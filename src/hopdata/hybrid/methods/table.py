@@ -115,14 +115,11 @@ class MethodTable:
             self.compile(0)
 
     def _describe(self, number: int, method: Method) -> None:
+        """Fill a row: what the method is, and which follow it, by order and for stiffness."""
         row = self.rows[number]
         for name in COLUMNS:
             row[getattr(layout, name.upper())] = getattr(method, name)
         row[[layout.SPARSER, layout.DENSER, layout.STIFFER, layout.RELAXED]] = -1
-        self._chain(number, row)
-
-    def _chain(self, number: int, row: IntArray) -> None:
-        """Say which method follows which: explicit ones up to the highest, then a stiff one."""
         highest = sum(name in TABLEAUS for name in self._names) - 1
         if number > highest:
             row[layout.RELAXED] = highest
