@@ -11,6 +11,7 @@ the simultaneous contact. The others have a product of matrices too, but no land
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,9 @@ from hopdata.synthesis.hops import padded
 
 # What may vary of an apex state whose place and heading are left out.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
-RTOL, ATOL = 1e-12, 1e-14
+RTOL = 1e-12
+# By one method: what carries the derivative takes seconds to compile for each.
+EXACTLY: dict[str, Any] = {"rtol": RTOL, "atol": 1e-14, "method": "dop853", "jacobian": True}
 SAME_INSTANT_S = 1e-13
 MOST_STEPS = 20
 
@@ -123,8 +126,7 @@ def _contact(
         if abs(instants.mean()) < SAME_INSTANT_S:
             break
         fall += float(instants.mean())
-    delays = -here.gradients[:n] / here.guard_rates[:n, None]
-    return _slopes(flight), fall, delays, instants
+    return _slopes(flight), fall, -here.gradients[:n] / here.guard_rates[:n, None], instants
 
 
 def _flown(
@@ -133,7 +135,7 @@ def _flown(
     """Fly with all legs up, with the derivative by the state."""
     return solve(
         flying_system(system), t_span, padded(state, system), params=vector,
-        mode=flight_mode(system, -1.0).tolist(), rtol=RTOL, atol=ATOL, jacobian=True,
+        mode=flight_mode(system, -1.0).tolist(), **EXACTLY,
     )  # fmt: skip
 
 
@@ -259,7 +261,7 @@ def _to_post_section(
     )[0]  # fmt: skip
     stance = solve(
         system, (start.t, start.t + landings.LONGEST_S), np.append(start.y, np.full(n, start.t)),
-        params=vector, mode=mode.tolist(), rtol=RTOL, atol=ATOL, jacobian=True,
+        params=vector, mode=mode.tolist(), **EXACTLY,
     )  # fmt: skip
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
         raise AnalysisError(

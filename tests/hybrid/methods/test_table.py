@@ -8,6 +8,7 @@ from hybrid_systems import ladder
 from numba import config
 
 from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
+from hopdata.hybrid.driver.loop import compiled_first_order
 from hopdata.hybrid.methods import table
 from hopdata.hybrid.methods.table import CHOICES, generic_code
 
@@ -57,6 +58,7 @@ def empty_cache(tmp_path, monkeypatch):
     for name in table.TABLEAUS:
         generic_code(name)
     solve(ring(1), (0.0, 0.1), [1.0])  # the driver comes from the cache of the install
+    compiled_first_order()  # and what carries Jacobians through events
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
 
 
@@ -94,7 +96,7 @@ def tiers(system, method):
     return system.methods(method, False).generic
 
 
-SIZES = {"dopri5": (1, 2, 3, 4, 6, 8, 12), "dop853": (1, 2, 5, 12)}
+SIZES = {"dopri5": (1, 3, 4, 12), "dop853": (2, 5, 8)}  # with and without a rest of vectors
 
 
 @pytest.mark.parametrize(("method", "n"), [(name, n) for name in SIZES for n in SIZES[name]])
@@ -234,8 +236,8 @@ def test_a_field_in_python_can_be_asked_for_beforehand():
 
 def test_compiles_with_the_jacobian():
     system = System(decay, n_states=1)
-    system.compile("dop853", jacobian=True)
-    s = solve(system, (0.0, 1.0), [1.0], method="dop853", jacobian=True)
+    system.compile("dopri5", jacobian=True)
+    s = solve(system, (0.0, 1.0), [1.0], method="dopri5", jacobian=True)
     np.testing.assert_allclose(s.jacobian, np.exp(-1.0), rtol=1e-8)
 
 
