@@ -229,11 +229,11 @@ def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
     assert np.sqrt(np.mean((scatter / se[known, 1]) ** 2)) < 1.25
 
 
-@pytest.mark.parametrize(("landings", "seeds"), [(2, 20), (5, 10), (10, 6), (20, 4)])
-def test_errors_from_few_landings_are_as_large_as_stated(landings, seeds):
-    """Pushes that so few cannot show are kept: else 1.3 to 1.7. Of forty landings or more."""
+@pytest.mark.parametrize("landings", [2, 5, 10, 20])
+def test_errors_from_few_landings_are_as_large_as_stated(landings):
+    """Pushes that so few cannot show are kept: else 1.3 to 1.7."""
     squares = []
-    for seed in range(seeds):
+    for seed in range(20):
         scene = simulate(landings, seed=seed)
         recording = scene.recording
         falling = find_transitions(
