@@ -106,7 +106,7 @@ def stage_times(folder):
     """Where the times of a study's jobs are written, of the rules that stand so far."""
     times = [strip_wildcard_constraints(one.benchmark) for one in workflow.rules if one.benchmark]
     own = [one for one in times if one.startswith(f"{folder}/benchmarks/")]
-    return sorted(set(expand(own, recording=RECORDINGS, seed=SEEDS, ground=GROUNDS)))
+    return sorted(set(expand(own, recording=RECORDINGS, seed=SEEDS, manoeuvre=MANOEUVRES)))
 
 
 def each_recording(pattern):

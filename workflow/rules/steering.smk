@@ -2,8 +2,8 @@
 # simulated; experiments are made with the simulated robot alone.
 STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
-# Of each seed: what was learned, and the experiments on free ground and with a board. Of a recorded
-# robot there is one, and nothing but what was learned. Observations beside the first one have folders
+# Of each seed: what was learned, and the experiments by manoeuvre. Of a recorded robot
+# there is one, and nothing but what was learned. Observations beside the first one have folders
 # of their own, `seeds/1_printed`.
 OF_SEED = f"{STEERING}/seeds/{{seed}}"
 SEEDS = [
@@ -11,13 +11,13 @@ SEEDS = [
     for other, observation in enumerate(STUDY["steering"]["observations"])
     for seed in range(1, 2 if STEERED else STUDY["steering"]["experiments"]["seeds"] + 1)
 ]
-GROUNDS = ["free", "board"]
+MANOEUVRES = ["origin", "turn"]
 MODEL_FIGURES, RUN_FIGURES = map(list, (CATALOGUE["steering_model"], CATALOGUE["steering_runs"]))
 
 
 wildcard_constraints:
     seed="[0-9]+(_[a-z]+)?",
-    ground="|".join(GROUNDS),
+    manoeuvre="|".join(MANOEUVRES),
 
 
 rule steering_learn:
@@ -78,20 +78,20 @@ rule steering_true_map:
 
 
 rule steering_experiments:
-    """The experiments on one kind of ground: all controllers from all starts."""
+    """One manoeuvre, on free ground and with a board: all controllers from all starts."""
     input:
         model=rules.steering_learn.output.model,
         true_map=rules.steering_true_map.output.table,
         geometry=rules.steering_learn.output.geometry,
     output:
-        runs=f"{OF_SEED}/{{ground}}/runs.csv",
-        stances=f"{OF_SEED}/{{ground}}/stances.csv",
-        example=f"{OF_SEED}/{{ground}}/example.csv",
-        film=f"{OF_SEED}/{{ground}}/film.csv",
+        runs=f"{OF_SEED}/{{manoeuvre}}/runs.csv",
+        stances=f"{OF_SEED}/{{manoeuvre}}/stances.csv",
+        example=f"{OF_SEED}/{{manoeuvre}}/example.csv",
+        film=f"{OF_SEED}/{{manoeuvre}}/film.csv",
     log:
-        f"{STEERING}/logs/steering_experiments_{{seed}}_{{ground}}.log",
+        f"{STEERING}/logs/steering_experiments_{{seed}}_{{manoeuvre}}.log",
     benchmark:
-        f"{STEERING}/benchmarks/steering_experiments_{{seed}}_{{ground}}.tsv"
+        f"{STEERING}/benchmarks/steering_experiments_{{seed}}_{{manoeuvre}}.tsv"
     resources:
         **needs(minutes=60),
     params:
@@ -129,9 +129,9 @@ rule steering_horizons:
 rule steering_outcomes:
     """What came of all runs over the seeds; all trajectories."""
     input:
-        runs=expand(rules.steering_experiments.output.runs, seed=SEEDS, ground=GROUNDS),
-        stances=expand(rules.steering_experiments.output.stances, seed=SEEDS, ground=GROUNDS),
-        examples=expand(rules.steering_experiments.output.example, seed=1, ground=GROUNDS),
+        runs=expand(rules.steering_experiments.output.runs, seed=SEEDS, manoeuvre=MANOEUVRES),
+        stances=expand(rules.steering_experiments.output.stances, seed=SEEDS, manoeuvre=MANOEUVRES),
+        examples=expand(rules.steering_experiments.output.example, seed=1, manoeuvre=MANOEUVRES),
         scores=expand(rules.steering_learn.output.scores, seed=SEEDS),
     output:
         outcomes=f"{STEERING_TABLES}/outcomes.csv",
@@ -224,8 +224,8 @@ for kind in ("steering_model", "steering_runs"):
 rule steering_film:
     """A typical run to the origin as an animated GIF."""
     input:
-        film=of_first(rules.steering_experiments.output.film).format(ground="free"),
-        example=of_first(rules.steering_experiments.output.example).format(ground="free"),
+        film=of_first(rules.steering_experiments.output.film).format(manoeuvre="origin"),
+        example=of_first(rules.steering_experiments.output.example).format(manoeuvre="origin"),
     output:
         film=f"{STEERING}/figures/steering_film.gif",
     log:

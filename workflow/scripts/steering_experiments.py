@@ -1,4 +1,4 @@
-"""Run the experiments with free ground, or those with a board, for all controllers and starts."""
+"""Run the experiments of one manoeuvre, with free ground and a board, for all controllers."""
 
 import numpy as np
 
@@ -15,9 +15,9 @@ with reported(snakemake.log[0]):
     controllers = [*steering["experiments"]["controllers"], CEILING]
     if observation:  # beside the first, which all others do not depend on
         controllers = [name for name in controllers if name in LEARNED]
-    board = snakemake.wildcards.ground == "board"
+    manoeuvre = snakemake.wildcards.manoeuvre
     tables = experiments_of(
-        [name for name, (_, impeded) in EXPERIMENTS.items() if impeded == board],
+        [name for name, (asked, _) in EXPERIMENTS.items() if asked == manoeuvre],
         controllers,
         steering,
         snakemake.params.motion_capture,

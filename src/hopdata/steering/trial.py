@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -327,23 +329,21 @@ def true_frame_changes(
     """
     angles = 2 * np.pi * np.arange(boom_angles) / boom_angles
     grid = np.linspace(-robot.swing_limit_rad, robot.swing_limit_rad, swings)
-    still = robot.still()
-    changes = [_at_angle(still, grid, angle) for angle in angles]
-    return TrueFrameChanges(angles, grid, grid, np.array(changes))
+    still, changes = robot.still(), np.empty((boom_angles, swings, swings, 3))
 
-
-def _at_angle(robot: plant.SteeredHopper, grid: FloatArray, boom_angle_rad: float) -> FloatArray:
-    """Frame changes (S, P, 3) from one boom angle."""
-    changes = np.empty((len(grid), len(grid), 3))
-    for p, previous in enumerate(grid):
-        apex = plant.released(robot, np.zeros(3), boom_angle_rad - previous)
+    @cache
+    def settled(boom_angle_rad: float) -> plant.Apex:
+        apex = plant.released(still, np.zeros(3), boom_angle_rad)
         for _ in range(SETTLING_HOPS):
-            apex = _whole(robot, apex, 0.0).end
-        before = _whole(robot, apex, previous)
+            apex = _whole(still, apex, 0.0).end
+        return apex
+
+    for (a, angle), (p, previous) in product(enumerate(angles), enumerate(grid)):
+        before = _whole(still, settled(round((angle - previous) % (2 * np.pi), 9)), previous)
         for s, swing in enumerate(grid):
-            after = _whole(robot, before.end, swing)
-            changes[s, p] = relative(before.stance.pose, after.stance.pose)
-    return changes
+            after = _whole(still, before.end, swing)
+            changes[a, s, p] = relative(before.stance.pose, after.stance.pose)
+    return TrueFrameChanges(angles, grid, grid, changes)
 
 
 def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> plant.SteeredHop:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.rigid import composed
+from hopdata.rigid import turned
 from hopdata.steering.control import objectives
 from hopdata.steering.models.tabulated import FrameChangeMap
 
@@ -25,7 +25,6 @@ class PrintedController:
     Parameters
     ----------
     model : FrameChangeMap
-        Asked for one hop at a time, as the difference equation of Sec. 3.4.1 is stepped.
     objective : ToPoint or ToHeading
     horizon : Horizon
     """
@@ -85,8 +84,8 @@ def predicted_poses(
     """Poses (H + 1, ..., 3) of rollouts by swings (..., H), the present one first (Sec. 3.4.1)."""
     swings = np.moveaxis(np.asarray(swings_rad, dtype=float), -1, 0)
     booms = boom_angle_rad + np.cumsum(swings, axis=0) - swings
-    poses = [np.broadcast_to(np.asarray(pose, dtype=float), (*swings.shape[1:], 3))]
-    for boom, swing in zip(booms, swings, strict=True):
-        change = model.change(np.ravel(boom), np.ravel(swing)).reshape(*swing.shape, 3)
-        poses.append(composed(poses[-1], change))
-    return np.array(poses)
+    change = model.change(booms.ravel(), swings.ravel()).reshape(*swings.shape, 3)
+    poses = np.empty((len(swings) + 1, *swings.shape[1:], 3))
+    poses[0], poses[1:] = pose, change  # a row a hop, added up below
+    poses[1:] = turned(change, -np.cumsum(poses[:-1, ..., 2], axis=0))
+    return np.cumsum(poses, axis=0)

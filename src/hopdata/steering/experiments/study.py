@@ -169,17 +169,18 @@ def experiments_of(
     robot = robot_of(steering["robot"], camera)
     floor = draw_floor(camera.floor, np.random.default_rng(child(seed, FLOOR)))
     sight = Sight(camera, geometry, floor)
-    parts = []
+    parts, known = [], dict[str, Mapping[str, tasks.Policy]]()
     for name in names:
         setting = Setting(name, options, robot, sight)
         starts = tasks.draw_starts(
             name, options["starts"], distance_m=options["distance_m"], seed=seed
         )
-        policies = tasks.policies(
-            controllers, steering["control"], setting.manoeuvre, model=model,
-            truth=truth.average(), swing_limit_rad=robot.swing_limit_rad,
-        )  # fmt: skip
-        parts.append(_tables(setting, policies, starts))
+        if setting.manoeuvre not in known:
+            known[setting.manoeuvre] = tasks.policies(
+                controllers, steering["control"], setting.manoeuvre, model=model,
+                truth=truth.average(), swing_limit_rad=robot.swing_limit_rad,
+            )  # fmt: skip
+        parts.append(_tables(setting, known[setting.manoeuvre], starts))
     tables = (chain.from_iterable(pieces) for pieces in zip(*parts, strict=True))
     return ExperimentTables(*(pd.concat(pieces, ignore_index=True) for pieces in tables))
 
