@@ -118,8 +118,21 @@ def measure(
     return row, stages.assign(times=factor, hops=hops)
 
 
+def write(table: pd.DataFrame, by_stage: pd.DataFrame, out: Path) -> None:
+    """Write both tables, with the costs of a hop and of a frame, and print the first."""
+    for kind in ("wall", "cpu"):
+        per_hop = table[f"{kind}_s"] / table["hops"]
+        table[f"{kind}_ms_per_hop"] = 1e3 * per_hop
+        table[f"{kind}_per_hop_ratio"] = per_hop / per_hop[0]
+    table["cpu_us_per_frame"] = 1e6 * table["cpu_s"] / table["frames"]
+    by_stage["cpu_ms_per_hop"] = 1e3 * by_stage["cpu_s"] / by_stage["hops"]
+    table.to_csv(out, index=False, float_format="%.4g")
+    by_stage.to_csv(out.with_name("study_cost_stages.csv"), index=False, float_format="%.4g")
+    print(table.to_string(index=False), flush=True)
+
+
 def main() -> None:
-    """Run both sizes and write the tables."""
+    """Run each size, and write the tables anew after it."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -129,20 +142,13 @@ def main() -> None:
     parser.add_argument("--cores", type=int, default=2)
     args = parser.parse_args()
     sizes = [(int(n), n / args.frames[0]) for n in args.frames or ()]
-    found = [measure(k, args.base, args.cores, n) for n, k in sizes or [(0, k) for k in FACTORS]]
-    rows, stages = zip(*found, strict=True)
-    table = pd.DataFrame(rows)
-    for kind in ("wall", "cpu"):
-        per_hop = table[f"{kind}_s"] / table["hops"]
-        table[f"{kind}_ms_per_hop"] = 1e3 * per_hop
-        table[f"{kind}_per_hop_ratio"] = per_hop / per_hop[0]
-    table["cpu_us_per_frame"] = 1e6 * table["cpu_s"] / table["frames"]
-    by_stage = pd.concat(stages)
-    by_stage["cpu_ms_per_hop"] = 1e3 * by_stage["cpu_s"] / by_stage["hops"]
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(args.out, index=False, float_format="%.4g")
-    by_stage.to_csv(args.out.with_name("study_cost_stages.csv"), index=False, float_format="%.4g")
-    print(table.to_string(index=False))
+    rows, stages = [], []
+    for frames, factor in sizes or [(0, factor) for factor in FACTORS]:
+        row, of_stages = measure(factor, args.base, args.cores, frames)
+        rows.append(row)
+        stages.append(of_stages)
+        write(pd.DataFrame(rows), pd.concat(stages), args.out)
 
 
 if __name__ == "__main__":

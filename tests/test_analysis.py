@@ -123,6 +123,8 @@ STATES = np.zeros((20, 18))
     ("wrong", "told"),
     [
         (lambda: hd.judge(STATES, STATES, STATES), "judge: expected .* 'seed'"),
+        (lambda: hd.Study.judge(None, seed=1), "Study.judge: expected no arguments, .* 'seed'"),
+        (lambda: hd.Study.report(None, None), "file: expected a path .*, found None"),
         (lambda: hd.judge(STATES, STATES, STATES, seed=1, flip=9), "did you mean 'flips'"),
         (lambda: hd.judge("a", STATES, STATES, seed=1), "x: expected an array of numbers"),
         (lambda: hd.judge(*2 * [STATES[:, :17]], STATES, seed=1), r"\(n, 6B\).*\(20, 17\)"),

@@ -1,5 +1,8 @@
 import json
 import resource
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -103,6 +106,22 @@ def test_a_full_disk_is_told_in_a_line_and_nothing_is_left(tmp_path, write):
     assert list(tmp_path.iterdir()) == []
     write(tmp_path / "out")
     assert (tmp_path / "out").stat().st_size > 100_000
+
+
+FULL_DISK = """
+import resource, sys
+from test_jobs import of_a_recording
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, resource.RLIM_INFINITY))
+of_a_recording(sys.argv[1])
+"""
+
+
+def test_a_process_that_meets_a_full_disk_ends_as_others_do(tmp_path):
+    command = [sys.executable, "-c", FULL_DISK, str(tmp_path / "out")]
+    here = {"cwd": Path(__file__).parent, "capture_output": True, "text": True}
+    done = subprocess.run(command, check=False, **here)
+    assert done.returncode == 1, done.returncode
+    assert "StorageError" in done.stderr.splitlines()[-1]
 
 
 def test_json_refuses_nan_and_comes_back(tmp_path):

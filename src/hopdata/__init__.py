@@ -34,10 +34,10 @@ __all__ = sorted(_PLACES)  # noqa: PLE0605
 def __getattr__(name: str) -> object:
     """Import what a notebook needs when it is first used: `import hopdata` takes no time."""
     if name not in _PLACES:
-        from hopdata.errors import did_you_mean
+        from hopdata.errors import AbsentError, did_you_mean
 
         near = did_you_mean(name, _PLACES)
-        raise AttributeError(f"module 'hopdata' has no attribute {name!r}{near}")
+        raise AbsentError(f"module 'hopdata' has no attribute {name!r}{near}")
     value = getattr(import_module(f"hopdata.{_PLACES[name]}"), name)
     globals()[name] = value
     return value

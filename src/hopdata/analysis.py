@@ -339,6 +339,7 @@ class Study:
         """Tabulate the touchdowns with their orders of contact; return `touchdowns`."""
         return self.touchdowns
 
+    @told_call
     def judge(self) -> Verdict:
         """Compare the maps of the orders; return `verdict`."""
         return self.verdict
@@ -370,13 +371,8 @@ class Study:
 
                 files = [f"{folder}/{name}.h5"]
                 write_recording(files[0], *_simulated(config, number, simulate_recording))
-            recording, _ = import_recording(
-                files,
-                name=name,
-                markers=config["markers"],
-                exclude=entry["exclude"],
-                **config["input"],
-            )
+            options = {"exclude": entry["exclude"], **config["input"]}
+            recording, _ = import_recording(files, name=name, markers=config["markers"], **options)
         return replace(recording, source=f"simulated/{name}.h5") if simulated else recording
 
     @cached_property
@@ -460,14 +456,9 @@ class Study:
 
         config, table = self.config, self.candidates
         self.progress("states at the sections")
-        pairs = assemble_pairs(
-            self.recordings,
-            table,
-            **self._heights,
-            home_marker=config["home"]["marker"],
-            ambiguous=config["touchdowns"]["ambiguous"],
-            **config["states"],
-        )
+        options = {"ambiguous": config["touchdowns"]["ambiguous"], **config["states"]}
+        options |= {"home_marker": config["home"]["marker"], **self._heights}
+        pairs = assemble_pairs(self.recordings, table, **options)
         units = choose_units(pairs.x, pairs.y, **config["units"])
         pairs = pairs.with_units(units.length_unit_m, units.time_unit_s)
         return as_stored(exclude_stateless(table, pairs)), pairs, units.to_dict()
@@ -573,17 +564,14 @@ class Study:
         from hopdata.config.consistency import expected_noise_m
         from hopdata.landings.checks import check_study
 
-        tables = self.tables
+        config, found = self.config, self._of_landings
+        noise = config["report"]["expected_noise_m"] if self.given else expected_noise_m(config)
         checks = check_study(
-            touchdowns=tables["touchdowns"],
-            markers=tables["markers"],
-            faults=tables["faults"],
-            stability=self._of_landings["section_stability"],
-            drift=self._of_landings["drift"],
-            expected_noise_m=self.config["report"]["expected_noise_m"]
-            if self.given
-            else expected_noise_m(self.config),
-            other_feet=self.config["sections"]["frames"] == "landings",
+            **{name: self.tables[name] for name in ("touchdowns", "markers", "faults")},
+            stability=found["section_stability"],
+            drift=found["drift"],
+            expected_noise_m=noise,
+            other_feet=config["sections"]["frames"] == "landings",
         )
         return [check.to_dict() for check in checks]
 
@@ -605,6 +593,7 @@ class Study:
             return as_stored(self._of_landings[name])
         return as_stored(self._of_maps[0][name])
 
+    @told_call
     def report(self, file: str | Path, *, drawn: str | Path | None = None) -> Path:
         """Write the study's page, which needs no other file.
 
@@ -627,6 +616,8 @@ class Study:
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
         from hopdata.report.page import build_report
 
+        if not isinstance(file, str | Path):
+            raise ArgumentError(f"file: expected a path to write the page to, found {file!r}")
         tables, names = self.tables, self.figures.names
         self.progress("page")
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")

@@ -28,6 +28,10 @@ class ArgumentError(HopdataError, TypeError, ValueError):
     """A function was called with what it does not take."""
 
 
+class AbsentError(HopdataError, AttributeError):
+    """A module has nothing of this name."""
+
+
 class ConfigError(HopdataError):
     """A key of the configuration is missing, misspelt or out of range."""
 
@@ -65,19 +69,22 @@ def _plain(name: str) -> str:
 def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry]:
     """Decorate a function so that a misspelt or missing argument is told with those there are."""
     known = inspect.signature(function)
-    names = [name for name in known.parameters if name != "cls"]
+    names = [name for name in known.parameters if name not in ("self", "cls")]
+    title = function.__qualname__.removesuffix(".__init__")
 
     @wraps(function)
     def called(*given: Arguments.args, **named: Arguments.kwargs) -> Entry:
         try:
-            known.bind(*given, **named)
-        except TypeError as error:
-            near = [did_you_mean(name, names) for name in named if name not in names]
-            raise ArgumentError(
-                f"{function.__name__}: expected the arguments {', '.join(names)}, found "
-                f"{error}{''.join(near)}"
-            ) from None
-        return function(*given, **named)
+            return function(*given, **named)
+        except TypeError:
+            try:
+                known.bind(*given, **named)
+            except TypeError as error:
+                near = [did_you_mean(name, names) for name in named if name not in names]
+                wanted = f"the arguments {', '.join(names)}" if names else "no arguments"
+                found = f"{error}{''.join(near)}"
+                raise ArgumentError(f"{title}: expected {wanted}, found {found}") from None
+            raise
 
     return called
 

@@ -7,6 +7,7 @@ import pytest
 from hybrid_systems import ball, growth, ladder, ladder_solution, rebound, throw
 from scipy.integrate import solve_ivp
 
+from hopdata.errors import ArgumentError
 from hopdata.hybrid import System, solve
 
 
@@ -199,15 +200,21 @@ def test_the_initial_state_is_not_changed():
         ({"jacobian": np.eye(2)}, "jacobian: expected True or False"),
         ({"jacobian": None}, "jacobian"),
         ({"method": "dopri"}, "did you mean 'dopri5'"),
+        ({"rtoll": 1e-3}, "solve: expected the arguments system, .* did you mean 'rtol'"),
     ],
 )
 def test_wrong_arguments_are_named(change, message):
     arguments = {"t_span": (0, 1), "y0": [0.0, 0.0], "params": (5.0, 1.0), **change}
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ArgumentError, match=message) as caught:
         solve(ladder(1), **arguments)
+    assert caught.value._render_traceback_() == [f"ArgumentError: {caught.value}"]
 
 
 def test_a_system_checks_itself():
+    with pytest.raises(ArgumentError, match=r"System: expected the arguments .*'n_states'"):
+        System(rebound, n_state=1)
+    with pytest.raises(ArgumentError, match="n_states: expected a whole number"):
+        System(rebound, n_states="1")
     with pytest.raises(TypeError, match="@field"):
         System(rebound, n_states=1)
     with pytest.raises(ValueError, match="directions"):

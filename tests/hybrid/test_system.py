@@ -41,7 +41,7 @@ ONE = {"n_states": 2, "guard_names": ("bar0",)}
         ({"guards": bent_guards, "on_event": landing_affine}, "on_event: .* by @on_event"),
         ({"guards": bent_guards, "terminal": (True, False)}, "terminal: expected 1 entries"),
         ({"guards": bent_guards, "directions": (2,)}, "directions: expected -1, 0 or"),
-        ({"guards": bent_guards, "n_states": 0}, "n_states: expected at least 1"),
+        ({"guards": bent_guards, "n_states": 0}, "n_states: expected a whole number, at least 1"),
     ],
 )
 def test_parts_that_do_not_fit(parts, message):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import ArgumentError
 
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
@@ -17,14 +18,16 @@ SMALLEST_RTOL = 10 * 2.0**-52  # below it, rounding is taken for error
 _LOCKS = frozenset((-1, 0, 1))
 
 
+def expect(holds: object, name: str, wanted: str, found: object, hint: str = "") -> None:
+    """Raise an `ArgumentError` that names the argument unless what was found is as wanted."""
+    if not holds:
+        raise ArgumentError(f"{name}: expected {wanted}, found {found}{hint}")
+
+
 def check_numbers(
-    t_span: tuple[float, float],
-    rtol: float,
-    max_step: float,
-    first_step: float | None,
-    max_steps: int,
-    max_events: int,
-) -> tuple[float, float, float, float, float, int, int]:
+    t_span: tuple[float, float], rtol: float, max_step: float, first_step: float | None,
+    max_steps: int, max_events: int,
+) -> tuple[float, float, float, float, float, int, int]:  # fmt: skip
     """Return start, end, relative tolerance, largest and first step (0: to be chosen), and counts.
 
     All of them are plain numbers; `driver.loop.can_be_done` checks the same.
@@ -33,16 +36,15 @@ def check_numbers(
         t_start, t_end = t_span
         t_start, t_end = float(t_start), float(t_end)
     except (TypeError, ValueError):
-        raise ValueError(f"t_span: expected two times (start, end), found {t_span!r}") from None
-    if not -inf < t_start <= t_end < inf:
-        raise ValueError(f"t_span: expected finite times, the end not first, found {t_span}")
+        raise ArgumentError(f"t_span: expected two times (start, end), found {t_span!r}") from None
+    in_order = -inf < t_start <= t_end < inf
+    expect(in_order, "t_span", "finite times, the end not first", t_span)
     largest = _number("max_step", max_step)
     first = 0.0 if first_step is None else _number("first_step", first_step)
-    if not largest > 0 or not (first_step is None or first > 0):
-        raise ValueError(f"max_step, first_step: expected > 0, found {max_step}, {first_step}")
+    expect(largest > 0, "max_step", "> 0", max_step)
+    expect(first_step is None or first > 0, "first_step", "> 0", first_step)
     relative = _number("rtol", rtol)
-    if not 0 <= relative < 1:
-        raise ValueError(f"rtol: expected a number in [0, 1), found {rtol}")
+    expect(0 <= relative < 1, "rtol", "a number in [0, 1)", rtol)
     counts = check_count("max_steps", max_steps), check_count("max_events", max_events)
     return t_start, t_end, max(relative, SMALLEST_RTOL), largest, first, *counts
 
@@ -52,21 +54,20 @@ def _number(name: str, value: Any) -> float:
     try:
         return float(value)
     except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected a number, found {value!r}") from None
+        raise ArgumentError(f"{name}: expected a number, found {value!r}") from None
 
 
 def check_count(name: str, value: Any) -> int:
     """Return a whole number from 1 to the largest that 8 bytes hold."""
     number = _number(name, value)
-    if not 1 <= number < 2**63 or number != int(number):
-        raise ValueError(f"{name}: expected a whole number > 0, found {value!r}")
+    expect(1 <= number < 2**63 and number == int(number), name, "a whole number > 0", repr(value))
     return int(value)
 
 
 def check_flag(name: str, value: Any) -> bool:
     """Return a truth, given as True or False, of Python or of NumPy, or as 0 or 1."""
-    if not isinstance(value, bool | int | np.bool_ | np.integer) or value not in (0, 1):
-        raise ValueError(f"{name}: expected True or False, found {value!r}")
+    is_truth = isinstance(value, bool | int | np.bool_ | np.integer) and value in (0, 1)
+    expect(is_truth, name, "True or False", repr(value))
     return bool(value)
 
 
@@ -79,7 +80,7 @@ def numbers_of(name: str, value: ArrayLike) -> FloatArray:
             raise TypeError  # of text or None, NumPy would make numbers
         return np.ascontiguousarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected numbers, found {value!r}") from None
+        raise ArgumentError(f"{name}: expected numbers, found {value!r}") from None
 
 
 def _integers(name: str, value: ArrayLike) -> IntArray:
@@ -87,16 +88,15 @@ def _integers(name: str, value: ArrayLike) -> IntArray:
     given = np.asarray(value)
     if given.dtype.kind not in "iub":
         given = numbers_of(name, value)
-        if not (np.isfinite(given) & (given == np.rint(given))).all():
-            raise ValueError(f"{name}: expected integers, found {value!r}")
+        whole = np.isfinite(given) & (given == np.rint(given))
+        expect(whole.all(), name, "integers", repr(value))
     return given.astype(np.int64)
 
 
 def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
     """Return a state as an array; whether it is finite, the driver looks up."""
     state = numbers_of(name, value)
-    if state.shape != (length,):
-        raise ValueError(f"{name}: expected shape ({length},), found {state.shape}")
+    expect(state.shape == (length,), name, f"shape ({length},)", state.shape)
     return state
 
 
@@ -108,8 +108,7 @@ def check_params(params: ArrayLike, name: str = "params") -> FloatArray:
 def check_memory(memory: ArrayLike | None, length: int) -> FloatArray:
     """Return the scene's memory at the start, by default zeros."""
     start = np.zeros(length) if memory is None else check_params(memory, "memory")
-    if len(start) != length:
-        raise ValueError(f"memory: expected {length} numbers, found {len(start)}")
+    expect(len(start) == length, "memory", f"{length} numbers", len(start))
     return start
 
 
@@ -125,15 +124,13 @@ def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
     given = _integers("mode", mode).ravel()
     if len(given) == len(full):
         full[:] = given
-        if not _LOCKS.issuperset(given[:n_guards].tolist()):
-            raise ValueError(f"mode: expected locks -1, +1, or 0 to have them decided: {given}")
-    elif len(given) == len(full) - n_guards:
-        full[n_guards:] = given
-    else:
-        raise ValueError(
-            f"mode: expected {len(full)} integers (locks and the scene's own) or "
-            f"{len(full) - n_guards} (the scene's own), found {len(given)}"
-        )
+        locks = _LOCKS.issuperset(given[:n_guards].tolist())
+        expect(locks, "mode", "locks -1, +1, or 0 to have them decided", given)
+        return
+    own = len(full) - n_guards
+    wanted = f"{len(full)} integers (locks and the scene's own) or {own} (the scene's own)"
+    expect(len(given) == own, "mode", wanted, len(given))
+    full[n_guards:] = given
 
 
 def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
@@ -142,8 +139,8 @@ def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
         full.fill(atol)
         return
     given = numbers_of("atol", atol) if np.ndim(atol) else np.asarray(_number("atol", atol))
-    if given.shape not in ((), full.shape) or not (given >= 0).all():
-        raise ValueError(f"atol: expected a number or {len(full)} numbers, >= 0, found {atol!r}")
+    fits = given.shape in ((), full.shape) and (given >= 0).all()
+    expect(fits, "atol", f"a number or {len(full)} numbers, >= 0", repr(atol))
     full[:] = given
 
 
@@ -151,6 +148,6 @@ def check_times(t_eval: ArrayLike, t_start: float, t_end: float) -> FloatArray:
     """Return the wanted times."""
     times = np.array(numbers_of("t_eval", t_eval), ndmin=1)
     inside = (times >= t_start) & (times <= t_end)
-    if times.ndim != 1 or not inside.all() or not (np.diff(times) > 0).all():
-        raise ValueError(f"t_eval: expected increasing times within {(t_start, t_end)}")
+    fits = times.ndim == 1 and inside.all() and (np.diff(times) > 0).all()
+    expect(fits, "t_eval", f"increasing times within {(t_start, t_end)}", times)
     return times

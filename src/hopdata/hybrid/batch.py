@@ -318,18 +318,18 @@ def solve_batch(
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     states = arguments.numbers_of("y0", y0)
-    if states.ndim != 2 or states.shape[1] != n_states:
-        raise ValueError(f"y0: expected shape (B, {n_states}), found {states.shape}")
+    fits = states.ndim == 2 and states.shape[1] == n_states
+    arguments.expect(fits, "y0", f"shape (B, {n_states})", states.shape)
     bad = np.flatnonzero(~np.isfinite(states).all(axis=1))
-    if len(bad) > 0:
-        raise ValueError(f"y0: expected finite numbers, found {states[bad[0]]} in row {bad[0]}")
+    for row in bad:
+        arguments.expect(False, "y0", "finite numbers", f"{states[row]} in row {row}")
     return states
 
 
 def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
     numbers = np.atleast_2d(arguments.numbers_of("params", params))
-    if numbers.ndim != 2 or len(numbers) not in (1, n_runs):
-        raise ValueError(f"params: expected shape (p,) or ({n_runs}, p), found {np.shape(params)}")
+    fits = numbers.ndim == 2 and len(numbers) in (1, n_runs)
+    arguments.expect(fits, "params", f"shape (p,) or ({n_runs}, p)", np.shape(params))
     return np.ascontiguousarray(numbers)
 
 
@@ -339,18 +339,12 @@ def _solution(room: _Room, times: FloatArray, jacobian: bool, system: System) ->
         room.samples[np.arange(len(times)) >= room.counts[:, at.SAMPLES, None]] = np.nan
         y = np.ascontiguousarray(np.swapaxes(room.samples[..., :shown], 1, 2))
     return BatchSolution(
-        status=room.status[:, 0],
-        t_end=system.way * room.ends[:, 0],
-        y_end=room.ends[:, END_STATE : END_STATE + shown],
-        mode=room.modes,
-        n_events=room.counts[:, at.EVENTS],
-        n_steps=room.counts[:, at.STEPS],
-        nfev=room.counts[:, at.NFEV],
-        t=system.way * times if len(times) else None,
-        y=y,
+        status=room.status[:, 0], t_end=system.way * room.ends[:, 0],
+        y_end=room.ends[:, END_STATE : END_STATE + shown], mode=room.modes,
+        n_events=room.counts[:, at.EVENTS], n_steps=room.counts[:, at.STEPS],
+        nfev=room.counts[:, at.NFEV], t=system.way * times if len(times) else None, y=y,
         jacobian=room.jacobians[:, :shown, :shown] if jacobian else None,
         sensitivity=room.jacobians[:, :shown, shown:] if shown < system.n_states else None,
-        culprit=room.counts[:, at.CULPRIT],
-        rates=room.ends[:, 1:END_STATE],
+        culprit=room.counts[:, at.CULPRIT], rates=room.ends[:, 1:END_STATE],
         guard_names=system.guard_names,
-    )
+    )  # fmt: skip

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.errors import ArgumentError
 from hopdata.hybrid import arguments
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
@@ -95,7 +96,7 @@ def backward(system: System) -> System:
         If there is a handler, and none that undoes what it does.
     """
     if system.on_event is not None and system.undo is None:
-        raise ValueError(
+        raise ArgumentError(
             "t_span: expected the end not first, as what on_event does to the state, the mode and "
             "the memory is not known backward. Give System(undo=...), declared by @on_event, which "
             "undoes it when the same guard is crossed from the other side; or on_event itself, if "
@@ -129,8 +130,8 @@ KNOWN = {
 
 def with_parameters(system: System, n_params: int) -> System:
     """Return the system whose states are the user's and the parameters, which rest."""
-    if system.n_memory > 0:
-        raise ValueError("jacobian: expected no n_memory with 'params', as it is among them")
+    wanted = "no n_memory with 'params', as it is among them"
+    arguments.expect(system.n_memory == 0, "jacobian", wanted, system.n_memory)
     system.check_params_length(n_params)
     n = system.n_states
 
@@ -174,11 +175,11 @@ def derive(
     if arguments.check_flag("debug", debug):
         system = in_python(system)
     if isinstance(jacobian, str):
-        if jacobian != WITH_PARAMS:
-            raise ValueError(f"jacobian: expected True or False, or 'params', found {jacobian!r}")
+        known = jacobian == WITH_PARAMS
+        arguments.expect(known, "jacobian", "True or False, or 'params'", repr(jacobian))
         states, given = arguments.numbers_of("y0", y0), arguments.numbers_of("params", params)
-        if states.shape[-1:] != (system.n_states,):
-            raise ValueError(f"y0: expected {system.n_states} states, found shape {states.shape}")
+        fits = states.shape[-1:] == (system.n_states,)
+        arguments.expect(fits, "y0", f"{system.n_states} states", f"shape {states.shape}")
         given = np.broadcast_to(given, (*states.shape[:-1], given.shape[-1]))
         full = np.zeros(system.n_states)
         arguments.set_tolerance(full, atol)
@@ -192,7 +193,7 @@ def derive(
             try:
                 t_eval = arguments.check_times(-arguments.numbers_of("t_eval", t_eval), *t_span)
             except ValueError:
-                raise ValueError(f"t_eval: expected decreasing times within {whole}") from None
+                arguments.expect(False, "t_eval", f"decreasing times within {whole}", t_eval)
     return {
         "system": system, "t_span": t_span, "y0": y0, "params": params, "t_eval": t_eval,
         "atol": atol, "jacobian": jacobian,

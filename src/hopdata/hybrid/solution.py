@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout
+from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.layout import describe
 
 MOST_SHOWN = 10  # events, in the text of a log
@@ -97,8 +98,7 @@ class EventLog:
         ValueError
             If there is no guard of this name.
         """
-        if guard not in self.guard_names:
-            raise ValueError(f"guard: expected one of {self.guard_names}, found {guard!r}")
+        expect(guard in self.guard_names, "guard", f"one of {self.guard_names}", repr(guard))
         chosen = self.guard == self.guard_names.index(guard)
         if direction != 0:
             chosen &= self.direction == direction
@@ -190,13 +190,11 @@ class Solution:
         """
         if self.dense is None:
             raise ValueError("solution(t): expected solve(..., dense_output=True)")
-        if side not in ("left", "right"):
-            raise ValueError(f"side: expected 'left' or 'right', found {side!r}")
+        expect(side in ("left", "right"), "side", "'left' or 'right'", repr(side))
         knots, before, after, steps = self._pieces
         times = self.form.way * np.asarray(t, dtype=np.float64)
-        if not ((times >= knots[0]) & (times <= knots[-1])).all():
-            ends = tuple(self.form.way * knots[[0, -1]])
-            raise ValueError(f"t: expected times within {ends}, found {times * self.form.way}")
+        inside, ends = (times >= knots[0]) & (times <= knots[-1]), self.form.way * knots[[0, -1]]
+        expect(inside.all(), "t", f"times within {tuple(ends)}", times * self.form.way)
         at_knots = before if (side == "left") == (self.form.way > 0.0) else after
         place = np.searchsorted(knots, times.ravel())
         states = at_knots[place]

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hopdata.errors import told_call
+from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.arguments import Limits, check_flag, check_numbers, check_times, set_mode
+from hopdata.hybrid.arguments import Limits, expect
 from hopdata.hybrid.compiled.callbacks import catch, stop_catching
 from hopdata.hybrid.derived import derive, goes_back
 from hopdata.hybrid.solution import Solution
@@ -23,6 +25,7 @@ SILENT_S, EVERY_S = 5.0, 0.5  # before, and between, words on stderr, if it is a
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
+@told_call
 def solve(
     system: System,
     t_span: tuple[float, float],
@@ -118,8 +121,7 @@ def solve(
     >>> hops.events.time.round(6), hops.events.direction  # touchdown, lift-off
     (array([0.451524, 0.555292]), array([-1,  1]))
     """
-    if not isinstance(system, System):
-        raise TypeError(f"system: expected a System, found {system!r}")
+    expect(isinstance(system, System), "system", "a System", system)
     work = system.take_workspace()
     try:
         usual = jacobian is dense_output is debug is False and events == "all"
@@ -145,7 +147,7 @@ def solve(
             )  # fmt: skip
         flags = 0
         if mode is not None:
-            set_mode(work.mode, system.n_guards, mode)
+            arguments.set_mode(work.mode, system.n_guards, mode)
             flags = at.GIVEN_MODE
         caught = work.caught
         caught.clear()
@@ -179,12 +181,12 @@ def _ask(
     jacobian: bool | str, memory: ArrayLike | None, dense_output: bool,
 ) -> None:  # fmt: skip
     """Get the workspace ready for an integration of any kind."""
-    options = check_numbers(t_span, *limits)
+    options = arguments.check_numbers(t_span, *limits)
     as_before = type(method) is str and method == work.ready_for
-    dense = check_flag("dense_output", dense_output)
+    dense = arguments.check_flag("dense_output", dense_output)
     if not as_before or dense or jacobian is not False or t_eval is not None:
-        times = None if t_eval is None else check_times(t_eval, *options[:2])
-        wanted = check_flag("jacobian", jacobian)
+        times = None if t_eval is None else arguments.check_times(t_eval, *options[:2])
+        wanted = arguments.check_flag("jacobian", jacobian)
         work.begin(system.methods(method, wanted), times, wanted, dense)
     work.methods.specialise()
     per_step = work.methods.degree if dense else int(t_eval is None)
@@ -196,10 +198,9 @@ def _sink(events: Any, dense_output: bool) -> Sink | None:
     """Return who takes the events; None if they are all kept."""
     if isinstance(events, str) and events == "all":
         return None
-    if dense_output:
-        raise ValueError(f"events: expected 'all' with dense_output, found {events!r}")
-    if events != "count" and not callable(events):
-        raise ValueError(f"events: expected 'all', 'count' or a function, found {events!r}")
+    expect(not dense_output, "events", "'all' with dense_output", repr(events))
+    known = callable(events) or (isinstance(events, str) and events == "count")
+    expect(known, "events", "'all', 'count' or a function", repr(events))
     return events if callable(events) else len
 
 
@@ -237,7 +238,6 @@ def _go_on(work: Workspace, flags: int, status: int, sink: Sink | None) -> int:
 
 def _refuse(status: int, work: Workspace, t_span: tuple[float, float], limits: Limits) -> None:
     """Raise ValueError for what the driver did not begin with."""
-    if status == at.BAD_START:
-        raise ValueError(f"y0: expected finite numbers, found {work.state}")
+    expect(status != at.BAD_START, "y0", "finite numbers", work.state)
     if status == at.BAD_NUMBERS:
-        check_numbers(t_span, *limits)
+        arguments.check_numbers(t_span, *limits)

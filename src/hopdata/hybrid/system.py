@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.hybrid.arguments import check_flag
+from hopdata.errors import told_call
+from hopdata.hybrid.arguments import check_flag, expect
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry, many_entry, run_address
@@ -81,6 +82,8 @@ class System:
     undo: Callback | None = None
 
     def __post_init__(self) -> None:
+        listed = isinstance(self.guard_names, tuple | list)
+        expect(listed, "guard_names", "a name for each guard, in a tuple", self.guard_names)
         all_at_once = self.guard_names and self.guard is None
         needed = ("field", "guards") if all_at_once else ("field",)
         for name in SIGNATURES:
@@ -89,20 +92,19 @@ class System:
         self._check_guards()
         if self.undo is not None:
             _check_callback("on_event", self.undo)
-        for name in ("n_extra_modes", "n_memory"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name}: expected at least 0, found {getattr(self, name)}")
-        if self.n_states < 1:
-            raise ValueError(f"n_states: expected at least 1, found {self.n_states}")
+        for name, least in (("n_states", 1), ("n_extra_modes", 0), ("n_memory", 0)):
+            found = getattr(self, name)
+            fits = isinstance(found, int | np.integer) and found >= least
+            expect(fits, name, f"a whole number, at least {least}", repr(found))
         for name, values in (("directions", self.directions), ("terminal", self.terminal)):
-            if values is not None and not isinstance(values, tuple | list):
-                raise ValueError(f"{name}: expected one entry for each guard, found {values!r}")
-            if values is not None and len(values) != self.n_guards:
-                raise ValueError(f"{name}: expected {self.n_guards} entries, found {len(values)}")
-        if not set(self.directions or ()) <= {-1, 0, 1}:
-            raise ValueError(f"directions: expected -1, 0 or +1, found {self.directions}")
-        if not all(one in (True, False) or int(one) == one > 0 for one in self.terminal or ()):
-            raise ValueError(f"terminal: expected truths or counts, found {self.terminal}")
+            listed = values is None or isinstance(values, tuple | list)
+            expect(listed, name, "one entry for each guard", repr(values))
+            count = self.n_guards if values is None else len(values)
+            expect(count == self.n_guards, name, f"{self.n_guards} entries", count)
+        wanted = set(self.directions or ()) <= {-1, 0, 1}
+        expect(wanted, "directions", "-1, 0 or +1", self.directions)
+        counts = all(one in (True, False) or int(one) == one > 0 for one in self.terminal or ())
+        expect(counts, "terminal", "truths or counts", self.terminal)
         states, guards = self.n_states, self.n_guards
         for one in self.callbacks:
             one.check_lengths(
@@ -116,14 +118,13 @@ class System:
                 one.check_lengths(params=count)
 
     def _check_guards(self) -> None:
-        if self.guards is not None and self.guard is not None:
-            raise ValueError("guards, guard: expected one of them, found both")
-        if self.rate_bound is not None and self.guard is None:
-            raise ValueError("rate_bound: expected guards declared one by one, by @guard")
-        if len(set(self.guard_names)) < len(self.guard_names):
-            raise ValueError(f"guard_names: expected different names, found {self.guard_names}")
-        if (self.guards or self.guard) is not None and not self.guard_names:
-            raise ValueError("guard_names: expected one name for each guard, found none")
+        expect(self.guards is None or self.guard is None, "guards, guard", "one of them", "both")
+        one_by_one = self.rate_bound is None or self.guard is not None
+        expect(one_by_one, "rate_bound", "guards declared one by one, by @guard", "@guards")
+        names = self.guard_names
+        expect(len(set(names)) == len(names), "guard_names", "different names", names)
+        named = names or (self.guards or self.guard) is None
+        expect(named, "guard_names", "one name for each guard", names)
 
     @property
     def n_guards(self) -> int:
@@ -227,6 +228,9 @@ class System:
             return Workspace(self)
 
 
+System.__init__ = told_call(System.__init__)  # type: ignore[method-assign]
+
+
 def _check_callback(name: str, callback: Callback | None) -> None:
-    if not isinstance(callback, Callback) or callback.signature.name != name:
-        raise TypeError(f"{name}: expected a function declared by @{name}, found {callback!r}")
+    fits = isinstance(callback, Callback) and callback.signature.name == name
+    expect(fits, name, f"a function declared by @{name}", callback)

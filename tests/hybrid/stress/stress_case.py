@@ -18,7 +18,8 @@ PATIENCE = 200_000  # steps and events after which a case counts as hanging
 class Expected:
     """A right answer: events as (time, guard, direction), final state, and what may be off.
 
-    `state_tolerance` may be one number for each component, for states of several units.
+    `state_tolerance` may be one number for each component, for states of several units; `back`
+    times both tolerances is what may be off where the case is integrated from its end to its start.
     """
 
     events: tuple[tuple[float, int, int], ...]
@@ -27,6 +28,7 @@ class Expected:
     state_tolerance: Any
     status: int = 0
     mode: tuple[int, ...] | None = None  # None: not asked for
+    back: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,11 @@ def turned_back(case: Case) -> Case:
     (answer,) = case.answers
     events = tuple((t, guard, -direction) for t, guard, direction in reversed(answer.events))
     system = replace(case.system, undo=case.system.on_event)
-    expected = replace(answer, events=events, y_end=case.y0, mode=None)
+    expected = replace(
+        answer, events=events, y_end=case.y0, mode=None,
+        time_tolerance=answer.back * answer.time_tolerance,
+        state_tolerance=answer.back * np.asarray(answer.state_tolerance),
+    )  # fmt: skip
     return replace(
         case, system=system, t_span=case.t_span[::-1], y0=answer.y_end, answers=(expected,)
     )

@@ -56,6 +56,11 @@ def dot(a: list[Any], b: list[Any]) -> Any:
     return sum((x * y for x, y in zip(a, b, strict=True)), start=0 * a[0])
 
 
+def along(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return scalar products along the last axis, by sums whose order no library chooses."""
+    return np.asarray((a * b).sum(axis=-1))
+
+
 def locks_of(values: list[Any], rates: list[Any]) -> list[int]:
     """Return the locks at the start: the sign of h, on the surface of its rate."""
     return [1 if h > 0 or (h == 0 and d > 0) else -1 for h, d in zip(values, rates, strict=True)]
@@ -96,20 +101,21 @@ def constant_events(system: Piecewise, y0: list[float], t0: float, t_end: float)
 def velocity(system: Piecewise, locks: list[int], y: list[float]) -> np.ndarray:
     """Return the field at a point, in floats."""
     row = mode_row(locks)
-    flow = 0.0 if system.matrices is None else system.matrices[row] @ np.asarray(y)
+    flow = 0.0 if system.matrices is None else along(system.matrices[row], np.asarray(y))
     return system.constants[row] + flow
 
 
-def amplification(system: Piecewise, run: Run, span: float) -> float:
+def amplification(system: Piecewise, run: Run, span: float, *, back: bool = False) -> float:
     """Return by how much, at most, an error made at any event or step grows until the end.
 
-    Products of the saltation matrices I + (f+ - f-) n / (n f-), times a bound on the flow's growth.
+    Products of the saltation matrices I + (f+ - f-) n / (n f-), times a bound on the flow's growth;
+    of a run back, which ends at the start, those with f+ and f- exchanged.
     """
-    n = system.shape[0]
-    locks, product, most = list(run.end), np.eye(n), 1.0
-    for (_, k, direction), point in zip(reversed(run.events), reversed(run.points), strict=True):
+    n, passed = system.shape[0], list(zip(run.events, run.points, strict=True))
+    locks, product, most = list(run.start if back else run.end), np.eye(n), 1.0
+    for (_, k, direction), point in passed if back else reversed(passed):
         after = velocity(system, locks, point)
-        locks[k] = -direction
+        locks[k] = direction if back else -direction
         before, normal = velocity(system, locks, point), system.normals[k]
         product = product @ (np.eye(n) + np.outer(after - before, normal) / (normal @ before))
         most = max(most, float(np.linalg.norm(product, 2)))
@@ -131,11 +137,15 @@ def constant_answer(
     speed = np.abs(system.constants).sum(axis=1).max()
     size = max(np.abs(y0).max(), np.abs(run.y_end).max(), max(np.abs(t_span)) * speed)
     size = max(size, np.abs([offset for offset in system.offsets if offset < FAR]).max(initial=0))
-    growth = amplification(system, run, t_span[1] - t_span[0])
+    span = t_span[1] - t_span[0]
+    growth, back = (amplification(system, run, span, back=way) for way in (False, True))
     rounding = ROUNDINGS * EPS * (len(run.events) + 1) * size * growth + slack * speed * growth
     reach = np.abs(system.normals).sum(axis=1).max() / min_rate(system)
     time_tolerance = rounding * reach + ROUNDINGS * EPS * max(np.abs(t_span)) + slack
-    return Expected(tuple(run.events), run.y_end, time_tolerance, rounding, mode=tuple(run.end))
+    return Expected(
+        tuple(run.events), run.y_end, time_tolerance, rounding, mode=tuple(run.end),
+        back=max(back / growth, 1.0),
+    )  # fmt: skip
 
 
 def min_rate(system: Piecewise) -> float:

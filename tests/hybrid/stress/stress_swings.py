@@ -17,6 +17,7 @@ RTOL, ATOL = 1e-9, 1e-11
 NEAREST, FARTHEST = 1e-3, 0.3  # of the guard's range: from its surface to the turning point
 CLEAR = 3e-4  # of that range: nearer to a turning point the grid cannot tell
 NEWTON = 6
+DIGITS = 9  # behind the point, of what is drawn
 OFF = 1e-6  # of times and states: what errors of steps may add up to over a few swings
 METHODS = ("taylor", "dop853", "auto")
 
@@ -65,12 +66,12 @@ KINDS = (turning, several, springs, damped)
 
 
 def draw(rng: np.random.Generator) -> Swing:
-    """Draw a system of 2 to 8 states, of very different sizes."""
+    """Draw a system of 2 to 8 states, of very different sizes, in few digits: the same anywhere."""
     n = int(rng.choice([2, 3, 4, 5, 8]))
     matrix = KINDS[int(rng.integers(len(KINDS)))](rng, n)
     start = rng.normal(size=n) * 10.0 ** rng.uniform(-2.0, 0.0, size=n)
     normal = np.eye(n)[0] if rng.random() < 0.3 else rng.normal(size=n)
-    return Swing(matrix, rng.normal(size=n), start, normal)
+    return Swing(*(np.round(part, DIGITS) for part in (matrix, rng.normal(size=n), start, normal)))
 
 
 def flow(swing: Swing, span: float) -> np.ndarray:
@@ -108,6 +109,7 @@ def level_of(rng: np.random.Generator, h: np.ndarray) -> float | None:
     turn = rng.choice(turns)
     below = 1.0 if h[turn] > h[turn - 1] else -1.0
     level = h[turn] - below * size * np.exp(rng.uniform(*np.log([NEAREST, FARTHEST])))
+    level = np.round(level, DIGITS)
     known = h[[0, *turns, -1]]
     return float(level) if np.abs(known - level).min() > CLEAR * size else None
 

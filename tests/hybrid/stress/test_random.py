@@ -19,9 +19,13 @@ def test_piecewise_affine(first):
     assert wrong(first, affine=True) == []
 
 
-@pytest.mark.parametrize("affine", [False, True])
-def test_back_from_the_end(affine):
-    assert wrong(0, affine=affine, seen=turned_back) == []
+# Seeds 437 and 599, and 561 on the way back, have guards crossed at exactly one instant: rounding
+# is taken for chattering, or for a wrong rate, if h is believed to a digit that it does not have.
+
+
+@pytest.mark.parametrize(("first", "affine"), [(0, False), (550, False), (0, True)])
+def test_back_from_the_end(first, affine):
+    assert wrong(first, affine=affine, seen=turned_back) == []
 
 
 def wrong(first, *, affine, seen=lambda case: case):

@@ -17,8 +17,10 @@ from hopdata.hybrid.driver.localise import CROSSING, DIP, first_cut
 from hopdata.hybrid.driver.problem import (
     Problem,
     blur,
+    count_as_rounding,
     eval_field,
     guards_at_end,
+    is_leaving,
     mark_due,
     mark_one,
     remember_residuals,
@@ -79,6 +81,10 @@ def look_at_end(p: Problem, m: Memory, t: float, resolution: float) -> None:
     """Evaluate the guards at the end of the step, at time t; those that it has reached are near."""
     guards_at_end(p, m, t)
     watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
+    for a in range(m.counts[at.N_NEAR]):
+        k = m.lists[at.NEAR, a]
+        if is_leaving(m, k, p.mode[k] * m.guards[at.RATE1, k], t - m.clock[at.T], resolution):
+            count_as_rounding(m, k, -p.mode[k] * m.guards[at.H1, k])
 
 
 @kernel_apart
@@ -212,9 +218,11 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
         return dt, 0
     for a in range(m.counts[at.N_NEAR]):
         j = m.lists[at.NEAR, a]
+        left = (
+            p.mode[j] * m.guards[at.H0, j] > 0.0
+        )  # until then, what it took for rounding stays so
         size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
-        still_leaving = p.mode[j] * m.guards[at.H0, j] <= 0.0  # what it took for rounding stays so
-        m.guards[at.SIZE, j] = max(size, m.guards[at.SIZE, j]) if still_leaving else size
+        m.guards[at.SIZE, j] = max(size, 0.0 if left else m.guards[at.SIZE, j])
     resolution = time_resolution(m.clock[at.T], dt)
     if theta * dt <= resolution:
         h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]

@@ -10,6 +10,7 @@ from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
 from hopdata.hybrid.driver.jacobian import HANDLERS, RESET, SALTATE, first_order, keep, on_another
 from hopdata.hybrid.driver.problem import (
+    CROWDED,
     Problem,
     eval_field,
     first_not_finite,
@@ -25,7 +26,6 @@ from hopdata.hybrid.driver.watch import gather_reached
 from hopdata.hybrid.layout import Memory
 
 FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
-CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
 DISAGREEMENT = 1e-9  # of the field and its affine form, relative to their terms
 

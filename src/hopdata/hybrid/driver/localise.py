@@ -10,7 +10,14 @@ from math import inf, sqrt
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
-from hopdata.hybrid.driver.problem import EPS, Problem, blur, near_inside, time_resolution
+from hopdata.hybrid.driver.problem import (
+    EPS,
+    Problem,
+    blur,
+    is_leaving,
+    near_inside,
+    time_resolution,
+)
 from hopdata.hybrid.driver.watch import GRAZE, clearance, ends_between, knot, piece_before
 from hopdata.hybrid.layout import Memory
 
@@ -148,6 +155,8 @@ def suspect_before(
             break
         g0, d0, g1, d1 = ends_between(m, k, lock, at.H0 + 2 * piece, last, part * dt)
         if clearance(g0, d0, g1, d1) > 0.0:
+            continue
+        if g1 < 0.0 < d0 and is_leaving(m, k, d1, (start + part) * dt, resolution):
             continue
         noise = blur(g[at.SIZE, k], g[last + 1, k], resolution)
         kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)

@@ -177,6 +177,7 @@ def fill_row(table: FloatTable, row: int, value: float) -> None:
 EPS = 2.0**-52
 ROUNDING = 4 * EPS  # of h, relative to its largest value over the step
 TIME_ROUNDING = 4 * EPS  # of an event's time
+CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
 
 
 @kernel
@@ -231,14 +232,29 @@ def mark_one(m: Memory, k: int) -> int:
 
 
 @kernel
+def count_as_rounding(m: Memory, k: int, left: float) -> None:
+    """Raise the scale of guard k's rounding so that `left`, if that is positive, is part of it."""
+    m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * left / ROUNDING)
+
+
+@kernel
 def remember_residuals(p: Problem, m: Memory, h: int) -> None:
     """Count what is left of h at guards that flip now, though on their old side, as rounding."""
-    g = m.guards
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        left = p.mode[k] * g[h, k]
-        if left > 0.0:
-            g[at.SIZE, k] = max(g[at.SIZE, k], 2.0 * left / ROUNDING)
+        count_as_rounding(m, k, p.mode[k] * m.guards[h, k])
+
+
+@kernel
+def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) -> bool:
+    """Tell whether guard k, by its rate `ahead` from now, leaves the surface of its last flip.
+
+    So near to that instant, in the same crowd, state and h are rounded by more than they move.
+    """
+    since = m.counts[at.INSTANTS] - m.flags[at.LAST_FLIP, k]
+    in_crowd = m.flags[at.LAST_FLIP, k] > 0 and since <= m.counts[at.CROWD]
+    near = m.clock[at.T] + ahead - m.clock[at.INSTANT] <= CROWDED * resolution
+    return in_crowd and near and rate > 0.0
 
 
 @kernel

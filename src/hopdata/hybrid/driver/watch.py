@@ -247,11 +247,8 @@ def clipped(p: Problem, m: Memory, dt: float) -> float:
 def clipped_by_awake(p: Problem, m: Memory, dt: float) -> float:
     """Return `dt`, or a little more than the time to the first flip that is predicted before."""
     soon = SOON * m.clock[at.GAP]
-    if soon < dt:
-        first = clipped_by_coming(p, m, soon)
-        if first < soon:
-            return first
-    return clipped_by_coming(p, m, dt)
+    first = clipped_by_coming(p, m, soon) if soon < dt else dt
+    return first if first < min(soon, dt) else clipped_by_coming(p, m, dt)
 
 
 @kernel

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.system import System
 
 STEP = 1e-3  # of differences, in units of a coordinate's size; extrapolated, they err by STEP^4
@@ -73,12 +74,10 @@ def instant(
     """Return a state of the hybrid system, checked; all locks must be set."""
     y = np.array(state, dtype=np.float64)
     locks = np.array(mode, dtype=np.int64)
-    if y.shape != (system.n_states,):
-        raise ValueError(f"state: expected shape ({system.n_states},), found {y.shape}")
-    if locks.shape != (system.n_modes,):
-        raise ValueError(f"mode: expected {system.n_modes} integers, found {locks.shape}")
-    if not np.isin(locks[: system.n_guards], (-1, 1)).all():
-        raise ValueError(f"mode: expected locks -1 or +1, found {locks[: system.n_guards]}")
+    expect(y.shape == (system.n_states,), "state", f"shape ({system.n_states},)", y.shape)
+    expect(locks.shape == (system.n_modes,), "mode", f"{system.n_modes} integers", locks.shape)
+    given = locks[: system.n_guards]
+    expect(np.isin(given, (-1, 1)).all(), "mode", "locks -1 or +1", given)
     memory = np.zeros(getattr(system, "n_memory", 0))
     numbers = np.concatenate([np.array(params, dtype=np.float64).ravel(), memory])
     return Instant(float(t), y, locks, numbers)
@@ -87,8 +86,7 @@ def instant(
 def state_scale(system: System, scale: ArrayLike | None) -> FloatArray:
     """Return the size of each state coordinate, (n,); 1 unless given."""
     sizes = np.broadcast_to(np.asarray(1.0 if scale is None else scale), (system.n_states,))
-    if not (sizes > 0).all():
-        raise ValueError(f"scale: expected numbers > 0, found {scale!r}")
+    expect((sizes > 0).all(), "scale", "numbers > 0", repr(scale))
     return sizes.astype(np.float64)
 
 
@@ -174,8 +172,8 @@ def active_guards(
         return tuple(np.flatnonzero(on_surface).tolist())
     names = list(system.guard_names)
     chosen = tuple(names.index(g) if isinstance(g, str) else int(g) for g in guards)
-    if len(set(chosen)) < len(chosen) or not all(0 <= k < len(names) for k in chosen):
-        raise ValueError(f"guards: expected different ones of {names}, found {tuple(guards)}")
+    fits = len(set(chosen)) == len(chosen) and all(0 <= k < len(names) for k in chosen)
+    expect(fits, "guards", f"different ones of {names}", tuple(guards))
     return chosen
 
 

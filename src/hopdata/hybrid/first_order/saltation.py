@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.first_order import linearise as local
 from hopdata.hybrid.first_order.linearise import Instant, Linearisation
 from hopdata.hybrid.system import System
@@ -165,8 +166,8 @@ class BouligandDerivative:
         """Return the directional derivatives D_v."""
         v = np.asarray(deviations, dtype=np.float64)
         n = self.system.n_states
-        if v.ndim not in (1, 2) or len(v) != n:
-            raise ValueError(f"deviations: expected ({n},) or ({n}, m), found {v.shape}")
+        fits = v.ndim in (1, 2) and len(v) == n
+        expect(fits, "deviations", f"({n},) or ({n}, m)", v.shape)
         if v.ndim == 1:
             return self.node(self.order(v)).product @ v
         return np.array([self(column) for column in v.T]).reshape(v.T.shape).T

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.first_order import linearise as local
 from hopdata.hybrid.first_order.linearise import Combination, Instant, Linearisation
 from hopdata.hybrid.first_order.saltation import BouligandDerivative, NotTransversalError
@@ -324,8 +325,7 @@ def check_c1(
     start = local.instant(system, state, params=params, mode=mode, t=t)
     here = local.linearise(system, start, sizes)
     active = local.active_guards(system, here, guards, sizes)
-    if not active:
-        raise ValueError("guards: expected at least one, the state lies on no surface")
+    expect(active, "guards", "at least one, as the state lies on no surface", active)
     continuous, *others = event_selection(system, start, active, sizes, seed)
     smooth = smooth_guards(system, here, list(active), sizes, tolerance)
     products = one_product(BouligandDerivative(system, start, active, sizes), seed, tolerance)

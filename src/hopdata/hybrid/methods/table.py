@@ -17,6 +17,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
+from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
@@ -57,13 +58,13 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
     ValueError
         If there is no method of this name, or it does not suit the scene.
     """
-    if not isinstance(name, str) or name not in CHOICES:
-        hint = did_you_mean(str(name), CHOICES)
-        raise ValueError(f"method: expected one of {', '.join(CHOICES)}, found {name!r}{hint}")
-    if name == "taylor" and scene.affine is None:
-        raise ValueError("method: 'taylor' expects a System with an @affine function, found none")
-    if name == "rosenbrock" and jacobian:
-        raise ValueError("jacobian: expected an explicit method or 'taylor', found 'rosenbrock'")
+    known = isinstance(name, str) and name in CHOICES
+    hint = "" if known else did_you_mean(str(name), CHOICES)
+    expect(known, "method", f"one of {', '.join(CHOICES)}", repr(name), hint)
+    suits = name != "taylor" or scene.affine is not None
+    expect(suits, "method", "a System with an @affine function for 'taylor'", "none")
+    carries = name != "rosenbrock" or not jacobian
+    expect(carries, "jacobian", "an explicit method or 'taylor'", repr(name))
     if name != "auto":
         return (name,)
     if scene.affine is not None:

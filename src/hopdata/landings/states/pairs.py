@@ -139,17 +139,12 @@ def read_pairs(path: str | Path) -> Pairs:
     try:
         with h5py.File(path, "r") as file:
             text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}
+            markers = tuple(str(name) for name in file.attrs["body_markers"])
+            length, span = (float(file.attrs[k]) for k in ("length_unit_m", "time_unit_s"))
             return Pairs(
-                file["x"][:],
-                file["y"][:],
-                text["schedule"],
-                file["spread_s"][:],
-                text["recording"],
-                file["index"][:],
-                tuple(str(name) for name in file.attrs["body_markers"]),
-                float(file.attrs["length_unit_m"]),
-                float(file.attrs["time_unit_s"]),
+                file["x"][:], file["y"][:], text["schedule"], file["spread_s"][:],
+                text["recording"], file["index"][:], markers, length, span,
                 **{name: file[name][:] for name in OPTIONAL if name in file},
-            )
+            )  # fmt: skip
     except (KeyError, OSError, ValueError) as error:
         raise AnalysisError(f"{path}: not a file of pairs: {error}") from error

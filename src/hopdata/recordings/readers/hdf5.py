@@ -205,7 +205,8 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     """
     import h5py
 
-    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
+    # A chunk that waits in memory when no more can be written crashes the process at its end.
+    with whole_file(path) as partial, h5py.File(partial, "w", rdcc_nbytes=0) as file:
         _write_content(file, recording)
         if truth is not None:
             _write_truth(file.create_group("truth"), truth)
