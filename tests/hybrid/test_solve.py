@@ -214,7 +214,7 @@ def test_a_system_checks_itself():
     with pytest.raises(ArgumentError, match=r"System: expected the arguments .*'n_states'"):
         System(rebound, n_state=1)
     with pytest.raises(ArgumentError, match="n_states: expected a whole number"):
-        System(rebound, n_states="1")
+        System(ladder(1).field, n_states="1")
     with pytest.raises(TypeError, match="@field"):
         System(rebound, n_states=1)
     with pytest.raises(ValueError, match="directions"):
