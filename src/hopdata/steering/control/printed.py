@@ -85,7 +85,6 @@ def predicted_poses(
     swings = np.moveaxis(np.asarray(swings_rad, dtype=float), -1, 0)
     booms = boom_angle_rad + np.cumsum(swings, axis=0) - swings
     change = model.change(booms.ravel(), swings.ravel()).reshape(*swings.shape, 3)
-    poses = np.empty((len(swings) + 1, *swings.shape[1:], 3))
-    poses[0], poses[1:] = pose, change  # a row a hop, added up below
+    poses = np.concatenate([np.broadcast_to(pose, change[:1].shape), change])  # to be added up
     poses[1:] = turned(change, -np.cumsum(poses[:-1, ..., 2], axis=0))
     return np.cumsum(poses, axis=0)

@@ -205,10 +205,8 @@ def horizons_of(
     for hops in steering["experiments"]["horizons"]:
         control = dict(steering["control"], horizon=hops)
         asked = {**steering, "control": control, "experiments": few}
-        runs = experiments_of(
-            [tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned
-        ).runs
-        good = runs[runs["success"]]
+        made = experiments_of([tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned)
+        runs, good = made.runs, made.runs[made.runs["success"]]
         rows.append((hops, len(runs), len(good), good["hops"].median()))
     return pd.DataFrame(rows, columns=["horizon", "runs", "succeeded", "hops"])
 
