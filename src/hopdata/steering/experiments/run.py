@@ -9,20 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, pd
+from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import Controller, Plan, PlanningError, errors_left
 from hopdata.steering.experiments.tasks import Outcome, Start, Task, decided, goal_of, judged
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker, Observation
-from hopdata.steering.robot import (
-    Apex,
-    Board,
-    Stance,
-    SteeredHop,
-    SteeredHopper,
-    released,
-    steer_past,
-)
 from hopdata.steering.trial import POSE
 from hopdata.synthesis.camera import CurvedFloor, draw_gaps, observe
 from hopdata.synthesis.simulate import MotionCapture
@@ -59,7 +51,7 @@ class WatchedHopper:
 
     Parameters
     ----------
-    robot : SteeredHopper
+    robot : plant.SteeredHopper
     sight : Sight
     start : (3,) array
         Pose at the release, m, m, rad.
@@ -67,7 +59,7 @@ class WatchedHopper:
         Gaps are drawn for so many hops.
     kicks, noise, gaps : numpy Generator
         Streams of chance of their own.
-    board : Board, optional
+    board : plant.Board, optional
         What stands in the way.
     frames : list, optional
         Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
@@ -75,7 +67,7 @@ class WatchedHopper:
 
     def __init__(
         self,
-        robot: SteeredHopper,
+        robot: plant.SteeredHopper,
         sight: Sight,
         start: ArrayLike,
         *,
@@ -83,12 +75,12 @@ class WatchedHopper:
         kicks: np.random.Generator,
         noise: np.random.Generator,
         gaps: np.random.Generator,
-        board: Board | None = None,
+        board: plant.Board | None = None,
         frames: Frames | None = None,
     ) -> None:
         self.robot, self.sight, self.board = robot, sight, board
         self._kicks, self._noise, self._frames = kicks, noise, frames
-        self._apex: Apex = released(robot, start, robot.hopper.boom_angle_rad)
+        self._apex: plant.Apex = plant.released(robot, start, robot.hopper.boom_angle_rad)
         camera, body = sight.camera, robot.markers.body_m
         markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
         self._hidden: BoolArray = draw_gaps(
@@ -99,7 +91,7 @@ class WatchedHopper:
         self._body = sight.geometry.body_places(markers)
         self._detector = StanceDetector.of(sight.geometry, rate_hz=camera.rate_hz)
 
-    def hop(self, swing_rad: float) -> tuple[Stance, Observation | None]:
+    def hop(self, swing_rad: float) -> tuple[plant.Stance, Observation | None]:
         """Make one hop with this swing of the boom, rad, and watch it.
 
         Returns
@@ -113,13 +105,13 @@ class WatchedHopper:
         rate, apex = self.sight.camera.rate_hz, self._apex
         first = int(np.ceil(apex.time_s * rate - 1e-9))
         frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
-        hop, self.board = steer_past(
+        hop, self.board = plant.steer_past(
             self.robot, apex, swing_rad, self.board, rng=self._kicks, frame_times_s=frames / rate
         )
         self._apex = hop.end
         return hop.stance, self._watched(hop)
 
-    def _watched(self, hop: SteeredHop) -> Observation | None:
+    def _watched(self, hop: plant.SteeredHop) -> Observation | None:
         """Return the frame with a pose that was nearest to the stance."""
         past: list[_Frame] = []
         found, all_seen = None, self._seen(hop)
@@ -151,7 +143,7 @@ class WatchedHopper:
                 return frame
         return None
 
-    def _seen(self, hop: SteeredHop) -> FloatArray:
+    def _seen(self, hop: plant.SteeredHop) -> FloatArray:
         """Markers (K, M, 3) as the cameras report them."""
         camera = self.sight.camera
         index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(self._hidden)
@@ -193,20 +185,20 @@ class Run:
 
 
 def run_task(
-    robot: SteeredHopper,
+    robot: plant.SteeredHopper,
     sight: Sight,
     controller: Controller,
     task: Task,
     start: Start,
     *,
-    board: Board | None = None,
+    board: plant.Board | None = None,
     frames: Frames | None = None,
 ) -> Run:
     """Let a controller steer from a start until the run is decided or the hopper falls.
 
     Parameters
     ----------
-    robot : SteeredHopper
+    robot : plant.SteeredHopper
     sight : Sight
         How it is seen.
     controller : Controller
@@ -214,7 +206,7 @@ def run_task(
     task : Task
         What counts as success.
     start : Start
-    board : Board, optional
+    board : plant.Board, optional
         What stands in the way.
     frames : list, optional
         Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
