@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from typing import Any, TypeAlias
 
@@ -59,10 +59,6 @@ class _Grid:
         """Return what may be left (..., 6, 3), each as likely, where this is foretold (..., 3)."""
         one = np.sqrt(3.0) * np.diag(self.scatter)
         return relative(np.concatenate([one, -one]), left[..., None, :])
-
-    def away(self, left: FloatArray) -> FloatArray:
-        """Return by how much stances from which this is left are no arrivals, from 0 to 1."""
-        return np.asarray(1.0 - 1.0 / (1.0 + (self.errors(left) / self.width) ** SHARPNESS))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +143,11 @@ class HeadingGrid(_Grid):
 Grid: TypeAlias = PointGrid | HeadingGrid
 
 
+def _away(grid: Grid, left: FloatArray) -> FloatArray:
+    """Return by how much stances from which this is left are no arrivals, from 0 to 1."""
+    return np.asarray(1.0 - 1.0 / (1.0 + (grid.errors(left) / grid.width) ** SHARPNESS))
+
+
 @dataclass(frozen=True)
 class CostToGo:
     """Cost-to-go on a grid.
@@ -189,6 +190,7 @@ def _between(closed: FloatArray, places: FloatArray) -> FloatArray:
     return np.asarray(map_coordinates(closed, places, order=1, mode="nearest"))
 
 
+@cache
 def _averages(grid: Grid) -> tuple[FloatArray, Any]:
     """Return a (N, 1) and B (N, N), sparse: a + B v is paid on average from N foretold nodes on.
 
@@ -198,9 +200,10 @@ def _averages(grid: Grid) -> tuple[FloatArray, Any]:
 
     nodes = grid.nodes()
     left = grid.perhaps(nodes).reshape(-1, 6, 3)
-    away, places = grid.away(left) / 6, np.stack(grid.places(left))
+    away, places = _away(grid, left) / 6, np.stack(grid.places(left))
     row, low = np.repeat(np.arange(len(left)), 6), np.floor(places).astype(int)
-    total, modes = csr_array((len(left), len(left))), ("clip", "wrap")[-len(low) :]
+    modes: Any = ("clip", "wrap")[-len(low) :]
+    total = csr_array((len(left), len(left)))
     for corner in product((0, 1), repeat=len(low)):
         at = low + np.reshape(corner, (-1, 1, 1))
         weight = DISCOUNT * away * np.prod(1.0 - np.abs(places - at), axis=0)
@@ -316,7 +319,7 @@ class Planner:
         grid, total, weight, booms = self.cost_to_go.grid, np.zeros(()), np.ones(()), np.array(boom)
         for hop, swing in enumerate(tried):
             if hop:  # the stance before is foretold, and perhaps an arrival
-                away = weight * grid.away(grid.perhaps(left)).mean(axis=-1)
+                away = weight * _away(grid, grid.perhaps(left)).mean(axis=-1)
                 total, weight = total + away, DISCOUNT * away
             shape = (*booms.shape, len(swing))
             at = [np.broadcast_to(one, shape).ravel() for one in (booms[..., None], swing)]

@@ -250,14 +250,9 @@ def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Ru
         table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())
         into = into if board is None else (1.0, 0.0)
     return table.assign(
-        experiment=setting.experiment,
-        run=start.number,
-        near=task.near,
-        board_first_m=np.nan if board is None else board.place_m,
-        board_x=into[0],
-        board_y=into[1],
-        controller=SHOWN,
-    )
+        experiment=setting.experiment, run=start.number, near=task.near, board_x=into[0],
+        board_y=into[1], board_first_m=np.nan if board is None else board.place_m, controller=SHOWN,
+    )  # fmt: skip
 
 
 def _film(

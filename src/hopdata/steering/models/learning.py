@@ -12,17 +12,7 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering import TRAINING, child
 from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.models.process import (
-    LEAST_HOPS,
-    PRINTED,
-    RECOMMENDED,
-    SMOOTHNESSES,
-    TURN,
-    FrameChangeProcess,
-    ProcessOptions,
-    process_of,
-    trained_process,
-)
+from hopdata.steering.models import process as gp
 from hopdata.steering.models.tabulated import COMPONENTS
 
 WIDTH_95 = 1.959963984540054  # half of the central 95 % of a standard normal
@@ -31,7 +21,7 @@ IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
 def prediction_score(
-    process: FrameChangeProcess, inputs: FloatArray, outputs: FloatArray
+    process: gp.FrameChangeProcess, inputs: FloatArray, outputs: FloatArray
 ) -> pd.DataFrame:
     """Score predictions of frame changes `outputs` (n, 3) at `inputs` (n, d).
 
@@ -57,10 +47,10 @@ def prediction_score(
 
 
 def tested(
-    hops: FrameChanges, train: FloatArray, test: FloatArray, options: ProcessOptions, seed: int
-) -> tuple[FrameChangeProcess, pd.DataFrame]:
+    hops: FrameChanges, train: FloatArray, test: FloatArray, options: gp.ProcessOptions, seed: int
+) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
     """Train on some rows of a table of hops, and score on others."""
-    process = trained_process(hops.rows(train), options, seed=seed)
+    process = gp.trained_process(hops.rows(train), options, seed=seed)
     rest = hops.rows(test)
     inputs = np.column_stack([rest.boom_angle_rad, rest.swing_rad])
     return process, prediction_score(process, inputs, rest.change)
@@ -74,7 +64,7 @@ def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[Float
 
 def learning_scores(
     changes: FrameChanges,
-    options: Mapping[str, ProcessOptions],
+    options: Mapping[str, gp.ProcessOptions],
     sizes: Sequence[int],
     *,
     draws: int,
@@ -145,7 +135,7 @@ CELLS_PER_TURN = 48
 
 @one_blas_thread()
 def map_table(
-    process: FrameChangeProcess, swing_limit_rad: float, *, swings: int = 33
+    process: gp.FrameChangeProcess, swing_limit_rad: float, *, swings: int = 33
 ) -> pd.DataFrame:
     """Tabulate mean and standard deviation over three turns of the boom and all swings.
 
@@ -165,7 +155,7 @@ def map_table(
         Columns ``boom_angle_rad`` (from -2 pi to 4 pi), ``swing_rad``, the mean ``dx_mm, dy_mm,
         dtheta_deg`` and the same with ``_sd``: standard deviation of the mean, without noise.
     """
-    angle = np.linspace(-TURN, 2 * TURN, 3 * CELLS_PER_TURN + 1)
+    angle = np.linspace(-gp.TURN, 2 * gp.TURN, 3 * CELLS_PER_TURN + 1)
     swing = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
     points = np.stack(np.meshgrid(angle, swing, indexing="ij"), axis=-1).reshape(-1, 2)
     table = pd.DataFrame(points, columns=["boom_angle_rad", "swing_rad"])
@@ -174,10 +164,10 @@ def map_table(
     return table
 
 
-def training_table(process: FrameChangeProcess) -> pd.DataFrame:
+def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
     """Return the training hops of a process, each once: inputs and outputs as in `map_table`."""
     angle = process.inputs[:, 0]
-    once = (angle >= 0) & (angle < TURN)
+    once = (angle >= 0) & (angle < gp.TURN)
     table = pd.DataFrame(process.inputs[once, :2], columns=["boom_angle_rad", "swing_rad"])
     table[list(COLUMNS)] = process.outputs[once] * IN_UNITS
     return table
@@ -193,16 +183,16 @@ def training_table(process: FrameChangeProcess) -> pd.DataFrame:
 # variance alone, not on the units. Once the length scale is fitted and the variance is not, the
 # units decide.
 
-_FITTED = replace(PRINTED, length_scale=None, noise=None)
-READINGS: Mapping[str, ProcessOptions] = {
+_FITTED = replace(gp.PRINTED, length_scale=None, noise=None)
+READINGS: Mapping[str, gp.ProcessOptions] = {
     # The formula: variance and length scale 1, noise 0.1; mm and rad.
-    "printed, all fixed": PRINTED,
+    "printed, all fixed": gp.PRINTED,
     # The length scale fitted, the rest as before.
-    "printed, length fitted": replace(PRINTED, length_scale=None),
+    "printed, length fitted": replace(gp.PRINTED, length_scale=None),
     # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: the noise is only where the search begins.
     "printed, length and noise fitted, mm": _FITTED,
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
-    "standardised, all fitted": RECOMMENDED,
+    "standardised, all fitted": gp.RECOMMENDED,
 }
 
 
@@ -212,7 +202,7 @@ def smoothness_scores(
     train: int = 100,
     draws: int,
     seed: int,
-    readings: Mapping[str, ProcessOptions] = READINGS,
+    readings: Mapping[str, gp.ProcessOptions] = READINGS,
 ) -> pd.DataFrame:
     """Score the four smoothnesses in each reading of the set-up, on the same random hops.
 
@@ -226,7 +216,7 @@ def smoothness_scores(
     for draw, stream in enumerate(np.random.SeedSequence([seed, train]).spawn(draws)):
         chosen, rest = random_split(len(hops), train, np.random.default_rng(stream))
         for reading, options in readings.items():
-            for smoothness in SMOOTHNESSES:
+            for smoothness in gp.SMOOTHNESSES:
                 setup = replace(options, smoothness=smoothness)
                 _, score = tested(hops, chosen, rest, setup, seed + draw)
                 labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
@@ -242,7 +232,7 @@ LEFT_TO_TEST = 2  # hops: the fewest that have a variance
 @one_blas_thread()
 def learn(
     changes: FrameChanges, options: Mapping[str, Any], *, seed: np.random.SeedSequence
-) -> tuple[FrameChangeProcess, pd.DataFrame]:
+) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
     """Learn from as many random hops as the block ``steering.model`` says.
 
     Parameters
@@ -265,7 +255,7 @@ def learn(
     """
     hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
     train, rest = random_split(len(hops), wanted, np.random.default_rng(child(seed, TRAINING)))
-    process, score = tested(hops, train, rest, process_of(options), 0)
+    process, score = tested(hops, train, rest, gp.process_of(options), 0)
     return process, score.assign(training_hops=wanted, test_hops=len(hops) - wanted)
 
 
@@ -279,7 +269,7 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
     """
     hops = changes.used()
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
-    least = LEAST_HOPS + LEFT_TO_TEST
+    least = gp.LEAST_HOPS + LEFT_TO_TEST
     if len(hops) < least:
         raise AnalysisError(
             f"steering: expected at least {least} hops that can be used, to learn from and to test "
@@ -295,7 +285,7 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
 
 # How many hops it takes to learn the frame change, and whether the kernel matters.
 
-MODELS = {"printed": PRINTED, "recommended": RECOMMENDED}
+MODELS = {"printed": gp.PRINTED, "recommended": gp.RECOMMENDED}
 SIZES = (20, 35, 60, 100, 170)
 LEAST_TESTED = 30  # hops left to test on
 SCORES = ("r2", "rmse", "coverage")
