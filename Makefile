@@ -74,7 +74,7 @@ docs: $(VENV)/.run
 
 site: $(VENV)/.docs
 	rm -rf build/site
-	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs . build/site
+	$(BIN)/sphinx-build --quiet --jobs $(CORES) --fail-on-warning --keep-going -c docs . build/site
 	@echo "open build/site/index.html"
 
 # Exact maps hold between sections: those that the study of the new recording finds.
