@@ -11,7 +11,8 @@ format; a foot marker is hidden for some frames at one contact in twenty.
 
 Each row is one study, as a user makes it: `hopdata init` on the first file, the others added to it,
 `hopdata check`, and the study's stages in this process (with `--run`, `hopdata run`). `feet` says
-whether each marker is a foot, as init has it, or heel and toe make one (`sides`). `found` are
+whether the feet are as init has them, or heel and toe make one (`sides`, where init has it
+otherwise). `found` are
 landings timed within 30 ms, all feet of them; `used` those that the study keeps; `right` the orders
 that are right of the `sure` ones, `likely_right` of all that are found.
 """
@@ -38,6 +39,7 @@ from hopdata.__main__ import main as hopdata
 from hopdata.analysis import Study
 from hopdata.arrays import GRAVITY_M_S2 as G
 from hopdata.arrays import FloatArray
+from hopdata.config.consistency import feet_of
 from hopdata.config.loading import load_config
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1] / "tests" / "recordings")]
@@ -358,30 +360,31 @@ def measure(name: str, seed: int, *, run: bool, check: bool) -> list[dict[str, A
             config = yaml.safe_load(Path("config.yaml").read_text())
             guessed = config["markers"]["feet"] or []
             right = {"LTOE", "LHEE", "RTOE", "RHEE"} == {*guessed}
-            init = (
-                f"{code}: {', '.join(guessed)}; body {', '.join(config['markers']['body'] or [])}"
-            )
+            body = ", ".join(config["markers"]["body"] or [])
+            init = f"{code}: {config.get('feet', guessed)}; body {body}"
             init += "" if code == 0 else f" {told.strip().splitlines()[-1]}"
             config["recordings"] = [{"name": f.stem, "file": f.name} for f in files]
             if not right:
                 config["markers"]["feet"] = ["LTOE", "LHEE", "RTOE", "RHEE"]
                 config["markers"]["body"] = list(PELVIS)
-            feet = {m: [m] for m in config["markers"]["feet"]}
-            for label in ("markers", "sides"):
+                config.pop("feet", None)
+            joined = {one["name"]: one["markers"] for one in config.get("feet", ())}
+            names = feet_of({"feet": config.get("feet", []), "markers": config["markers"]})
+            feet = {name: joined.get(name, [name]) for name in names}
+            sides = {"left": ["LTOE", "LHEE"], "right": ["RTOE", "RHEE"]}
+            for label in ("init", "sides")[: 2 - (feet == sides)]:
                 if label == "sides":
-                    feet = {"left": ["LTOE", "LHEE"], "right": ["RTOE", "RHEE"]}
+                    feet = sides
                     config["feet"] = [{"name": k, "markers": v} for k, v in feet.items()]
                     order = [m for k in feet for m in feet[k]]
                     config["markers"]["feet"] = order
                 Path("config.yaml").write_text(yaml.safe_dump(config))
-                code, told = (
-                    said("check", "config.yaml") if check and label == "markers" else (-1, "")
-                )
+                code, told = said("check", "config.yaml") if check and label == "init" else (-1, "")
                 row = {
                     "kind": name,
                     "feet": label,
                     "seed": seed,
-                    "init": init * (label == "markers"),
+                    "init": init * (label == "init"),
                 }
                 try:
                     row |= compare(table_of("config.yaml", run), truths, feet)

@@ -150,9 +150,21 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     assert "These are guesses: correct in the file what is not so." in out
     main(["check", "config/monday.yaml"])  # two jumps are too few, and nothing else is wrong
     assert capsys.readouterr().err.startswith("hopdata: error: pairs: expected at least 3 usable")
-    markers = load_config("config/monday.yaml")["markers"]
-    assert len(markers["feet"]) >= 4
-    assert len(markers["body"]) >= 4
+    config = load_config("config/monday.yaml")
+    assert len(config["markers"]["feet"]) >= 4
+    assert len(config["markers"]["body"]) >= 4
+    names = [foot["name"] for foot in config["feet"]]
+    assert names == ([] if style == "numbers" else ["left", "right"])
+
+
+def test_a_floor_that_moves_is_told_by_check(folder, capsys):
+    _, positions = hopping(1, n_frames=3000)
+    positions[:, :6, 2] += 0.01 * np.sin(2 * np.pi * np.arange(3000)[:, None] / 700)
+    export(folder, positions)
+    assert main(["init", "monday.tsv"]) == 0
+    main(["check", "config/monday.yaml"])
+    told = capsys.readouterr().out
+    assert re.search(r"note: the floor of monday moves: .* differ by (18|19|20|21) mm; exp", told)
 
 
 def test_a_suspected_marker_is_not_taken_for_home_and_it_is_said_why(folder, capsys):

@@ -324,6 +324,16 @@ def test_a_mat_that_gives_at_one_landing_of_two_is_not_the_floor(seed):
     np.testing.assert_allclose(rests, [0.025, 0.04, 0.025, 0.04], atol=0.002)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_box_on_which_the_feet_stand_longest_is_not_the_floor(seed):
+    kind = KINDS["box, ends in the landing"]
+    seen, _ = make(kind, 2, np.random.default_rng(seed), 200.0, 5e-4)
+    feet = ["LTOE", "LHEE", "RTOE", "RHEE"]
+    time = np.arange(len(seen)) / 200
+    floor = fit_floor(Recording.from_arrays(time, seen, NAMES, feet=feet, body=PELVIS))
+    assert floor.coefficients_m[0] == pytest.approx(0.0325, abs=0.01)
+
+
 def simulate(feet, *, hops=40, rate_hz=100.0, markers=3, seed=8):
     """Simulate legs that together do what three do; a biped is dropped for every landing."""
     share = 3 / feet

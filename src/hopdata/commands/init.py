@@ -65,6 +65,8 @@ class Draft:
         All names in the file.
     home : str
         Marker of the home frame; none by default.
+    joined : mapping
+        Feet of several markers, and these.
     """
 
     study: str
@@ -77,6 +79,7 @@ class Draft:
     notes: Sequence[str] = ()
     all_markers: Sequence[str] = ()
     home: str = ""
+    joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def draft_config(draft: Draft, *, path: str) -> str:
@@ -107,6 +110,10 @@ def draft_config(draft: Draft, *, path: str) -> str:
         "",
         *_markers(draft),
     ]  # fmt: skip
+    if draft.joined:
+        lines += ["", "feet:  # each of markers that keep their distance; the first to land counts"]
+    for name, names in draft.joined.items():
+        lines.append(f"  - {{name: {scalar(name)}, markers: [{', '.join(map(scalar, names))}]}}")
     for section, values in draft.settings.items():
         lines += ["", f"{section}:"]
         for key, value in values.items():
@@ -256,7 +263,7 @@ def _draft(
         reasons,
         {section: values for section, values in settings.items() if values},
         [remark for remark in remarks if remark not in inspection.remarks],
-        inspection.remarks, inspection.markers, roles.home,
+        inspection.remarks, inspection.markers, roles.home, roles.joined,
     )  # fmt: skip
 
 

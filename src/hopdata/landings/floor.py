@@ -8,7 +8,7 @@ that each keep to a place of their own, since a slope is then the same as a moun
 """
 
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -187,14 +187,12 @@ def fit_floor(
     rest = floor_surface.thinned(rest, max_points)
     centre, scale = _centre_and_scale(rest.points[:, :2])
     scaled = (rest.points[:, :2] - centre) / scale
-    regress = partial(
-        floor_surface.regress_floor,
-        rest,
-        scaled,
-        degree=degree,
-        largest_error_m=largest_error_m,
-        independent_share=min(1.0, n_steps / len(rest.foot)),
-    )
+    share = min(1.0, n_steps / len(rest.foot))
+    by: Any = {"degree": degree, "largest_error_m": largest_error_m, "independent_share": share}
+
+    def regress(near: BoolArray) -> floor_surface.FloorRegression:
+        return floor_surface.regress_floor(rest, scaled, near, **by)
+
     first = regress(np.full(len(rest.foot), True))
     columns = floor_surface.floor_columns(rest, scaled, first.terms)
     raised = raised_rests(rest.points[:, 2], columns, band_m=rest_band_m)
@@ -211,21 +209,12 @@ def fit_floor(
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= floor_surface.BIWEIGHT * rms)
     ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
-    return floor_surface.FloorModel(
-        terms=fit.terms,
-        coefficients_m=fit.coefficients_m,
-        centre_m=centre,
-        scale_m=scale,
-        rim_m=floor_surface.rim_of(scaled[inlier], floor_surface.RIM_DIRECTIONS) * scale,
-        feet=recording.names("foot"),
-        foot_offsets_m=fit.offsets_m,
-        residual_rms_m=rms,
-        n_points=int((used | raised).sum()),
-        n_outliers=int((used | raised).sum() - inlier.sum()),
-        degree=fit.degree,
-        degree_wanted=degree,
-        note=_notes(recording, rest, raised, (fit.degree, degree), largest_error_m, ground[inlier]),
-    )
+    rim = floor_surface.rim_of(scaled[inlier], floor_surface.RIM_DIRECTIONS) * scale
+    note = _notes(recording, rest, raised, (fit.degree, degree), largest_error_m, ground[inlier])
+    n = int((used | raised).sum())
+    feet = recording.names("foot")
+    own = (feet, fit.offsets_m, rms, n, n - int(inlier.sum()), fit.degree, degree, note)
+    return floor_surface.FloorModel(fit.terms, fit.coefficients_m, centre, scale, rim, *own)
 
 
 @one_blas_thread()
@@ -301,19 +290,8 @@ def _zero_floor(
     recording: Recording, rest: floor_surface.RestPoints, degree: int
 ) -> floor_surface.FloorModel:
     """Return the floor z = 0, with the residual of the feet at rest on it."""
-    n_feet = len(rest.start_m)
-    return floor_surface.FloorModel(
-        terms=floor_surface.polynomial_terms(0),
-        coefficients_m=np.zeros(1),
-        centre_m=np.zeros(2),
-        scale_m=1.0,
-        rim_m=np.full(floor_surface.RIM_DIRECTIONS, 1.0),
-        feet=recording.names("foot"),
-        foot_offsets_m=np.zeros(n_feet),
-        residual_rms_m=robust_rms(rest.points[:, 2]) if len(rest.foot) else float("nan"),
-        n_points=len(rest.foot),
-        n_outliers=0,
-        degree=0,
-        degree_wanted=degree,
-        note="not compensated: floor.enabled is false",
-    )
+    n_feet, n = len(rest.start_m), len(rest.foot)
+    rms = robust_rms(rest.points[:, 2]) if n else float("nan")
+    rim, note = np.ones(floor_surface.RIM_DIRECTIONS), "not compensated: floor.enabled is false"
+    own = (recording.names("foot"), np.zeros(n_feet), rms, n, 0, 0, degree, note)
+    return floor_surface.FloorModel(((0, 0),), np.zeros(1), np.zeros(2), 1.0, rim, *own)

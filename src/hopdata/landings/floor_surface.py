@@ -19,6 +19,7 @@ _LEAST_FRAMES = 20
 _SHORT_FRAMES = 1000  # of a jump or two: a foot that rests in too few of them may be less still
 BIWEIGHT = 4.685  # deviations at which Tukey's weight, 95 % efficient, ends
 _PAUSE_S = 0.1
+_LEVEL_M = 0.06  # heights of a foot at rest on one floor, uneven as it may be
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,27 @@ def rest_points(
                 break
         frames.append(slow)
         if len(frames[foot]) >= _LEAST_FRAMES:
-            start[foot] = ground_mode(height[frames[foot]]).height_m
+            start[foot] = _ground_of(recording.time[slow], height[slow])
         else:
             frames[foot] = slow[:0]
     foot_of = np.repeat(np.arange(n_feet, dtype=np.int8), [len(f) for f in frames])
     frame_of = np.concatenate([np.empty(0, dtype=np.int64), *frames])
     return RestPoints(recording.feet[frame_of, foot_of], foot_of, recording.time[frame_of], start)
+
+
+def _ground_of(time: FloatArray, heights: FloatArray) -> float:
+    """Height on which a foot rests, m: of a box and the ground where it comes to rest more often.
+
+    Each rest counts as long as it lasts, but 0.1 s at most: a body stands long before it jumps.
+    """
+    mode = ground_mode(heights).height_m
+    rest = np.cumsum(np.diff(time, prepend=time[0]) > _PAUSE_S)
+    weight = 1 / np.maximum(np.bincount(rest) * np.diff(time).min(), _PAUSE_S)
+    levels, sums = np.sort(heights), np.cumsum(np.append(0, weight[rest[np.argsort(heights)]]))
+    share = sums[np.searchsorted(levels, levels + _LEVEL_M, side="right")] - sums[:-1]
+    lowest = levels[np.argmax(share >= 0.5 * share.max())]
+    on_it = levels[(levels >= lowest) & (levels <= lowest + _LEVEL_M)]
+    return float(np.median(on_it)) if lowest + _LEVEL_M < mode else mode
 
 
 def thinned(rest: RestPoints, max_points: int) -> RestPoints:
@@ -204,8 +220,7 @@ class FloorModel:
         made = dict(fields) | {name: np.array(fields[name], dtype=float) for name in arrays}
         made["terms"] = tuple((int(i), int(j)) for i, j in fields["terms"])
         made["feet"] = tuple(fields["feet"])
-        if fields["residual_rms_m"] is None:
-            made["residual_rms_m"] = float("nan")
+        made["residual_rms_m"] = float(np.array(fields["residual_rms_m"], dtype=float))
         return cls(**made)
 
 

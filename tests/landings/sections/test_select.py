@@ -13,7 +13,7 @@ from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.frames import descents, landing_frames
 from hopdata.landings.sections.select import (
     Sections,
-    _moving_floor,
+    moving_floor,
     section_densities,
     section_frames,
     select_sections,
@@ -365,7 +365,7 @@ def test_a_floor_that_moves_is_told_with_how_far():
         one = Recording.from_arrays(
             np.arange(len(positions)) / 100, moved, MARKERS, feet=MARKERS[3:6], body=MARKERS[:3]
         )
-        return _moving_floor([one])
+        return moving_floor([one])
 
     assert told(positions) == ""
     positions[:, :6, 2] += deck[:, None]

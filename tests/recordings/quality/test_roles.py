@@ -72,8 +72,17 @@ def test_jumps_on_two_feet_with_heels_and_toes(style, jumps):
         assert feet <= {*range(4, 8), *range(10, 14)}, "no ankle"
         assert set(found.body) == set(names[:4])
         assert "one rigid part" not in found.reasons["feet"]
+        assert {n: {*of} for n, of in found.joined.items()} == {
+            "left": {name for name in found.feet if names.index(name) < 10},
+            "right": {name for name in found.feet if names.index(name) >= 10},
+        }
     assert found.problems == ()
     assert found.other_feet == ()
+
+
+def test_feet_that_land_together_are_not_one_for_keeping_their_distance():
+    assert roles(jumping(1, jumps=2), STYLES["numbers"]).joined == {}
+    assert roles(hopping(1)[1]).joined == {}
 
 
 def test_ankles_are_taken_where_there_is_no_foot():

@@ -257,13 +257,13 @@ def _require_hopping(pooled: Frames, sections: Sections, recordings: Sequence[Re
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
         + (
-            _moving_floor(recordings)
+            moving_floor(recordings)
             or f"check the foot markers, or set sections.{name}{walks if where == 'leave' else ''}"
         )
     )
 
 
-def _moving_floor(recordings: Sequence[Recording]) -> str:
+def moving_floor(recordings: Sequence[Recording]) -> str:
     """Say how far the floor moves, if all feet stand now higher, now lower, and what to do."""
     for recording in recordings:
         nadirs = [nadir for _, nadir in descents(recording.body_height)]

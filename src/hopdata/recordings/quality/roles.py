@@ -24,7 +24,8 @@ _WORDS = {
 }
 _HEELS = frozenset({"heel", "hee", "calc", "calcaneus", "fcc"})
 _TOES = frozenset({"toe", "toes", "hallux"})
-_SIDES = ("left", "right", "l", "r")
+_NAMES = {"l": "left", "r": "right"}
+_SIDES = (*_NAMES.values(), *_NAMES)
 PARTS = {part: frozenset(words.split()) for part, words in _WORDS.items()}
 
 
@@ -96,6 +97,8 @@ class Roles:
         What could not be guessed, and what to do about it.
     unsure : dict
         Of ``"body"`` and ``"feet"``: what else they may be, where that is not clear.
+    joined : dict
+        Names of feet with several of the markers in `feet`, such as heel and toe, and these.
     """
 
     body: tuple[str, ...]
@@ -106,6 +109,7 @@ class Roles:
     other_feet: tuple[tuple[str, ...], ...]
     problems: tuple[str, ...]
     unsure: dict[str, str] = field(default_factory=dict)
+    joined: dict[str, list[str]] = field(default_factory=dict)
 
 
 def guess_roles(inspection: Inspection) -> Roles:
@@ -164,7 +168,33 @@ def guess_roles(inspection: Inspection) -> Roles:
         unsure["feet"] = " or ".join([doubt, *(", ".join(other) for other in rivals)])
     if body and rested < LEAST_RESTS and "body" not in unsure:
         unsure["body"] = "parts that bend, in a recording too short to show it"
-    return Roles(body_names, feet, boom, home, reasons, tuple(rivals), tuple(problems), unsure)
+    told = (reasons, tuple(rivals), tuple(problems), unsure, _joined(sorted(group), inspection))
+    return Roles(body_names, feet, boom, home, *told)
+
+
+def _joined(group: list[int], inspection: Inspection) -> dict[str, list[str]]:
+    """Return the feet of several markers: of one side by name, which keep their distance.
+
+    Nothing where all are one foot, or each is one. Distances alone do not tell: feet that jump
+    together keep theirs.
+    """
+    names, bend = [inspection.markers[m] for m in group], _bend(group, inspection.pairs)
+    sides, parts = [_side(name) for name in names], list[list[int]]()
+    for i, side in enumerate(sides):
+        home = [p for p in parts if side and side == sides[p[0]] and bend[i, p].min() <= BEND]
+        parts = [p for p in parts if p not in home] + [[*(k for p in home for k in p), i]]
+    if not LEAST_FEET <= len(parts) < len(group):
+        return {}
+    alone = len({sides[p[0]] for p in parts}) == len(parts)
+    feet = {sides[p[0]] if alone else f"of {names[p[0]]}": [names[i] for i in p] for p in parts}
+    return {_NAMES.get(k, f"foot {k}"): of for k, of in sorted(feet.items()) if len(of) > 1}
+
+
+def _side(name: str) -> str:
+    """Return ``"l"`` or ``"r"`` for the name of a marker on a foot that tells its side."""
+    words, known = _words(name, r"[a-z]+"), PARTS["foot"] | PARTS["ankle"]
+    told = (w[0] for w in words if w in _SIDES or (w not in known and _without_side(w) in known))
+    return next(told, "")
 
 
 def _doubt(feet: tuple[str, ...], markers: tuple[str, ...], rested: int) -> str:
