@@ -220,7 +220,7 @@ def test_what_is_simulated_for_a_study_names_no_folder_that_is_gone():
 
 
 def test_a_plan_halves_the_difference_for_four_times_the_landings(study):
-    needed = hd.plan(study[0], [0.02, 0.01])["landings"]
+    needed = hd.plan(study[0], [0.14, 0.12])["landings"]
     assert needed[1] == pytest.approx(4 * needed[0], rel=0.01)
 
 

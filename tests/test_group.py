@@ -88,8 +88,6 @@ def row(subject, squared, reason=""):
         "squared": squared,
         "squared_error": 0.02,
         "along_error": 0.1,
-        "granted_squared": 0.0,
-        "moved_squared": 0.0,
     }
     return {"subject": subject, "condition": "", "further": {}, "reason": reason, **sizes}
 

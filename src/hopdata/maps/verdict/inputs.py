@@ -17,7 +17,7 @@ from hopdata.maps import coordinates
 from hopdata.maps.coordinates import RigidStates, monomials, rigid_states, split_states
 from hopdata.rigid import body_shape, twists, wrapped
 
-#: Share of the landings, those of least contact spread, whose kinks are compared with those of all.
+#: Share of the landings, those of least contact spread, to which the kinks are fitted.
 WINDOW = 0.85
 #: Schedules with fewer landings, and pairs of feet with fewer in either order, play no part.
 LEAST_CLASS = 20

@@ -27,7 +27,7 @@ from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
 #: Difference of which every verdict says how many landings would show it.
-ASKED = 0.1
+ASKED = 0.2
 
 Notes = list[dict[str, str]]
 
