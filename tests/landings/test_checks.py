@@ -121,6 +121,24 @@ def test_the_worst_foot_is_not_hidden_by_the_others(tables):
     assert found.remark.endswith("worst foot f3")
 
 
+@pytest.mark.parametrize(
+    ("error_s", "told"),
+    [
+        (3e-4, "; in 10 of 10 f2 and f3 land as close together as their errors of 0.3 ms"),
+        (2e-2, "; in 10 of 10 f2 and f3 are least sure: f3, to 20 ms, slows without a kink"),
+    ],
+)
+def test_the_feet_of_a_doubtful_order_are_those_that_land_together(tables, error_s, told):
+    tables["touchdowns"] = tables["touchdowns"].assign(
+        contact_f3_s=tables["touchdowns"]["contact_f2_s"] + 1e-4,
+        se_f1_s=4e-4,  # less sure than the two, and first without doubt
+        se_f3_s=error_s,
+        probability=0.6,
+        excluded=False,
+    )
+    assert judged(tables)[WHAT["order"]].remark == f"of the touchdowns used{told}"
+
+
 def test_drift_beyond_its_errors_is_named(tables):
     tables["drift"] = tables["drift"].assign(median=[1.0, 2.0], deviation=[-0.05, 0.9])
     found = judged(tables)[WHAT["drift"]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -192,15 +193,25 @@ def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
 
 
 def _open_foot(used: pd.DataFrame) -> str:
-    """Name the foot whose contact leaves most of the doubtful orders open, and say why."""
-    errors = used.loc[used["probability"] < SURE].filter(regex="^se_.*_s$")
-    if errors.empty:
+    """Name the two feet whose order is most often the least sure, and say why."""
+    doubtful = used[used["probability"] < SURE]
+    feet = [name[8:-2] for name in used.columns if name.startswith("contact_")]
+    instant, se = (
+        doubtful[[f"{what}_{foot}_s" for foot in feet]].to_numpy(float)
+        for what in ("contact", "se")
+    )
+    if not len(doubtful) or len(feet) < 2:
         return ""
-    worst = errors.idxmax(axis=1).value_counts()
-    error, foot = float(errors[worst.index[0]].median()), str(worst.index[0])[3:-2]
-    why = "it slows without a kink there" if error > NO_KINK_S else "feet land as close together"
-    count = f"{int(worst.iloc[0])} of {len(errors)}"
-    return f"; in {count} {foot} is least sure, to {1e3 * error:.2g} ms: {why}"
+    pairs = list(combinations(range(len(feet)), 2))
+    apart = [np.abs(instant[:, i] - instant[:, j]) / np.hypot(se[:, i], se[:, j]) for i, j in pairs]
+    counts = np.bincount(np.nan_to_num(apart, nan=np.inf).argmin(axis=0), minlength=len(pairs))
+    pair = pairs[int(counts.argmax())]
+    error, foot = max((float(np.nanmedian(se[:, k])), feet[k]) for k in pair)
+    both = f"{feet[pair[0]]} and {feet[pair[1]]}"
+    told = f"; in {counts.max()} of {len(doubtful)} {both} "
+    if error > NO_KINK_S:
+        return f"{told}are least sure: {foot}, to {1e3 * error:.2g} ms, slows without a kink"
+    return f"{told}land as close together as their errors of {1e3 * error:.2g} ms"
 
 
 def _common(used: pd.DataFrame) -> str:
