@@ -64,7 +64,7 @@ def test_a_key_of_the_last_stage_runs_only_that_stage(sample):
 
 def test_a_key_of_the_verdict_runs_only_the_verdict(sample):
     def edit(config):
-        config["verdict"] = {"margin": 0.1}
+        config["verdict"] = {"margin": 0.15}
 
     planned = planned_rules(sample, "--configfile", edit_config(sample, edit))
     assert planned == {"all", "verdict", "figures_maps", "report"}
