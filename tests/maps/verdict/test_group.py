@@ -6,6 +6,7 @@ import pytest
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.group import combine, compare_conditions, judge_group
+from hopdata.maps.verdict.model import LEFT
 
 NOISE, ALONG = 0.15, 0.1
 DIRECTIONS = 20
@@ -25,6 +26,7 @@ def studies(sizes, seed, condition="", left=0.0):
             "squared": (kinks**2).sum(axis=1) - NOISE**2,
             "squared_error": NOISE**2 * np.sqrt(2.0 / DIRECTIONS),
             "along_error": noise,
+            "left": LEFT,
         }
     )
 

@@ -56,14 +56,14 @@ def test_the_answer_follows_from_the_interval_alone():
 
 
 def test_the_three_conclusions():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05)
+    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1)
     assert conclude(size, 0.2) == "no difference"
     assert conclude(size, 0.17) == "cannot tell"
     assert conclude(replace(size, low=0.01), 0.2) == "different"
 
 
 def test_what_could_have_been_seen_is_said():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05)
+    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1)
     said = outlook(size, 2_312, 0.8)
     assert "of 15 % would be found in 80 %" in said
     assert "about 2,300 landings" in said

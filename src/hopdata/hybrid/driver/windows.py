@@ -86,13 +86,16 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
 def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int:
     """Count the guards that were straight and are not there; `mark` them as bent if so."""
     g, found, resolution = m.guards, 0, INSTANTS * time_resolution(m.clock[at.T], dt)
+    state = 0.0  # whose rounding is more than that of time soon after time zero
+    for i in range(m.states.width):
+        state = max(state, abs(m.states[at.Y, i]))
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         along, d0, d1 = g[at.RATE_ALONG, k], dt * g[at.RATE0, k], dt * g[at.RATE1, k]
         same = (abs(g[at.RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
         off = abs(g[at.H, k] - cubic(g[at.H0, k], d0, g[at.H1, k], d1, theta))
         size = abs(g[at.H0, k]) + abs(g[at.H1, k]) + abs(d0) + abs(d1)
-        noise = blur(max(size, g[at.SIZE, k]), g[at.RATE1, k], resolution)
+        noise = blur(max(size, g[at.SIZE, k], 8.0 * state * abs(along)), g[at.RATE1, k], resolution)
         new = 0 if (same & (off <= AFFINE * size + noise)) | (m.flags[at.BENT, k] != 0) else 1
         found += new
         m.flags[at.BENT, k] += new if mark else 0

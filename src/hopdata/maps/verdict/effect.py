@@ -57,6 +57,9 @@ class EffectSize:
     along_error
         Standard error of the kinks along what was found; with a difference of size e the variance
         of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
+    left
+        Size up to which the mean of such studies is no evidence: `LEFT`, and half as much again
+        where landings are too few for third-order terms.
     """
 
     estimate: float
@@ -68,6 +71,7 @@ class EffectSize:
     squared: float
     squared_error: float
     along_error: float
+    left: float
 
     def sizes(self) -> tuple[float, float, float, float]:
         """Return estimate, interval and bound."""
@@ -267,6 +271,7 @@ def effect_size(
         squared=squared,
         squared_error=float(np.std(none)),
         along_error=float(np.std(draws.full @ found) / size),
+        left=LEFT if fit.degree > 2 else 1.5 * LEFT,
     )
 
 

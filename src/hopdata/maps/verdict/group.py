@@ -21,7 +21,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, sentence
-from hopdata.maps.verdict.model import HIDDEN, LEFT
+from hopdata.maps.verdict.model import HIDDEN
 
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
 
@@ -123,8 +123,8 @@ def judge_group(
     Parameters
     ----------
     members
-        One row an answered study: `subject`, and `squared`, `squared_error` and `along_error` of
-        its verdict.
+        One row an answered study: `subject`, and `squared`, `squared_error`, `along_error` and
+        `left` of its verdict.
     margin, confidence
         As of a study.
 
@@ -144,7 +144,7 @@ def judge_group(
     near, up = found.error * t.isf([share, 2.0 * share], found.n - 1)
     mean = max(0.0, found.mean)
     estimate, high, bound = np.sqrt([mean, mean + near, mean + up]).tolist()
-    low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - LEFT)
+    low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - members["left"].mean())
     sizes = (estimate, low, high + HIDDEN, bound + HIDDEN)
     conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if sizes[3] <= margin else CANNOT_TELL
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
@@ -178,8 +178,9 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
             continue
         differences = both["squared"] - both["squared_b"]
         found = combine(differences.to_numpy(float), np.full(len(both), of_one + of_other))
+        left = float(members["left"].mean())
         sizes = [np.sqrt(max(0.0, both[name].mean())) for name in ("squared", "squared_b")]
-        near = t.isf((1.0 - confidence) / 2.0, found.n - 1) * found.error + HIDDEN * sum(sizes)
+        near = t.isf((1.0 - confidence) / 2.0, found.n - 1) * found.error + left * sum(sizes)
         ends = (found.mean, found.mean - near, found.mean + near, found.p_value)
         rows.append((a, b, found.n, *sizes, *ends))
     names = ["condition_a", "condition_b", "n", "size_a", "size_b", "difference", "low", "high"]
