@@ -1,6 +1,7 @@
 """The verdict on maps whose derivative is known to be one, or to differ by a known amount."""
 
 import json
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -274,3 +275,12 @@ def test_same_seed_same_answer_and_it_fits_into_json():
     data = landings(n=500)
     one, two = (json.dumps(verdict(data).to_dict(), allow_nan=False) for _ in range(2))
     assert one == two
+
+
+def test_memory_does_not_grow_with_the_square_of_the_landings():
+    data = landings(n=4000)
+    tracemalloc.start()
+    verdict(data, flips=199)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 4000**2 * 8 / 1.5

@@ -28,7 +28,7 @@ from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.inputs import LEAST_CLASS, POSITIONS, SectionLandings, contact_orders
 from hopdata.maps.verdict.model import HIDDEN, LEFT, KinkFit, symmetric_root
 
-_AT_ONCE = 4000  # sign patterns in memory
+_AT_ONCE = 8_000_000  # signs in memory
 _BISECTIONS = 50
 _LARGEST = 1e3
 
@@ -307,8 +307,9 @@ def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
 def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator) -> _Draws:
     both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
     sums = np.empty((count, both.shape[1]))
-    for first in range(0, count, _AT_ONCE):
-        some = sums[first : first + _AT_ONCE]
+    at_once = max(1, _AT_ONCE // len(both))
+    for first in range(0, count, at_once):
+        some = sums[first : first + at_once]
         some[:] = (2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0) @ both
     return _Draws(*np.split(sums, 2, axis=1))
 

@@ -87,7 +87,8 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     pre, post = rigid_states(before, shape), rigid_states(after, shape)
     inputs, outputs = _inputs(pre), _outputs(pre, post, shape)
     spreads = inputs.std(axis=0)
-    widths = np.linalg.svd((inputs - inputs.mean(axis=0)) / spreads.clip(1e-300))[1]
+    scaled = (inputs - inputs.mean(axis=0)) / spreads.clip(1e-300)
+    widths = np.linalg.svd(scaled, compute_uv=False)
     if spreads.min() < _CONSTANT * np.median(spreads) or not widths[-1] > _FLAT * widths[0]:
         raise AnalysisError("the states before the landing do not vary in all their coordinates")
     expected = expected_contacts(inputs, instants / spread)
