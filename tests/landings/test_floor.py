@@ -313,24 +313,23 @@ THREE = HopperParameters()
 BODY = [f"body{k + 1}" for k in range(8)]
 
 
+def floor_of_jumps(kind, seed, rate_hz):
+    """Return the floor under two jumps, seen at this rate, s^-1."""
+    seen, _ = make(KINDS[kind], 2, np.random.default_rng(seed), rate_hz, 5e-4)
+    feet, time = ["LTOE", "LHEE", "RTOE", "RHEE"], np.arange(len(seen)) / rate_hz
+    return fit_floor(Recording.from_arrays(time, seen, NAMES, feet=feet, body=PELVIS))
+
+
 @pytest.mark.parametrize("seed", [0, 5, 37])
 def test_a_mat_that_gives_at_one_landing_of_two_is_not_the_floor(seed):
-    kind = KINDS["box, begins in the air, soft 8 ms"]
-    seen, _ = make(kind, 2, np.random.default_rng(seed), 120.0, 5e-4)
-    feet = ["LTOE", "LHEE", "RTOE", "RHEE"]
-    time = np.arange(len(seen)) / 120
-    floor = fit_floor(Recording.from_arrays(time, seen, NAMES, feet=feet, body=PELVIS))
+    floor = floor_of_jumps("box, begins in the air, soft 8 ms", seed, 120.0)
     rests = floor.coefficients_m[0] + floor.foot_offsets_m
     np.testing.assert_allclose(rests, [0.025, 0.04, 0.025, 0.04], atol=0.002)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_box_on_which_the_feet_stand_longest_is_not_the_floor(seed):
-    kind = KINDS["box, ends in the landing"]
-    seen, _ = make(kind, 2, np.random.default_rng(seed), 200.0, 5e-4)
-    feet = ["LTOE", "LHEE", "RTOE", "RHEE"]
-    time = np.arange(len(seen)) / 200
-    floor = fit_floor(Recording.from_arrays(time, seen, NAMES, feet=feet, body=PELVIS))
+    floor = floor_of_jumps("box, ends in the landing", seed, 200.0)
     assert floor.coefficients_m[0] == pytest.approx(0.0325, abs=0.01)
 
 
