@@ -110,6 +110,8 @@ define install
 endef
 
 $(VENV)/.run: requirements.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
+	@case "$(abspath $(VENV))" in *" "*) echo "VENV: expected a path without spaces, which Snakemake cannot start," \
+	  "found $(abspath $(VENV)); keep it elsewhere, as by: make figures VENV=\$$HOME/.hopdata" >&2; exit 1;; esac
 	@echo "Preparing $(VENV) from requirements.lock"
 	$(call install,requirements.lock)
 
