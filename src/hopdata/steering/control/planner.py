@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError, require
 from hopdata.rigid import relative, wrapped
 from hopdata.steering.control import objectives
@@ -396,6 +396,7 @@ class AdaptivePlanner:
         self._before = (here, boom)
         return self._planner.plan(here, boom)
 
+    @one_blas_thread()
     def _learn(self, start: FloatArray, boom: float, swing: float, here: FloatArray) -> None:
         """Correct map and cost-to-go by what a hop has shown."""
         known, limit = self._known, self._known.swing_limit_rad
