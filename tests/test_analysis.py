@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import hopdata as hd
+from hopdata.errors import absent
 from hopdata.recordings.readers.hdf5 import read_recording
 
 FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
@@ -40,8 +41,16 @@ def test_what_a_notebook_looks_at(study):
     assert set(study.quality["status"]) <= {"good", "look", "poor", "not known"}
     assert study.figures.schedule().axes
     assert "verdict" in dir(study.figures)
-    with pytest.raises(AttributeError, match="did you mean 'verdict'"):
-        _ = study.figures.verdit
+    recording = study.recordings[0]
+    for one in (study, study.figures, study.verdict, study.verdict.effect, study.pairs, recording):
+        name = next(name for name in dir(one) if not name.startswith("_"))
+        with pytest.raises(hd.HopdataError, match=f"did you mean '{name}'") as told:
+            _ = getattr(one, f"{name}s")
+        assert isinstance(told.value, AttributeError)
+        assert len(repr(one)) < 200
+        assert not hasattr(one, "_repr_latex_")
+    with pytest.raises(AttributeError, match="has no attribute 'xyz'; it has verdict, plan$"):
+        raise absent("it", "xyz", ["verdict", "_hidden", "plan"])
     assert study.tables["drift"].columns[0]
 
 
@@ -107,6 +116,7 @@ def test_millimetres_for_metres_and_a_text_for_a_list_are_told(sample_path):
         ({"feet": FEET}, "feet, body: expected names of markers of .*boom.*body=.."),
         ({"body": BODY, "feet": ["foot9", "foot1"]}, "expected a marker of the file.*'foot9'"),
         ({**roles, "input": {"rate": 3}}, "input.rate"),
+        ({"body": BODY, "foot": FEET}, "foot: expected a known key, found 'foot'"),
     ):
         with pytest.raises(hd.HopdataError, match=told):
             hd.analyse(sample_path, **wrong)

@@ -34,10 +34,9 @@ __all__ = sorted(_PLACES)  # noqa: PLE0605
 def __getattr__(name: str) -> object:
     """Import what a notebook needs when it is first used: `import hopdata` takes no time."""
     if name not in _PLACES:
-        from hopdata.errors import AbsentError, did_you_mean
+        from hopdata.errors import absent
 
-        near = did_you_mean(name, _PLACES)
-        raise AbsentError(f"module 'hopdata' has no attribute {name!r}{near}")
+        raise absent("hopdata", name, _PLACES)
     value = getattr(import_module(f"hopdata.{_PLACES[name]}"), name)
     globals()[name] = value
     return value

@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from hopdata.arrays import one_blas_thread, pd
-from hopdata.errors import AnalysisError, ArgumentError, RecordingError, did_you_mean, told_call
+from hopdata.arrays import Shown, one_blas_thread, pd
+from hopdata.errors import AnalysisError, ArgumentError, RecordingError, absent, told_call
 from hopdata.recording import Recording, Truth, marker_names, numbers, require_distinct
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def study(
         entry = {"name": Path(source).stem, "file": str(source)}
         content = {"study": entry["name"], "recordings": [entry]}
         options, sections = (keys.get(key) or {} for key in ("input", "sections"))
-        check_keys("configuration", {"input": options, "sections": sections})
+        check_keys("configuration", keys)
         up, others = _guessed(Path(source), roles, options)
         keys["input"] = {**options, "vertical_axis": up}
         progress(f"reading {source} with {up} up")
@@ -239,8 +239,7 @@ def synthesize(
     # All markers are made, whichever of them a study would follow.
     markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
     content = {"study": name, "recordings": [{"name": name}], "markers": markers, "seed": seed}
-    content.update(keys)
-    return _simulated(load_config(content), 0, simulate_recording)
+    return _simulated(load_config({**content, **keys}), 0, simulate_recording)
 
 
 def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recording, Truth]:
@@ -290,7 +289,7 @@ def plan(
 
 
 @dataclass(frozen=True, repr=False)
-class Study:
+class Study(Shown):
     """A study whose stages are computed once, when they are first asked for.
 
     Attributes
@@ -307,10 +306,10 @@ class Study:
     given: tuple[Recording, ...] = ()
     progress: Progress = field(default=lambda _stage: None)
 
-    def __repr__(self) -> str:
+    def told(self) -> str:
+        """Return its name and the answer."""
         known = self.__dict__.get("verdict")
-        told = known.sentence if known else "no verdict yet"
-        return f"<hopdata.Study '{self.config['study']}': {told}>"
+        return f"'{self.config['study']}': {known.sentence if known else 'no verdict yet'}"
 
     def _repr_html_(self) -> str:
         """Show the answer and its picture, as a notebook does with the last line of a cell."""
@@ -593,9 +592,8 @@ class Study:
             return getattr(self, name)
         if name in ("verdict", "sections"):
             return getattr(self, name).to_dict()
-        if name in self._of_landings:  # without fitting all the models
-            return as_stored(self._of_landings[name])
-        return as_stored(self._of_maps[0][name])
+        found = self._of_landings  # without fitting all the models
+        return as_stored(found[name] if name in found else self._of_maps[0][name])
 
     @told_call
     def report(self, file: str | Path, *, drawn: str | Path | None = None) -> Path:
@@ -673,8 +671,8 @@ class Study:
         for name, table in self.tables.items():
             write_table(base / "tables" / f"{name}.csv", table)
         for name, full in self.figures.names.items():
-            drawn = getattr(self.figures, name)()
-            save_figure(drawn, base / "figures" / full, **self.config["figures"])
+            place = base / "figures" / full
+            save_figure(getattr(self.figures, name)(), place, **self.config["figures"])
         return base
 
 
@@ -706,7 +704,6 @@ class Figures:
         from hopdata.figures.catalogue import function_of, tables_of
 
         if name.startswith("_") or name not in self.names:
-            near = did_you_mean(name, self.names)
-            raise AttributeError(f"figure: expected one of {', '.join(self.names)}{near}")
+            raise absent("study.figures", name, self.names)
         full = self.names[name]
         return partial(function_of(full), *map(self.of._content, tables_of(full)))

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import Told
+
 if TYPE_CHECKING:
     import pandas as pd
 else:
@@ -29,7 +31,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
-class Shown:
+class Shown(Told):
     """A result that a notebook shows in a line and a small table; a dataclass with ``repr=False``.
 
     A class of it says the line in `told`, and may say the table in `rows`.

@@ -4,7 +4,7 @@ import difflib
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 Entry = TypeVar("Entry")
 Arguments = ParamSpec("Arguments")
@@ -29,7 +29,18 @@ class ArgumentError(HopdataError, TypeError, ValueError):
 
 
 class AbsentError(HopdataError, AttributeError):
-    """A module has nothing of this name."""
+    """A module or an object has nothing of this name."""
+
+
+class Told:
+    """What a notebook holds: a misspelt attribute is told with the nearest that there is."""
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            if name.startswith("_") or hasattr(type(self), name):
+                return object.__getattribute__(self, name)  # which raises a property's own error
+            raise absent(type(self).__name__, name, dir(self))
 
 
 class ConfigError(HopdataError):
@@ -64,6 +75,13 @@ def did_you_mean(name: str, choices: Iterable[str]) -> str:
 def _plain(name: str) -> str:
     """Return a name without what is easily overlooked: case, spaces at its ends, kinds of space."""
     return " ".join(name.split()).casefold()
+
+
+def absent(owner: str, name: str, choices: Iterable[str]) -> AbsentError:
+    """Return the error that says what there is in place of a name; of no use are private names."""
+    there = [one for one in choices if not one.startswith("_")]
+    near = did_you_mean(name, there) or f"; it has {', '.join(there)}"
+    return AbsentError(f"{owner} has no attribute {name!r}{near}")
 
 
 def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry]:

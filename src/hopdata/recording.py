@@ -325,8 +325,8 @@ def sampled(positions: FloatArray) -> FloatArray:
 # What a simulation knows about a recording and a camera does not; only scoring reads it.
 
 
-@dataclass(frozen=True)
-class Truth:
+@dataclass(frozen=True, repr=False)
+class Truth(Shown):
     """Truth of a synthetic recording of N frames, L landings and n feet.
 
     A landing runs from the apex of one hop to the apex of the next.
@@ -372,6 +372,10 @@ class Truth:
     noise_m: float
     parameters_json: str
     true_effect: float = float("nan")
+
+    def told(self) -> str:
+        """Return how many landings there are, and on how many feet."""
+        return "of {} landings on {} feet".format(*self.contact_times.shape)
 
 
 # Sizes that go by letters: N frames, L landings, n feet; the others are fixed.

@@ -1,18 +1,20 @@
 """The page in a browser: silent on its console, no wider than its window, turned, readable."""
 
 import html
+import io
 import json
 import os
 import re
 import shutil
 import subprocess
-from importlib.util import find_spec
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
-from fake_study import full_study
+from fake_study import figures, full_study
 from test_scene import falling, landings
 
+from hopdata.figures import style
 from hopdata.report.page import build_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -39,13 +41,16 @@ ASK = """<script>
 addEventListener("load", async () => {
   document.querySelectorAll("details").forEach((fold) => (fold.open = true));
   const canvas = document.querySelector(".scene canvas");
+  const pictures = [...document.querySelectorAll(".picture")];
   const pixels = () => canvas.toDataURL();
   const before = pixels();
   canvas.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowLeft" }));
   const found = { told, turned: before !== pixels(), width: innerWidth,
     wide: document.documentElement.scrollWidth,
+    panels: pictures.map((one) => one.querySelectorAll("img").length),
+    scrolled: pictures.some((one) => one.scrollWidth > one.clientWidth),
     dark: getComputedStyle(document.body).backgroundColor };
-  if (window.axe) found.violations = (await axe.run()).violations.map((one) =>
+  found.violations = (await axe.run()).violations.map((one) =>
     `${one.id}: ${one.nodes.map((node) => node.html.slice(0, 120)).join(" | ")}`);
   document.documentElement.dataset.found = JSON.stringify(found);
 });
@@ -53,11 +58,22 @@ addEventListener("load", async () => {
 
 
 def axe():
-    """Return axe-core's script, of the file that AXE names or of a package that has it."""
-    place = os.environ.get("AXE")
-    if not place and (package := find_spec("axe_playwright_python")):
-        place = next(iter(Path(package.submodule_search_locations[0]).rglob("axe.min.js")), None)
-    return f"<script>{Path(place).read_text(encoding='utf-8')}</script>" if place else ""
+    """Return axe-core's script, of the file that AXE names or of the package that has it."""
+    place = os.environ.get("AXE") or files("axe_core_python").joinpath("axe.min.js")
+    return f"<script>{Path(str(place)).read_text(encoding='utf-8')}</script>"
+
+
+def two_panels():
+    """Draw two axes side by side, a line that leaves them, and a legend below, for all figures."""
+    drawn = io.BytesIO()
+    with style.style_context():
+        figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
+        for axes in figure.subplots(1, 2):
+            axes.plot([0, 50], [0, 50], label="fitted")
+            axes.set(xlim=(0, 1), ylim=(0, 1), xlabel="before", ylabel="after")
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center")
+        figure.savefig(drawn, format="svg")
+    return drawn.getvalue()
 
 
 def seen(page, folder, *options, width=1280):
@@ -81,11 +97,15 @@ def seen(page, folder, *options, width=1280):
 @pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
 def test_the_page_in_a_browser(width, dark, tmp_path):
     scheme = ["--blink-settings=preferredColorScheme=0"] if dark else []
-    study = full_study(levelled=[falling()], touchdowns=landings())
+    pictures = figures(two_panels())
+    study = full_study(levelled=[falling()], touchdowns=landings(), figures=pictures)
     found = seen(build_report(study), tmp_path, *scheme, width=width)
     assert found["told"] == []
     assert found["turned"], "the landing in 3-D did not move"
     assert found["width"] == width
     assert found["wide"] <= width, "the page is wider than its window"
     assert (sum(map(int, re.findall(r"\d+", found["dark"])[:3])) < 200) == dark
-    assert found.get("violations", []) == []
+    assert found["violations"] == []
+    # In the narrow window two panels and their legend stand one below the other.
+    assert set(found["panels"]) == {3 if width < 700 else 1}
+    assert not found["scrolled"]

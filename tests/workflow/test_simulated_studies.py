@@ -109,7 +109,7 @@ def test_a_small_study_of_a_hexapod_runs_to_a_report(checkout):
     notes = json.loads((results / "maps" / "prediction_notes.json").read_text())
     assert len(notes) < 10, "rare schedules are counted, not listed"
     page = (results / "report.html").read_text()
-    assert "rarer orders are not listed" in page
+    assert "rarer orders, " in page
     for name in FIGURES:
         assert (results / "figures" / f"{name}.svg").exists()
 

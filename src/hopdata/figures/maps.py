@@ -88,6 +88,7 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
         figure.colorbar(
             image, ax=list(axes), location="bottom", label=label, shrink=0.8, aspect=30, pad=0.02
         )
+        axes[0].tick_params(labelleft=True)
     panels[0].set_yticks(range(len(OUTPUTS)), list(OUTPUTS.values()))
     panels[0].set_ylabel("state after the landing")
     style.letters(panels)

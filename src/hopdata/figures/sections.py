@@ -74,7 +74,7 @@ def sections_figure(
     halves: Any = figure.subfigures(1, 2, wspace=0.02)
     for half, side in zip(halves, SIDES, strict=True):
         _draw_side(half, side, frames, densities, sections)
-    figure.legend(handles=_legend_handles(), loc="outside lower center", ncols=5)
+    figure.legend(handles=_legend_handles(), loc="outside lower center", ncols=3)
     return figure
 
 

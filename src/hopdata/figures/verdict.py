@@ -13,7 +13,6 @@ from hopdata.figures import style
 from hopdata.figures.schedule import ARROW
 
 ROW_MM, MEMBER_MM = 58.0, 4.2
-SENTENCE_WIDTH = 105
 ASKED = "difference between the maps of the contact orders"
 # Conclusion: the answer in two words, and its colour.
 ANSWERS = {
@@ -47,9 +46,7 @@ def verdict_figure(
         verdict in words beneath. A study without an answer has the words beside (b).
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
-        return style.message_figure(
-            textwrap.fill(_said(verdict), 90), width_mm=style.DOUBLE_COLUMN_MM
-        )
+        return style.message_figure(_said(verdict, 90), width_mm=style.DOUBLE_COLUMN_MM)
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM + 6.0)
     if verdict.get("effect") is None:
         _draw_without_answer(figure, verdict, touchdowns)
@@ -95,7 +92,7 @@ def _draw_row(
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_size(left, verdict, top)
     _draw_landings(right, verdict["conclusion"], touchdowns)
-    figure.supxlabel(textwrap.fill(_said(verdict), SENTENCE_WIDTH), fontsize=style.pt(7))
+    figure.supxlabel(_said(verdict, 90), fontsize=style.pt(7))
     style.letter(left, "a")
     style.letter(right, "b")
     return left
@@ -107,7 +104,7 @@ def _draw_without_answer(
     """Draw what was seen of the orders, and say why there is no answer."""
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     left.set_title(ANSWERS["cannot tell"][0], fontsize=style.pt(10), fontweight="bold")
-    left.text(0.5, 0.55, textwrap.fill(_said(verdict), 48), ha="center", va="center")
+    left.text(0.5, 0.55, _said(verdict, 48), ha="center", va="center")
     left.set_axis_off()
     _draw_landings(right, "cannot tell", touchdowns)
 
@@ -188,9 +185,11 @@ def _percent(share: float) -> str:
     return f"{float(f'{100 * share:.2g}'):g}\u00a0%"
 
 
-def _said(verdict: Mapping[str, Any]) -> str:
-    """Return the sentence and what could have been seen, with no break before a %."""
-    return f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(" %", "\u00a0%")
+def _said(verdict: Mapping[str, Any], longest: int) -> str:
+    """Return the sentence and what could have been seen, in few lines as long as each other."""
+    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(" %", "\u00a0%")
+    filled = [textwrap.wrap(said, width) for width in range(20, longest + 1)]
+    return "\n".join(next(lines for lines in filled if len(lines) == len(filled[-1])))
 
 
 # A landing as it is drawn: the feet that touch later are higher above the ground.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import Told
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.layout import describe
@@ -24,7 +25,7 @@ BYTES = 8  # of a number
 
 
 @dataclass(frozen=True, repr=False)
-class EventLog:
+class EventLog(Told):
     """Events in the order in which they happened; E of them.
 
     Parameters
@@ -143,7 +144,7 @@ class Form:
 
 
 @dataclass(frozen=True, repr=False)
-class Solution:
+class Solution(Told):
     """Trajectory, events and how it ended, in the vocabulary of `scipy.integrate.solve_ivp`.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import told_call
+from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
@@ -20,7 +20,7 @@ from hopdata.hybrid.workspace import Pool, Workspace
 
 
 @dataclass(frozen=True)
-class System:
+class System(Told):
     """A vector field with guards.
 
     Each guard k has a lock b_k, -1 or +1, kept in ``mode[k]``. It flips to +1 when the event

@@ -258,10 +258,9 @@ def _known(value: str | None) -> str:
 def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
     """Error of the unspecialised affine model over that of the specialised ones."""
     ratio = _ratio(prediction, "all", "specialised")
-    if ratio is None:
-        return None, "needs an affine model of each order"
     remark = "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
-    return show.significant(ratio, 3), remark
+    absent = (None, "needs an affine model of each order")
+    return (show.significant(ratio, 3), remark) if ratio else absent
 
 
 def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:

@@ -106,10 +106,8 @@ def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
         for reason, number in numbers.items()
         if number
     )
-    if not rows:
-        return None
-    head = ("recording", "what", "reason", "number")
-    return show.Table("What was left out, or leans on other frames", head, rows, text_columns=3)
+    head, title = ("recording", "what", "reason", "number"), "What was left out, or leans on others"
+    return show.Table(title, head, rows, text_columns=3) if rows else None
 
 
 def model_table(scores: pd.DataFrame | None) -> show.Table | None:

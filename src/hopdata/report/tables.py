@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata.arrays import pd
+from hopdata.errors import counted
 from hopdata.recording import Recording
 from hopdata.report import formatting as show
 from hopdata.report.scene import small_plot
@@ -157,11 +158,8 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     ]
     head = ("order of contacts", "touchdowns", "of them ambiguous", "share (%)")
     rarer = [len(group) for _, group in groups[MOST_SCHEDULES:]]
-    note = ""
-    if rarer:
-        orders = "1 rarer order is" if len(rarer) == 1 else f"{len(rarer)} rarer orders are"
-        left = "1 touchdown" if sum(rarer) == 1 else f"{sum(rarer)} touchdowns"
-        note = f"{orders} not listed: {left}, at most {max(rarer)} each."
+    left = f"{counted(len(rarer), 'rarer order')}, {counted(sum(rarer), 'touchdown')}"
+    note = f"Not listed: {left}, at most {max(rarer)} each." if rarer else ""
     medians = ("median spread of contacts (ms)", "mean probability of the order")
     return show.Table("Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note)
 
@@ -207,7 +205,6 @@ KIND_NAMES = {
 }
 
 
-SHARES = ("labels_right_",)
 COUNTED = ("landings", "touchdowns")
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
@@ -279,7 +276,7 @@ def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | N
 def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
     """Return value and unit as on the rest of the page: lengths in mm, shares in per cent."""
     value, unit = entry.get("value"), str(entry.get("unit") or "")
-    if name.startswith(SHARES):
+    if name.startswith("labels_right_"):
         return show.fixed(show.scaled(value, 100), 1), "%"
     if unit == "m":
         return show.plain(show.scaled(value, 1e3)), "mm"
@@ -410,12 +407,7 @@ def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
         return None, ""
     counts = Counter(str(check["status"]) for check in checks)
     poor = f", {counts['poor']} poor" if counts["poor"] else ""
-    others = [
-        f"{status}: {check['what']}"
-        for status in ("poor", "look", "not known")
-        for check in checks
-        if check["status"] == status
-    ]
+    others = [f"{s}: {one['what']}" for s in WORSE[:0:-1] for one in checks if one["status"] == s]
     return f"{counts['good']} of {len(checks)} good{poor}", "; ".join(others)
 
 

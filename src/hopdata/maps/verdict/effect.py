@@ -20,7 +20,7 @@ from itertools import combinations
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray, Shown
 from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
@@ -33,8 +33,8 @@ _BISECTIONS = 50
 _LARGEST = 1e3
 
 
-@dataclass(frozen=True)
-class EffectSize:
+@dataclass(frozen=True, repr=False)
+class EffectSize(Shown):
     """Relative difference between the Jacobians of the contact orders.
 
     Attributes
@@ -72,6 +72,11 @@ class EffectSize:
     squared_error: float
     along_error: float
     left: float
+
+    def told(self) -> str:
+        """Return the estimate, its interval, the bound and what could have been found."""
+        size = f"{self.estimate:.2g}, {self.low:.2g} to {self.high:.2g}"
+        return f"{size}; at most {self.upper_bound:.2g}; from {self.detectable:.2g} on found"
 
     def sizes(self) -> tuple[float, float, float, float]:
         """Return estimate, interval and bound."""

@@ -20,23 +20,66 @@
   addEventListener("beforeprint", () => folds.forEach((fold) => (fold.open = true)));
   unfold();
 }
-// In a narrow window the panels of the first picture stand one below the other, their letters as large as before.
-const wide = document.querySelector("#glance-picture img");
-if (wide && matchMedia("(max-width: 45rem)").matches) {
+// In a narrow window the panels of a figure stand one below the other, their letters as large as before.
+if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".picture img[src*='svg']").forEach((wide) => {
+  const room = 0.75 * document.querySelector("main").clientWidth / 0.8; // in points, shrunk to 80 % at most
   const bytes = Uint8Array.from(atob(wide.src.split(",")[1]), (sign) => sign.charCodeAt(0));
   const drawn = new DOMParser().parseFromString(new TextDecoder().decode(bytes), "image/svg+xml").documentElement;
-  const panels = [...drawn.querySelectorAll("[id^=axes_]")];
+  const inside = (group, names) => names.flatMap((name) => [...group.querySelectorAll(`:scope > [id^=${name}_]`)]);
+  const within = (one, other) => one.left >= other.left - 2 && one.right <= other.right + 2;
+  // Axes above each other are one part, with the words between their sides; a half that fits stays whole.
+  const parts = (group) => {
+    const found = [], sides = (one) => {
+      const { x, y, width, height } = one.getBBox();
+      return { left: x, right: x + width, top: y, bottom: y + height, of: [] };
+    };
+    const join = (one, other) => {
+      for (const side of ["left", "top"]) one[side] = Math.min(one[side], other[side]);
+      for (const side of ["right", "bottom"]) one[side] = Math.max(one[side], other[side]);
+      one.of.push(...other.of);
+    };
+    const boxed = (one) => {
+      const clipped = [...one.querySelectorAll("[clip-path]")], show = (how) => clipped.forEach((path) => (path.style.display = how));
+      show("none"); // a line that leaves its axes is longer than what is seen of it
+      const found = { ...sides(one), of: [one] };
+      show("");
+      for (const clip of new Set(clipped.map((path) => path.getAttribute("clip-path"))))
+        join(found, sides(drawn.querySelector(`${clip.slice(4, -1)} rect`)));
+      return found;
+    };
+    for (const one of inside(group, ["axes"]).map(boxed)) {
+      const beside = found.filter((other) => one.left < other.right && other.left < one.right);
+      for (const other of beside) join(one, found.splice(found.indexOf(other), 1)[0]);
+      found.push(one);
+    }
+    for (const one of inside(group, ["legend", "text"]).map(boxed)) {
+      const column = found.find((other) => within(one, other));
+      if (column) join(column, one);
+      else found.push(one);
+    }
+    for (const half of inside(group, ["subfigure"])) {
+      const whole = boxed(half);
+      found.push(...(whole.right - whole.left > room ? parts(half) : [whole]));
+    }
+    const apart = (one, other) => one.bottom <= other.top + 4 || other.bottom <= one.top + 4;
+    return found.sort((one, other) => (apart(one, other) ? one.top - other.top : one.left - other.left));
+  };
   document.body.append(drawn);
-  const boxes = panels.map((panel) => panel.getBBox());
+  const figure = drawn.querySelector("[id^=figure_]"), found = figure ? parts(figure) : [];
   drawn.remove();
-  for (const [i, { x, y, width, height }] of boxes.entries()) {
-    const image = wide.cloneNode(), view = { viewBox: [x, y, width, height].join(" "), width: `${width}pt`, height: `${height}pt` };
+  const panels = found.filter((part) => /^(axes|subfigure)/.test(part.of[0].id));
+  if (panels.length < 2 || panels.some(({ left, right }) => right - left > room)) return;
+  const all = found.flatMap((part) => part.of);
+  found.forEach(({ left, right, top, bottom, of }, number) => {
+    const [width, height] = [right - left, bottom - top], image = wide.cloneNode();
+    const view = { viewBox: [left, top, width, height].join(" "), width: `${width}pt`, height: `${height}pt` };
     for (const [key, value] of Object.entries(view)) drawn.setAttribute(key, value);
-    panels.forEach((panel, k) => panel.setAttribute("visibility", k === i ? "visible" : "hidden"));
+    all.forEach((one) => one.setAttribute("visibility", of.includes(one) ? "visible" : "hidden"));
     image.src = "data:image/svg+xml," + encodeURIComponent(new XMLSerializer().serializeToString(drawn));
     image.style.setProperty("--paper", `${width}pt`);
-    if (i) image.alt = "";
+    image.classList.add("part");
+    if (number) image.alt = "";
     wide.before(image);
-  }
+  });
   wide.remove();
-}
+});
