@@ -49,7 +49,7 @@ def test_what_a_notebook_looks_at(study):
         assert isinstance(told.value, AttributeError)
         assert len(repr(one)) < 200
         assert not hasattr(one, "_repr_latex_")
-    with pytest.raises(AttributeError, match="has no attribute 'xyz'; it has verdict, plan$"):
+    with pytest.raises(AttributeError, match=r"has no attribute 'xyz'; it has verdict, plan$"):
         raise absent("it", "xyz", ["verdict", "_hidden", "plan"])
     assert study.tables["drift"].columns[0]
 

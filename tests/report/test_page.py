@@ -177,7 +177,7 @@ def test_gaps_and_faults_are_drawn_only_where_there_are_any():
 
 
 def test_simulated_recordings_are_said_to_be_simulated(full, bare):
-    said = "This study has simulated recordings"
+    said = "The recordings are simulated"
     assert said in full.text[: full.text.index("At a glance")]
     assert said not in bare.text
     assert said not in Page(build_report(full_study(truth={}))).text

@@ -92,7 +92,7 @@ def test_lights_show_the_worst_check_of_their_kind():
     ]
     assert lights(checks) == [
         ("Recordings", "poor", "noise of a coordinate: 5 mm"),
-        ("Stability", "good", "all 1 checks"),
+        ("Stability", "good", "1 check"),
     ]
 
 

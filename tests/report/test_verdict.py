@@ -8,7 +8,7 @@ from hopdata.report.verdict import MEANING, notes, verdict_facts
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
     facts = verdict_facts(verdict())
     assert facts["difference"] == "4 (0 to 13)\u00a0%"
-    bound = "larger than 12 % excluded (one-sided), 20 % wanted"
+    bound = "one-sided bound 12\u00a0%, less than 20\u00a0% counts as none"
     assert facts["remark"] == f"of the map, 95\u00a0% interval; {bound}"
     assert facts["found"] is True
 

@@ -324,5 +324,4 @@ def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> list[str]:
 def _note(note: str | Mapping[str, Any]) -> str:
     if isinstance(note, str):
         return note
-    what, reason = str(note.get("what", "")), str(note.get("reason", ""))
-    return f"{what}: {reason}" if what and reason else what or reason
+    return ": ".join(str(note[key]) for key in ("what", "reason") if note.get(key))

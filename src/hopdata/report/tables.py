@@ -470,7 +470,7 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
         if own:
             worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
             told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])
-            shown.append((name, status, f"all {len(own)} checks" if status == "good" else told))
+            shown.append((name, status, counted(len(own), "check") if status == "good" else told))
     return shown
 
 

@@ -44,13 +44,14 @@ def verdict_facts(
         return facts | {"remark": str(known.get("conclusion", ""))}
     keys = ("estimate", "low", "high", "upper_bound")
     estimate, low, high, bound = (show.significant(100 * effect[key], 2) for key in keys)
-    excluded = f"; larger than {bound} % excluded (one-sided), {100 * known['margin']:g} % wanted"
+    most, none = (show.with_unit(text, "%") for text in (bound, f"{100 * known['margin']:g}"))
+    bounded = f"; one-sided bound {most}, less than {none} counts as none"
     true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
     facts["true"] = None if show.is_missing(true) else _percent(float(true))
     return facts | {
         "difference": show.with_unit(f"{estimate} ({low} to {high})", "%"),
         "remark": f"of the map, {facts['confidence']} interval"
-        + ("" if known["conclusion"] == "different" else excluded)
+        + ("" if known["conclusion"] == "different" else bounded)
         + (f"; true in this simulation: {facts['true']}" if facts["true"] else ""),
     }
 
