@@ -12,7 +12,7 @@ RUN pip install --no-cache-dir --no-build-isolation --no-deps . && rm -r /build
 ENV NUMBA_CACHE_DIR=/opt/hopdata-code MPLCONFIGDIR=/tmp/matplotlib XDG_CACHE_HOME=/tmp/cache
 WORKDIR /trial
 RUN hopdata run --cores 2 && rm -rf /trial/* /tmp/cache
-RUN python -c "from hopdata.hybrid import solve; from hopdata.scenes.small import VerticalHopper as V; v = V(mass_kg=1.0, stiffness_n_m=1e3); solve(v.system(), (0.0, 0.1), [2.0, 0.0], params=v.params)" \
+RUN python -c "from hopdata.hybrid.driver import loop; from hopdata.hybrid.methods import table; loop.compiled_run(), loop.compiled_first_order(), [*map(table.generic_code, table.TABLEAUS)]" \
  && chmod -R a+rwX "$NUMBA_CACHE_DIR"
 WORKDIR /study
 ENTRYPOINT ["hopdata"]

@@ -29,7 +29,7 @@ help:
 	@echo "make site       the documentation as pages, into build/site; tutorials are run, links checked"
 	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
-	@echo "make release    wheel and sdist, twice to the same bytes, tried in a fresh environment, with digests"
+	@echo "make release    wheel and sdist, twice to the same bytes, tried in a fresh environment, with digests and the changelog's entry"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
 # The bundled study is shown beside its control.
@@ -140,21 +140,27 @@ lock:
 
 # Dates in the archives are those of the commit, so that anyone can build the same bytes.
 release: export SOURCE_DATE_EPOCH = $(shell git log -1 --format=%ct)
+release: VERSION = $(shell $(BIN)/hopdata --version | cut -d' ' -f2)
 release: $(VENV)/.dev
 	@test -z "$$(git status --porcelain)" || { echo "release: expected a clean checkout, found changes" >&2; exit 1; }
-	grep -q "^version: $$($(BIN)/hopdata --version | cut -d' ' -f2)$$" CITATION.cff
+	grep -q "^version: $(VERSION)$$" CITATION.cff
 # The wheel brings machine code; it stands here only meanwhile, for a clone compiles its own.
 	rm -rf dist && trap 'rm -rf src/hopdata/_machine_code' EXIT && \
 	  $(BIN)/python packaging/machine_code.py src/hopdata/_machine_code && \
 	  for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to || exit 1; done
 	for file in dist/hopdata-*; do cmp $$file dist/again/$${file##*/} || exit 1; done
 	rm -r dist/again && cd dist && sha256sum hopdata-* > SHA256SUMS && cat SHA256SUMS
+# The index refuses metadata that are not valid; the changelog's entry is the text of the release.
+	$(BIN)/python -c "import sys, tarfile; from packaging.metadata import Metadata; \
+	  Metadata.from_email(tarfile.open(sys.argv[1]).extractfile('hopdata-$(VERSION)/PKG-INFO').read())" dist/*.tar.gz
+	awk '/^## /{on = $$2 == "$(VERSION)"} on' CHANGELOG.md | sed "1s/(unreleased)/($$(git log -1 --format=%cs))/" \
+	  > dist/CHANGES.md && test -s dist/CHANGES.md && head -n 1 dist/CHANGES.md
 	for file in $(CURDIR)/dist/hopdata-*; do \
-	  work=$$(mktemp -d) && "$(PYTHON)" -m venv $$work/venv && cd $$work && \
+	  work=$$(mktemp -d) && (cd $$work && "$(PYTHON)" -m venv venv && \
 	  venv/bin/pip install --quiet -r $(CURDIR)/requirements-build.lock && \
 	  venv/bin/pip install --quiet --no-build-isolation --require-hashes -r $(CURDIR)/requirements.lock && \
 	  venv/bin/pip install --quiet --no-build-isolation --no-deps $$file && venv/bin/pip check && \
-	  venv/bin/hopdata run --cores $(CORES) && rm -r $$work || exit 1; done
+	  venv/bin/hopdata run --cores $(CORES)) && rm -r $$work || exit 1; done
 
 clean:
 	rm -rf build dist $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -76,6 +77,13 @@ def test_what_is_published_agrees_with_the_project():
     record = json.loads((ROOT / ".zenodo.json").read_text())
     assert record["license"] == project["license"]
     assert set(record["keywords"]) <= set(project["keywords"])
+
+
+def test_what_the_image_compiles_is_there():
+    """The code of the Dockerfile is the library's of today."""
+    image = (ROOT / "Dockerfile").read_text()
+    line = re.search(r"^RUN (python -c .*) \\$", image, re.MULTILINE)[1]
+    subprocess.run([sys.executable, *shlex.split(line)[1:]], check=True, timeout=300)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / ".github/workflows").glob("*.yml")), ids=str)

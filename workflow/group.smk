@@ -1,6 +1,6 @@
 """A group: each subject a study of its own, one job; then all of them on a page.
 
-snakemake --cores 2 --snakefile workflow/group.smk --configfile config/group.yaml
+snakemake --cores 2 --snakefile workflow/group.smk --workflow-profile profiles/default --configfile config/group.yaml
 """
 
 import os

@@ -1,8 +1,10 @@
 """`hopdata run`, and the commands that look after what it leaves."""
 
+import base64
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -76,6 +78,18 @@ def test_a_failure_names_its_line_and_the_log(folder, capfd):
     assert "hopdata: error: no feet" in lines
     assert lines[-1] == "hopdata: results/trial/logs/run.log: all that Snakemake said"
     assert not Path("a").exists()
+
+
+def test_what_a_killed_job_left_is_made_again(folder, capfd):
+    """By Snakemake's mark of it, with rules far from the profile that says so."""
+    mark = Path(".snakemake/incomplete", base64.b64encode(b"a").decode())
+    mark.parent.mkdir(parents=True)
+    for path in (mark, Path("a")):
+        path.touch()
+    rules = 'rule a:\n    output: "a"\n    shell: "echo whole > a"\n'
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    assert run_workflow(*options, snakefile=workflow(folder, rules)) == 0
+    assert Path("a").read_text() == "whole\n"
 
 
 def test_results_of_another_version_are_refused_by_name(folder, capsys):
@@ -190,15 +204,27 @@ def test_a_bundled_configuration_is_brought_with_the_files_that_it_names(folder,
         assert Path(more).read_text() == "mine"
 
 
+NO_LOCKS = """
+#include <errno.h>
+int flock(int file, int how) { (void)file; (void)how; errno = ENOLCK; return -1; }
+"""
+
+
 @pytest.mark.workflow
-def test_a_study_runs_without_home_in_an_odd_folder_in_the_c_locale(tmp_path):
+def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tmp_path):
+    """Locks as a network home refuses them, where there is a compiler to make it so."""
+    kept = {name: text for name, text in os.environ.items() if name in ("PATH", "VIRTUAL_ENV")}
+    if sys.platform == "linux" and (compiler := shutil.which("cc")):
+        shim = tmp_path / "no_locks.so"
+        command = [compiler, "-shared", "-fPIC", "-x", "c", "-", "-o", str(shim)]
+        subprocess.run(command, input=NO_LOCKS, text=True, check=True)
+        kept["LD_PRELOAD"] = str(shim)
     folder = tmp_path / "Grüße und Maße"
     folder.mkdir()
     (folder / "Läufer 1.h5").symlink_to(ROOT / "data/sample/hopper.h5")
     markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}\n"
     recordings = "recordings: [{name: one, file: Läufer 1.h5}]\n"
     (folder / "k.yaml").write_text(f"study: odd\n{recordings}{markers}", encoding="utf-8")
-    kept = {name: text for name, text in os.environ.items() if name in ("PATH", "VIRTUAL_ENV")}
     target = "results/odd/landings/sections.json"
     result = subprocess.run(
         [sys.executable, "-m", "hopdata", "run", "k.yaml", "--cores", "1", "--", target],

@@ -91,12 +91,11 @@ def _run_again(options: argparse.Namespace) -> int:
     if json.loads((new / place.name).read_text(encoding="utf-8"))["inputs"] != inputs:
         raise ConfigError(f"{place}: expected the recordings that it names, found other content")
     names = ["verdict.json", *(f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv")))]
-    differ = filecmp.cmpfiles(old, new, names, shallow=False)
-    other = sorted({*differ[1], *differ[2]})
-    print(f"{new}: {len(differ[0])} of {len(names)} files are the same bytes")
-    for name in other:
+    same, *others = filecmp.cmpfiles(old, new, names, shallow=False)
+    print(f"{new}: {len(same)} of {len(names)} files are the same bytes")
+    for name in sorted(others[0] + others[1]):
         print(f"  {name} differs" if (new / name).exists() else f"  {name} is missing")
-    return PROBLEM if other else OK
+    return PROBLEM if any(others) else OK
 
 
 def _values(file: Path, name: str, *keys: str) -> list[Any]:
@@ -121,8 +120,9 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
         )
     log = Path("results", study, "logs", "run.log")
     # In this order: any number of files may follow --configfile, and a target would be one.
-    places = ["--configfile", str(config), "--snakefile", str(snakefile), "--nocolor"]
-    command = [sys.executable, "-m", "snakemake", *places, *options]
+    profile = SNAKEFILE.parent / "profiles" / "default"  # of a group's too
+    places = ["--configfile", config, "--snakefile", snakefile, "--workflow-profile", profile]
+    command = [sys.executable, "-m", "snakemake", *map(str, places), "--nocolor", *options]
     listed = ["--quiet", "rules", "host", "reason"] * ("--dry-run" in options)
     given = options[options.index("--cores") + 1]
     cores = int(given) if given.isdigit() else os.cpu_count() or 1

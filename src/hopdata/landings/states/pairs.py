@@ -113,7 +113,7 @@ def write_pairs(path: str | Path, pairs: Pairs) -> None:
     import h5py
 
     text = h5py.string_dtype()
-    with whole_file(path) as partial, h5py.File(partial, "w") as file:
+    with whole_file(path) as partial, h5py.File(partial, "w", locking=False) as file:
         for name, description in DESCRIPTIONS.items():
             values = getattr(pairs, name)
             if values is None:
@@ -137,7 +137,7 @@ def read_pairs(path: str | Path) -> Pairs:
     import h5py
 
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(path, "r", locking=False) as file:
             text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}
             markers = tuple(str(name) for name in file.attrs["body_markers"])
             length, span = (float(file.attrs[k]) for k in ("length_unit_m", "time_unit_s"))

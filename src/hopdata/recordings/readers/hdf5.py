@@ -206,7 +206,7 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     import h5py
 
     # A chunk that waits in memory when no more can be written crashes the process at its end.
-    with whole_file(path) as partial, h5py.File(partial, "w", rdcc_nbytes=0) as file:
+    with whole_file(path) as partial, h5py.File(partial, "w", rdcc_nbytes=0, locking=False) as file:
         _write_content(file, recording)
         if truth is not None:
             _write_truth(file.create_group("truth"), truth)
@@ -282,7 +282,7 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
     if not Path(path).is_file():
         raise RecordingError(f"{path}: no such file: expected a recording, found none")
     try:
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", locking=False)
     except OSError as error:
         with open(path, "rb") as begin:
             is_ours = begin.read(len(SIGNATURE)) == SIGNATURE

@@ -210,7 +210,7 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
         codes = array.ravel(order="F").astype("<u2")
         return codes.tobytes().decode("utf-16-le", errors="replace")
 
-    with h5py.File(path, "r") as file:
+    with h5py.File(path, "r", locking=False) as file:
         require_sound(file, most_mb)
         return {name: decoded(file[name]) for name in file if not name.startswith("#")}
 
