@@ -573,6 +573,7 @@ class Study(Shown):
             **{name: self.tables[name] for name in ("touchdowns", "markers", "faults")},
             stability=found["section_stability"],
             drift=found["drift"],
+            floors={name: floor.to_dict() for name, floor in self.floors.items()},
             expected_noise_m=noise,
             other_feet=config["sections"]["frames"] == "landings",
         )

@@ -164,7 +164,9 @@ def test_a_floor_that_moves_is_told_by_check(folder, capsys):
     assert main(["init", "monday.tsv"]) == 0
     main(["check", "config/monday.yaml"])
     told = capsys.readouterr().out
-    assert re.search(r"note: the floor of monday moves: .* differ by (18|19|20|21) mm; exp", told)
+    assert re.search(
+        r"note: monday: the floor moves: .* lower, by (18|19|20|21) mm; it is followed", told
+    )
 
 
 def test_a_suspected_marker_is_not_taken_for_home_and_it_is_said_why(folder, capsys):

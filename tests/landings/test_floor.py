@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from jumps import KINDS, NAMES, PELVIS, make
 from section_fakes import hopper, on_floor
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.floor import _low_surface, fit_floor, level, raised_rests
+from hopdata.landings.floor import _low_surface, fit_floor, level, moving, raised_rests
 from hopdata.landings.floor_surface import (
     FloorModel,
     design,
@@ -313,9 +314,9 @@ THREE = HopperParameters()
 BODY = [f"body{k + 1}" for k in range(8)]
 
 
-def floor_of_jumps(kind, seed, rate_hz):
-    """Return the floor under two jumps, seen at this rate, s^-1."""
-    seen, _ = make(KINDS[kind], 2, np.random.default_rng(seed), rate_hz, 5e-4)
+def floor_of_jumps(kind, seed, rate_hz, *, jumps=2):
+    """Return the floor under some jumps, seen at this rate, s^-1."""
+    seen, _ = make(KINDS[kind], jumps, np.random.default_rng(seed), rate_hz, 5e-4)
     feet, time = ["LTOE", "LHEE", "RTOE", "RHEE"], np.arange(len(seen)) / rate_hz
     return fit_floor(Recording.from_arrays(time, seen, NAMES, feet=feet, body=PELVIS))
 
@@ -331,6 +332,49 @@ def test_a_mat_that_gives_at_one_landing_of_two_is_not_the_floor(seed):
 def test_a_box_on_which_the_feet_stand_longest_is_not_the_floor(seed):
     floor = floor_of_jumps("box, ends in the landing", seed, 200.0)
     assert floor.coefficients_m[0] == pytest.approx(0.0325, abs=0.01)
+
+
+MOTIONS = {
+    "rises": lambda t: 0.02 * t / t[-1],
+    "sways": lambda t: 0.01 * np.sin(2 * np.pi * t / 7),
+    "sways far": lambda t: 0.05 * np.sin(2 * np.pi * t / 20),
+    "gives way": lambda t: np.where(t > t[-1] / 2, -0.05, 0.0),
+}
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_floor_that_moves_is_told_and_followed(bent, fitted, motion):
+    moved = MOTIONS[motion](bent.time)
+    up = moved[:, None, None] * np.array([0.0, 0.0, 1.0])
+    moving_deck = replace(bent, positions=bent.positions + up)
+    (told,) = re.findall(r"floor moves: .* lower, by (\d+) mm; it is followed", moving(moving_deck))
+    assert float(told) == pytest.approx(
+        1e3 * np.subtract(*np.quantile(moved, [0.95, 0.05])), rel=0.1
+    )
+    floor = fit_floor(moving_deck, degree=3)
+    assert floor.note.startswith(moving(moving_deck))
+    stands = bent.feet[:, :, 2].min(axis=1) < 0.025
+    off = level(moving_deck, floor).feet[stands] - level(bent, fitted).feet[stands]
+    assert np.quantile(np.abs(off[..., 2]), 0.95) < 0.002
+    again = FloorModel.from_dict(json.loads(json.dumps(floor.to_dict())))
+    np.testing.assert_array_equal(again.moved_m, floor.moved_m)
+
+
+def test_a_floor_that_stays_is_not_followed(bent):
+    slope = bent.positions.copy()
+    slope[..., 2] += 0.15 * slope[..., 0] - 0.01 * slope[..., 1] ** 2
+    assert moving(bent) == moving(replace(bent, positions=slope)) == ""
+
+
+def test_one_foot_that_slips_up_is_no_floor_that_moves(bent):
+    slipped = bent.positions.copy()
+    slipped[len(slipped) // 2 :, bent.indices("foot")[0], 2] += 0.02
+    assert moving(replace(bent, positions=slipped)) == ""
+
+
+@pytest.mark.parametrize("kind", ["series", "series, soft 8 ms"])
+def test_soles_that_give_are_no_floor_that_moves(kind):
+    assert "moves" not in floor_of_jumps(kind, 3, 200.0, jumps=11).note
 
 
 def simulate(feet, *, hops=40, rate_hz=100.0, markers=3, seed=8):

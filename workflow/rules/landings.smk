@@ -37,6 +37,7 @@ rule quality:
     """Whether the recordings and their landings are to be trusted."""
     input:
         levelled=each_recording(READY),
+        floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         landings=each_recording(CONTACTS),
         sections=rules.pairs.output.sections,
         touchdowns=rules.pairs.output.touchdowns,

@@ -26,6 +26,7 @@ with reported(snakemake.log[0]):
         markers=read_table(source.markers),
         faults=read_table(source.faults),
         expected_noise_m=params.noise_m,
+        floors=dict(zip(landings, map(read_json, source.floors), strict=True)),
         other_feet=options["frames"] == "landings",
         **{name: tables[name] for name in ("stability", "drift")},
     )

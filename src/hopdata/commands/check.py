@@ -22,7 +22,7 @@ def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.consistency import feet_of, files_of, simulation_of
     from hopdata.config.loading import load_config, place_of
-    from hopdata.landings.sections.select import moving_floor
+    from hopdata.landings.floor import moving
     from hopdata.recording import extent, require_distinct
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
@@ -59,7 +59,7 @@ def check(options: argparse.Namespace) -> int:
             continue
         print("\n".join([_summary(recording, config), *known]))
         remarks += [*notes(recording), *_suspects(recording, rate_hz)]
-        remarks += filter(None, [moving_floor([recording])])
+        remarks += [f"{recording.name}: {moves}" for moves in [moving(recording)] if moves]
         sound.append(recording)
     for remark in remarks:
         print(f"note: {remark}")

@@ -186,7 +186,7 @@ def init(options: argparse.Namespace) -> int:
         f"markers.{key}: {', '.join(getattr(roles, key))}, or {other}?"
         for key, other in roles.unsure.items()
     ]
-    remarks = [*roles.problems, *asked, *_remarks(inspection)]
+    remarks = [*roles.problems, *asked, *_remarks(inspection), *_motion(inspection, roles)]
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
@@ -229,6 +229,16 @@ def _roles(inspection: Inspection) -> Roles:
         return roles
     found.reasons["feet"] += "; on a floor that slopes"
     return found
+
+
+def _motion(inspection: Inspection, roles: Roles) -> list[str]:
+    """Say if the floor moves under the feet that were guessed."""
+    from hopdata.landings.floor import moving
+    from hopdata.recording import Recording
+
+    of = (inspection.time, inspection.positions, inspection.markers)
+    whole = Recording.from_arrays(*of, feet=roles.feet, body=roles.body)
+    return [moves for moves in [moving(whole)] if moves]
 
 
 def _draft(

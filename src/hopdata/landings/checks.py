@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,7 @@ def check_study(
     touchdowns: pd.DataFrame,
     stability: pd.DataFrame,
     drift: pd.DataFrame,
+    floors: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     *,
     expected_noise_m: float | None = None,
     other_feet: bool = False,
@@ -71,12 +73,16 @@ def check_study(
         The study's table of touchdowns.
     stability, drift : DataFrame
         As from `hopdata.landings.stability`.
+    floors : mapping
+        Fields of the `FloorModel` of each recording, by name: one that moves is told of.
     expected_noise_m : float, optional
         Noise of a marker's coordinate that the recording system is known to have, m.
     other_feet : bool
         Whether feet land that the study does not follow: descents in which none of its own landed
         are then theirs, and do not count against it.
     """
+    moves = [f"{name}: {one['note']}" for name, one in floors.items() if len(one["moved_m"]) > 1]
+    drifts = _drift(drift)
     return [
         _seen(markers),
         _faults(faults),
@@ -84,7 +90,7 @@ def check_study(
         _used(markers, touchdowns, other_feet),
         *_orders(touchdowns),
         _sections(stability),
-        _drift(drift),
+        replace(drifts, remark="; ".join([drifts.remark, *moves])),
     ]
 
 

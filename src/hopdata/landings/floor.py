@@ -174,14 +174,17 @@ def fit_floor(
 
     Notes
     -----
-    Dissertation Sec. 2.2.1 (compensation of the slight curvature of the floor). Rests
-    above the floor are left out (`hopdata.landings.floor`), then robust regression by iteratively
-    reweighted least squares (`hopdata.landings.floor_surface.robust_regression`).
+    Dissertation Sec. 2.2.1 (compensation of the slight curvature of the floor). A floor that moves
+    is followed (`floor_motion`), rests above it are left out (`raised_rests`), then robust
+    regression by iteratively reweighted least squares
+    (`hopdata.landings.floor_surface.robust_regression`).
     """
     rest = floor_surface.rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
     if not enabled:
         return _zero_floor(recording, rest, degree)
     _require_rest(recording, rest, rest_speed_m_s)
+    moved = floor_motion(rest)
+    rest.points[:, 2] -= np.interp(rest.time, *moved)
     rest = rest.take(_near_floor(rest, 3 * rest_band_m))
     n_steps = rest.n_steps
     rest = floor_surface.thinned(rest, max_points)
@@ -211,10 +214,82 @@ def fit_floor(
     ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
     rim = floor_surface.rim_of(scaled[inlier], floor_surface.RIM_DIRECTIONS) * scale
     note = _notes(recording, rest, raised, (fit.degree, degree), largest_error_m, ground[inlier])
+    note = "; ".join(filter(None, [_told_motion(moved[1]), note]))
     n = int((used | raised).sum())
     feet = recording.names("foot")
-    own = (feet, fit.offsets_m, rms, n, n - int(inlier.sum()), fit.degree, degree, note)
+    own = (feet, fit.offsets_m, rms, n, n - int(inlier.sum()), fit.degree, degree, note, *moved)
     return floor_surface.FloorModel(fit.terms, fit.coefficients_m, centre, scale, rim, *own)
+
+
+# A floor that moves up and down: the deck of a treadmill or a ship, or under cameras that sink.
+
+_SPAN_S, _REST_S = 0.3, 0.06  # a foot's rest is one point a span; a shorter one may be in the air
+_LEAST_RESTS = 10  # of a foot: two jumps on a soft sole do not tell
+_LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # a box is higher
+_MOVE_PER_APART = 8.0  # of feet that rest one after the other: chance alone makes it 3.5
+
+
+def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray]:
+    """Find how a floor moves up and down, if all feet stand now higher, now lower.
+
+    Returns instants (W,), s, and how much higher the floor was then, (W,), m, beside what a floor
+    of degree 2 and the mounts of the feet explain; a single 0 where nine of ten rests are within
+    5 mm of each other, or the feet do not agree.
+    """
+    still, n_feet = (np.zeros(1), np.zeros(1)), len(rest.start_m)
+    rest = rest.take(np.abs(rest.above_mode) <= _FOLLOWED_M)
+    steps = _settled(rest) if len(rest.foot) else rest
+    if n_feet < 2 or min(len(steps.foot), rest.n_steps) < _LEAST_RESTS * n_feet:
+        return still
+    place = steps.points[:, :2] - steps.points[:, :2].mean(axis=0)
+    terms = floor_surface.design(place / np.abs(place).max(), floor_surface.polynomial_terms(2))
+    columns = np.hstack([np.eye(n_feet)[steps.foot], terms[:, 1:]])
+    height, other = steps.points[:, 2], np.diff(steps.foot) != 0
+    at_once = np.diff(columns, axis=0)[other], np.diff(height)[other]  # whatever the floor does
+    fits = [np.linalg.lstsq(a, b, rcond=_STAYS)[0] for a, b in ((columns, height), at_once)]
+    apart = np.median(np.abs(at_once[1] - at_once[0] @ fits[1]))
+    lines = np.stack([steps.time, *(height - columns @ fit for fit in fits)])
+    around = np.lib.stride_tricks.sliding_window_view(lines, max(n_feet, 3), axis=1)
+    when, beyond_place, moved = np.median(around, axis=2)
+    if _range(beyond_place) > _LEAST_MOVE_M and _range(moved) > _MOVE_PER_APART * apart:
+        return when, moved + np.median(steps.above_mode - np.interp(steps.time, when, moved))
+    return still
+
+
+def _settled(rest: floor_surface.RestPoints) -> floor_surface.RestPoints:
+    """Return a point for each foot and span in which it rests, in the order of time.
+
+    Without the first of several spans, in which a soft sole settles; lower quartiles, since what
+    is in the air is above the floor.
+    """
+    begins = (np.diff(rest.foot, prepend=-1) != 0) | (np.diff(rest.time, prepend=0) > _SPAN_S)
+    one = np.cumsum(begins)
+    span = ((rest.time - rest.time[begins][one - 1]) / _SPAN_S).astype(int)
+    order = np.lexsort((rest.points[:, 2], span, one))
+    first = np.flatnonzero(np.diff(one[order], prepend=0) | np.diff(span[order], prepend=0))
+    count = np.diff(first, append=len(order))
+    frame_s = np.diff(np.unique(rest.time[:1000])).min(initial=np.inf)
+    goes_on = np.append(np.diff(one[order[first]]) == 0, False)
+    kept = (count >= _REST_S / frame_s) & ((span[order[first]] > 0) | ~goes_on)
+    lower = order[(first + count // 4)[kept]]
+    return rest.take(lower[np.argsort(rest.time[lower], kind="stable")])
+
+
+def _range(moved_m: FloatArray) -> float:
+    return float(np.subtract(*np.quantile(moved_m, [0.95, 0.05])))
+
+
+def moving(recording: Recording) -> str:
+    """Say how far the floor under a recording moves, and what to do; empty if it does not."""
+    return _told_motion(floor_motion(floor_surface.rest_points(recording))[1])
+
+
+def _told_motion(moved_m: FloatArray) -> str:
+    if len(moved_m) < 2:
+        return ""
+    far = f"all feet stand now higher, now lower, by {1e3 * _range(moved_m):.0f} mm"
+    better = "better still export positions relative to a marker on it"
+    return f"the floor moves: {far}; it is followed by the feet at rest; {better}"
 
 
 @one_blas_thread()
@@ -236,11 +311,13 @@ def level(
     -------
     Recording
         The same, except that each marker's z is less the floor's height at the marker's own
-        (x, y), and each foot's z less its offset as well. NaN stays NaN.
+        (x, y) and at its time, and each foot's z less its offset as well. NaN stays NaN.
     """
     if recording.names("foot") != floor.feet:
         raise ValueError(f"feet: expected {floor.feet}, found {recording.names('foot')}")
     positions = recording.positions if overwrite else recording.positions.copy()
+    if len(floor.moved_s) > 1:
+        positions[:, :, 2] -= np.interp(recording.time, floor.moved_s, floor.moved_m)[:, None]
     for first in range(0, len(positions), floor_surface.CHUNK):
         part = positions[first : first + floor_surface.CHUNK]
         part[:, :, 2] -= floor.height(part[:, :, 0], part[:, :, 1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -54,7 +54,7 @@ class RestPoints:
         apart = (np.diff(self.foot) != 0) | (np.diff(self.time) > _PAUSE_S)
         return int(apart.sum()) + (len(self.foot) > 0)
 
-    def take(self, keep: NDArray[np.bool_] | slice) -> RestPoints:
+    def take(self, keep: NDArray[Any] | slice) -> RestPoints:
         """Return the points that `keep` selects."""
         return RestPoints(self.points[keep], self.foot[keep], self.time[keep], self.start_m)
 
@@ -173,8 +173,10 @@ class FloorModel:
         Degree of the polynomial, and the one asked for: lower where the feet at rest do not
         cover enough ground.
     note : str
-        Which feet often rest above the floor, why the degree is lower, or that no floor was asked
-        for; else empty.
+        That the floor moves, which feet often rest above it, why the degree is lower, or that
+        none was asked for; else empty.
+    moved_s, moved_m : (W,) arrays
+        Instants, s, and how much higher the floor was then, m; a single 0 where it does not move.
     """
 
     terms: Terms
@@ -190,6 +192,8 @@ class FloorModel:
     degree: int
     degree_wanted: int
     note: str = ""
+    moved_s: FloatArray = field(default_factory=lambda: np.zeros(1))
+    moved_m: FloatArray = field(default_factory=lambda: np.zeros(1))
 
     def height(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Height of the floor at places (x, y) of any one shape, m; NaN where a place is NaN.
@@ -216,7 +220,7 @@ class FloorModel:
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> FloorModel:
         """Make the model from what `to_dict` gave."""
-        arrays = ("coefficients_m", "centre_m", "rim_m", "foot_offsets_m")
+        arrays = ("coefficients_m", "centre_m", "rim_m", "foot_offsets_m", "moved_s", "moved_m")
         made = dict(fields) | {name: np.array(fields[name], dtype=float) for name in arrays}
         made["terms"] = tuple((int(i), int(j)) for i, j in fields["terms"])
         made["feet"] = tuple(fields["feet"])

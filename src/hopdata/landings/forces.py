@@ -294,9 +294,6 @@ def overlay_external_truth(
         shown = pd.concat(compared[-len(signals) :], ignore_index=True)  # forces where there are
         examples.append(example_landing(recording, shown, signals))
     table = pd.concat(contacts, ignore_index=True)
-    return ExternalTruth(
-        contacts=table,
-        summary=summarise_overlay(table),
-        thresholds=pd.DataFrame(thresholds, columns=list(THRESHOLD_COLUMNS)),
-        example=next((one for one in examples if len(one)), examples[0]),
-    )
+    at_thresholds = pd.DataFrame(thresholds, columns=list(THRESHOLD_COLUMNS))
+    example = next((one for one in examples if len(one)), examples[0])
+    return ExternalTruth(table, summarise_overlay(table), at_thresholds, example)

@@ -93,6 +93,7 @@ def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> 
 
 MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
 OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
+UNMATCHED = (MISSED, INVENTED, OTHER_FOOT, NOT_COMPARED)
 LATE_S = 0.1  # a foot may land so long after the post section and belong to the same touchdown
 NO_DESCENT = "no descent through the pre section"
 COLUMNS = (
@@ -322,10 +323,7 @@ def _measures(group: pd.DataFrame) -> dict[str, Any]:
         "n_external": int(status.isin([MATCHED, MISSED]).sum()),
         "n_matched": n,
         "n_excluded": int(matched["excluded"].astype(bool).sum()),
-        "n_missed": int((status == MISSED).sum()),
-        "n_invented": int((status == INVENTED).sum()),
-        "n_other_foot": int((status == OTHER_FOOT).sum()),
-        "n_not_compared": int((status == NOT_COMPARED).sum()),
+        **{f"n_{kind.replace(' ', '_')}": int((status == kind).sum()) for kind in UNMATCHED},
         "bias_s": bias,
         "bias_low_s": low,
         "bias_high_s": high,

@@ -49,15 +49,13 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
         _check_alike(paths[0], first, path, raw)
     starts, remarks = _starts(paths, raws)
     shifts = [start - raw.time[0] for start, raw in zip(starts, raws, strict=True)]
+    of = zip(raws, shifts, strict=True)
+    events = tuple(Event(event.label, event.time_s + s) for raw, s in of for event in raw.events)
     return replace(
         first,
         time=np.concatenate([raw.time + s for raw, s in zip(raws, shifts, strict=True)]),
         positions=np.concatenate([raw.positions for raw in raws]),
-        events=tuple(
-            Event(event.label, event.time_s + s)
-            for raw, s in zip(raws, shifts, strict=True)
-            for event in raw.events
-        ),
+        events=events,
         unit_is_stated=all(raw.unit_is_stated for raw in raws),
         remarks=sum((raw.remarks for raw in raws), ()) + remarks,
     )

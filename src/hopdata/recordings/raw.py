@@ -104,14 +104,12 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     RecordingError
         If neither is known (`RateUnknownError`), or a rate is not positive or beyond any camera's.
     """
-    if stated is not None and not (math.isfinite(stated) and stated > 0):
-        raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {stated:g} Hz")
+    for where, rate in ((f"{place}: frame rate", stated), ("input.rate_hz", given)):
+        if rate is not None and not 0 < rate < math.inf:
+            raise RecordingError(f"{where}: expected more than 0 Hz, found {rate:g} Hz")
     if stated is not None and stated > FASTEST_HZ:
-        raise RecordingError(
-            f"{place}: frame rate: expected at most {FASTEST_HZ:g} Hz, found {stated:g} Hz"
-        )
-    if given is not None and not (math.isfinite(given) and given > 0):
-        raise RecordingError(f"input.rate_hz: expected more than 0 Hz, found {given:g} Hz")
+        at_most = f"expected at most {FASTEST_HZ:g} Hz, found {stated:g} Hz"
+        raise RecordingError(f"{place}: frame rate: {at_most}")
     rate = given if stated is None else stated
     if rate is None:
         raise RateUnknownError(

@@ -1,11 +1,9 @@
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from made_up_hopper import MARKERS, hopping
 from section_fakes import hopper, true_sections
 
 from hopdata.errors import AnalysisError
@@ -13,12 +11,10 @@ from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.frames import descents, landing_frames
 from hopdata.landings.sections.select import (
     Sections,
-    moving_floor,
     section_densities,
     section_frames,
     select_sections,
 )
-from hopdata.recording import Recording
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 
 
@@ -355,20 +351,3 @@ def test_a_bandwidth_finer_than_any_camera_still_works(fake_sections):
     usual = select_sections([fake_sections.recording])
     finest = select_sections([fake_sections.recording], bandwidth_m=1e-12)
     assert finest.pre_height_m == pytest.approx(usual.pre_height_m, abs=5e-4)
-
-
-def test_a_floor_that_moves_is_told_with_how_far():
-    positions = hopping(1)[1]
-    deck = 0.03 * np.sin(2 * np.pi * 0.37 * np.arange(len(positions)) / 100)
-
-    def told(moved):
-        one = Recording.from_arrays(
-            np.arange(len(positions)) / 100, moved, MARKERS, feet=MARKERS[3:6], body=MARKERS[:3]
-        )
-        return moving_floor([one])
-
-    assert told(positions) == ""
-    positions[:, :6, 2] += deck[:, None]
-    (found,) = re.findall(r"stand alike at heights that differ by (\d+) mm", told(positions))
-    assert 50 < int(found) < 65
-    assert "relative to a marker on the floor" in told(positions)

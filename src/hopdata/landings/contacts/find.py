@@ -210,14 +210,9 @@ def find_contacts(
     find = chosen("touchdowns.method", method, METHODS)
     require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
     noise_m = descents.height_noise(heights)
+    of, trail_s = (time, heights, transitions), window_after_s or SHORT_WINDOWS_S[1]
     near, earliest, status = descents.approaches(
-        time,
-        heights,
-        transitions,
-        noise_m=noise_m,
-        down_height_m=down_height_m,
-        lead_s=lead_s,
-        trail_s=window_after_s or SHORT_WINDOWS_S[1],
+        *of, noise_m=noise_m, down_height_m=down_height_m, lead_s=lead_s, trail_s=trail_s
     )
     if find is not None:
         instant, se = find(time, heights, transitions, noise_m=noise_m)

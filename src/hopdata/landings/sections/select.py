@@ -10,7 +10,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED, descents
+from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED
 from hopdata.landings.contacts.find import contacts_of, find_landings
 from hopdata.landings.sections.frames import (
     Frames,
@@ -25,7 +25,6 @@ from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
 LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
-_MOVING_M = 0.01  # between landings, from which a floor that moves is told
 _LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
 
 
@@ -183,25 +182,13 @@ def select_sections(
     lowest, highest = (knee if own is None else own for knee, own in taken)
     # How far above the ground a foot may be and still count as down; a given threshold is one.
     excess = [max(knee - every.height_m, 0.0) for knee in knees]
-    sections = Sections(
-        pre_height_m=np.nan,
-        post_height_m=np.nan,
-        min_foot_threshold_m=lowest,
-        max_foot_threshold_m=highest,
-        ground_m=every.height_m,
-        min_foot_mode=modes[0],
-        max_foot_mode=modes[1],
-        threshold_sigmas=threshold_sigmas,
-        tail_fraction=tail_fraction,
-        frames=frames,
-        decided={name: "data" if value is None else "config" for name, value in given.items()},
-        held={},
-        n_frames=sum(int(h.seen.sum()) for h in heights),
-        n_used=0,
-    )
+    decided = {name: "data" if value is None else "config" for name, value in given.items()}
+    first = (np.nan, np.nan, lowest, highest, every.height_m, modes[0], modes[1])
+    how = (threshold_sigmas, tail_fraction, frames, decided)
+    sections = Sections(*first, *how, {}, sum(int(h.seen.sum()) for h in heights), 0)
     frames_used = sections.pooled(heights)
     if pre_height_m is None or post_height_m is None:
-        _require_hopping(frames_used, sections, recordings)
+        _require_hopping(frames_used, sections)
     pre, post = pre_height_m, post_height_m
     if pre is None:  # hardly ever exceeded while some foot is down
         highest_body = np.quantile(frames_used.body[~frames_used.all_up], 1.0 - tail_fraction)
@@ -232,7 +219,7 @@ def _held(landings: FloatArray, pre: float, post: float, sections: Sections) -> 
     return {**moved, "decided": decided, "held": held}
 
 
-def _require_hopping(pooled: Frames, sections: Sections, recordings: Sequence[Recording]) -> None:
+def _require_hopping(pooled: Frames, sections: Sections) -> None:
     """Raise an error unless the feet are all up in some frames and all down in others."""
     n_up, n_down = int(pooled.all_up.sum()), int(pooled.all_down.sum())
     lowest, highest = sections.min_foot_threshold_m, sections.max_foot_threshold_m
@@ -247,40 +234,15 @@ def _require_hopping(pooled: Frames, sections: Sections, recordings: Sequence[Re
             f"below {highest:.4f} m); set sections.min_foot_threshold_m and "
             "sections.max_foot_threshold_m"
         )
-    where, name, value, n = (
-        ("leave", "min_foot_threshold_m", lowest, n_up)
-        if n_up < n_down
-        else ("stand on", "max_foot_threshold_m", highest, n_down)
-    )
+    where, name, value, n = "stand on", "max_foot_threshold_m", highest, n_down
+    if n_up < n_down:
+        where, name, value, n = "leave", "min_foot_threshold_m", lowest, n_up
     walks = "; a walk, in which some foot is always down, has no landing on several feet"
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
-        + (
-            moving_floor(recordings)
-            or f"check the foot markers, or set sections.{name}{walks if where == 'leave' else ''}"
-        )
+        f"check the foot markers, or set sections.{name}{walks if where == 'leave' else ''}"
     )
-
-
-def moving_floor(recordings: Sequence[Recording]) -> str:
-    """Say how far the floor moves, if all feet stand now higher, now lower, and what to do."""
-    for recording in recordings:
-        nadirs = [nadir for _, nadir in descents(recording.body_height)]
-        stand = recording.feet[nadirs, :, 2]
-        stand = stand[np.isfinite(stand).all(axis=1)]
-        if len(stand) < _LEAST_FRAMES:
-            continue
-        low, high = np.quantile(stand.mean(axis=1), [0.05, 0.95])
-        apart = np.median(np.ptp(stand - np.median(stand, axis=0), axis=1))
-        if high - low > max(_MOVING_M, 2 * apart):
-            return (
-                f"the floor of {recording.name} moves: where the body is lowest all feet stand "
-                f"alike at heights that differ by {1e3 * (high - low):.0f} mm; export positions "
-                "relative to a marker on the floor (the deck of a treadmill), or leave out the "
-                "time in which it moves (recordings[].exclude)"
-            )
-    return ""
 
 
 def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) -> None:
@@ -452,12 +414,9 @@ def _foot_curves(
     widths = [max(width, least) for width in widths]  # heights without noise
     margin = 4 * max(widths)
     grid = np.linspace(lowest.min() - margin, highest.max() + margin, nodes)
-    return {
-        name: (grid, kde(values, bandwidth=width, grid=grid))
-        for name, values, width in zip(
-            ("min_foot", "max_foot"), (lowest, highest), widths, strict=True
-        )
-    }
+    both = zip((lowest, highest), widths, strict=True)
+    curves = [(grid, kde(values, bandwidth=width, grid=grid)) for values, width in both]
+    return dict(zip(("min_foot", "max_foot"), curves, strict=True))
 
 
 def _body_curves(

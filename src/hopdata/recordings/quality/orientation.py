@@ -294,13 +294,10 @@ def guess_unit_and_up(
 
 def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
     if fall.tells_unit:
-        return Guess(
-            fall.unit,
-            f"in {100 * fall.share:.0f} % of the frames the markers fall at 9.81 m/s², "
-            f"if the numbers are {fall.unit}"
-            + ", and not in the unit that the file states"
-            * (raw.unit_is_stated and fall.unit != raw.unit),
-        )
+        told = f"in {100 * fall.share:.0f} % of the frames the markers fall at 9.81 m/s², if the "
+        told += f"numbers are {fall.unit}"
+        against = raw.unit_is_stated and fall.unit != raw.unit
+        return Guess(fall.unit, told + ", and not in the unit that the file states" * against)
     unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
     size, moves = extent(raw.positions), liveliness(raw.positions, raw.rate_hz)
     lively = {u for u, m in UNITS_IN_M.items() if _fits(size * m) and _is_lively(moves * m)}
@@ -403,23 +400,14 @@ def _rate_by_stamps(raw: RawRecording) -> float:
 
 def _up(raw: RawRecording, fall: FreeFall) -> Guess:
     if fall.is_clear:
-        return Guess(
-            fall.up,
-            f"the markers fall along it, in {100 * fall.share:.0f} % of the frames; "
-            f"along the next best axis in {100 * fall.next_share:.1f} %",
-        )
+        shares = f"{100 * fall.share:.0f} % of the frames; along the next best axis in "
+        shares += f"{100 * fall.next_share:.1f} %"
+        return Guess(fall.up, f"the markers fall along it, in {shares}")
     direction, flatness, following = flattest_direction(raw.positions)
     if flatness < FLAT and CLEARER * flatness < following:
-        return Guess(
-            direction,
-            "markers come down to rest at their lowest along it, again and again, as on a floor",
-        )
+        rest = "markers come down to rest at their lowest along it, again and again, as on a floor"
+        return Guess(direction, rest)
     if raw.stated_up:
         return Guess(raw.stated_up, "the file says so; nothing falls freely that would show it")
-    return Guess(
-        "z",
-        "nothing falls freely and nothing steps on a floor again and again: only usual, as is y; "
-        "input.vertical_axis settles it",
-        is_sure=False,
-        other="y",
-    )
+    usual = "nothing falls freely and nothing steps on a floor again and again: only usual, as is y"
+    return Guess("z", f"{usual}; input.vertical_axis settles it", is_sure=False, other="y")

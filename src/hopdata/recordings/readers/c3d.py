@@ -277,13 +277,9 @@ def read_analogs(path: str | Path) -> Analogs:
     start = first_frame(header, parameters) - 1
     samples = start * per_frame + np.arange(n_frames * per_frame)
     names, units = (_texts(parameters, key, n_channels) for key in ("LABELS", "UNITS"))
-    return Analogs(
-        path=path,
-        names=names,
-        units=units,
-        time=samples / (frame_rate(header, parameters) * per_frame),
-        values=(stored - offset) * scale * (1.0 if general is None else general),
-    )
+    time = samples / (frame_rate(header, parameters) * per_frame)
+    values = (stored - offset) * scale * (1.0 if general is None else general)
+    return Analogs(path, names, units, time, values)
 
 
 def _per_channel(
