@@ -1,3 +1,4 @@
+import jumps as jumps_of
 import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping, with_gap, with_spike, with_swap
@@ -78,6 +79,15 @@ def test_jumps_on_two_feet_with_heels_and_toes(style, jumps):
         }
     assert found.problems == ()
     assert found.other_feet == ()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feet_whose_soles_give_at_each_landing_are_found(seed):
+    soft = jumps_of.KINDS["series, soft 8 ms"]
+    seen, _ = jumps_of.make(soft, 11, np.random.default_rng(seed), 100.0, 5e-4)
+    found = roles(seen, jumps_of.NAMES)
+    assert {*found.feet} == {"LTOE", "LHEE", "RTOE", "RHEE"}
+    assert {*found.body} == {*jumps_of.PELVIS}
 
 
 def test_feet_that_land_together_are_not_one_for_keeping_their_distance():

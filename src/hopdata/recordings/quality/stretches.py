@@ -159,9 +159,9 @@ MOST_FRAMES = 200_000  # of a longer recording, evenly spaced
 ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
 
 
-def lowest(heights: FloatArray) -> FloatArray:
-    """Lowest height of each marker but for 1 % of the frames, (M,); NaN if never seen."""
-    return quantiles(heights, [0.01])[0]
+def lowest(heights: FloatArray, share: float = 0.01) -> FloatArray:
+    """Lowest height of each marker but for a share of the frames, (M,); NaN if never seen."""
+    return quantiles(heights, [share])[0]
 
 
 def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
@@ -194,7 +194,7 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
     return remarks
 
 
-def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
+def at_rest(heights: FloatArray, rate_hz: float, *, below: float = 0.01) -> BoolArray:
     """Tell when each marker rests near its own lowest height.
 
     Parameters
@@ -203,6 +203,8 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
         Height, m; NaN where not seen.
     rate_hz : float
         Frame rate, Hz.
+    below : float
+        Share of the frames in which a marker may be lower than where it rests.
 
     Returns
     -------
@@ -214,7 +216,7 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
     if len(heights) > 2 * half:
         speed[half:-half] = (heights[2 * half :] - heights[: -2 * half]) * rate_hz / (2 * half)
     with np.errstate(invalid="ignore"):
-        resting = (heights < lowest(heights) + BAND_M) & (np.abs(speed) < SPEED_M_S)
+        resting = (heights < lowest(heights, below) + BAND_M) & (np.abs(speed) < SPEED_M_S)
     least = max(2, round(LEAST_REST_S * rate_hz))
     for m in range(heights.shape[1]):
         for start, stop in runs(resting[:, m]):
