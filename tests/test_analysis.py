@@ -135,6 +135,7 @@ STATES = np.zeros((20, 18))
         (lambda: hd.judge(STATES, STATES, STATES), "judge: expected .* 'seed'"),
         (lambda: hd.Study.judge(None, seed=1), "Study.judge: expected no arguments, .* 'seed'"),
         (lambda: hd.Study.report(None, None), "file: expected a path .*, found None"),
+        (lambda: hd.Study.save(None, 3), "folder: expected a path to write to, found 3"),
         (lambda: hd.judge(STATES, STATES, STATES, seed=1, flip=9), "did you mean 'flips'"),
         (lambda: hd.judge("a", STATES, STATES, seed=1), "x: expected an array of numbers"),
         (lambda: hd.judge(*2 * [STATES[:, :17]], STATES, seed=1), r"\(n, 6B\).*\(20, 17\)"),
@@ -179,6 +180,9 @@ def test_steps_one_by_one_compute_no_more_than_they_need(sample_path):
     whole = hd.read(sample_path, feet=FEET, body=BODY)
     with pytest.raises(hd.HopdataError, match=r"frames: expected a slice.* found 5"):
         whole.part(5)
+    with pytest.raises(hd.HopdataError, match="frames: expected a slice"):
+        whole.part(slice(None, None, -1))
+    assert whole.part(slice(0, 100, 2)).rate_hz == whole.rate_hz / 2
     recording = whole.part(slice(12_000))
     study = hd.study(recording, progress=told.append)
     assert "no verdict yet" in repr(study)

@@ -132,7 +132,7 @@ def study(
         content = source
     elif not isinstance(source, str | Path):
         raise RecordingError(
-            "source: expected a file, a configuration or a recording, found a "
+            "source: expected a file, a configuration or a recording, found "
             f"{type(source).__name__}; arrays go through hd.Recording.from_arrays, several files "
             "through hd.read"
         )
@@ -313,11 +313,9 @@ class Study(Shown):
 
     def _repr_html_(self) -> str:
         """Show the answer and its picture, as a notebook does with the last line of a cell."""
-        if "verdict" not in self.__dict__:
+        if "verdict" not in self.__dict__ or self.verdict.effect is None:
             return f"<p>{escape(repr(self))}</p>"
         told = escape(self.verdict.sentence)
-        if self.verdict.effect is None:
-            return f"<p>{told}</p>"
         return f'<div aria-label="{told}">{self.figures.verdict()._repr_svg_()}</div>'
 
     # The stages by name, for those who go step by step; what each finds stays with the study.
@@ -433,8 +431,7 @@ class Study(Shown):
 
     @property
     def _heights(self) -> Contents:
-        names = ("pre_height_m", "post_height_m")
-        return {name: getattr(self.sections, name) for name in names}
+        return {name: getattr(self.sections, name) for name in ("pre_height_m", "post_height_m")}
 
     @cached_property
     def candidates(self) -> pd.DataFrame:
@@ -619,8 +616,7 @@ class Study(Shown):
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
         from hopdata.report.page import build_report
 
-        if not isinstance(file, str | Path):
-            raise ArgumentError(f"file: expected a path to write the page to, found {file!r}")
+        place = _place("file", file)
         tables, names = self.tables, self.figures.names
         self.progress("page")
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
@@ -651,10 +647,11 @@ class Study(Shown):
                 notes=self._of_maps[1],
             )
         )
-        with whole_file(file) as draft:
+        with whole_file(place) as draft:
             draft.write_text(page, encoding="utf-8")
-        return Path(file)
+        return place
 
+    @told_call
     def save(self, folder: str | Path) -> Path:
         """Write ``verdict.json``, ``quality.json`` and the folders ``tables`` and ``figures``.
 
@@ -666,7 +663,7 @@ class Study(Shown):
         from hopdata.figures.style import save_figure
         from hopdata.jobs import write_json, write_table
 
-        base = Path(folder)
+        base = _place("folder", folder)
         write_json(base / "verdict.json", self.verdict.to_dict())
         write_json(base / "quality.json", self._checks)
         for name, table in self.tables.items():
@@ -675,6 +672,12 @@ class Study(Shown):
             place = base / "figures" / full
             save_figure(getattr(self.figures, name)(), place, **self.config["figures"])
         return base
+
+
+def _place(key: str, path: str | Path) -> Path:
+    if not isinstance(path, str | Path):
+        raise ArgumentError(f"{key}: expected a path to write to, found {path!r}")
+    return Path(path)
 
 
 @dataclass(frozen=True)

@@ -204,12 +204,12 @@ class Recording(Shown):
         return self.source or f"recording '{self.name}'"
 
     def part(self, frames: slice) -> Recording:
-        """Return the recording of these frames alone."""
-        if not isinstance(frames, slice):
+        """Return the recording of these frames alone; every second frame has half the rate."""
+        if not isinstance(frames, slice) or (frames.step or 1) < 0:
             raise ArgumentError(f"frames: expected a slice, as slice(0, 1000), found {frames!r}")
         filled = None if self.filled is None else self.filled[frames]
         kept: Any = {"time": self.time[frames], "positions": self.positions[frames]}
-        return replace(self, **kept, filled=filled)
+        return replace(self, **kept, filled=filled, rate_hz=self.rate_hz / (frames.step or 1))
 
     @cached_property
     def body(self) -> FloatArray:

@@ -225,10 +225,8 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
     for row, text in enumerate(words):
         level = levels[row] if conclusion == "different" else float(np.mean(levels))
         axes.text(6.2, level, text, va="center", color="white", fontweight="bold", bbox=box)
-    what = "map: from the state before a landing to the state after it"
-    if len(counts) > len(orders):
-        what = f"the {len(orders)} commonest of {len(counts)} orders; {what}"
-    what = textwrap.fill(what, 50)
+    few = f"the 2 commonest of {len(counts)} orders; " if len(counts) > 2 else ""
+    what = textwrap.fill(f"{few}map: from the state before a landing to the state after it", 50)
     axes.text(0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=style.pt(7))
     axes.set_xlim(-0.3, 9.2)
     axes.set_ylim(grounds[-1] - 2.2, 2.2)
