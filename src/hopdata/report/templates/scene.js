@@ -74,6 +74,7 @@ for (const root of document.querySelectorAll(".scene")) {
     for (const one of body) for (const two of body) if (one < two) line(at(frame, one), at(frame, two), ink, 3, 0.5);
     const hub = centre(at, frame, body), now = time[frame];
     const order = contacts.map((t, n) => [t, n]).filter(([t]) => t !== null).sort((p, q) => p[0] - q[0]);
+    const names = [];
     pen.font = "13px sans-serif";
     for (const marker of all) {
       const place = at(frame, marker), number = feet.indexOf(marker);
@@ -95,11 +96,18 @@ for (const root of document.querySelectorAll(".scene")) {
         pen.stroke();
       }
       if (number >= 0 || !feet.length) {
-        pen.fillStyle = ink;
         const down = rank >= 0 && contacts[number] <= now ? `${rank + 1}. ` : "";
-        pen.fillText(down + markers[marker], x + 12, y + 4);
+        names.push([x + 12, y + 4, down + markers[marker]]);
       }
     }
+    // The names of feet that are near each other stand one below the other.
+    pen.fillStyle = ink;
+    names.sort((one, other) => one[1] - other[1]).forEach((own, k) => {
+      const [x, , name] = own, end = x + pen.measureText(name).width;
+      for (const [left, line, above] of feet.length ? names.slice(0, k) : [])
+        if (own[1] < line + 14 && x < left + pen.measureText(above).width && left < end) own[1] = line + 14;
+      pen.fillText(name, x, own[1]);
+    });
     const touched = order.filter(([t]) => t <= now).map(([t, n], k) => `${k + 1}. ${markers[feet[n]]} ${(1e3 * (t - order[0][0])).toFixed(1)} ms`);
     const height_mm = hub ? `, body at ${(1e3 * hub[2]).toFixed(0)} mm` : "";
     told.textContent = `${now.toFixed(3)} s${height_mm}${touched.length ? `; down: ${touched.join(", ")}` : ""}`;
