@@ -68,7 +68,6 @@ def _without_side(word: str) -> str:
 MOST_FEET, LEAST_FEET, LEAST_BODY = 6, 2, 3
 LEAST_RESTS = 3  # of a marker that nothing else tells to be on a foot
 RESTS_SHARE = (0.03, 0.95)  # of the frames
-SINKS = 0.05  # of the frames, in which a soft sole may give: asked where no feet are found else
 LIFT_M = 0.05  # a marker that was so much higher, and then rests, has landed
 SEEN_SHARE = 0.01  # of the frames may be lacking of the home marker
 NEAR_FLOOR = 0.08  # of the height of the highest marker: how high a foot marker may rest
@@ -121,7 +120,7 @@ def guess_roles(inspection: Inspection) -> Roles:
     never does; the boom is what is named so, or stays fixed in the world.
     """
     markers, positions = inspection.markers, inspection.positions
-    fixed = _fixed(positions)
+    rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz), _fixed(positions)
     subjects = list(dict.fromkeys(name.partition(":")[0] for name in markers if ":" in name))
     others = {
         m for m, name in enumerate(markers) if name.startswith(tuple(f"{s}:" for s in subjects[1:]))
@@ -131,18 +130,14 @@ def guess_roles(inspection: Inspection) -> Roles:
         for m, name in enumerate(markers)
         if m not in others and (fixed[m] or part_by_name(name) == "boom")
     )
-    for below in (0.01, SINKS):
-        rests = at_rest(positions[:, :, 2], inspection.rate_hz, below=below)
-        resting = _resting(markers, positions[:, :, 2], rests, fixed)
-        candidates = [m for m in resting if markers[m] not in boom and m not in others]
-        groups = _together(candidates, rests)
-        group = _chosen(groups, inspection)
-        if len(group) >= LEAST_FEET:
-            break
+    resting = _resting(markers, positions[:, :, 2], rests, fixed)
+    candidates = [m for m in resting if markers[m] not in boom and m not in others]
+    groups = _together(candidates, rests)
     reasons, problems = {}, []
     if boom:
         stays = fixed[[markers.index(name) for name in boom]].all()
         reasons["boom"] = "stays fixed in the world" if stays else "by name"
+    group = _chosen(groups, inspection)
     rivals = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     if len(group) >= LEAST_FEET:
         beyond = _beyond_most(group, groups, markers)

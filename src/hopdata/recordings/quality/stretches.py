@@ -148,6 +148,7 @@ def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Marker
 
 
 BAND_M = 0.02  # above a marker's own lowest height
+SINKS = 0.05  # of the frames, in which a soft sole may give as a body lands on it
 SPEED_M_S = 0.15
 WINDOW_S = 0.04
 LEAST_REST_S = 0.03
@@ -159,9 +160,9 @@ MOST_FRAMES = 200_000  # of a longer recording, evenly spaced
 ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
 
 
-def lowest(heights: FloatArray, share: float = 0.01) -> FloatArray:
-    """Lowest height of each marker but for a share of the frames, (M,); NaN if never seen."""
-    return quantiles(heights, [share])[0]
+def lowest(heights: FloatArray) -> FloatArray:
+    """Lowest height of each marker but for 1 % of the frames, (M,); NaN if never seen."""
+    return quantiles(heights, [0.01])[0]
 
 
 def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
@@ -194,8 +195,10 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
     return remarks
 
 
-def at_rest(heights: FloatArray, rate_hz: float, *, below: float = 0.01) -> BoolArray:
+def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
     """Tell when each marker rests near its own lowest height.
+
+    That of a marker that stands half of the time leaves out as many frames as a soft sole gives in.
 
     Parameters
     ----------
@@ -203,8 +206,6 @@ def at_rest(heights: FloatArray, rate_hz: float, *, below: float = 0.01) -> Bool
         Height, m; NaN where not seen.
     rate_hz : float
         Frame rate, Hz.
-    below : float
-        Share of the frames in which a marker may be lower than where it rests.
 
     Returns
     -------
@@ -215,8 +216,10 @@ def at_rest(heights: FloatArray, rate_hz: float, *, below: float = 0.01) -> Bool
     speed = np.full_like(heights, np.nan)
     if len(heights) > 2 * half:
         speed[half:-half] = (heights[2 * half :] - heights[: -2 * half]) * rate_hz / (2 * half)
+    low, stood, middle = quantiles(heights, [0.01, SINKS, 0.5])
+    low = np.where(middle - stood < BAND_M, stood, low)
     with np.errstate(invalid="ignore"):
-        resting = (heights < lowest(heights, below) + BAND_M) & (np.abs(speed) < SPEED_M_S)
+        resting = (heights < low + BAND_M) & (np.abs(speed) < SPEED_M_S)
     least = max(2, round(LEAST_REST_S * rate_hz))
     for m in range(heights.shape[1]):
         for start, stop in runs(resting[:, m]):
