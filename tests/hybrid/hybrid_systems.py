@@ -83,6 +83,25 @@ def ball(**options) -> System:
 
 
 @guards
+def table_guard(t, y, dy, mode, params, h, hdot):
+    h[0] = params[1] + params[2] * np.sin(params[3] * t) - y[0]
+    hdot[0] = params[2] * params[3] * np.cos(params[3] * t) - dy[0]
+
+
+@on_event
+def rebound_from_table(t, y, mode, params, guard, direction):
+    if direction > 0:
+        speed = params[2] * params[3] * np.cos(params[3] * t)
+        y[1] = speed - params[4] * (y[1] - speed)
+    return 0
+
+
+def table_ball() -> System:
+    """A ball on a table at params[1] that shakes by params[2] at params[3] rad/s."""
+    return System(fall_field, table_guard, rebound_from_table, n_states=2, guard_names=("table",))
+
+
+@guards
 def ceiling_guard(t, y, dy, mode, params, h, hdot):
     h[0] = y[0] - params[1]
     hdot[0] = dy[0]

@@ -38,9 +38,10 @@ GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for 
 # Rows of `guards`: event functions and their rates at the start of a step, at up to two knots in
 # its inside, at its end, and wherever else; the largest |h| over the step, which is the scale of
 # its rounding error, second derivatives, how far a guard stays from its surface over the step, and
-# its rate along one way, by which those that bend are known (see `watch`).
-H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG = numbers(14)
-GUARD_ROWS = 14
+# its rate along one way, by which those that bend are known (see `watch`), and how large the parts
+# were that h is the sum of when it flipped last.
+H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(15)
+GUARD_ROWS = 15
 
 # Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
 # then, whether its lock was left open at the start, whether it is known to bend, and its events.
@@ -90,10 +91,11 @@ NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
 METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
 # How many guards stand in each of the lists, how many are known to bend, and which one to report.
 N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
-# Instants, those too near to each other, those that changed the state, the one at which rates along
-# one way were taken, and how often the rates of guards that bend were not those of their values.
-INSTANTS, CROWD, JUMPS, MEASURED, ROUGH = numbers(5, 18)
-COUNT_SLOTS = 23
+# Instants, those too near to each other, how often a handler has changed the state, and had before
+# this instant, the instant at which rates along one way were taken, and how often the rates of
+# guards that bend were not those of their values.
+INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH = numbers(6, 18)
+COUNT_SLOTS = 24
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from exact import Plate
+from hybrid_systems import table_ball
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localise as localisation
@@ -35,6 +36,7 @@ from hopdata.hybrid.layout import (
     RATE0,
     RATE1,
     SIZE,
+    ZENO,
     H,
 )
 
@@ -230,6 +232,22 @@ def test_a_spring_that_is_met_again_soon_is_no_zeno_sequence(contacts, start, fo
     coarse = events_of(rtol=1e-6, atol=1e-7, jacobian=jacobian)
     assert len(set(coarse)) >= 2 * contacts - 2
     assert sorted(coarse) == sorted(events_of(rtol=1e-10, atol=1e-11))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_ball_that_comes_to_rest_on_a_shaking_table_never_falls_through_it(seed):
+    """Its last flights are lower than the rounding of h, whose parts cancel: Zeno, or none yet."""
+    rng, statuses, end = np.random.default_rng(seed), set(), 3.0
+    for _ in range(50):
+        size, rate, rtol = (10.0 ** rng.uniform(*span) for span in ((-3, -1), (0.5, 2), (-11, -5)))
+        height, bounce = rng.choice([0.0, 1.0, -30.0]), rng.uniform(0.2, 0.8)
+        ball = solve(
+            table_ball(), (0.0, end), [height + size + 0.3, 0.0],
+            params=[9.81, height, size, rate, bounce], rtol=rtol, t_eval=np.linspace(0.0, end, 301),
+        )  # fmt: skip
+        statuses.add(ball.status)
+        assert (height + size * np.sin(rate * ball.t) - ball.y[0]).max() < 1e-6, ball.message
+    assert statuses == {0, ZENO}
 
 
 # Which guards are suspect by their cubics: none that comes near is passed over.

@@ -222,7 +222,7 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
             p.mode[j] * m.guards[at.H0, j] > 0.0
         )  # until then, what it took for rounding stays so
         size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
-        m.guards[at.SIZE, j] = max(size, 0.0 if left else m.guards[at.SIZE, j])
+        m.guards[at.SIZE, j] = max(size, m.guards[at.PARTS if left else at.SIZE, j])
     resolution = time_resolution(m.clock[at.T], dt)
     if theta * dt <= resolution:
         h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]

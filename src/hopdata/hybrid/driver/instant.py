@@ -18,6 +18,7 @@ from hopdata.hybrid.driver.problem import (
     guards_inside,
     mark_due,
     next_due,
+    remember_parts,
     remember_residuals,
     time_resolution,
 )
@@ -49,7 +50,10 @@ def flips_alone(m: Memory, k: int) -> bool:
 
 @kernel
 def flip(p: Problem, m: Memory) -> int:
-    """Flip the locks of all guards that are due; refuse the third flip at one instant."""
+    """Flip the locks of all guards that are due; refuse the third flip at one instant.
+
+    It slides if the field alone, and no handler at this instant, has turned the guard back.
+    """
     now = m.counts[at.INSTANTS]
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
@@ -61,7 +65,8 @@ def flip(p: Problem, m: Memory) -> int:
         if m.flags[at.FLIPS, k] > FLIPS_AT_ONCE:
             m.counts[at.CULPRIT] = k
             into_surface = m.clock[at.RATE_BELOW] > 0.0 and m.clock[at.RATE_ABOVE] < 0.0
-            return at.SLIDING if into_surface and flips_alone(m, k) else at.ZENO
+            jumped = m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
+            return at.SLIDING if into_surface and flips_alone(m, k) and not jumped else at.ZENO
     return at.RUNNING
 
 
@@ -137,6 +142,7 @@ def too_crowded(m: Memory, resolution: float) -> bool:
     gap = m.clock[at.T] - m.clock[at.INSTANT]
     if gap > resolution:
         m.counts[at.INSTANTS] += 1
+        m.counts[at.JUMPS_BEFORE] = m.counts[at.JUMPS]
     m.counts[at.CROWD] = m.counts[at.CROWD] + 1 if gap <= CROWDED * resolution else 0
     m.clock[at.INSTANT] = m.clock[at.T]
     return m.counts[at.CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
@@ -183,6 +189,7 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
             status = at.TERMINATED
         if status != at.RUNNING:
             return status
+        remember_parts(p, m)
         gather_reached(p, m, at.H0, at.RATE0, resolution)
         if mark_due(p, m, at.H0, at.RATE0, resolution) == 0:
             return status

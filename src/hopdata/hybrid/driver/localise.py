@@ -204,6 +204,7 @@ def first_rival(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspici
 
 
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
+SURELY_BACK = 1000.0  # times the rate by which a guard has left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
 JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
 MOST_PUT_RIGHT = 0.5  # of Newton's step: beyond, the cubic tells nothing
@@ -252,13 +253,31 @@ def lowest_point(
 
 @kernel_apart
 def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
-    """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none."""
+    """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none.
+
+    By more than rounding: a flight that is lower is not to be told from none.
+    """
+    g, resolution = m.guards, time_resolution(m.clock[at.T], dt)
     while low > LEAVING:
         probe(p, m, dt, low)
-        if p.mode[k] * m.guards[at.H, k] > 0.0:
+        if p.mode[k] * g[at.H, k] > blur(g[at.SIZE, k], g[at.RATE, k], resolution):
             return low
         low *= 0.25
     return 0.0
+
+
+@kernel_apart
+def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
+    """Return where guard k, which leaves by less than its rounding, is back: as fast as it left.
+
+    By its mean change of rate up to where the interpolant is sure to tell it.
+    """
+    left, x, rate = abs(m.guards[at.RATE0, k]), 0.25 * LEAVING, 0.0
+    while rate > -SURELY_BACK * left and x < end:
+        x = min(4.0 * x, end)
+        probe(p, m, dt, x)
+        rate = p.mode[k] * m.guards[at.RATE, k]
+    return min(2.0 * x * left / (left - rate), end) if rate < left else end
 
 
 @kernel
@@ -300,27 +319,23 @@ def crossing(
 ) -> float:
     """Return where guard k falls through zero on the interpolant: a bracketed iteration.
 
-    At `end` it is past its surface, or where the piece ends. At `low` it is clear by its cubic;
-    whether by the interpolant, too, is asked where the iteration would go on before: mostly it does
-    not.
+    At `end` it is past its surface, or where the piece ends. At `low` it is clear by its cubic; if
+    it is at its surface since its last flip, the interpolant is asked where it is clear.
     """
     lock, x1, last = p.mode[k], (piece + 1) * m.clock[at.PIECE], knot(m, piece + 1)
     g1, d1 = lock * m.guards[last, k], lock * m.guards[last + 1, k] * dt
     end = min(end, x1)
-    inner, high = low if low > 0.0 else 0.5 * end, end
-    clear = not just_left(p, m, dt, k)
-    doubt = not clear and not lock * m.guards[at.RATE0, k] > 0.0
-    x = guess
+    if just_left(p, m, dt, k):
+        low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * end)
+        if low == 0.0:
+            return back(p, m, dt, k, end) if lock * m.guards[at.RATE0, k] > 0.0 else 0.0
+    x, high = guess, end
     for _ in range(MAX_ROOT):
-        if doubt:
-            low, high, clear = leave(p, m, dt, k, inner), end, True
-            if low == 0.0:
-                return 0.0
         x = x if low < x < high else 0.5 * (low + high)
         probe(p, m, dt, x)
         g, d = lock * m.guards[at.H, k], lock * m.guards[at.RATE, k] * dt
         if g > 0.0:
-            low, clear = x, True
+            low = x
         else:
             high = x
         way, exact = way_to_root(x, g, d, x1, g1, d1) if d < 0.0 else (-x, False)
@@ -331,7 +346,7 @@ def crossing(
             return x
         if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
             return high
-        doubt, x = not clear and new <= low, new
+        x = new
     return high
 
 

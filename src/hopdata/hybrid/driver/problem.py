@@ -177,7 +177,15 @@ def fill_row(table: FloatTable, row: int, value: float) -> None:
 EPS = 2.0**-52
 ROUNDING = 4 * EPS  # of h, relative to its largest value over the step
 TIME_ROUNDING = 4 * EPS  # of an event's time
+SHARE = 0.25  # of a part, that `way` shows of it on average
+GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
 CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
+
+
+@kernel_in_loop
+def way(i: int) -> float:
+    """Return a rate of component i, such that no guard is likely to be blind to all of them."""
+    return ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
 
 
 @kernel
@@ -235,6 +243,38 @@ def mark_one(m: Memory, k: int) -> int:
 def count_as_rounding(m: Memory, k: int, left: float) -> None:
     """Raise the scale of guard k's rounding so that `left`, if that is positive, is part of it."""
     m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * left / ROUNDING)
+
+
+@kernel_apart
+def remember_parts(p: Problem, m: Memory) -> None:
+    """Measure how large the parts are of which h is the sum, at the guards that flip now.
+
+    On a surface that moves, or far from the origin, they cancel, and what is left is their
+    rounding: of the state by its share in h, along one way, and of time by how fast it moves.
+    """
+    s, g = m.states, m.guards
+    for turn in range(2):
+        for i in range(s.width):
+            s[at.SLOPE, i] = turn * way(i) * s[at.Y, i]
+        guards_of_due(p, m, at.Y, at.SLOPE, at.H, at.RATE)
+        for a in range(m.counts[at.N_DUE]):
+            k = m.lists[at.DUE, a]
+            if turn == 0:
+                g[at.PARTS, k] = g[at.RATE, k]
+            else:
+                moving = g[at.PARTS, k]
+                along = abs(g[at.RATE, k] - moving) / SHARE
+                g[at.PARTS, k] = along + abs(moving * m.clock[at.T])
+                g[at.SIZE, k] = max(g[at.SIZE, k], g[at.PARTS, k])
+
+
+@kernel
+def guards_of_due(p: Problem, m: Memory, y: int, dy: int, h: int, rate: int) -> None:
+    """Evaluate at least the guards in DUE, now."""
+    if p.guards != 0:
+        eval_all(p, m, m.clock[at.T], y, dy, h, rate)
+    else:
+        eval_listed(p, m, at.DUE, m.counts[at.N_DUE], m.clock[at.T], y, dy, h, rate)
 
 
 @kernel

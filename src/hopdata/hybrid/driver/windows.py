@@ -20,12 +20,12 @@ from hopdata.hybrid.driver.problem import (
     eval_guards,
     guards_at_end,
     time_resolution,
+    way,
 )
 from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.watch import facing
 from hopdata.hybrid.layout import Memory
 
-GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
 ERROR_IF_EVEN = 0.05  # of the slope over a step in which ends tell all
 MOVES = 0.02  # of the change over a window: an error up to which the guard moves as its cubic says
@@ -43,12 +43,6 @@ MOST_ROUGH = 2000  # windows in which the rates are not those of the values, twi
 CLEAR, OPEN, DIVIDE = 0, 1, 2
 UNEVEN, EVEN, AFAR = 0, 1, 2
 BY_ENDS, BY_WINDOWS, NONE_NEAR = 0, 1, 2  # what is left to do is told by WATCHED
-
-
-@kernel_in_loop
-def way(i: int) -> float:
-    """Return a rate of component i, such that no guard is likely to be blind to all of them."""
-    return ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
 
 
 @kernel_in_loop
