@@ -256,25 +256,13 @@ def remember_parts(p: Problem, m: Memory) -> None:
     for turn in range(2):
         for i in range(s.width):
             s[at.SLOPE, i] = turn * way(i) * s[at.Y, i]
-        guards_of_due(p, m, at.Y, at.SLOPE, at.H, at.RATE)
+        eval_guards(p, m, m.clock[at.T], at.Y, at.SLOPE, at.H, at.RATE)
         for a in range(m.counts[at.N_DUE]):
             k = m.lists[at.DUE, a]
-            if turn == 0:
-                g[at.PARTS, k] = g[at.RATE, k]
-            else:
-                moving = g[at.PARTS, k]
-                along = abs(g[at.RATE, k] - moving) / SHARE
-                g[at.PARTS, k] = along + abs(moving * m.clock[at.T])
-                g[at.SIZE, k] = max(g[at.SIZE, k], g[at.PARTS, k])
-
-
-@kernel
-def guards_of_due(p: Problem, m: Memory, y: int, dy: int, h: int, rate: int) -> None:
-    """Evaluate at least the guards in DUE, now."""
-    if p.guards != 0:
-        eval_all(p, m, m.clock[at.T], y, dy, h, rate)
-    else:
-        eval_listed(p, m, at.DUE, m.counts[at.N_DUE], m.clock[at.T], y, dy, h, rate)
+            still = g[at.PARTS, k]  # the rate while the state stands still
+            moved = abs(g[at.RATE, k] - still) / SHARE + abs(still * m.clock[at.T])
+            g[at.PARTS, k] = moved if turn == 1 else g[at.RATE, k]
+            g[at.SIZE, k] = max(g[at.SIZE, k], turn * g[at.PARTS, k])
 
 
 @kernel
