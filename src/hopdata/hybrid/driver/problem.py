@@ -252,15 +252,18 @@ def remember_parts(p: Problem, m: Memory) -> None:
     On a surface that moves, or far from the origin, they cancel, and what is left is their
     rounding: of the state by its share in h, along one way, and of time by how fast it moves.
     """
-    s, g = m.states, m.guards
+    s, g, t = m.states, m.guards, m.clock[at.T]
     for turn in range(2):
         for i in range(s.width):
             s[at.SLOPE, i] = turn * way(i) * s[at.Y, i]
-        eval_guards(p, m, m.clock[at.T], at.Y, at.SLOPE, at.H, at.RATE)
+        if p.guards != 0:
+            eval_all(p, m, t, at.Y, at.SLOPE, at.H, at.RATE)
+        else:
+            eval_listed(p, m, at.DUE, m.counts[at.N_DUE], t, at.Y, at.SLOPE, at.H, at.RATE)
         for a in range(m.counts[at.N_DUE]):
             k = m.lists[at.DUE, a]
             still = g[at.PARTS, k]  # the rate while the state stands still
-            moved = abs(g[at.RATE, k] - still) / SHARE + abs(still * m.clock[at.T])
+            moved = abs(g[at.RATE, k] - still) / SHARE + abs(still * t)
             g[at.PARTS, k] = moved if turn == 1 else g[at.RATE, k]
             g[at.SIZE, k] = max(g[at.SIZE, k], turn * g[at.PARTS, k])
 
