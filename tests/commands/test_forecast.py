@@ -52,7 +52,7 @@ def test_few_landings_are_counted_and_more_are_asked_for(check):
     assert re.search(r"will be used, \d+ % of their orders unsure; contacts timed: ", landings)
     assert landings.endswith("toe1 100 %, toe2 100 %, toe3 100 %")
     assert verdict.startswith("out of reach: ")
-    assert "touchdowns with known states and contacts: expected at least 150, found " in verdict
+    assert "expected at least 150 touchdowns with known states and contacts, found " in verdict
     (more,) = starting(lines, "change")
     assert more.startswith("record more: at least 150 landings before anything can be compared")
 

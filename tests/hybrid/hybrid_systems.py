@@ -101,6 +101,29 @@ def table_ball() -> System:
     return System(fall_field, table_guard, rebound_from_table, n_states=2, guard_names=("table",))
 
 
+@field
+def pull_field(t, y, mode, params, dy):
+    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], params[0], -params[0]
+
+
+@guards
+def touch_guard(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - y[1], dy[0] - dy[1]
+
+
+@on_event
+def bump(t, y, mode, params, guard, direction):
+    if direction > 0:
+        mean, half = 0.5 * (y[2] + y[3]), 0.5 * params[1] * (y[2] - y[3])
+        y[2], y[3] = mean - half, mean + half
+    return 0
+
+
+def bumping_pair() -> System:
+    """Two equal bodies that pull each other by params[0], and bump by restitution params[1]."""
+    return System(pull_field, touch_guard, bump, n_states=4, guard_names=("touch",))
+
+
 @guards
 def ceiling_guard(t, y, dy, mode, params, h, hdot):
     h[0] = y[0] - params[1]

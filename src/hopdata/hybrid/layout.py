@@ -92,10 +92,10 @@ METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
 # How many guards stand in each of the lists, how many are known to bend, and which one to report.
 N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
 # Instants, those too near to each other, how often a handler has changed the state, and had before
-# this instant, the instant at which rates along one way were taken, and how often the rates of
-# guards that bend were not those of their values.
-INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH = numbers(6, 18)
-COUNT_SLOTS = 24
+# this instant, the instant at which rates along one way were taken, how often the rates of guards
+# that bend were not those of their values, and whether a guard was back before it could be clear.
+INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
+COUNT_SLOTS = 25
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps

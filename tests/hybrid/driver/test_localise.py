@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from exact import Plate
-from hybrid_systems import table_ball
+from hybrid_systems import bumping_pair, table_ball
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localise as localisation
@@ -247,6 +247,26 @@ def test_a_ball_that_comes_to_rest_on_a_shaking_table_never_falls_through_it(see
         )  # fmt: skip
         statuses.add(ball.status)
         assert (height + size * np.sin(rate * ball.t) - ball.y[0]).max() < 1e-6, ball.message
+    assert statuses == {0, ZENO}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bodies_that_come_to_rest_on_each_other_anywhere_and_on_the_way_are_told(seed):
+    """What pulls them together is small beside where they are and how fast they go."""
+    rng, statuses = np.random.default_rng(seed), set()
+    for _ in range(50):
+        place, speed = rng.choice([0.0, 1.0, 1e3, -1e5]), rng.choice([0.0, 0.3, -20.0])
+        pull, bounce, rtol = (
+            10.0 ** rng.uniform(-1, 1),
+            rng.uniform(0.1, 0.9),
+            10.0 ** rng.uniform(-11, -5),
+        )
+        pair = solve(
+            bumping_pair(), (0.0, 4.0), [place, place + rng.uniform(0.1, 1.0), speed, speed],
+            params=[pull, bounce], rtol=rtol, t_eval=np.linspace(0.0, 4.0, 201),
+        )  # fmt: skip
+        statuses.add(pair.status)
+        assert (pair.y[0] - pair.y[1]).max() < 1e-9 * max(1.0, abs(place)), pair.message
     assert statuses == {0, ZENO}
 
 

@@ -206,7 +206,7 @@ BAD = {
     "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
     "one constant velocity": (lambda: landings(n=900, constant=4), "do not vary in all"),
     "instants of pure noise": (_guessed, "do not foretell in which order"),
-    "one foot": (_one_foot, "feet: expected at least 2, found 1"),
+    "one foot": (_one_foot, "expected at least 2 feet, found 1"),
     "whole steps of time": (_coarse, "do not foretell in which order"),
     "constant outcome": (_still, "an outcome of the landing does not vary"),
     "outcome equal to input": (

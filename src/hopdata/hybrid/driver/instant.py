@@ -28,6 +28,7 @@ from hopdata.hybrid.layout import Memory
 
 FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
+LOW_FLIGHT = 40  # a flight after an impact that rounding hides is as good as so many of a crowd
 DISAGREEMENT = 1e-9  # of the field and its affine form, relative to their terms
 
 
@@ -140,11 +141,13 @@ def too_crowded(m: Memory, resolution: float) -> bool:
     """Count instants that follow each other too closely; tell whether there are too many."""
     n_guards = m.flags.width
     gap = m.clock[at.T] - m.clock[at.INSTANT]
+    low = m.counts[at.LOW] != 0 and m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
+    near = low or gap <= CROWDED * resolution
     if gap > resolution:
         m.counts[at.INSTANTS] += 1
         m.counts[at.JUMPS_BEFORE] = m.counts[at.JUMPS]
-    m.counts[at.CROWD] = m.counts[at.CROWD] + 1 if gap <= CROWDED * resolution else 0
-    m.clock[at.INSTANT] = m.clock[at.T]
+    m.counts[at.CROWD] = m.counts[at.CROWD] + (LOW_FLIGHT if low else 1) if near else 0
+    m.clock[at.INSTANT], m.counts[at.LOW] = m.clock[at.T], 0
     return m.counts[at.CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
 
 

@@ -328,6 +328,7 @@ def crossing(
     if just_left(p, m, dt, k):
         low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * end)
         if low == 0.0:
+            m.counts[at.LOW] = 1
             return back(p, m, dt, k, end) if lock * m.guards[at.RATE0, k] > 0.0 else 0.0
     x, high = guess, end
     for _ in range(MAX_ROOT):

@@ -75,7 +75,7 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     known = "touchdowns with known states and contacts", least_landings(feet), landings
     for what, least, found in (("feet", 2, feet), known):
         if found < least:
-            raise AnalysisError(f"{what}: expected at least {least}, found {found}")
+            raise AnalysisError(f"expected at least {least} {what}, found {found}")
     both = np.hstack([x, y])  # a copy later in a recording differs by rounding
     both = np.round(both / max(np.ptp(both, axis=0).max(), 1e-300), _SAME)
     if repeated := landings - len(np.unique(both, axis=0)):
