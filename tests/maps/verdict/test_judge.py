@@ -192,10 +192,13 @@ def _again():
 
 
 BAD = {
-    "no landing": (lambda: some(landings(n=10), np.arange(0)), "at least 150, found 0"),
-    "one landing": (lambda: landings(n=1), "at least 150, found 1"),
-    "one landing too few": (lambda: landings(n=149), "at least 150, found 149"),
-    "one landing too few, of two feet": (lambda: landings(n=138, feet=2), "139, found 138"),
+    "no landing": (lambda: some(landings(n=10), np.arange(0)), "contacts, found 0."),
+    "one landing": (lambda: landings(n=1), "contacts, found 1."),
+    "one landing too few": (lambda: landings(n=149), "contacts, found 149."),
+    "one landing too few, of two feet": (
+        lambda: landings(n=138, feet=2),
+        "at least 139 touchdowns with known states and contacts, found 138",
+    ),
     "one schedule only": (
         _one_order,
         "two contact orders need 20 touchdowns each: 1 → 2 → 3 has 188",
