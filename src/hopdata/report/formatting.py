@@ -210,7 +210,7 @@ def table_of(
 
 def records(frame: pd.DataFrame | None, most: int | None = None) -> list[dict[Any, Any]]:
     """Return the first rows of a table; of a missing one, none."""
-    return [] if frame is None else frame.head(most or len(frame)).to_dict("records")
+    return [] if frame is None else frame.iloc[:most].to_dict("records")
 
 
 def more(frame: pd.DataFrame | None, most: int, name: str) -> str:

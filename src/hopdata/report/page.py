@@ -260,7 +260,7 @@ def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
     ratio = _ratio(prediction, "all", "specialised")
     remark = "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
     absent = (None, "needs an affine model of each order")
-    return (show.significant(ratio, 3), remark) if ratio else absent
+    return absent if ratio is None else (show.significant(ratio, 3), remark)
 
 
 def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:

@@ -218,9 +218,8 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
         return dt, 0
     for a in range(m.counts[at.N_NEAR]):
         j = m.lists[at.NEAR, a]
-        left = (
-            p.mode[j] * m.guards[at.H0, j] > 0.0
-        )  # until then, what it took for rounding stays so
+        # Until it has left, what it took for rounding stays so.
+        left = p.mode[j] * m.guards[at.H0, j] > 0.0
         size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
         m.guards[at.SIZE, j] = max(size, m.guards[at.PARTS if left else at.SIZE, j])
     resolution = time_resolution(m.clock[at.T], dt)

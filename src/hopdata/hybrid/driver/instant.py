@@ -139,7 +139,6 @@ def refresh(p: Problem, m: Memory) -> int:
 @kernel
 def too_crowded(m: Memory, resolution: float) -> bool:
     """Count instants that follow each other too closely; tell whether there are too many."""
-    n_guards = m.flags.width
     gap = m.clock[at.T] - m.clock[at.INSTANT]
     low = m.counts[at.LOW] != 0 and m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
     near = low or gap <= CROWDED * resolution
@@ -148,7 +147,7 @@ def too_crowded(m: Memory, resolution: float) -> bool:
         m.counts[at.JUMPS_BEFORE] = m.counts[at.JUMPS]
     m.counts[at.CROWD] = m.counts[at.CROWD] + (LOW_FLIGHT if low else 1) if near else 0
     m.clock[at.INSTANT], m.counts[at.LOW] = m.clock[at.T], 0
-    return m.counts[at.CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
+    return m.counts[at.CROWD] > CROWD_BASE + CROWD_PER_GUARD * m.flags.width
 
 
 @kernel

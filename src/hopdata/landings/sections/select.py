@@ -183,9 +183,12 @@ def select_sections(
     # How far above the ground a foot may be and still count as down; a given threshold is one.
     excess = [max(knee - every.height_m, 0.0) for knee in knees]
     decided = {name: "data" if value is None else "config" for name, value in given.items()}
-    first = (np.nan, np.nan, lowest, highest, every.height_m, modes[0], modes[1])
-    how = (threshold_sigmas, tail_fraction, frames, decided)
-    sections = Sections(*first, *how, {}, sum(int(h.seen.sum()) for h in heights), 0)
+    sections = Sections(
+        pre_height_m=np.nan, post_height_m=np.nan, held={}, n_used=0, min_foot_threshold_m=lowest,
+        max_foot_threshold_m=highest, ground_m=every.height_m, min_foot_mode=modes[0],
+        max_foot_mode=modes[1], threshold_sigmas=threshold_sigmas, tail_fraction=tail_fraction,
+        frames=frames, decided=decided, n_frames=sum(int(h.seen.sum()) for h in heights),
+    )  # fmt: skip
     frames_used = sections.pooled(heights)
     if pre_height_m is None or post_height_m is None:
         _require_hopping(frames_used, sections)
