@@ -18,10 +18,12 @@ FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
 
 @pytest.fixture(scope="module")
 def study(sample_path):
-    """Two minutes of the sample, from arrays."""
+    """Two minutes of the sample, from arrays, with names that no simulation gives."""
     whole = read_recording(sample_path).part(slice(12_000))
+    markers = [f"my {name}" for name in whole.markers]
+    roles = {"feet": [f"my {name}" for name in FEET], "body": [f"my {name}" for name in BODY]}
     recording = hd.Recording.from_arrays(
-        whole.time, whole.positions, whole.markers, feet=FEET, body=BODY, name="monday"
+        whole.time, whole.positions, markers, **roles, name="monday"
     )
     told = []
     return hd.analyse(recording, progress=told.append), told
@@ -165,7 +167,7 @@ def test_results_are_shown_in_a_line_and_a_small_table(study):
         assert "array(" not in repr(result)
     for result in shown[:-1]:
         assert len(result._repr_html_()) < 4000
-    assert "<td>foot1</td>" in study.recordings[0]._repr_html_()
+    assert "<td>my foot1</td>" in study.recordings[0]._repr_html_()
 
 
 def test_an_error_is_one_line_in_a_notebook():

@@ -125,7 +125,7 @@ def study(
     if isinstance(source, Recording):
         if feet or body:
             raise RecordingError("feet, body: expected none, since the recording has its roles")
-        given, entry = (source,), {"name": source.name}
+        given, entry = (source,), {"name": source.name, "file": source.source or source.name}
         roles = {"feet": [*source.names("foot")], "body": [*source.names("body")]}
         content = {"study": source.name, "recordings": [entry]}
     elif isinstance(source, Mapping):
@@ -155,7 +155,7 @@ def study(
         key: {**beside.get(key, {}), **one} if isinstance(one, Mapping) else one
         for key, one in given_keys.items()
     }
-    config = load_config({**content, **merged}, files=files)
+    config = load_config({**content, **merged}, files=files, check_files=not given)
     for recording in given:
         check_plausible(recording, **config["quality"])
     return Study(config, given, progress)
@@ -565,13 +565,12 @@ class Study(Shown):
         from hopdata.landings.checks import check_study
 
         config, found = self.config, self._of_landings
-        noise = config["report"]["expected_noise_m"] if self.given else expected_noise_m(config)
         checks = check_study(
             **{name: self.tables[name] for name in ("touchdowns", "markers", "faults")},
             stability=found["section_stability"],
             drift=found["drift"],
             floors={name: floor.to_dict() for name, floor in self.floors.items()},
-            expected_noise_m=noise,
+            expected_noise_m=expected_noise_m(config),
             other_feet=config["sections"]["frames"] == "landings",
         )
         return [check.to_dict() for check in checks]
