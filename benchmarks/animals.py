@@ -9,8 +9,8 @@ largest animal with four, five and eight. `landings` truly have all feet down; `
 excluded; `order_right` is of those used, and `order_right_sure` of those whose order has a
 probability of 0.9 or more. `contact_rms_ms` is the error of the instants about their common bias
 `contact_bias_ms`, and `within_se` the share of them within the stated standard error.
-`velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the vertical one there. Seconds
-are those of the stages floor, sections, touchdowns and pairs, on one thread; `peak_mb` is the most
+`velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the vertical one there. Seconds of
+the processor are those of the stages floor, sections, touchdowns and pairs, on one thread; `peak_mb` is the most
 memory in use beyond what there was before them, and `recording_mb` the size of the positions.
 """
 
@@ -61,12 +61,12 @@ def simulate(feet: int, rate_hz: float, markers: int, hops: int) -> tuple[Record
 
 def stages(recording: Recording) -> tuple[pd.DataFrame, Pairs, Any, dict[str, float]]:
     """Run the stages of the landings; return table, pairs, sections and the seconds of each."""
-    seconds, begin = {}, time.perf_counter()
+    seconds, begin = {}, time.process_time()
 
     def lap(name: str) -> None:
         nonlocal begin
-        seconds[f"{name}_s"] = time.perf_counter() - begin
-        begin = time.perf_counter()
+        seconds[f"{name}_s"] = time.process_time() - begin
+        begin = time.process_time()
 
     flat = level(recording, fit_floor(recording))
     lap("floor")

@@ -66,11 +66,17 @@ BENCHMARK_ARGUMENTS = {
 }
 # Whose tables hold errors, or seconds of the processor: these run beside each other, others alone.
 UNTIMED = {
+    "adaptation",
+    "animals",
     "check_forecast",
+    "contact_instants",
     "foot_strikes",
+    "frame_change_models",
     "guesses",
     "jumps",
+    "maps",
     "order",
+    "pose",
     "recording_faults",
     "velocities",
 }
