@@ -10,9 +10,9 @@ with nothing learned at each of the twelve, and learns at each stance; the one t
 knows 100 hops of the changed hopper, and is the bound. All get the same starts, kicks and noise.
 
 One row a seed, change and controller: how many of the twelve arrived, median hops of the second
-way, and the processor's time for a plan, learning included. `adaptation_return.csv`: by the number of hops since
-the change how far a stance was from where the controller's model had foretold it, median and 90 %
-over all runs that still went on.
+way, and the processor's time for a plan, learning included.
+`adaptation_return.csv`: by the number of hops since the change how far a stance was from where the
+controller's model had foretold it, median and 90 % over all runs that still went on.
 
     python benchmarks/adaptation.py --out loads.csv --loads
 

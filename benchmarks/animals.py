@@ -10,8 +10,9 @@ excluded; `order_right` is of those used, and `order_right_sure` of those whose 
 probability of 0.9 or more. `contact_rms_ms` is the error of the instants about their common bias
 `contact_bias_ms`, and `within_se` the share of them within the stated standard error.
 `velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the vertical one there. Seconds of
-the processor are those of the stages floor, sections, touchdowns and pairs, on one thread; `peak_mb` is the most
-memory in use beyond what there was before them, and `recording_mb` the size of the positions.
+the processor are those of the stages floor, sections, touchdowns and pairs, on one thread;
+`peak_mb` is the most memory in use beyond what there was before them, and `recording_mb` the size
+of the positions.
 """
 
 from __future__ import annotations
