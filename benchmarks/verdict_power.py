@@ -1,7 +1,7 @@
 """Size, power, coverage and the promised detectable difference of the verdict, over whole studies.
 
-    python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--only kappa]
-        [--simulated]
+    python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--first 9100]
+        [--only kappa] [--simulated]
 
 Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
 study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
@@ -15,8 +15,8 @@ study) and not done again; to judge the same studies anew remove its JSON files.
 number of landings; beside it ``verdict_studies.csv``, one row a verdict. `found_share` is the share
 with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound_covers` are those
 whose interval or one-sided bound holds the true difference, and `detectable` is the median size
-that they say is found in 80 %. ``verdict_promise.csv`` says in what share it is found: by a probit
-fit to the studies of each control, for the exact difference and for that which the fit shows.
+that they say is found in 80 %. ``verdict_promise.csv`` says in what share kinks of that size are
+found that are added to C1 landings, along those of a control or against them.
 ``group_power.csv`` is of groups: each subject is 400 or 1,000 landings of a study, drawn with
 replacement from those of one kind; `mixed` takes half of them from C1 and half from a control, and
 `paired` is the difference of the squares between the two as conditions, with the share in which it
@@ -42,20 +42,32 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-import statsmodels.api as sm
 from scipy.signal import butter, sosfiltfilt
-from scipy.stats import norm
-from statsmodels.genmod.families.links import Probit
 from statsmodels.stats.proportion import proportion_confint
 
 from hopdata.hybrid import System, solve_batch
 from hopdata.jobs import whole_file
 from hopdata.landings.states.fits import WINDOWS_S, section_states
+from hopdata.maps.coordinates import kinks
+from hopdata.maps.draws import named_generator
 from hopdata.maps.truth.maps import input_root, marker_motions
 from hopdata.maps.verdict import judge
-from hopdata.maps.verdict.effect import contrasts, relative_size
+from hopdata.maps.verdict.effect import (
+    EffectSize,
+    compared,
+    contrasts,
+    effect_size,
+    relative_size,
+    squared_size,
+)
 from hopdata.maps.verdict.group import GroupVerdict, compare_conditions, judge_group
-from hopdata.maps.verdict.inputs import LEAST_CLASS, contact_orders
+from hopdata.maps.verdict.inputs import (
+    LEAST_CLASS,
+    SectionLandings,
+    contact_orders,
+    section_landings,
+)
+from hopdata.maps.verdict.model import KinkFit, fit_kinks
 from hopdata.scenes.body import N_STATES
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.quadruped import Quadruped
@@ -258,12 +270,14 @@ GROUP_KINDS = (
     *("kappa 0.1", "eps 0.2", "tau 10 ms", "quadruped kappa 0.1"),
 )
 MIXED = ("C1", "kappa 0.1")
+PROMISED = ("kappa 0.1", "eps 0.2", "tau 10 ms")
 OBSERVED = ("before", "after", "instants")
 
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
 FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
 QUADRUPED_SECTIONS = SectionHeights(0.511, 0.2935, np.array(FOUR_MARKERS))
 TWO = HopperParameters(n_legs=2)
+STIFF_TWO = HopperParameters(n_legs=2, stiffness_n_m=135.0, damping_n_s_m=7.2, preload_n=33.0)
 SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, damping_n_s_m=2.4, preload_n=11.0)
 
 
@@ -329,6 +343,7 @@ def swapped(instants: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def kinds() -> dict[str, Kind]:
     """All kinds, by name; those that begin with C1 have no difference."""
     hopper, kicks, seen = HopperParameters(), Kicks(), Kind(moves_as="C1")
+    larger = replace(kicks, angular_velocity_rad_s=0.35)
     quadruped = Kind(scene=Quadruped(), sections=QUADRUPED_SECTIONS)
     same = {
         "C1": Kind(),
@@ -343,10 +358,12 @@ def kinds() -> dict[str, Kind]:
         "C1 at 250 Hz": Kind(rate_hz=250.0),
         "C1 softer legs": Kind(scene=replace(hopper, stiffness_n_m=60.0, preload_n=19.0)),
         "C1 stiffer legs": Kind(scene=replace(hopper, stiffness_n_m=120.0, preload_n=25.0)),
-        "C1 larger kicks": Kind(kicks=replace(kicks, angular_velocity_rad_s=0.35)),
+        "C1 larger kicks": Kind(kicks=larger),
         "C1 uneven preloads": Kind(kicks=replace(kicks, preload_fraction=0.1)),
         "C1 quadruped": quadruped,
         "C1 two feet": Kind(scene=TWO, led_by=hopper),
+        "C1 two feet larger kicks": Kind(scene=TWO, led_by=hopper, kicks=larger),
+        "C1 two stiff feet": Kind(scene=STIFF_TWO, led_by=hopper),  # those of config/biped.yaml
         "C1 six feet": Kind(scene=SIX),
     }
     controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.1, 0.2, 0.4)}
@@ -356,9 +373,10 @@ def kinds() -> dict[str, Kind]:
         f"quadruped kappa {k:g}": replace(quadruped, control=Control(coupling=k))
         for k in (0.1, 0.2)
     }
+    of_feet = "two feet", "two feet larger kicks", "two stiff feet", "six feet"
     coupled |= {
-        f"{name} feet kappa 0.1": replace(same[f"C1 {name} feet"], control=Control(coupling=0.1))
-        for name in ("two", "six")
+        f"{name} kappa {k:g}": replace(same[f"C1 {name}"], control=Control(coupling=k))
+        for name, k in [*product(of_feet[:-1], (0.1, 0.3)), (of_feet[-1], 0.1)]
     }
     weakest = {"kappa 0.05": Kind(control=Control(coupling=0.05), hops=2860)}
     controlled = {name: Kind(control=control) for name, control in controls.items()}
@@ -564,29 +582,45 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def promise(table: pd.DataFrame) -> pd.DataFrame:
-    """One row a control and number of landings: the share found at the size that is promised.
+def promise(seeds: range, folder: Path) -> pd.DataFrame:
+    """One row a control, number of landings and sign: the share found of what is promised.
 
-    Of the differences by exact Jacobians, and by what the fit shows of them with most landings.
+    Kinks as all studies of a control show them together, but as large as `detectable`, are added to
+    C1 landings: as the control's lie (`sign` 1) and the other way round (-1).
     """
-    medians = table.groupby(["condition", "asked"])["detectable"].transform("median")
-    most = table[table["asked"] == table.groupby("condition")["asked"].transform("max")]
-    shown = table["condition"].map(most.groupby("condition")["estimate"].mean())
-    control = table["condition"].str.extract("^(kappa|eps|tau)", expand=False)
-    rows = []
-    for (name, asked), part in table[table["asked"] <= WHOLE].groupby([control, "asked"]):
-        if part["condition"].nunique() < 2:
-            continue  # of one strength the share rises with nothing
-        row = {"control": name, "asked": asked, "studies": len(part)}
-        found = (part["low"] > 0).to_numpy(float)
-        for what, size in (("exact", table["true_effect"]), ("shown", shown)):
-            ratio = np.log(size / medians)[part.index].to_numpy()
-            terms = np.column_stack([np.ones(len(ratio)), ratio])
-            fit = sm.GLM(found, terms, sm.families.Binomial(Probit())).fit()
-            row[f"found_{what}"] = float(fit.predict([[1.0, 0.0]])[0])
-            row[f"needed_{what}"] = float(np.exp((norm.ppf(0.8) - fit.params[0]) / fit.params[1]))
-        rows.append(row)
-    return pd.DataFrame(rows)
+    found = []
+    for name in PROMISED:
+        parts = [simulate(name, seed, folder) for seed in seeds]
+        joined = (np.concatenate([one[key] for one in parts]) for key in OBSERVED)
+        fit = fit_kinks(section_landings(*joined))
+        shown = fit.seen @ fit.coefficients
+        for seed, asked in product(seeds, (FEWEST, FEW, WHOLE)):
+            study = simulate("C1", seed, folder)
+            for first in range(0, max(1, len(study["before"]) - asked + 1), asked):
+                landings = section_landings(*(study[k][first : first + asked] for k in OBSERVED))
+                fit, root, effect = judged_kinks(landings, seed + first)
+                ratio = effect.detectable / np.linalg.norm(root @ (fit.seen.T @ shown).ravel())
+                added = ratio * kinks(landings.expected) @ shown
+                for sign in (1, -1):
+                    outputs = landings.outputs + sign * (added - added.mean(axis=0))
+                    more = judged_kinks(replace(landings, outputs=outputs), seed + first)[2]
+                    found.append(
+                        {"control": name, "asked": asked, "sign": sign, "found": more.low > 0}
+                        | {"detectable": effect.detectable, "shown": more.estimate}
+                    )
+    rows = pd.DataFrame(found).groupby(["control", "asked", "sign"], sort=False)
+    return rows.agg(
+        studies=("found", "size"), detectable=("detectable", "median"), shown=("shown", "mean"),
+        found_share=("found", "mean"),
+    ).reset_index()  # fmt: skip
+
+
+def judged_kinks(landings: SectionLandings, seed: int) -> tuple[KinkFit, np.ndarray, EffectSize]:
+    """Return kinks, the root of their squared size, and what follows from it."""
+    fit = fit_kinks(landings)
+    root = squared_size(fit, landings, *compared(landings)[:2])
+    rng = named_generator(seed, "verdict", "signs")
+    return fit, root, effect_size(fit, root, generator=rng, confidence=0.95, power=0.8, flips=999)
 
 
 def subjects(name: str, seed: int, folder: Path) -> list[dict[str, Any]]:
@@ -658,6 +692,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--studies", type=int, default=40, help="studies of each kind")
+    parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first study")
     parser.add_argument("--only", default="", help="kinds whose name holds this expression")
     parser.add_argument("--simulated", action="store_true", help="judge what is simulated, no more")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
@@ -665,7 +700,7 @@ def main() -> None:
     folder = args.out.parent / "verdict_studies"
     folder.mkdir(parents=True, exist_ok=True)
     names = [name for name in kinds() if re.search(args.only, name)]
-    seeds = range(FIRST_SEED, FIRST_SEED + args.studies)
+    seeds = range(args.first, args.first + args.studies)
     tasks = [(name, seed, folder, args.simulated) for seed, name in product(seeds, names)]
     with ProcessPoolExecutor(args.workers) as pool:
         if not args.simulated:
@@ -696,7 +731,9 @@ def main() -> None:
     )
     beside = args.out.with_name
     table.to_csv(beside("verdict_studies.csv"), index=False, float_format="%.6g")
-    promise(table).to_csv(beside("verdict_promise.csv"), index=False, float_format="%.4g")
+    if {"C1", *PROMISED} <= set(names):
+        promised = promise(seeds, folder)
+        promised.to_csv(beside("verdict_promise.csv"), index=False, float_format="%.4g")
     summary(table).to_csv(args.out, index=False, float_format="%.6g")
     print(summary(table).to_string(index=False))
 

@@ -38,6 +38,16 @@ def test_kinks_are_those_of_least_squares(rng):
     np.testing.assert_allclose(fit.seen @ fit.coefficients, direct(fit.rows), atol=1e-9)
 
 
+@pytest.mark.parametrize(("feet", "taken"), [(2, False), (3, True)])
+def test_fourth_powers_of_the_time_between_two_feet_are_no_kinks(rng, feet, taken):
+    x, y = rng.standard_normal((700, 8)), 0.1 * rng.standard_normal((700, 11))
+    t = x @ rng.standard_normal((8, feet))
+    fourth = (t[:, :1] - t[:, 1:2]) ** 4
+    found = [fit_kinks(_section(t, one, x)) for one in (y, y + fourth * rng.standard_normal(11))]
+    moved = np.abs(found[1].coefficients - found[0].coefficients).max()
+    assert (moved > 0.1) == (moved > 1e-6) == taken
+
+
 def test_scores_are_the_errors_of_the_kinks(rng):
     """Their squares add up to the scatter of the kinks from study to study."""
     found, said = [], []

@@ -2,7 +2,8 @@
 
 y = smooth(x) + sum_k b_k h_k(t(x)) + noise. The kinks h are the latest contacts of sets of feet
 (`hopdata.maps.coordinates`); all b are zero exactly if the map has one derivative. `smooth` are the
-monomials of the inputs up to the third order, by least squares.
+monomials of the inputs up to the third order, by least squares; with two feet, all of whose kinks
+are |d|, d the time between their contacts, d^4 as well.
 
 What a C1 map has besides looks like a kink, the less the nearer the feet come down together: so the
 landings of most contact spread take no part, and kinks as small as `LEFT` are no evidence.
@@ -85,18 +86,18 @@ class _Smooth:
 
     def __init__(self, landings: SectionLandings, rows: NDArray[np.int64], degree: int) -> None:
         self.landings, self.rows = landings, rows
-        self.kinks, self.outputs = kinks(landings.expected[rows]), landings.outputs[rows]
-        self.inputs = _whitened(landings.inputs[rows])
+        t, self.outputs = landings.expected[rows], landings.outputs[rows]
+        self.kinks, self.inputs = kinks(t), _whitened(landings.inputs[rows])
         terms = monomials(self.inputs, tuple(range(1, degree + 1)))
-        self.basis, self.root = np.linalg.qr(np.column_stack([np.ones(len(rows)), terms]))
+        fourth = t[:, : int(t.shape[1] == 2)] ** 4
+        self.basis, self.root = np.linalg.qr(np.column_stack([np.ones(len(rows)), terms, fourth]))
         self.rest = self._without(self.outputs)
         left = np.abs(np.diag(np.linalg.qr(self.rest, mode="r")))
         if not left.min() > _FLAT * np.abs(self.outputs - self.outputs.mean(axis=0)).max():
             raise AnalysisError("an outcome of the landing does not vary, or has no noise at all")
 
     def _without(self, columns: FloatArray) -> FloatArray:
-        rest: FloatArray = columns - self.basis @ (self.basis.T @ columns)
-        return rest
+        return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def seen_kinks(self) -> FloatArray:
         """Return the combinations of kinks, (all, K), that smooth terms do not explain.
