@@ -293,11 +293,12 @@ def test_feet_that_land_once_are_not_sure():
     assert "less than three times" in found.unsure["feet"]
 
 
-def test_of_two_subjects_the_first_is_taken_and_the_other_named():
+@pytest.mark.parametrize("mark", [":", "_"])
+def test_of_two_subjects_the_first_is_taken_and_the_other_named(mark):
     positions = np.concatenate([hopping(3)[1], hopping(3)[1] + np.array([2.0, 1.0, 0.0])], axis=1)
-    names = tuple(f"{who}:{name}" for who in ("cat", "dog") for name in MARKERS)
+    names = tuple(f"{who}{mark}{name}" for who in ("cat", "dog") for name in MARKERS)
     time = np.arange(len(positions)) / 100.0
     found = guess_roles(inspect_recording(RawRecording(names, time, positions, 100.0, "m")))
-    assert found.feet == ("cat:toe1", "cat:toe2", "cat:toe3")
-    assert {name[:4] for name in (*found.body, *found.boom)} == {"cat:"}
+    assert found.feet == tuple(f"cat{mark}toe{k}" for k in (1, 2, 3))
+    assert {name[:4] for name in (*found.body, *found.boom)} == {f"cat{mark}"}
     assert "of cat alone, a study of its own for dog" in found.reasons["body"]

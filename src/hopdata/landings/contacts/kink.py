@@ -226,16 +226,7 @@ def _unpack(
     instant, variance, misfit, dof, before, after, evidence = np.moveaxis(out[..., :7].copy(), 2, 0)
     value = out[:, :, 7 : 7 + size] * units
     se = np.sqrt(np.maximum(out[:, :, 7 + size :], 0.0)) * units
-    return KinkFits(
-        instant,
-        np.sqrt(variance) / units[1],
-        value[:, :, 0],
-        value[:, :, 1],
-        value[:, :, 2:],
-        se[:, :, 2:],
-        misfit,
-        evidence,
-        dof,
-        np.nan_to_num(before).astype(np.int64),
-        np.nan_to_num(after).astype(np.int64),
-    )
+    floor, velocity, law = value[:, :, 0], value[:, :, 1], (value[:, :, 2:], se[:, :, 2:])
+    counts = (np.nan_to_num(frames).astype(np.int64) for frames in (before, after))
+    unit_se = np.sqrt(variance) / units[1]
+    return KinkFits(instant, unit_se, floor, velocity, *law, misfit, evidence, dof, *counts)

@@ -165,6 +165,7 @@ LEAST_STEP_S = 3e-4  # between compliances that are tried, s
 # The likelihood takes the law that was learned for known, and so is too sure of the compliance by
 # this factor; and no foot stops exactly as an exponential, which the other share of it allows for.
 OVERSURE, SHAPE_SHARE = 1.3, 0.03
+MISFIT_HIDES = 2.0  # so many times as long as the foot takes to fall by the misfit
 JUMP_S = 1e-3  # an instant that moves by more than the compliance explains is in a gap, and unsure
 SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
 
@@ -249,7 +250,12 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     instant = feet.fits(near, replace(law, pushes=False), widely=True).instant
     law = learned_law(feet, instant, law, own=gravity == "learned")
     instant = feet.fits(instant, law, widely=True).instant  # of all else one is held at a time
-    return _with_softness(feet, feet.fits(instant, law), law, alike=True)
+    fits, common = _with_softness(feet, feet.fits(instant, law), law, alike=True)
+    # What the law leaves beyond the noise is alike in all landings.
+    left_m = np.sqrt(max(law.noise_m**2 - noise_m**2, 0.0))
+    falls = np.abs(fits.velocity[np.isfinite(fits.instant)])
+    misfit = MISFIT_HIDES * left_m / np.median(falls) if len(falls) else 0.0
+    return fits, np.hypot(common, misfit)
 
 
 def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) -> Softly:
@@ -395,12 +401,11 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     """Learn from the landings with these instants (L, n), s, from weak priors on."""
     instant, weak = some_landings(instant, LEARNING_LANDINGS), law.priors
     for step in range(LEARNING_STEPS):
-        if step == 2:
-            law = _with_stance(feet, some_landings(instant, STANCE_LANDINGS), law)
-            if law.compliance_s > 0:  # what was learned with a hard contact holds it where it is
-                law = replace(law, priors=weak)
+        some = some_landings(instant, STANCE_LANDINGS)
+        if step == 2:  # what was learned with a hard contact would hold it where it is
+            law = replace(_with_stance(feet, some, replace(law, priors=weak)), priors=weak)
         elif step > 2:
-            law = _refined(feet, some_landings(instant, STANCE_LANDINGS), law)
+            law = _refined(feet, some, law)
         fits = feet.fits(instant, law)
         last = step == LEARNING_STEPS - 1
         instant, law = fits.instant, _one_step(fits, law, own=own, sharpen=last)
@@ -433,10 +438,14 @@ def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
     for creeps in (False, True):
         known = []
         for compliance_s in COMPLIANCES_S:  # up to the first that is worse than the last
-            trial = _trial(feet, instant, replace(law, compliance_s=compliance_s, creeps=creeps))
+            trial = replace(law, compliance_s=compliance_s, creeps=creeps)
+            if creeps:
+                learned = _one_step(feet.fits(instant, trial), trial, own=False)
+                trial = replace(trial, priors=learned.priors)
             found = _log_likelihood(feet, instant, trial)
             known.append(float(np.nansum(found)))
-            if _better(found, likelihood):
+            gain = _gain(found, likelihood)
+            if gain.sum() > STANCE_GAIN + TELLING_GAIN_PER_FIT * len(gain):
                 best, likelihood, totals = trial, found, known  # which still grows
             if known[-1] < max(known):
                 break
@@ -459,22 +468,9 @@ def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
     return law
 
 
-def _trial(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
-    """Learn the creep of a law that is to be tried on landings (L, n)."""
-    if not law.creeps:
-        return law
-    return replace(law, priors=_one_step(feet.fits(instant, law), law, own=False).priors)
-
-
 def _log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatArray:
     """Log likelihood of each foot of each landing (L, n), but for a constant."""
     return feet.fits(instant, law).evidence / (-2 * law.noise_m**2)
-
-
-def _better(more: FloatArray, fewer: FloatArray) -> bool:
-    """Whether a law with more parts is clearly likelier than one with fewer."""
-    gain = _gain(more, fewer)
-    return float(gain.sum()) > STANCE_GAIN + TELLING_GAIN_PER_FIT * len(gain)
 
 
 def _gain(more: FloatArray, fewer: FloatArray) -> FloatArray:

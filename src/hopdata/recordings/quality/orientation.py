@@ -409,5 +409,6 @@ def _up(raw: RawRecording, fall: FreeFall) -> Guess:
         return Guess(direction, rest)
     if raw.stated_up:
         return Guess(raw.stated_up, "the file says so; nothing falls freely that would show it")
-    usual = "nothing falls freely and nothing steps on a floor again and again: only usual, as is y"
-    return Guess("z", f"{usual}; input.vertical_axis settles it", is_sure=False, other="y")
+    likely, other = ("y", "z") if direction == "y" else ("z", "y")  # both are usual
+    usual = f"nothing clearly falls or steps on a floor again and again: only usual, as is {other}"
+    return Guess(likely, f"{usual}; input.vertical_axis settles it", is_sure=False, other=other)

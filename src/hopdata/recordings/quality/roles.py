@@ -121,10 +121,8 @@ def guess_roles(inspection: Inspection) -> Roles:
     """
     markers, positions = inspection.markers, inspection.positions
     rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz), _fixed(positions)
-    subjects = list(dict.fromkeys(name.partition(":")[0] for name in markers if ":" in name))
-    others = {
-        m for m, name in enumerate(markers) if name.startswith(tuple(f"{s}:" for s in subjects[1:]))
-    }
+    subjects = _subjects(markers)
+    others = {m for m, name in enumerate(markers) if name.startswith(tuple(subjects[1:]))}
     boom = tuple(
         name
         for m, name in enumerate(markers)
@@ -150,9 +148,8 @@ def guess_roles(inspection: Inspection) -> Roles:
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom} | others
     body, reasons["body"], other_body = _body(inspection, taken)
     if others:
-        reasons["body"] += (
-            f"; of {subjects[0]} alone, a study of its own for {', '.join(subjects[1:])}"
-        )
+        of, *apart = (name[:-1] for name in subjects)
+        reasons["body"] += f"; of {of} alone, a study of its own for {', '.join(apart)}"
     if len(body) < LEAST_BODY:
         problems.append(
             "markers.body: expected three markers or more that keep their distances, found none; "
@@ -170,6 +167,18 @@ def guess_roles(inspection: Inspection) -> Roles:
         unsure["body"] = "parts that bend, in a recording too short to show it"
     told = (reasons, tuple(rivals), tuple(problems), unsure, _joined(sorted(group), inspection))
     return Roles(body_names, feet, boom, home, *told)
+
+
+def _subjects(markers: tuple[str, ...]) -> list[str]:
+    """Return what the names of each subject begin with: `A:`, or `A_` where five go on alike."""
+    named: dict[str, set[str]] = {}
+    for name in markers:
+        first, mark, marker = name.partition("_")
+        named.setdefault(first + mark, set()).add(marker)
+    alike = named and len(set.intersection(*named.values())) >= LEAST_FEET + LEAST_BODY
+    if alike and not any(part.strip("_").lower() in _SIDES for part in named):
+        return list(named)
+    return list(dict.fromkeys(name.partition(":")[0] + ":" for name in markers if ":" in name))
 
 
 def _joined(group: list[int], inspection: Inspection) -> dict[str, list[str]]:
