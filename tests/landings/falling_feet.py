@@ -33,10 +33,11 @@ def falls(
     missing: int = 0,
     compliance_s: float = 0.0,
     creep_m_s: float = 0.0,
+    stands_s: float = np.inf,
 ) -> Falls:
     """Simulate landings with contacts from N(0, 10 ms), or so far apart, in random order.
 
-    `missing` frames about each contact are not seen.
+    `missing` frames about each contact are not seen; a foot leaves the floor after `stands_s`.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(landings * FRAMES) / RATE_HZ
@@ -51,6 +52,7 @@ def falls(
     if compliance_s > 0:
         sunk -= SPEED_M_S * compliance_s * (1 - np.exp(-after / compliance_s))
     height = np.where(s < 0, -SPEED_M_S * s - GRAVITY_M_S2 * s**2 / 2, sunk)
+    height += SPEED_M_S * np.maximum(s - stands_s, 0.0)
     height += rng.normal(0, NOISE_M, height.shape)
     if missing:
         nearest = np.abs(s).argmin(axis=1)[:, None]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from falling_feet import falls
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import ConfigError
@@ -101,6 +102,18 @@ def test_rolling_feet_are_fitted_in_short_windows():
     contacts = found(scene, heights)
     assert contacts.noise_m > 2e-4  # the law does not hold to within the noise
     assert (contacts.status == LANDED).mean() > 0.9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_feet_that_leave_again_within_the_window_are_neither_soft_nor_early(seed):
+    scene = falls(150, seed=seed, stands_s=0.036)
+    contacts = find_contacts(
+        scene.time, scene.heights, scene.transitions, down_height_m=0.02, gravity="learned"
+    )
+    error = contacts.instant - scene.contacts
+    assert (contacts.status == LANDED).mean() > 0.95
+    assert abs(np.nanmedian(error)) < 1.5e-4
+    assert 0.6 < np.mean(np.abs(error) < contacts.se) < 0.8
 
 
 def test_unknown_choices_name_the_nearest(scene):

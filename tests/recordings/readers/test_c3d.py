@@ -202,6 +202,18 @@ def test_a_full_16_bit_count_is_replaced_by_the_size_and_said(tmp_path):
         assert "counted from the size" in remarks[-1]
 
 
+def test_a_block_more_than_the_frames_fill_is_no_contradiction(tmp_path):
+    path = written(tmp_path, raw(n_frames=128))  # of whole blocks
+    path.write_bytes(path.read_bytes() + bytes(512))
+    again = read_c3d(path)
+    assert len(again.time) == 128
+    assert not again.remarks
+    least = 182_640 - 512 // 48  # that leave no more than a block
+    assert counted(path, 182_640, last=least % 65_536)[0] == least
+    with pytest.raises(RecordingError, match="found room for 182640"):
+        counted(path, 182_640, last=(least - 1) % 65_536)
+
+
 def test_any_other_count_that_is_not_the_size_is_refused(tmp_path):
     path = written(tmp_path)
     with pytest.raises(RecordingError, match=r"expected 30000 .* found room for 182611"):

@@ -17,6 +17,7 @@ from hopdata.recording import Recording
 
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
+LEAVES = 8.0  # standard deviations of a height: a foot that rises by more has left again
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
 FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
 DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0  # of the median descent, and of the noise: a foot that is down
@@ -154,8 +155,8 @@ def contacts_of(landings: pd.DataFrame) -> Contacts:
         landings[[name for name in landings if str(name).startswith(kind)]].to_numpy(float)
         for kind in ("contact_", "se_", "status_", "common_")
     )
-    noise_m = float("nan")  # is in the errors already
-    return Contacts(instant, se, status.astype(np.int64), noise_m, common.max(axis=0, initial=0.0))
+    # The noise is in the errors already.
+    return Contacts(instant, se, status.astype(np.int64), np.nan, common.max(axis=0, initial=0.0))
 
 
 def find_contacts(
@@ -221,10 +222,12 @@ def find_contacts(
         status = np.where(landed & np.isnan(instant), descents.MISSING, status)
         return Contacts(instant, se, status, noise_m)
     asked = (window_before_s, window_after_s)
-    feet = kink_law.FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest)
+    seen = time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest
+    feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m)
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
-    if not kink_law.pooled_noise(fits) <= REFUTED * noise_m:
-        feet = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S))
+    stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
+    if not (2 * stands.sum() > stands.size and kink_law.pooled_noise(fits) <= REFUTED * noise_m):
+        feet = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
         fits, common = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
     # From the earliest instant on the foot only comes to stand, and that takes no longer.
@@ -255,13 +258,10 @@ def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: fl
     ratio = np.sqrt(fits.misfit / np.maximum(fits.dof, 1.0)) / noise_m
     poor = (ratio > maximum_misfit) | ~(fits.velocity < 0)
     landed = status == descents.LANDED
-    status = np.where(
-        landed & thin, descents.MISSING, np.where(landed & poor, descents.POOR_FIT, status)
-    )
+    status = np.where(landed & poor, descents.POOR_FIT, status)
+    status = np.where(landed & thin, descents.MISSING, status)
     # A misfit beyond three standard deviations of its chance value is no chance: Birge's ratio.
     chance = 1 + 3 / np.sqrt(2 * np.maximum(fits.dof, 1.0))
     se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
-    seen = status != descents.MISSING
-    return Contacts(
-        np.where(seen, fits.instant, np.nan), np.where(seen, se, np.nan), status, noise_m
-    )
+    instant, se = (np.where(status == descents.MISSING, np.nan, x) for x in (fits.instant, se))
+    return Contacts(instant, se, status, noise_m)

@@ -89,6 +89,7 @@ def kink_fits(
     earlier: FloatArray | None = None,
     compliance_s: float = 0.0,
     creeps: bool = False,
+    leaves_m: float = np.inf,
 ) -> KinkFits:
     """Fit a kink to every foot of every landing.
 
@@ -117,6 +118,9 @@ def kink_fits(
         Time constant in which a contact takes up the foot's velocity, s.
     creeps : bool
         Whether a foot that stands may creep.
+    leaves_m : float
+        A foot that rises by more than this after it has stood has left again, m: what comes then,
+        and the frame before, is left out.
 
     Returns
     -------
@@ -134,16 +138,18 @@ def kink_fits(
     bounds = np.full(len(wanted), -np.inf)
     if earliest is not None:
         bounds = np.minimum((earliest.ravel()[wanted] - centre) / before_s, 0.9 * reach)
-    frame_s = float(np.median(np.diff(time)))
     units = _column_units(n, before_s)
     foot = np.arange(len(wanted))[:, None], columns
     rows = np.full((len(wanted), 7 + 2 * len(units)), np.nan)
+    frame_s = float(np.median(np.diff(time)))
     step_s = max(GRID_FRAMES * frame_s, GRID_S)
     means = (priors.mean / units[2:])[wanted % n][foot]
     weights = ((noise_m / priors.sd * units[2:]) ** 2)[wanted % n][foot]
     for first in range(0, len(wanted), BLOCK):
         part = slice(first, first + BLOCK)
-        times, z = _windows(time, heights, wanted[part] % n, centre[part], *windows_s)
+        seen_s = before_s, windows_s[1] + 2 * frame_s
+        times, z = _windows(time, heights, wanted[part] % n, centre[part], *seen_s)
+        z = _standing(times - centre[part, None], z, windows_s[1], leaves_m)
         fit_all(
             (times - centre[part, None]) / before_s,
             z,
@@ -179,6 +185,17 @@ def _windows(
     return time[frames], np.where(inside, heights[frames, foot[:, None]], np.nan)
 
 
+def _standing(since: FloatArray, z: FloatArray, after_s: float, rise_m: float) -> FloatArray:
+    """Return heights (P, W) with NaN from `after_s` on, and before that once a foot has left again.
+
+    `since` (P, W) is the time of each frame since about the contact, s.
+    """
+    lowest = np.minimum.accumulate(np.where((since > 0) & (z < np.inf), z, np.inf), axis=1)
+    risen = np.cumsum(z > lowest + rise_m, axis=1) > 0
+    risen[:, :-1] |= risen[:, 1:]
+    return np.where(risen | (since >= after_s), np.nan, z)
+
+
 def _other_contacts(
     earlier: FloatArray | None, wanted: IntArray, n: int
 ) -> tuple[FloatArray, IntArray]:
@@ -188,11 +205,9 @@ def _other_contacts(
     """
     foot = wanted % n
     others = np.array([[j for j in range(n) if j != i] for i in range(n)], dtype=np.int64)[foot]
-    if earlier is None:
-        contact = np.full(others.shape, np.inf)
-    else:
-        contact = earlier[(wanted // n)[:, None], others]
-        contact = np.where(np.isnan(contact), np.inf, contact)
+    contact = np.full(others.shape, np.inf)
+    if earlier is not None:
+        contact = np.nan_to_num(earlier[(wanted // n)[:, None], others], nan=np.inf, posinf=np.inf)
     order = np.argsort(contact, axis=1, kind="stable")
     columns = np.zeros((len(wanted), 2 * n), dtype=np.int64)
     columns[:, 1:-1:2], columns[:, 2:-1:2] = 1 + 2 * order, 2 + 2 * order

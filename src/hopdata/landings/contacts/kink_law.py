@@ -143,12 +143,12 @@ def _restricted(value: FloatArray, variance: FloatArray, *, wider: bool) -> Dist
 FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as known
 # Mean and standard deviation of a foot's acceleration before the recording has been asked, m/s^2.
 GRAVITIES = {"learned": (0.0, FLAT_SD), "free": (0.0, FLAT_SD), "known": (-GRAVITY_M_S2, SHARP_SD)}
-WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learned
-WEAK_CREEP_SD = 0.1  # m/s
+# m/s^2, m/s^3, m/s: pushes and creep that are not yet learned.
+WEAK_CHANGE_SD, WEAK_JERK_SD, WEAK_CREEP_SD = 30.0, 500.0, 0.1
 LEARNING_STEPS = 6
 Softly = tuple[KinkFits, FloatArray]  # fits, and the common errors of the feet, s
-LEARNING_LANDINGS = 400  # evenly spaced; more would sharpen no prior that matters
-STANCE_LANDINGS = 120
+# Evenly spaced, of flight and stance; more would sharpen no prior that matters.
+LEARNING_LANDINGS, STANCE_LANDINGS = 400, 120
 COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
 # The log likelihood that a further part of the law must gain: to be beyond chance, and for each
 # fit, since what gains less there moves an instant by little of its standard error.
@@ -200,13 +200,15 @@ class FootHeights:
     """What is fitted: times (N,), s, heights (N, n), m, and the windows about a contact, s.
 
     `earliest` (L, n), s: before it a foot is too high for its contact. A fit that ends there has
-    found no kink, and its error is made that of a contact that is not determined.
+    found no kink, and its error is made that of a contact that is not determined. A foot that rises
+    by more than `leaves_m` after a contact has left again.
     """
 
     time: FloatArray
     heights: FloatArray
     windows_s: tuple[float, float]
     earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    leaves_m: float = np.inf
 
     def search_s(self) -> tuple[float, float]:
         """Half widths of the first and of the later searches for an instant, s."""
@@ -225,7 +227,7 @@ class FootHeights:
             self.time, self.heights, near, priors=law.priors, noise_m=law.noise_m,
             windows_s=self.windows_s, search_s=search_s, earliest=earliest,
             earlier=near if law.pushes else None, compliance_s=law.compliance_s,
-            creeps=law.creeps,
+            creeps=law.creeps, leaves_m=self.leaves_m,
         )  # fmt: skip
         at_bound = fits.instant < earliest + AT_BOUND_S
         unknown = UNDETERMINED_S / law.noise_m

@@ -329,18 +329,17 @@ def count_frames(
     """
     claims = _claims(header, parameters)
     most = available // header.frame_bytes
-    least = max(0, -(-(available - BLOCK + 1) // header.frame_bytes))
-    fitting = [n for n in claims.values() if least <= n <= most and n > 0]
-    if fitting:
-        n = int(fitting[0])
-    elif claims and most and all(_is_full(c) or c == most % 65536 for c in claims.values()):
-        n = most
-    else:
-        raise _wrong_size(header, parameters, claims, (least, most))
-    wrong = {k: c for k, c in claims.items() if c != n and not (n > c and _is_16_bit(c, n))}
+    # Some writers fill up the last block, others a block more where it is full.
+    possible = range(most, max(0, -(-(available - BLOCK) // header.frame_bytes) - 1), -1)
+    fitting = [n for n in claims.values() if n in possible]
+    wrapped = [n for n in possible if all(_is_full(c) or c == n % 65536 for c in claims.values())]
+    if not claims or not (fitting or wrapped):
+        raise _wrong_size(header, parameters, claims, most)
+    n = int((fitting or wrapped)[0])
     remarks = [
         f"{parameters.path}: {name} says {claim:g} frames, the file holds {n}"
-        for name, claim in wrong.items()
+        for name, claim in claims.items()
+        if claim != n and not (n > claim and _is_16_bit(claim, n))
     ]
     if not fitting:
         remarks.append(f"{parameters.path}: {n} frames counted from the size of the file")
@@ -380,13 +379,13 @@ def _is_16_bit(claim: float, n: float) -> bool:
 
 
 def _wrong_size(
-    header: C3dHeader, parameters: Parameters, claims: dict[str, float], fits: tuple[int, int]
+    header: C3dHeader, parameters: Parameters, claims: dict[str, float], most: int
 ) -> RecordingError:
     told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
-    cut = "; was the file cut short?" if all(claim > fits[1] for claim in claims.values()) else ""
+    cut = "; was the file cut short?" if all(claim > most for claim in claims.values()) else ""
     return RecordingError(
         f"{parameters.path}: frames: expected {told} of {header.frame_bytes} bytes each, "
-        f"found room for {fits[1]} after byte {header.data_start}{cut}"
+        f"found room for {most} after byte {header.data_start}{cut}"
     )
 
 
