@@ -405,11 +405,11 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     for step in range(LEARNING_STEPS):
         some = some_landings(instant, STANCE_LANDINGS)
         if step == 2:  # what was learned with a hard contact would hold it where it is
-            law = replace(_with_stance(feet, some, replace(law, priors=weak)), priors=weak)
+            stance = _with_stance(feet, some, replace(law, priors=weak))
+            law = replace(stance, priors=weak if stance.compliance_s > 0 else law.priors)
         elif step > 2:
             law = _refined(feet, some, law)
-        fits = feet.fits(instant, law)
-        last = step == LEARNING_STEPS - 1
+        fits, last = feet.fits(instant, law), step == LEARNING_STEPS - 1
         instant, law = fits.instant, _one_step(fits, law, own=own, sharpen=last)
     some = some_landings(instant, STANCE_LANDINGS)
     law = _refined(feet, some, law)
