@@ -11,7 +11,7 @@ from kinked_landings import landings
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
-from hopdata.maps.verdict.judge import conclude, outlook
+from hopdata.maps.verdict.judge import WIDE_MS, conclude, outlook
 
 OPTIONS = {"seed": 3, "flips": 199}
 
@@ -44,6 +44,16 @@ def test_a_map_with_kinks_is_different_and_the_interval_holds_its_size():
 def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
     sizes = [verdict(landings(strength=s, noise=1e-3)).effect.estimate for s in (0.1, 0.2)]
     assert sizes[1] / sizes[0] == pytest.approx(2.0, rel=0.1)
+
+
+def test_contacts_too_far_apart_for_what_is_allowed_are_noted():
+    data = landings(n=450)
+    near, far = (float(np.std(data.instants - data.instants.mean(axis=1)[:, None])), 0.03)
+    apart = judge(data.before, data.after, data.instants * (far / near), **OPTIONS)
+    assert 1e3 * near < WIDE_MS
+    assert verdict(data).notes == []
+    assert [note["what"] for note in apart.notes] == ["contacts far apart"]
+    assert "rms 30 ms" in apart.notes[0]["reason"]
 
 
 def test_the_answer_follows_from_the_interval_alone():

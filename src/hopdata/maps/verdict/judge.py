@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import Shown, one_blas_thread
+from hopdata.arrays import FloatArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.effect import (
@@ -28,6 +28,7 @@ from hopdata.recording import numbers
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
 #: Difference of which every verdict says how many landings would show it.
 ASKED = 0.2
+WIDE_MS = 18  # rms of contacts about those of their landing: beyond, a C1 map may look different
 
 Notes = list[dict[str, str]]
 
@@ -179,7 +180,7 @@ def judge(
     for key, number in (("margin", margin), ("flips", flips)):
         require(number > 0, key, "a number above 0", number)
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
-    notes = _unknown_notes(known)
+    notes = _limits(known, parts[2][known])
     asked: dict[str, Any] = {
         "n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "confidence": confidence,
         "margin": margin, "power": power, "flips": flips,
@@ -189,18 +190,12 @@ def judge(
         *differences, what = compared(landings)
         fit = fit_kinks(landings)
     except AnalysisError as error:
-        reason = str(error)
-        note = {"what": "verdict", "reason": reason}
-        said = f"These data cannot tell: {reason}."
+        note = {"what": "verdict", "reason": str(error)}
+        said = f"These data cannot tell: {error}."
         return Verdict(CANNOT_TELL, said, "", "", n_window=0, notes=[*notes, note], **asked)
-    effect = effect_size(
-        fit,
-        squared_size(fit, landings, *differences),
-        generator=named_generator(seed, "verdict", "signs"),
-        confidence=confidence,
-        power=power,
-        flips=flips,
-    )
+    size = squared_size(fit, landings, *differences)
+    draw = named_generator(seed, "verdict", "signs")
+    effect = effect_size(fit, size, generator=draw, confidence=confidence, power=power, flips=flips)
     conclusion = conclude(effect, margin)
     needed = landings_needed(asked["n_landings"], effect.detectable, ASKED, asked["n_feet"])
     return Verdict(
@@ -216,14 +211,18 @@ def judge(
     )
 
 
-def _unknown_notes(known: NDArray[np.bool_]) -> Notes:
-    if known.all():
-        return []
-    reason = (
-        f"{int((~known).sum())} of {len(known)} touchdowns used lack a state or the contact "
-        "instant of a foot"
-    )
-    return [{"what": "touchdowns left out of the verdict", "reason": reason}]
+def _limits(known: NDArray[np.bool_], instants: FloatArray) -> Notes:
+    """Return notes on landings that are left out, and on contacts (n, feet), s, too far apart."""
+    notes, unknown = [], int((~known).sum())
+    if unknown:
+        reason = f"{unknown} of {len(known)} used lack a state or the contact instant of a foot"
+        notes.append({"what": "touchdowns left out of the verdict", "reason": reason})
+    apart_ms = 1e3 * (instants - instants.mean(axis=1, keepdims=True))
+    spread_ms = np.sqrt((apart_ms**2).sum() / max(apart_ms.size, 1))
+    if spread_ms > WIDE_MS:
+        reason = f"rms {spread_ms:.0f} ms; beyond {WIDE_MS} ms a C1 body often looks different"
+        notes.append({"what": "contacts far apart", "reason": reason})
+    return notes
 
 
 def _percent(share: float) -> str:
