@@ -92,6 +92,8 @@ def test_feet_whose_soles_give_at_each_landing_are_found(seed):
 
 def test_feet_that_land_together_are_not_one_for_keeping_their_distance():
     assert roles(jumping(1, jumps=2), STYLES["numbers"]).joined == {}
+    legs = [f"{'RL'[4 <= n < 10]}{n}" for n in range(len(STYLES["numbers"]))]
+    assert roles(jumping(1, jumps=2), legs).joined == {}
     assert roles(hopping(1)[1]).joined == {}
 
 

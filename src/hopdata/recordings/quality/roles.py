@@ -185,10 +185,11 @@ def _joined(group: list[int], inspection: Inspection) -> dict[str, list[str]]:
     """Return the feet of several markers: of one side by name, which keep their distance.
 
     Nothing where all are one foot, or each is one. Distances alone do not tell: feet that jump
-    together keep theirs.
+    together keep theirs; nor do sides alone: L1, L2 and L3 are legs.
     """
     names, bend = [inspection.markers[m] for m in group], _bend(group, inspection.pairs)
-    sides, parts = [_side(name) for name in names], list[list[int]]()
+    sides = [_side(name) if part_by_name(name) else "" for name in names]
+    parts: list[list[int]] = []
     for i, side in enumerate(sides):
         home = [p for p in parts if side and side == sides[p[0]] and bend[i, p].min() <= BEND]
         parts = [p for p in parts if p not in home] + [[*(k for p in home for k in p), i]]

@@ -67,23 +67,22 @@ def keypoints(
     positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
     blank_unseen(positions)
     scored = [(m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at]
-    remarks: tuple[str, ...] = ()
+    remarks = []
     if scored:
         places, scores = (list(column) for column in zip(*scored, strict=True))
         sure = values[:, scores] >= least_score
         unsure = ~sure & np.isfinite(positions[:, places, 0])
         positions[:, places] = np.where(sure[..., None], positions[:, places], np.nan)
-        remarks = (
-            f"{path}: {unsure.sum()} of {unsure.size} places have a score below {least_score:g} "
-            "(input.least_score) and count as unseen",
-        )
+        if unsure.any():
+            told = f"{unsure.sum()} of {unsure.size} places have a score below {least_score:g}"
+            remarks = [f"{path}: {told} (input.least_score) and count as unseen"]
     return raw.assembled(
         str(path),
         raw.distinct_names(str(path), names, may_lack=True),
         positions,
         number=np.arange(1.0, len(values) + 1),
         rates_hz=(None, rate_hz),
-        remarks=remarks,
+        remarks=tuple(remarks),
     )
 
 
