@@ -39,7 +39,7 @@ BENCHMARK_TABLES = {
     "adaptation": ["adaptation.csv", "adaptation_return.csv"],
     "live_loop": ["live_loop.csv", "live_faults.csv"],
 }
-# Less than a program does by itself, so that all of them are done within forty minutes on two cores.
+# Less than a program does by itself, so that all of them are done within an hour on two cores.
 BENCHMARK_ARGUMENTS = {
     "adaptation": "--seeds 1",
     "animals": "--hops 60 --rates 100 500",
