@@ -10,6 +10,7 @@ from hopdata.recordings.quality.roles import (
     guess_roles,
     part_by_name,
     place_by_name,
+    subject_prefixes,
 )
 from hopdata.recordings.raw import RawRecording
 
@@ -304,3 +305,13 @@ def test_of_two_subjects_the_first_is_taken_and_the_other_named(mark):
     assert found.feet == tuple(f"cat{mark}toe{k}" for k in (1, 2, 3))
     assert {name[:4] for name in (*found.body, *found.boom)} == {f"cat{mark}"}
     assert "of cat alone, a study of its own for dog" in found.reasons["body"]
+
+
+@pytest.mark.parametrize("begin", [("LF", "RH"), ("front", "hind"), ("R", "L")])
+def test_what_the_names_of_limbs_begin_with_is_no_subject(begin):
+    marked = ["toe", "ankle", "knee", "hip", "shoulder"]
+    assert subject_prefixes(tuple(f"{limb}_{part}" for limb in begin for part in marked)) == []
+    assert subject_prefixes(tuple(f"{rat}_{part}" for rat in "AB" for part in marked)) == [
+        "A_",
+        "B_",
+    ]

@@ -26,6 +26,7 @@ _HEELS = frozenset({"heel", "hee", "calc", "calcaneus", "fcc"})
 _TOES = frozenset({"toe", "toes", "hallux"})
 _NAMES = {"l": "left", "r": "right"}
 _SIDES = (*_NAMES.values(), *_NAMES)
+_LIMB = re.compile("l|r|left|right|[lr][fh]|[fhb][lr]|front|hind|fore|rear|back")
 PARTS = {part: frozenset(words.split()) for part, words in _WORDS.items()}
 
 
@@ -121,7 +122,7 @@ def guess_roles(inspection: Inspection) -> Roles:
     """
     markers, positions = inspection.markers, inspection.positions
     rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz), _fixed(positions)
-    subjects = _subjects(markers)
+    subjects = subject_prefixes(markers)
     others = {m for m, name in enumerate(markers) if name.startswith(tuple(subjects[1:]))}
     boom = tuple(
         name
@@ -169,14 +170,14 @@ def guess_roles(inspection: Inspection) -> Roles:
     return Roles(body_names, feet, boom, home, *told)
 
 
-def _subjects(markers: tuple[str, ...]) -> list[str]:
+def subject_prefixes(markers: tuple[str, ...]) -> list[str]:
     """Return what the names of each subject begin with: `A:`, or `A_` where five go on alike."""
     named: dict[str, set[str]] = {}
     for name in markers:
         first, mark, marker = name.partition("_")
         named.setdefault(first + mark, set()).add(marker)
     alike = named and len(set.intersection(*named.values())) >= LEAST_FEET + LEAST_BODY
-    if alike and not any(part.strip("_").lower() in _SIDES for part in named):
+    if alike and not any(_LIMB.fullmatch(part.strip("_").lower()) for part in named):
         return list(named)
     return list(dict.fromkeys(name.partition(":")[0] + ":" for name in markers if ":" in name))
 
