@@ -150,7 +150,7 @@ def crossings(
     signs[signs == 0] = 1
     events = []
     for i in np.flatnonzero(signs[1:] != signs[:-1]):
-        jumps = t[i] <= after_from < t[i + 1] and at(after_from) * h[i] > 0
+        jumps = t[i] <= after_from < t[i + 1] and at(after_from) * at(after_from + 1e-12) < 0
         instant = (
             after_from
             if jumps
