@@ -190,6 +190,17 @@ def test_centimetres_are_told(folder, capsys):
     assert "centimetres taken for millimetres: export in mm or m" in capsys.readouterr().err
 
 
+def test_frames_that_are_there_twice_are_told_with_the_file(folder, capsys):
+    path = export(folder)
+    *head, last = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*head, last, head[-1], last]))
+    assert main(["init", "monday.tsv"]) == 1
+    told = capsys.readouterr().err
+    assert "monday.tsv: frame " in told
+    assert "if frames are there twice, cut them out of the file" in told
+    assert not (folder / "config").exists()
+
+
 def test_names_that_yaml_would_misread(folder):
     names = ("on", "hip: 2", "3", "toe1", "toe2", "toe3", "no # 1")
     export(folder, names=names)

@@ -177,10 +177,13 @@ READABLE_UNITS = ("mm", "m")
 
 def init(options: argparse.Namespace) -> int:
     """Write a configuration with guessed roles; exit code 1 if something must be filled in."""
+    from hopdata.recordings.plausibility import check_order
+
     out = options.out or Path("config", f"{study_name(options.file.stem)}.yaml")
     if out.exists() and not options.force:
         raise HopdataError(f"{out}: expected no such file yet, found one; --force replaces it")
     inspection = inspected(options)
+    check_order(str(options.file), inspection.time)
     roles = _roles(inspection)
     asked = [
         f"markers.{key}: {', '.join(getattr(roles, key))}, or {other}?"

@@ -81,19 +81,23 @@ def check_time(recording: Recording) -> None:
         raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {rate:g} Hz")
     if len(time) < 2:
         raise RecordingError(f"{place}: expected at least 2 frames, found {len(time)}")
-    steps = np.diff(time)
-    bad = np.flatnonzero(~(steps > 0))
-    if len(bad):
-        i = int(bad[0])
-        raise RecordingError(
-            f"{place}: frame {i + 2}: expected a time after {time[i]:.6g} s, "
-            f"found {time[i + 1]:.6g} s"
-        )
-    step = float(np.median(steps))
+    check_order(place, time)
+    step = float(np.median(np.diff(time)))
     if abs(step * rate - 1) > STEP_TOLERANCE:
         raise RecordingError(
             f"{place}: time stamps: expected {1 / rate:.6g} s from frame to frame "
             f"({rate:g} Hz), found {step:.6g} s ({1 / step:.6g} Hz)"
+        )
+
+
+def check_order(place: str, time: FloatArray) -> None:
+    """Require time stamps (N,), s, each later than the one before."""
+    bad = np.flatnonzero(~(np.diff(time) > 0))
+    if len(bad):
+        i = int(bad[0])
+        raise RecordingError(
+            f"{place}: frame {i + 2}: expected a time after {time[i]:.6g} s, "
+            f"found {time[i + 1]:.6g} s; if frames are there twice, cut them out of the file"
         )
 
 

@@ -471,6 +471,28 @@ def test_a_table_may_spell_its_columns_in_its_own_way(tmp_path, separator):
     np.testing.assert_allclose(raw.positions, ROUNDED, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["table.txt", "table.csv"])
+@pytest.mark.parametrize(
+    ("column", "factor", "told"),
+    [
+        ("Time [s]", 1, ""),
+        ("time (sec)", 1, ""),
+        ("Time", 1000, "time: expected s, at most 0.5 from frame to frame, found 10; if these are"),
+        ("Time (ms)", 1000, r"line 1: expected Frame or Time \(in s\) .*, found 'Time \(ms\)'"),
+    ],
+)
+def test_times_are_in_seconds(tmp_path, name, column, factor, told):
+    title = [column, *(f"{name} {axis}" for name in NAMES for axis in "XYZ")]
+    rows = [row.split("\t", 2)[1:] for row in data_rows(POSITIONS)]
+    rows = [f"{float(time) * factor}\t{rest}" for time, rest in rows]
+    path = write(tmp_path, "\n".join(["\t".join(title), *rows]), name)
+    if told:
+        with pytest.raises(RecordingError, match=told):
+            read_raw(path)
+    else:
+        assert read_raw(path).rate_hz == 100
+
+
 @pytest.mark.parametrize("axes", ["XYZ", "xyz"])
 def test_axes_may_be_small_letters(tmp_path, axes):
     title = ["Time", *(f"{name} {axis}" for name in NAMES for axis in axes)]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hopdata.errors import RecordingError
+from hopdata.recording import SLOWEST_S
 from hopdata.recordings.raw import (
     MOST_UNPACKED_MB,
     RawRecording,
@@ -82,7 +83,7 @@ def read_raw(
     require_file(path)
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
     raw = overrule_rate(str(path), _read(path, rate_hz, **limits), rate_hz)
-    _check_finite(path, raw)
+    _check_numbers(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
     return replace(raw, remarks=raw.remarks + more)
@@ -101,12 +102,18 @@ def _read(path: Path, rate_hz: float | None, **limits: float) -> RawRecording:
     return raw
 
 
-def _check_finite(path: Path, raw: RawRecording) -> None:
-    """Require finite times, and positions that are NaN or such as can be."""
+def _check_numbers(path: Path, raw: RawRecording) -> None:
+    """Require finite times in s, and positions that are NaN or such as can be."""
     if not np.isfinite(raw.time).all():
         frame = int(np.argmin(np.isfinite(raw.time)))
         raise RecordingError(
             f"{path}: frame {frame + 1}: expected a finite time, found {raw.time[frame]}"
+        )
+    step = float(np.median(np.diff(raw.time))) if raw.has_stamps and len(raw.time) > 1 else 0.0
+    if step > SLOWEST_S:
+        raise RecordingError(
+            f"{path}: time: expected s, at most {SLOWEST_S} from frame to frame, found {step:g}; "
+            "if these are ms divide them by 1000, or leave the time out and set input.rate_hz"
         )
     if largest(raw.positions) > LARGEST:
         absurd = np.abs(raw.positions) > LARGEST

@@ -28,6 +28,7 @@ KEYS = (
 )
 _DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
 _SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
+_IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
 COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
@@ -108,8 +109,13 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     is_key = _KEY.fullmatch(fields[0]) and fields[0] not in text.TEXT_TABLE_MISSING
     if is_key or is_column_row(fields):
         return False
+    place = f"{header.path}, line {header.n_lines + 1}"
+    if coordinate_stems(fields[1:4]):
+        raise RecordingError(
+            f"{place}: expected Frame or Time (in s) before the coordinates, found '{first[:40]}'"
+        )
     raise RecordingError(
-        f"{header.path}, line {header.n_lines + 1}: expected a header key or numbers, "
+        f"{place}: expected a header key or numbers, "
         f"found '{first[:40]}'{_no_tabs(first) or did_you_mean(first.upper(), KEYS)}"
     )
 
@@ -132,8 +138,7 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
     if header.columns and _units(fields):
         header.unit = (_units(fields) - _SECONDS).pop()
     elif is_column_row(fields):
-        counters = {name.lower(): name for name in COUNTERS}
-        header.columns = [counters.get(name.lower(), name) for name in text.trimmed(fields)]
+        header.columns = [_counter(name) or name for name in text.trimmed(fields)]
     elif key == "EVENT":
         event, frame = _event(header, fields[1:])
         header.events.append(event)
@@ -168,20 +173,26 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
 
 def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
     """Counters and names of markers of a row of columns; None if the others are no coordinates."""
-    names = {name.lower(): name for name in COUNTERS}
-    counters = [names[f.lower()] for f in fields[: len(COUNTERS)] if f.lower() in names]
+    counters = list(filter(None, map(_counter, fields[: len(COUNTERS)])))
     return counters, coordinate_stems(text.trimmed(fields)[len(counters) :])
 
 
 def is_known(fields: list[str]) -> bool:
     """Tell whether a first row is one of QTM's exports: a key, names of columns or numbers."""
     first = fields[0]
-    return first in KEYS or is_column_row(fields) or text.is_number(text.pointed(first))
+    columns = is_column_row(fields) or coordinate_stems(fields[1:4])
+    return first in KEYS or bool(columns) or text.is_number(text.pointed(first))
 
 
 def is_column_row(fields: list[str]) -> bool:
     """Tell whether a row names counters or coordinates."""
-    return fields[0].title() in COUNTERS or coordinate_stems(fields[:3]) is not None
+    return bool(_counter(fields[0])) or coordinate_stems(fields[:3]) is not None
+
+
+def _counter(column: str) -> str:
+    """Return Frame or Time if a column is that, as ``time`` and ``Time [s]`` are; else nothing."""
+    name = _IN_SECONDS.sub("", column).title()
+    return name if name in COUNTERS else ""
 
 
 def coordinate_stems(columns: list[str]) -> list[str] | None:
