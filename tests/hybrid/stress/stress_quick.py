@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numba import njit
 from scipy.optimize import brentq
-from stress_case import Case, Expected
+from stress_case import EPS, Case, Expected
 
 from hopdata.hybrid import System, affine, field, guards, jacobian, on_event
 
@@ -286,9 +286,12 @@ def quick_member(family: str, rng: np.random.Generator, rtol: float) -> Case:
             off = max(off, *(2 * abs(a[0] - b[0]) for a, b in zip(other[0], events, strict=True)))
         else:
             for t, k, _ in events:
-                if q[k, 0] == POWER:
+                if q[k, 0] == POWER:  # within the rounding of 1, or of its largest value
                     speed = abs(place(params, state, t)[2])
-                    off = max(off, 3.0 * (1e-14) ** (1.0 / q[k, 3]) / speed)
+                    u = place(params, state, np.linspace(0.0, end, 100))[0]
+                    largest = np.abs(u - q[k, 1]).max() ** q[k, 3]
+                    small = max(3.0 ** q[k, 3] * 1e-14, EPS * largest)
+                    off = max(off, small ** (1.0 / q[k, 3]) / speed)
             if off > 0.1:
                 continue
             y_end = end_state(params, state, end, events, locks)
