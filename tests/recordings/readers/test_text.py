@@ -38,6 +38,12 @@ def test_a_delimiter_between_quotes_belongs_to_its_cell(tmp_path):
     assert table.texts("z") == ["3", "4"]
 
 
+def test_quotes_in_a_cell_are_doubled(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text('t,"back ""lower""","5"" pin"\n0.1,1,2\n')
+    assert open_table(path).names == ("t", 'back "lower"', '5" pin')
+
+
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_empty_lines_at_the_end_are_no_rows(tmp_path, end):
     path = tmp_path / "a.csv"

@@ -97,7 +97,7 @@ def fields_of(line: str, mark: str = "\t") -> list[str]:
     if '"' in line:
         with suppress(csv.Error):  # a field of more than 131,072 characters
             fields = next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
-    return [field.strip().strip('"').strip() for field in fields] or [""]
+    return [field.strip() for field in fields] or [""]
 
 
 def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
