@@ -74,7 +74,7 @@ def read(
     from hopdata.recordings.importing import import_recording
 
     if not file or not isinstance(file, str | Path | Sequence):
-        raise ArgumentError(f"file: expected a path or a list of paths, found {file!r}")
+        raise ArgumentError.at("file", "a path or a list of paths", f"{file!r}")
     check_keys("read", {"input": options})
     first = Path(file if isinstance(file, str | Path) else file[0])
     markers = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
@@ -117,7 +117,7 @@ def study(
     from hopdata.recordings.plausibility import check_plausible
 
     if not callable(progress):
-        raise ArgumentError(f"progress: expected a function such as print, found {progress!r}")
+        raise ArgumentError.at("progress", "a function such as print", f"{progress!r}")
     given: tuple[Recording, ...] = ()
     files: list[str | Path] = []
     content: Mapping[str, Any]
@@ -675,7 +675,7 @@ class Study(Shown):
 
 def _place(key: str, path: str | Path) -> Path:
     if not isinstance(path, str | Path):
-        raise ArgumentError(f"{key}: expected a path to write to, found {path!r}")
+        raise ArgumentError.at(key, "a path to write to", f"{path!r}")
     return Path(path)
 
 

@@ -4,7 +4,7 @@ import difflib
 import inspect
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar
 
 Entry = TypeVar("Entry")
 Arguments = ParamSpec("Arguments")
@@ -15,6 +15,11 @@ class HopdataError(Exception):
 
     Its arguments are the lines of the message, whatever characters the names in them have.
     """
+
+    @classmethod
+    def at(cls, place: object, expected: str, found: object) -> Self:
+        """Return the error that names a place, what was expected there and what was found."""
+        return cls(mismatch(place, expected, found))
 
     def __str__(self) -> str:
         return "\n".join(printable(str(line)) for line in self.args)
@@ -59,6 +64,11 @@ class StorageError(HopdataError, OSError):
     """There is no room for a file."""
 
 
+def mismatch(place: object, expected: str, found: object) -> str:
+    """Say what was expected at a place, and what was found: the form of every message."""
+    return f"{place}: expected {expected}, found {found}"
+
+
 def printable(text: str) -> str:
     """Return a text of a user as it can stand in a message: one line, nothing that steers."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
@@ -101,7 +111,7 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
                 near = [did_you_mean(name, names) for name in named if name not in names]
                 wanted = f"the arguments {', '.join(names)}" if names else "no arguments"
                 found = f"{error}{''.join(near)}"
-                raise ArgumentError(f"{title}: expected {wanted}, found {found}") from None
+                raise ArgumentError.at(title, wanted, found) from None
             raise
 
     return called
@@ -110,17 +120,15 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
 def require(holds: bool, key: str, wanted: str, found: object) -> None:
     """Raise a `ConfigError` that names `key` unless what was found is as wanted."""
     if not holds:
-        raise ConfigError(f"{key}: expected {wanted}, found {found}")
+        raise ConfigError.at(key, wanted, found)
 
 
 def require_choice(key: str, value: str, choices: Iterable[str]) -> None:
     """Raise a `ConfigError` that names `key` unless `value` is one of `choices`."""
     choices = tuple(choices)
     if value not in choices:
-        raise ConfigError(
-            f"{key}: expected one of {', '.join(choices)}, found {value!r}"
-            f"{did_you_mean(str(value), choices)}"
-        )
+        near = did_you_mean(str(value), choices)
+        raise ConfigError.at(key, f"one of {', '.join(choices)}", f"{value!r}{near}")
 
 
 def chosen(key: str, name: str, table: Mapping[str, Entry]) -> Entry:

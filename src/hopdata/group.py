@@ -50,7 +50,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
 
     content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # all that a page shows
     if "recordings" in content:
-        raise ConfigError(f"{config}: expected samples or recordings, found both")
+        raise ConfigError.at(config, "samples or recordings", "both")
     file = Path(str(content.pop("samples")))
     members: dict[str, Any] = {}
     for line, row in enumerate(_rows(file), start=2):
@@ -65,7 +65,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
             },
         )
         if not row["subject"]:
-            raise ConfigError(f"{file}, line {line}: subject: expected a name, found nothing")
+            raise ConfigError.at(f"{file}, line {line}: subject", "a name", "nothing")
         recordings = member["config"]["recordings"]
         parts = (row.get("session", ""), row.get("recording", ""))
         recording = "_".join(filter(None, parts)) or f"recording{len(recordings) + 1}"

@@ -82,11 +82,11 @@ class Recording(Shown):
     def __post_init__(self) -> None:
         seen = (len(self.time), len(self.markers))
         if len(self.roles) != seen[1]:
-            raise ArgumentError(f"roles: expected {seen[1]} entries, found {len(self.roles)}")
+            raise ArgumentError.at("roles", f"{seen[1]} entries", len(self.roles))
         for name, shape in (("time", seen[:1]), ("positions", (*seen, 3)), ("filled", seen)):
             array = getattr(self, name)
             if array is not None and (found := getattr(array, "shape", type(array))) != shape:
-                raise ArgumentError(f"{name}: expected an array of shape {shape}, found {found}")
+                raise ArgumentError.at(name, f"an array of shape {shape}", found)
 
     def told(self) -> str:
         """Return name, size and how much of it was seen."""
@@ -117,8 +117,8 @@ class Recording(Shown):
         try:
             from xarray import DataArray
         except ImportError:
-            raise RecordingError(
-                "to_xarray: expected the package xarray, found none: pip install xarray"
+            raise RecordingError.at(
+                "to_xarray", "the package xarray", "none: pip install xarray"
             ) from None
         roles = ("marker", list(self.roles))
         axes: Any = {"time": self.time, "marker": list(self.markers), "axis": list("xyz")}
@@ -178,8 +178,8 @@ class Recording(Shown):
                 f"most {SLOWEST_S} s, found shape {stamps.shape}, {here}"
             )
         if places.shape != wanted:
-            raise RecordingError(
-                f"positions: expected shape {wanted} (frames, markers, 3), found {places.shape}"
+            raise RecordingError.at(
+                "positions", f"shape {wanted} (frames, markers, 3)", places.shape
             )
         marker_names("feet and body", (*of_foot, *of_body))
         for key, chosen in (("feet", of_foot), ("body", of_body)):
@@ -206,7 +206,7 @@ class Recording(Shown):
     def part(self, frames: slice) -> Recording:
         """Return the recording of these frames alone; every second frame has half the rate."""
         if not isinstance(frames, slice) or (frames.step or 1) < 0:
-            raise ArgumentError(f"frames: expected a slice, as slice(0, 1000), found {frames!r}")
+            raise ArgumentError.at("frames", "a slice, as slice(0, 1000)", f"{frames!r}")
         filled = None if self.filled is None else self.filled[frames]
         kept: Any = {"time": self.time[frames], "positions": self.positions[frames]}
         return replace(self, **kept, filled=filled, rate_hz=self.rate_hz / (frames.step or 1))
@@ -239,7 +239,7 @@ def numbers(key: str, values: ArrayLike) -> FloatArray:
         return np.asarray(values, float)
     except (TypeError, ValueError) as error:
         found = str(error).partition(". ")[0]
-        raise ArgumentError(f"{key}: expected an array of numbers, found {found}") from None
+        raise ArgumentError.at(key, "an array of numbers", found) from None
 
 
 def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
@@ -247,9 +247,9 @@ def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
     listed = isinstance(names, Iterable) and not isinstance(names, str)
     found = tuple(names) if listed else ()
     if not listed or not all(isinstance(name, str) for name in found):
-        raise RecordingError(f"{key}: expected a list of marker names, found {names!r}")
+        raise RecordingError.at(key, "a list of marker names", f"{names!r}")
     if len(set(found)) < len(found):
-        raise RecordingError(f"{key}: expected each name once, found {', '.join(found)}")
+        raise RecordingError.at(key, "each name once", ", ".join(found))
     return found
 
 

@@ -116,7 +116,7 @@ def _require_whole(options: argparse.Namespace) -> None:
         raise ConfigError("--boom: expected --host with it; the simulated hopper has its own boom")
     port = "" if options.boom is None else options.boom.rpartition(":")[2]
     if options.boom is not None and not port.isdecimal():
-        raise ConfigError(f"--boom: expected HOST:PORT, found {options.boom!r}")
+        raise ConfigError.at("--boom", "HOST:PORT", f"{options.boom!r}")
 
 
 def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:

@@ -89,7 +89,7 @@ def _run_again(options: argparse.Namespace) -> int:
         return PROBLEM
     old, new = place.parent, copy.parent
     if json.loads((new / place.name).read_text(encoding="utf-8"))["inputs"] != inputs:
-        raise ConfigError(f"{place}: expected the recordings that it names, found other content")
+        raise ConfigError.at(place, "the recordings that it names", "other content")
     names = ["verdict.json", *(f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv")))]
     same, *others = filecmp.cmpfiles(old, new, names, shallow=False)
     print(f"{new}: {len(same)} of {len(names)} files are the same bytes")
@@ -106,7 +106,7 @@ def _values(file: Path, name: str, *keys: str) -> list[Any]:
     except OSError as error:
         raise ConfigError(f"{file}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):
-        raise ConfigError(f"{file}: expected the {name} of a study, found another file") from None
+        raise ConfigError.at(file, f"the {name} of a study", "another file") from None
 
 
 def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE) -> int:
@@ -115,9 +115,7 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     What it says on stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
     """
     if not snakefile.exists():
-        raise ConfigError(
-            f"{snakefile}: expected the workflow, found no file; install hopdata anew"
-        )
+        raise ConfigError.at(snakefile, "the workflow", "no file; install hopdata anew")
     log = Path("results", study, "logs", "run.log")
     # In this order: any number of files may follow --configfile, and a target would be one.
     profile = SNAKEFILE.parent / "profiles" / "default"  # of a group's too
@@ -182,9 +180,7 @@ def _bring(file: Path) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, file)
     elif not filecmp.cmp(source, file, shallow=False):
-        raise ConfigError(
-            f"{file}: expected the bundled one, found another file; go to another folder"
-        )
+        raise ConfigError.at(file, "the bundled one", "another file; go to another folder")
 
 
 DIFFERENCES = (0.13, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
@@ -280,7 +276,7 @@ def clean(options: argparse.Namespace) -> int:
     from hopdata.config.loading import read_yaml
 
     if options.config is None and not options.all:
-        raise ConfigError("hopdata clean: expected a CONFIG, or --all for every study, found none")
+        raise ConfigError.at("hopdata clean", "a CONFIG, or --all for every study", "none")
     if any(Path(".snakemake/locks").glob("*")):
         raise ConfigError(
             ".snakemake/locks: expected no run in this folder, found the lock of one; if none is "
@@ -292,7 +288,7 @@ def clean(options: argparse.Namespace) -> int:
         config = read_yaml(options.config) or {}
         study = str(config.get("study") or "")
         if not study or Path(study).name != study or study.startswith("."):
-            raise ConfigError(f"{options.config}: study: expected a name, found '{study}'")
+            raise ConfigError.at(f"{options.config}: study", "a name", f"'{study}'")
         found = [Path("results", study)]
         record = found[0] / "provenance.json"  # another study may have the same name by mistake
         known = json.loads(record.read_text(encoding="utf-8"))["config"] if record.exists() else {}

@@ -9,13 +9,13 @@ from operator import getitem
 from pathlib import Path
 from typing import Any
 
-from hopdata.errors import ConfigError, did_you_mean
+from hopdata.errors import ConfigError, did_you_mean, mismatch
 from hopdata.scenes import STANDARD
 
 
 def _unknown(key: str, what: str, name: str, known: list[str]) -> str:
     """Say that a name is not among those that are there."""
-    return f"{key}: expected {what} ({', '.join(known)}), found '{name}'{did_you_mean(name, known)}"
+    return mismatch(key, f"{what} ({', '.join(known)})", f"'{name}'{did_you_mean(name, known)}")
 
 
 def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
@@ -24,7 +24,7 @@ def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
     for key, name in places:
         first = seen.setdefault(name, key)
         if first != key:
-            yield f"{key}: expected each {what} once, found '{name}' in {first} as well"
+            yield mismatch(key, f"each {what} once", f"'{name}' in {first} as well")
 
 
 # Mistakes in what a configuration says of external contacts and forces.
@@ -50,7 +50,7 @@ def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
     ):
         columns = list(enumerate(block["columns"]))
         if columns and block["file"] is None:
-            yield f"{key}.file: expected a file beside the columns, found null (nothing)"
+            yield mismatch(f"{key}.file", "a file beside the columns", "null (nothing)")
         yield from _once("column", ((f"{key}.columns[{k}].name", c["name"]) for k, c in columns))
         for k, column in columns:
             for foot in column["feet"] or [column["name"]]:
@@ -140,7 +140,7 @@ def missing_files(config: dict[str, Any]) -> Iterator[str]:
         if file.is_file():
             continue
         found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{nearest_file(file)}"
-        yield f"{key}: expected a file, found {found}"
+        yield mismatch(key, "a file", found)
 
 
 def nearest_file(file: Path) -> str:
@@ -215,10 +215,10 @@ def _left_out(config: dict[str, Any]) -> Iterator[str]:
         for k, entry in enumerate(recording["exclude"]):
             place, begin, end = f"recordings[{i}].exclude[{k}]", entry["from_s"], entry["to_s"]
             if begin is not None and end is not None and not end > begin:
-                yield f"{place}.to_s: expected more than from_s ({begin:g} s), found {end:g} s"
+                yield mismatch(f"{place}.to_s", f"more than from_s ({begin:g} s)", f"{end:g} s")
             others = [key for key in ("from_s", "to_s", "markers") if entry[key] not in (None, [])]
             if entry["landings"] and others:
-                yield f"{place}.landings: expected no other choice beside them, found {others[0]}"
+                yield mismatch(f"{place}.landings", "no other choice beside them", others[0])
             for name in entry["markers"]:
                 if name not in known:
                     yield _unknown(f"{place}.markers", "a marker of body or feet", name, known)
@@ -250,11 +250,11 @@ def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
             if name not in known:
                 yield _unknown(f"feet[{i}].markers", "a marker of markers.feet", name, known)
         if foot["name"] in [*known, *others, *(one["name"] for one in config["feet"][:i])]:
-            yield f"feet[{i}].name: expected a name of its own, found '{foot['name']}'"
+            yield mismatch(f"feet[{i}].name", "a name of its own", f"'{foot['name']}'")
     yield from _once("marker", joined)
     count = len(feet_of(config))
     if not 2 <= count <= MOST_FEET:
-        yield f"markers.feet: expected 2 to {MOST_FEET} feet, found {count}; feet joins markers"
+        yield mismatch("markers.feet", f"2 to {MOST_FEET} feet", f"{count}; feet joins markers")
     simulated = [entry["name"] for entry in config["recordings"] if not files_of(entry)]
     if config["feet"] and simulated:
         yield (
@@ -281,7 +281,7 @@ def _in_order(config: dict[str, Any]) -> Iterator[str]:
         value: Any = reduce(getitem, key.split("."), config)
         limit: Any = reduce(getitem, other.split("."), config)
         if None not in (value, limit) and not (value > limit if side == "more" else value < limit):
-            yield f"{key}: expected {side} than {other} ({limit:g}), found {value:g}"
+            yield mismatch(key, f"{side} than {other} ({limit:g})", f"{value:g}")
 
 
 def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
@@ -324,10 +324,7 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
     for i, recording in enumerate(config["recordings"]):
         given = [key for key, value in recording["simulation"].items() if value is not None]
         if recording["file"] is not None and given:
-            yield (
-                f"recordings[{i}].simulation: expected nothing beside a file, "
-                f"found {', '.join(given)}"
-            )
+            yield mismatch(f"recordings[{i}].simulation", "nothing beside a file", ", ".join(given))
 
 
 def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
@@ -340,7 +337,7 @@ def _braces(config: dict[str, Any]) -> Iterator[str]:
     """Yield files that the workflow cannot name: it takes what stands in braces for a wildcard."""
     for key, name in [*recording_files(config), *external_files(config)]:
         if "{" in name or "}" in name:
-            yield f"{key}: expected a path without braces, found '{name}'; rename the file"
+            yield mismatch(key, "a path without braces", f"'{name}'; rename the file")
 
 
 def _reserved_study(config: dict[str, Any]) -> Iterator[str]:

@@ -92,7 +92,7 @@ def read_yaml(path: str | Path) -> Any:
             + nearest_file(path) * isinstance(error, FileNotFoundError)
         ) from None
     except UnicodeDecodeError:
-        raise ConfigError(f"{path}: expected YAML in UTF-8, found other bytes") from None
+        raise ConfigError.at(path, "YAML in UTF-8", "other bytes") from None
     loader = None
     try:
         loader = _loader()(text)
@@ -200,14 +200,12 @@ def load_config(
     place = ", ".join(map(str, files)) or "configuration"
     if not isinstance(content, Mapping):
         kind = "nothing" if content is None else type(content).__name__
-        raise ConfigError(
-            f"{place}: expected keys with values, such as 'study: name', found {kind}"
-        )
+        raise ConfigError.at(place, "keys with values, such as 'study: name'", kind)
     schema = load_schema(_scene_of(content))
     try:
         config: dict[str, Any] = _with_defaults(content, schema)
     except RecursionError:
-        raise ConfigError(f"{place}: expected a tree of keys, found one within itself") from None
+        raise ConfigError.at(place, "a tree of keys", "one within itself") from None
     _raise_all(place, files, _schema_mistakes(config, schema))
     checks = [*CHECKS, missing_files] if check_files else CHECKS
     _raise_all(place, files, [mistake for check in checks for mistake in check(config)])

@@ -41,7 +41,7 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
 
     times = film["time_s"].drop_duplicates().to_numpy()
     if len(times) < 2:
-        raise AnalysisError(f"film: expected frames of a run, found {len(times)}")
+        raise AnalysisError.at("film", "frames of a run", len(times))
     with style.style_context():
         pictures = _pictures(film, curves[curves["curve"] == "measured"], times)
     each_ms = round(1000 * float(np.diff(times).mean()) / SPEED)

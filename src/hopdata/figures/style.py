@@ -213,7 +213,7 @@ class _Place:
 
     def __init__(self, ax: Any) -> None:
         if not isinstance(ax, Axes | FigureBase):
-            raise ConfigError(f"ax: expected axes or a figure, found a {type(ax).__name__}")
+            raise ConfigError.at("ax", "axes or a figure", f"a {type(ax).__name__}")
         root = ax if isinstance(ax, Figure) else ax.figure
         if isinstance(root, Figure) and root.get_layout_engine() is None:
             root.set_layout_engine("constrained")  # what stands outside the axes needs room
@@ -397,7 +397,7 @@ def save_figure(
     for name in formats:
         require_choice("figures.formats", name, FORMATS)
     if not dpi > 0:
-        raise ConfigError(f"figures.dpi: expected a positive number, found {dpi}")
+        raise ConfigError.at("figures.dpi", "a positive number", dpi)
     base = Path(path)
     targets = tuple(base.with_name(f"{base.name}.{suffix}") for suffix in formats)
     with ExitStack() as whole, style_context(), _laid_out(figure):

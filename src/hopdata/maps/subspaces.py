@@ -195,7 +195,7 @@ def bootstrap_subspaces(
     unknown = np.flatnonzero(~np.isfinite(np.hstack([x, y])).all(axis=1))
     if len(x) < 2 or unknown.size:
         there = f"{unknown.size} others, the first in row {unknown[0]}" if unknown.size else len(x)
-        raise AnalysisError(f"subspaces: expected at least 2 landings, all finite, found {there}")
+        raise AnalysisError.at("subspaces", "at least 2 landings, all finite", there)
     names = np.asarray(schedule, str)
     frame = pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)

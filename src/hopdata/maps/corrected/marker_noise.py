@@ -92,7 +92,7 @@ def marker_noise(states: FloatArray, shape: FloatArray) -> MarkerNoise:
         If there are no landings.
     """
     if not len(states):
-        raise AnalysisError("marker noise: expected at least one landing, found none")
+        raise AnalysisError.at("marker noise", "at least one landing", "none")
     positions, velocities = split_states(states)
     fit = rigid_states(states, shape)
     arms = np.einsum("nij,bj->nbi", fit.rotation, shape)

@@ -45,8 +45,8 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
         if kind == "POS":
             axis = columns["component"][k].lower()
             if axis in places.setdefault(point, {}):
-                raise RecordingError(
-                    f"{channels}, line {k + 2}: expected {axis} of '{point}' once, found it twice"
+                raise RecordingError.at(
+                    f"{channels}, line {k + 2}", f"{axis} of '{point}' once", "it twice"
                 )
             places[point][axis] = k
     points = {name: at for name, at in places.items() if {*"xyz"} <= at.keys()}
@@ -58,9 +58,8 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     at = np.array([[found[axis] for axis in "xyz"] for found in points.values()])
     units = {columns["units"][k] for k in at.ravel()}
     if len(units) > 1:
-        raise RecordingError(
-            f"{channels}: units: expected one unit of all positions, found "
-            f"{', '.join(sorted(units))}"
+        raise RecordingError.at(
+            f"{channels}: units", "one unit of all positions", ", ".join(sorted(units))
         )
     stated = units.pop()
     told = _told(path, "motion")
@@ -73,7 +72,7 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     text.blank_unseen(positions)
     if np.isnan(stamps).any():
         row = int(np.argmax(np.isnan(stamps)))
-        raise RecordingError(f"{path}, line {row + 1}: LATENCY: expected a time, found none")
+        raise RecordingError.at(f"{path}, line {row + 1}: LATENCY", "a time", "none")
     lacking = len(places) - len(points)
     flat = f"{channels}: {lacking} points without three coordinates are left out"
     return raw.assembled(
@@ -102,7 +101,7 @@ def _rate(path: Path, told: dict[str, Any]) -> float | None:
     stated = told.get("SamplingFrequency")
     if stated is None or isinstance(stated, int | float):
         return stated
-    raise RecordingError(f"{path}: SamplingFrequency: expected a number, found '{stated}'")
+    raise RecordingError.at(f"{path}: SamplingFrequency", "a number", f"'{stated}'")
 
 
 def _stated_up(path: Path) -> str:
@@ -132,5 +131,5 @@ def _json(file: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise RecordingError(f"{file}: expected json, found: {error}") from None
     if not isinstance(content, dict):
-        raise RecordingError(f"{file}: expected keys and values, found {type(content).__name__}")
+        raise RecordingError.at(file, "keys and values", type(content).__name__)
     return content

@@ -57,12 +57,11 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     header, parameters, size = open_c3d(path)
     n_points, stated = header.n_points, parameters.number("POINT", "USED")
     if stated is not None and stated % 65536 != n_points:
-        raise RecordingError(
-            f"{parameters.place('POINT', 'USED')}: expected {n_points} as in the header, "
-            f"found {stated:g}"
+        raise RecordingError.at(
+            parameters.place("POINT", "USED"), f"{n_points} as in the header", f"{stated:g}"
         )
     if not n_points:
-        raise RecordingError(f"{path}: expected markers, found none")
+        raise RecordingError.at(path, "markers", "none")
     n_frames, remarks = count_frames(header, parameters, size - header.data_start)
     markers, kept, more = _markers(parameters, n_points)
     numbers = _numbers(path, header, parameters, n_frames)
@@ -102,8 +101,8 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
             f"file (byte {size}), found byte {header.data_start}"
         )
     if not np.isfinite(header.scale) or header.scale == 0:
-        raise RecordingError(
-            f"{path}, byte 12: scale: expected a number other than 0, found {header.scale:g}"
+        raise RecordingError.at(
+            f"{path}, byte 12: scale", "a number other than 0", f"{header.scale:g}"
         )
     return header, parameters, size
 
@@ -135,9 +134,7 @@ def _markers(
     kept = [i for i, label in enumerate(labels) if label not in outputs]
     n_outputs = n_points - len(kept)
     if not kept:
-        raise RecordingError(
-            f"{place}: expected markers, found model outputs only ({listed(labels)})"
-        )
+        raise RecordingError.at(place, "markers", f"model outputs only ({listed(labels)})")
     named, unlabelled = raw.labelled(place, [labels[i] for i in kept])
     kept = [kept[i] for i in named]
     markers, remarks = raw.distinct_names(place, [labels[i] for i in kept], may_lack=True)
@@ -258,7 +255,7 @@ def read_analogs(path: str | Path) -> Analogs:
     header, parameters, size = open_c3d(path)
     n_channels = int(parameters.number("ANALOG", "USED") or 0)
     if not n_channels or not header.n_analog:
-        raise RecordingError(f"{parameters.place('ANALOG', 'USED')}: expected channels, found none")
+        raise RecordingError.at(parameters.place("ANALOG", "USED"), "channels", "none")
     if header.n_analog % n_channels:
         raise RecordingError(
             f"{parameters.place('ANALOG', 'USED')}: expected a divisor of the {header.n_analog} "
@@ -288,8 +285,8 @@ def _per_channel(
     """One number a channel, (C,); the default where the file has none."""
     found = parameters.numbers("ANALOG", name)
     if found and len(found) < n_channels:
-        raise RecordingError(
-            f"{parameters.place('ANALOG', name)}: expected {n_channels} numbers, found {len(found)}"
+        raise RecordingError.at(
+            parameters.place("ANALOG", name), f"{n_channels} numbers", len(found)
         )
     return np.array(found[:n_channels] or [default] * n_channels, dtype=np.float64)
 

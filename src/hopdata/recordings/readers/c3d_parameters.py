@@ -116,9 +116,7 @@ class Parameters:
                 return
             if not isinstance(named[key], kind):
                 told = ("text", "numbers") if kind is list else ("numbers", "text")
-                raise RecordingError(
-                    f"{self.place(group, key)}: expected {told[0]}, found {told[1]}"
-                )
+                raise RecordingError.at(self.place(group, key), told[0], told[1])
             yield named[key]
 
 
@@ -140,14 +138,13 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
         If a record reaches beyond the section.
     """
     if len(section) < 4:
-        raise RecordingError(
-            f"{path}, byte {offset}: expected the parameter section, found the end of the file"
+        raise RecordingError.at(
+            f"{path}, byte {offset}", "the parameter section", "the end of the file"
         )
     processor = PROCESSORS.get(section[3])
     if processor is None:
-        raise RecordingError(
-            f"{path}, byte {offset + 3}: expected the processor type 84, 85 or 86, "
-            f"found {section[3]}"
+        raise RecordingError.at(
+            f"{path}, byte {offset + 3}", "the processor type 84, 85 or 86", section[3]
         )
     parameters = Parameters(path, processor)
     source = _Section(path, section, offset, processor)
@@ -165,8 +162,8 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
             )
     for number, name, value in found:
         if number not in names:
-            raise RecordingError(
-                f"{path}: parameter {name}: expected a group of number {number}, found none"
+            raise RecordingError.at(
+                f"{path}: parameter {name}", f"a group of number {number}", "none"
             )
         parameters.groups.setdefault(names[number], {})[name] = value
     return parameters
@@ -267,17 +264,14 @@ def parameter_start(path: Path, block: bytes) -> int:
         If this is no C3D file.
     """
     if not block:
-        raise RecordingError(f"{path}: expected a C3D file, found an empty file")
+        raise RecordingError.at(path, "a C3D file", "an empty file")
     if len(block) < BLOCK or block[1] != 0x50:
         found = f"{len(block)} bytes" if len(block) < BLOCK else f"{block[1]:#04x}"
-        raise RecordingError(
-            f"{path}, byte 1: expected a C3D file (0x50 in a header of {BLOCK} bytes), "
-            f"found {found}"
+        raise RecordingError.at(
+            f"{path}, byte 1", f"a C3D file (0x50 in a header of {BLOCK} bytes)", found
         )
     if block[0] < 2:
-        raise RecordingError(
-            f"{path}, byte 0: expected the parameters in block 2 or later, found {block[0]}"
-        )
+        raise RecordingError.at(f"{path}, byte 0", "the parameters in block 2 or later", block[0])
     return (block[0] - 1) * BLOCK
 
 

@@ -49,9 +49,7 @@ class _Sheet:
         """Rows below a line, as wide as the first of them."""
         offset = self.offset + sum(map(len, self.lines[: index + 1]))
         if index + 1 >= len(self.rows):
-            raise RecordingError(
-                f"{self.path}: expected rows of numbers after the header, found none"
-            )
+            raise RecordingError.at(self.path, "rows of numbers after the header", "none")
         width = len(self.rows[index + 1])
         return text.Rows(
             self.path, self.n_above + index + 1, offset, width, self.mark, is_section=is_section
@@ -83,7 +81,7 @@ def read_export(
     with text.readable(path) as file:
         lines = list(islice(file, _MOST_HEADER_LINES))
     if any(b"\0" in line for line in lines):
-        raise RecordingError(f"{path}: expected text, found binary data")
+        raise RecordingError.at(path, "text", "binary data")
     mark = text.mark_between([text.decoded(line) for line in lines[:5]])
     sheet = _Sheet(path, lines, mark)
     rows = sheet.rows
@@ -124,7 +122,7 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     axes_at = _row_that(sheet, "Frame, Time (Seconds), X, Y, Z", lambda row: row[0] == "Frame")
     kinds = next((row for row in rows[1:axes_at] if _KINDS & {*row}), [])
     if not kinds:
-        raise RecordingError(f"{path}: expected a row of Marker or Rigid Body, found none")
+        raise RecordingError.at(path, "a row of Marker or Rigid Body", "none")
     names = rows[rows.index(kinds) + 1]
     starts = [
         place
@@ -144,8 +142,8 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     if places is solved and places:
         remarks = (f"{path}: markers are those of the solved bodies, none was exported as seen",)
     if not places:
-        raise RecordingError(
-            f"{path}: expected positions of markers, found none; export them from Motive as well"
+        raise RecordingError.at(
+            path, "positions of markers", "none; export them from Motive as well"
         )
     place = sheet.line(0)
     rate = _stated(place, keys, "Export Frame Rate", "Capture Frame Rate")
@@ -177,7 +175,7 @@ def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     head = sheet.rows
     if len(head) < 5 or head[3][0] not in ("Frame", "Field #"):
         found = ",".join(head[3][:2]) if len(head) > 3 else "the end of the file"
-        raise RecordingError(f"{sheet.line(3)}: expected Frame,Sub Frame, found {found}")
+        raise RecordingError.at(sheet.line(3), "Frame,Sub Frame", found)
     starts = [place for place, axis in enumerate(head[3]) if axis == "X"]
     names = [_at(head[2], place) for place in starts]
     subjects = {name.split(":")[0] for name in names if ":" in name}
@@ -213,13 +211,11 @@ def _recording(
     kept, left_out = raw.labelled(str(path), names)
     starts, names = [starts[i] for i in kept], [names[i] for i in kept]
     if not starts:
-        raise RecordingError(f"{sheet.line(last_header)}: expected markers, found none")
+        raise RecordingError.at(sheet.line(last_header), "markers", "none")
     for place, name in zip(starts, names, strict=True):
         axes = sheet.rows[axes_at][place : place + 3]
         if [axis[-1:].lower() for axis in axes] != list(AXES):
-            raise RecordingError(
-                f"{sheet.line(axes_at)}: expected X, Y, Z of '{name}', found {', '.join(axes)}"
-            )
+            raise RecordingError.at(sheet.line(axes_at), f"X, Y, Z of '{name}'", ", ".join(axes))
     columns = [place + k for place in starts for k in range(3)]
     counted, positions = sheet.below(last_header, is_section=True).markers(counters, columns)
     return raw.assembled(
@@ -241,8 +237,8 @@ def _at(row: Row, place: int) -> str:
 def _row_that(sheet: _Sheet, what: str, is_it: Callable[[Row], bool]) -> int:
     found = next((i for i, row in enumerate(sheet.rows) if is_it(row)), None)
     if found is None:
-        raise RecordingError(
-            f"{sheet.path}: expected a row {what} among the first {_MOST_HEADER_LINES}, found none"
+        raise RecordingError.at(
+            sheet.path, f"a row {what} among the first {_MOST_HEADER_LINES}", "none"
         )
     return found
 

@@ -76,9 +76,8 @@ def read_raw(
     """
     path = Path(path)
     if path.suffix.lower() not in suffixes():
-        raise RecordingError(
-            f"{path}: format: expected a file ending in {', '.join(suffixes())}, "
-            f"found '{path.suffix}'"
+        raise RecordingError.at(
+            f"{path}: format", f"a file ending in {', '.join(suffixes())}", f"'{path.suffix}'"
         )
     require_file(path)
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
@@ -106,9 +105,7 @@ def _check_numbers(path: Path, raw: RawRecording) -> None:
     """Require finite times in s, and positions that are NaN or such as can be."""
     if not np.isfinite(raw.time).all():
         frame = int(np.argmin(np.isfinite(raw.time)))
-        raise RecordingError(
-            f"{path}: frame {frame + 1}: expected a finite time, found {raw.time[frame]}"
-        )
+        raise RecordingError.at(f"{path}: frame {frame + 1}", "a finite time", raw.time[frame])
     step = float(np.median(np.diff(raw.time))) if raw.has_stamps and len(raw.time) > 1 else 0.0
     if step > SLOWEST_S:
         raise RecordingError(

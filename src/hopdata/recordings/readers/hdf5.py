@@ -280,7 +280,7 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
     import h5py
 
     if not Path(path).is_file():
-        raise RecordingError(f"{path}: no such file: expected a recording, found none")
+        raise RecordingError.at(f"{path}: no such file", "a recording", "none")
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as error:

@@ -255,9 +255,7 @@ def read_qtm_mat(
     data = _positions(labelled, inner)
     labels = _labels(labelled, inner)
     if len(labels) != len(data):
-        raise RecordingError(
-            f"{inner}.Labels: expected {len(data)} as in Data, found {len(labels)}"
-        )
+        raise RecordingError.at(f"{inner}.Labels", f"{len(data)} as in Data", len(labels))
     positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
     _check_counts(export, labelled, positions, place)
     blank_unseen(positions)
@@ -280,18 +278,15 @@ def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]
         if isinstance(value, dict) and "Trajectories" in value:
             return name, value
     found = ", ".join(variables) or "none"
-    raise RecordingError(
-        f"{path}: expected a struct with the field Trajectories, found the variables {found}"
-    )
+    raise RecordingError.at(path, "a struct with the field Trajectories", f"the variables {found}")
 
 
 def _field(struct: Any, name: str, place: str) -> Any:
     if not isinstance(struct, dict):
-        raise RecordingError(f"{place}: expected a struct, found {_kind(struct)}")
+        raise RecordingError.at(place, "a struct", _kind(struct))
     if name not in struct:
-        raise RecordingError(
-            f"{place}: expected the field {name}, found {', '.join(struct) or 'none'}"
-            f"{did_you_mean(name, struct)}"
+        raise RecordingError.at(
+            place, f"the field {name}", f"{', '.join(struct) or 'none'}{did_you_mean(name, struct)}"
         )
     return struct[name]
 
@@ -300,12 +295,12 @@ def _positions(labelled: Any, place: str) -> FloatArray:
     """Return ``Data`` as (M, 4, N); MATLAB drops a last axis of length 1."""
     data = _field(labelled, "Data", place)
     if not isinstance(data, np.ndarray) or data.dtype.kind not in "iuf":
-        raise RecordingError(f"{place}.Data: expected numbers, found {_kind(data)}")
+        raise RecordingError.at(f"{place}.Data", "numbers", _kind(data))
     if data.ndim == 2:
         data = data[:, :, None]
     if data.ndim != 3 or data.shape[1] not in (3, 4) or not data.size:
-        raise RecordingError(
-            f"{place}.Data: expected markers x 4 x frames, found {' x '.join(map(str, data.shape))}"
+        raise RecordingError.at(
+            f"{place}.Data", "markers x 4 x frames", " x ".join(map(str, data.shape))
         )
     checked: FloatArray = data
     return checked
@@ -315,7 +310,7 @@ def _labels(labelled: Any, place: str) -> list[str]:
     labels = _field(labelled, "Labels", place)
     labels = [labels] if isinstance(labels, str) else labels
     if not isinstance(labels, list) or not all(isinstance(text, str) for text in labels):
-        raise RecordingError(f"{place}.Labels: expected a cell of texts, found {_kind(labels)}")
+        raise RecordingError.at(f"{place}.Labels", "a cell of texts", _kind(labels))
     return [text.strip(" \0") for text in labels]
 
 
@@ -327,9 +322,7 @@ def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str)
         stated = _number(struct, key, where)
         if stated is not None and stated != found:
             cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
-            raise RecordingError(
-                f"{where}.{key}: expected {stated:g} as stated, found {found}{cut}"
-            )
+            raise RecordingError.at(f"{where}.{key}", f"{stated:g} as stated", f"{found}{cut}")
 
 
 def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
@@ -338,7 +331,7 @@ def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
     if value is None or (isinstance(value, np.ndarray) and not value.size):
         return None
     if not isinstance(value, np.ndarray) or value.size != 1 or not np.isfinite(value).all():
-        raise RecordingError(f"{place}.{name}: expected a number, found {_kind(value)}")
+        raise RecordingError.at(f"{place}.{name}", "a number", _kind(value))
     return float(value.item())
 
 
@@ -352,9 +345,7 @@ def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
     for event in [found] if isinstance(found, dict) else found if isinstance(found, list) else []:
         label, time = _field(event, "Label", place), _number(event, "Time", place)
         if not isinstance(label, str) or time is None:
-            raise RecordingError(
-                f"{place}: expected a Label and a Time each, found {_kind(label)} and {time}"
-            )
+            raise RecordingError.at(place, "a Label and a Time each", f"{_kind(label)} and {time}")
         events.append(Event(label.split("\0")[0].strip(), time))
     return tuple(events)
 

@@ -93,8 +93,8 @@ def read_header(path: Path) -> QtmHeader:
             header.offset += len(line)
             _take(header, fields)
     if not header.offset:
-        raise RecordingError(f"{path}: expected a QTM motion-data export, found an empty file")
-    raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
+        raise RecordingError.at(path, "a QTM motion-data export", "an empty file")
+    raise RecordingError.at(path, "rows of numbers after the header", "none")
 
 
 def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
@@ -165,9 +165,7 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
         if not isfinite(event.time_s + number):
             raise ValueError
     except ValueError:
-        raise RecordingError(
-            f"{place}: EVENT: expected a label, a frame and a time, found {fields}"
-        ) from None
+        raise RecordingError.at(f"{place}: EVENT", "a label, a frame and a time", fields) from None
     return event, number
 
 
@@ -244,9 +242,7 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
         place, names = f"{header.path}, line 1", _numbered_names(header)
     if not names:
         hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
-        raise RecordingError(
-            f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
-        )
+        raise RecordingError.at(header.path, "MARKER_NAMES or a column row", f"neither{hint}")
     stated = header.number("NO_OF_MARKERS")
     remarks: tuple[str, ...] = ()
     if stated not in (None, len(names)):
@@ -258,7 +254,7 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
         remarks = (f"{told}; the columns are those of {len(names)} markers",)
     for stem, name in zip(stems or (), names, strict=False):
         if stem != name:
-            raise RecordingError(f"{here}: columns: expected '{name} X', found '{stem} X'")
+            raise RecordingError.at(f"{here}: columns", f"'{name} X'", f"'{stem} X'")
     spare = width - 3 * len(names) - len(counters)
     if stems is None:
         counters = [*COUNTERS] if spare >= len(COUNTERS) else []
@@ -382,7 +378,7 @@ def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
     """Frame rate by the header, Hz; None if it tells none. With an external trigger, the given."""
     near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
     if near and "FREQUENCY" not in header.values:
-        raise RecordingError(f"{header.path}: header: expected the key FREQUENCY, found none{near}")
+        raise RecordingError.at(f"{header.path}: header", "the key FREQUENCY", f"none{near}")
     if _is_triggered(header):
         return raw.resolve_rate(header.place("FREQUENCY"), stated=None, given=given_hz)
     return header.number("FREQUENCY")

@@ -66,7 +66,7 @@ def require_file(path: Path) -> None:
     near = f"; there is no folder {path.parent}"
     if path.parent.is_dir():
         near = did_you_mean(path.name, [p.name for p in path.parent.iterdir()])
-    raise RecordingError(f"{path}: expected a file, found none{near}")
+    raise RecordingError.at(path, "a file", f"none{near}")
 
 
 def decoded(data: bytes) -> str:
@@ -109,7 +109,7 @@ def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
         If the line holds binary data.
     """
     if b"\0" in line:
-        raise RecordingError(f"{path}: expected text, found binary data")
+        raise RecordingError.at(path, "text", "binary data")
     if mark == "\t":
         return [field.strip() for field in decoded(line).split(mark)]
     return fields_of(decoded(line), mark)
@@ -209,7 +209,7 @@ class Rows:
             that is too short or too long.
         """
         if (most := 1 + max(map(max, filter(len, columns)))) > self.width:
-            raise RecordingError(f"{self.line(0)}: expected {most} columns, found {self.width}")
+            raise RecordingError.at(self.line(0), f"{most} columns", self.width)
         with readable(self.path) as file:
             n_lines = self._count(file)
             tables = tuple(np.empty((n_lines, len(of))) for of in columns)
@@ -225,9 +225,7 @@ class Rows:
         while n and len(columns[0]) and np.isnan(tables[0][n - 1]).all():
             n -= 1
         if not n and not self.may_be_short:
-            raise RecordingError(
-                f"{self.path}: expected rows of numbers after the header, found none"
-            )
+            raise RecordingError.at(self.path, "rows of numbers after the header", "none")
         return tuple(table[:n] for table in tables)
 
     def markers(
@@ -246,8 +244,8 @@ class Rows:
         bad = np.argwhere(np.isnan(counted))
         if len(bad):
             row, column = bad[0]
-            raise RecordingError(
-                f"{self.line(row)}: {counters[column]}: expected a number, found a missing value"
+            raise RecordingError.at(
+                f"{self.line(row)}: {counters[column]}", "a number", "a missing value"
             )
         positions = flat.reshape(len(flat), -1, 3)
         blank_unseen(positions)
@@ -308,9 +306,7 @@ class Rows:
         fields = [f.replace(self.mark, HELD) for f in fields_of(line.decode("latin-1"), self.mark)]
         if len(fields) > self.width or (len(fields) < self.width and not self.may_be_short):
             cut = CUT if is_last else ""
-            raise RecordingError(
-                f"{place}: expected {self.width} columns, found {len(fields)}{cut}"
-            )
+            raise RecordingError.at(place, f"{self.width} columns", f"{len(fields)}{cut}")
         fields += [""] * (self.width - len(fields))
         return (self.mark.join(fields) + "\n").encode("latin-1")
 
@@ -343,7 +339,7 @@ class Rows:
                     raise RecordingError(
                         f"{self.path}, line {number + k}, column {c + 1}: {fault}{cut}"
                     )
-        raise RecordingError(f"{self.path}: expected rows of {self.width} numbers, found {cause}")
+        raise RecordingError.at(self.path, f"rows of {self.width} numbers", cause)
 
 
 def blank_unseen(positions: FloatArray) -> None:
@@ -425,7 +421,7 @@ def open_table(path: str | Path) -> ColumnTable:
     with readable(path) as file:
         while is_storage and not above.lower().rstrip().endswith(b"endheader"):
             if not (line := file.readline()):
-                raise RecordingError(f"{path}: expected a line endheader, found none")
+                raise RecordingError.at(path, "a line endheader", "none")
             above += line
         first, second = file.readline(), file.readline()
     marks = MARKS + " " * is_storage

@@ -83,9 +83,9 @@ def _read_header(path: Path) -> _Header:
             first = next(iter(file), b"")
     if not lines or re.split(r"[\s,;]", lines[0][0])[0].lower() != "pathfiletype":
         found = f"'{lines[0][0][:40]}'" if lines else "an empty file"
-        raise RecordingError(f"{path}, line 1: expected PathFileType, found {found}")
+        raise RecordingError.at(f"{path}, line 1", "PathFileType", found)
     if not first:
-        raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
+        raise RecordingError.at(path, "rows of numbers after the header", "none")
     values, unknown = _values(path, lines[1], lines[2])
     n_axes = _count_axes(path, lines[4])
     names = _names(path, lines[3], n_axes)
@@ -139,7 +139,7 @@ def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
     """Marker names, each in the first of its three columns, or all there in whatever columns."""
     place = f"{path}, line 4"
     if not (len(fields) > 1 and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))):
-        raise RecordingError(f"{place}: expected {' and '.join(COUNTERS)}, found {fields[:2]}")
+        raise RecordingError.at(place, " and ".join(COUNTERS), fields[:2])
     cells = text.trimmed(fields[2:])
     if len(cells) == n_axes and all(cells[k] == cells[k - k % 3] for k in range(n_axes)):
         cells = [name if k % 3 == 0 else "" for k, name in enumerate(cells)]  # each name thrice
@@ -148,15 +148,14 @@ def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
     if astray is None:
         names = cells[::3]
     elif 3 * len(names) != n_axes:
-        raise RecordingError(
-            f"{place}, column {astray + 3}: expected nothing, found '{cells[astray][:40]}'"
+        raise RecordingError.at(
+            f"{place}, column {astray + 3}", "nothing", f"'{cells[astray][:40]}'"
         )
     if not names:
-        raise RecordingError(f"{place}: expected marker names, found none")
+        raise RecordingError.at(place, "marker names", "none")
     if 3 * len(names) > n_axes:
-        raise RecordingError(
-            f"{path}, line 5: expected {3 * len(names)} axes (X, Y, Z of {len(names)} markers), "
-            f"found {n_axes}"
+        raise RecordingError.at(
+            f"{path}, line 5", f"{3 * len(names)} axes (X, Y, Z of {len(names)} markers)", n_axes
         )
     return names
 
@@ -167,9 +166,7 @@ def _count_axes(path: Path, fields: list[str]) -> int:
     for i, have in enumerate(found):
         want = f"{'XYZ'[i % 3]}{i // 3 + 1}"  # some count from 0, go on after a gap or not at all
         if not re.fullmatch(rf"{want[0]}\d*", have.upper()):
-            raise RecordingError(f"{path}, line 5: expected '{want}', found '{have[:40]}'")
+            raise RecordingError.at(f"{path}, line 5", f"'{want}'", f"'{have[:40]}'")
     if len(found) % 3:
-        raise RecordingError(
-            f"{path}, line 5: expected X, Y, Z of each marker, found {found[-1]} last"
-        )
+        raise RecordingError.at(f"{path}, line 5", "X, Y, Z of each marker", f"{found[-1]} last")
     return len(found)
