@@ -16,8 +16,13 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import Shown, one_blas_thread, pd
+from hopdata.config import consistency
+from hopdata.config.loading import check_keys, load_config, read_yaml
 from hopdata.errors import AnalysisError, ArgumentError, RecordingError, absent, told_call
+from hopdata.figures.catalogue import FIGURES, function_of, tables_of
+from hopdata.jobs import as_stored, stacked, whole_file, write_json, write_table
 from hopdata.recording import Recording, Truth, marker_names, numbers, require_distinct
+from hopdata.recordings.readers import hdf5
 
 if TYPE_CHECKING:
     from hopdata.landings.sections.select import Sections
@@ -70,7 +75,6 @@ def read(
     >>> read("data/sample/hopper.h5", feet=feet, body=body)
     <Recording 'hopper': 6 markers, 106,334 frames at 100 Hz, 100 % seen>
     """
-    from hopdata.config.loading import check_keys
     from hopdata.recordings.importing import import_recording
 
     if not file or not isinstance(file, str | Path | Sequence):
@@ -113,7 +117,6 @@ def study(
     **keys: Any,
 ) -> Study:
     """Prepare a study, to be gone through step by step; arguments and errors of `analyse`."""
-    from hopdata.config.loading import check_keys, load_config, read_yaml
     from hopdata.recordings.plausibility import check_plausible
 
     if not callable(progress):
@@ -231,7 +234,6 @@ def synthesize(
     >>> truth.contact_times.shape  # of each landing and foot
     (5, 4)
     """
-    from hopdata.config.loading import load_config
     from hopdata.synthesis import simulate_recording
 
     options = keys.get("simulation") or {}
@@ -243,10 +245,11 @@ def synthesize(
 
 
 def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recording, Truth]:
-    from hopdata.config.consistency import simulation_of
 
     name, seed = config["recordings"][number]["name"], (config["seed"], number)
-    return simulate(simulation_of(config, name), config["motion_capture"], seed=seed, name=name)
+    return simulate(
+        consistency.simulation_of(config, name), config["motion_capture"], seed=seed, name=name
+    )
 
 
 @told_call
@@ -360,18 +363,16 @@ class Study(Shown):
         return found
 
     def _import(self, number: int, entry: Contents) -> Recording:
-        from hopdata.config.consistency import files_of
         from hopdata.recordings.importing import import_recording
 
         config, name = self.config, entry["name"]
         with TemporaryDirectory() as folder:
-            files: list[str] = files_of(entry)
+            files: list[str] = consistency.files_of(entry)
             if simulated := not files:
-                from hopdata.recordings.readers.hdf5 import write_recording
                 from hopdata.synthesis import simulate_recording
 
                 files = [f"{folder}/{name}.h5"]
-                write_recording(files[0], *_simulated(config, number, simulate_recording))
+                hdf5.write_recording(files[0], *_simulated(config, number, simulate_recording))
             options = {"exclude": entry["exclude"], **config["input"]}
             recording, _ = import_recording(files, name=name, markers=config["markers"], **options)
         return replace(recording, source=f"simulated/{name}.h5") if simulated else recording
@@ -386,31 +387,27 @@ class Study(Shown):
     @cached_property
     def recordings(self) -> list[Recording]:
         """Recordings on a level floor, with short gaps filled where that can be done."""
-        from hopdata.config.consistency import fills
         from hopdata.landings.contacts.joined import join_feet
         from hopdata.landings.filling import fill_gaps
         from hopdata.landings.floor import level
-        from hopdata.recordings.readers.hdf5 import as_stored
 
         found = []
         for recording in self.imported:
             self.progress(f"levelling {recording.name}")
             ready = level(recording, self.floors[recording.name])
             ready = join_feet(ready, self.config["feet"])
-            if fills(self.config):
+            if consistency.fills(self.config):
                 ready = fill_gaps(ready, longest_s=self.config["filling"]["longest_s"])
-            found.append(as_stored(ready))
+            found.append(hdf5.as_stored(ready))
         require_distinct(found)
         return found
 
     @cached_property
     def contacts(self) -> dict[str, pd.DataFrame]:
         """Descents of the body, and when each foot touched in them: a table a recording."""
-        from hopdata.config.consistency import contact_options
-        from hopdata.jobs import as_stored
         from hopdata.landings.contacts.find import find_landings
 
-        options, found = contact_options(self.config), {}
+        options, found = consistency.contact_options(self.config), {}
         for recording in self.recordings:
             self.progress(f"contacts of {recording.name}")
             found[recording.name] = as_stored(find_landings(recording, **options))
@@ -436,7 +433,6 @@ class Study(Shown):
     @cached_property
     def candidates(self) -> pd.DataFrame:
         """Touchdowns before it is known which of them have a state at both sections."""
-        from hopdata.jobs import as_stored, stacked
         from hopdata.landings.touchdowns import touchdown_tables
 
         config, heights = self.config, self._heights
@@ -450,7 +446,6 @@ class Study(Shown):
     @cached_property
     def _landings(self) -> tuple[pd.DataFrame, Pairs, Contents]:
         """Touchdowns, pairs and units: a touchdown without a state is excluded."""
-        from hopdata.jobs import as_stored
         from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
         from hopdata.maps.units import choose_units
 
@@ -525,11 +520,10 @@ class Study(Shown):
         from hopdata.landings.contacts.velocity_minimum import example_touchdown
         from hopdata.landings.sections.select import section_densities, section_frames
         from hopdata.recordings.quality.inspection import recording_tables
-        from hopdata.recordings.readers.hdf5 import as_stored
 
         recordings, sections, touchdowns = self.recordings, self.sections, self.touchdowns
         self.progress("quality")
-        inspected = recording_tables(as_stored(one) for one in self.imported)
+        inspected = recording_tables(hdf5.as_stored(one) for one in self.imported)
         return {
             "markers": inspected["markers"],
             "gap_times": inspected["gaps"],
@@ -549,8 +543,6 @@ class Study(Shown):
     @cached_property
     def tables(self) -> dict[str, pd.DataFrame]:
         """All tables by their names in the folder ``tables`` of the workflow's results."""
-        from hopdata.jobs import as_stored
-
         found = {**self._of_landings, **self._of_maps[0]}
         return {"touchdowns": self.touchdowns} | {k: as_stored(v) for k, v in found.items()}
 
@@ -561,7 +553,6 @@ class Study(Shown):
 
     @cached_property
     def _checks(self) -> list[Contents]:
-        from hopdata.config.consistency import expected_noise_m
         from hopdata.landings.checks import check_study
 
         config, found = self.config, self._of_landings
@@ -570,7 +561,7 @@ class Study(Shown):
             stability=found["section_stability"],
             drift=found["drift"],
             floors={name: floor.to_dict() for name, floor in self.floors.items()},
-            expected_noise_m=expected_noise_m(config),
+            expected_noise_m=consistency.expected_noise_m(config),
             other_feet=config["sections"]["frames"] == "landings",
         )
         return [check.to_dict() for check in checks]
@@ -582,8 +573,6 @@ class Study(Shown):
 
     def _content(self, file: str) -> Any:
         """Return what the workflow's file of this path would hold."""
-        from hopdata.jobs import as_stored
-
         name = Path(file).stem
         if name in ("touchdowns", "units"):  # without all the other stages
             return getattr(self, name)
@@ -609,7 +598,6 @@ class Study(Shown):
             The page.
         """
         from hopdata.figures.style import save_figure
-        from hopdata.jobs import whole_file
         from hopdata.landings.filling import filled_table
         from hopdata.provenance import provenance
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
@@ -660,7 +648,6 @@ class Study(Shown):
             The folder.
         """
         from hopdata.figures.style import save_figure
-        from hopdata.jobs import write_json, write_table
 
         base = _place("folder", folder)
         write_json(base / "verdict.json", self.verdict.to_dict())
@@ -692,8 +679,6 @@ class Figures:
     @property
     def names(self) -> dict[str, str]:
         """Names of the functions, and those of the figures in the workflow's results."""
-        from hopdata.figures.catalogue import FIGURES
-
         drawings = FIGURES["landings"] | FIGURES["maps"]
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 
@@ -704,7 +689,6 @@ class Figures:
         return f"<figures of study '{self.of.config['study']}': {', '.join(self.names)}>"
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        from hopdata.figures.catalogue import function_of, tables_of
 
         if name.startswith("_") or name not in self.names:
             raise absent("study.figures", name, self.names)

@@ -1,4 +1,4 @@
-"""Types of arrays, pandas, one thread of BLAS, and the one constant of nature that rooms share."""
+"""Types of arrays, pandas and h5py, one thread of BLAS, and the one constant that rooms share."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,18 +13,25 @@ from numpy.typing import NDArray
 from hopdata.errors import Told
 
 if TYPE_CHECKING:
+    import h5py
     import pandas as pd
 else:
 
-    class _Pandas:
-        """Stands for pandas, which is slow to load, and is loaded by those alone who use it."""
+    class _Late:
+        """Stands for a module that is slow to load, and is loaded by those alone who use it."""
+
+        def __init__(self, module: str) -> None:
+            self.module = module
 
         def __getattr__(self, name: str) -> Any:
-            return getattr(import_module("pandas"), name)
+            return getattr(import_module(self.module), name)
 
-    pd = _Pandas()
+    h5py, pd = _Late("h5py"), _Late("pandas")
 
-__all__ = ["GRAVITY_M_S2", "BoolArray", "FloatArray", "IntArray", "Shown", "one_blas_thread", "pd"]
+__all__ = [  # noqa: PLE0604
+    *("GRAVITY_M_S2", "BoolArray", "FloatArray", "IntArray", "Shown"),
+    *("h5py", "one_blas_thread", "pd"),
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

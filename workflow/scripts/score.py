@@ -4,7 +4,6 @@ from pathlib import Path
 
 from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
 from hopdata.landings.floor_surface import FloorModel
-from hopdata.maps.truth.scoring import known_recording
 from hopdata.maps.truth.scoring import score
 from hopdata.recordings.readers.hdf5 import read_truth
 
@@ -12,17 +11,13 @@ with reported(snakemake.log[0]):
     source = snakemake.input
     truths = dict(zip(snakemake.params.recordings, map(read_truth, source.recordings), strict=True))
     floors = [FloorModel.from_dict(read_json(path)) for path in source.floors]
-    known = {
-        name: known_recording(truth, floor)
-        for (name, truth), floor in zip(truths.items(), floors, strict=True)
-        if truth is not None
-    }
     tables = {
         method: read_tables(source[f"{method}_{name}"] for name in truths)
         for method in snakemake.params.methods
     }
     entries = score(
-        known,
+        {name: truth for name, truth in truths.items() if truth is not None},
+        floors=dict(zip(truths, floors, strict=True)),
         feet=snakemake.params.markers["feet"],
         tables=tables,
         sections=read_json(source.sections),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hopdata import __version__
+from hopdata.arrays import pd
 from hopdata.commands import terminal
 from hopdata.errors import RecordingError, counted
 from hopdata.report.formatting import Table
@@ -133,8 +134,6 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
 
 def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tuple[float, ...]]:
     """Draw the picture as SVG, and say between which shares of its width its time axis runs."""
-    import pandas as pd
-
     from hopdata.figures.catalogue import FORMATS
     from hopdata.figures.quality import recording_gaps_figure
     from hopdata.figures.style import style_context

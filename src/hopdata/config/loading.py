@@ -8,6 +8,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from hopdata.config.consistency import CHECKS, missing_files, nearest_file
 from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
@@ -42,8 +44,6 @@ def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
 
 def key_lines(file: str | Path) -> dict[str, int]:
     """Return the line, from 1, of each key and entry of a YAML file, by its dotted path."""
-    import yaml
-
     try:
         root = yaml.compose(Path(file).read_text(encoding="utf-8"), yaml.SafeLoader)
     except (OSError, ValueError, RecursionError, yaml.YAMLError):
@@ -52,8 +52,6 @@ def key_lines(file: str | Path) -> dict[str, int]:
 
 
 def _lines(node: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], int]]:
-    import yaml
-
     if len(path) > MOST_DEPTH:
         return
     if isinstance(node, yaml.MappingNode):
@@ -81,8 +79,6 @@ def read_yaml(path: str | Path) -> Any:
         If the file cannot be read, is not YAML, names a key twice, or has aliases that would
         unfold to more than `MOST_ENTRIES`.
     """
-    import yaml
-
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -142,7 +138,6 @@ def _hint(problem: str | None, character: str) -> str:
 @lru_cache(maxsize=1)
 def _loader() -> Any:
     """Build the safe loader, which by itself lets the last of two equal keys win."""
-    import yaml
 
     class StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
@@ -241,14 +236,10 @@ def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
         return [_with_defaults(v, schema.get("items", {})) for v in value]
     if isinstance(value, str) and "number" in schema.get("type", ()) and _POWER.fullmatch(value):
         value = float(value)  # YAML 1.1 takes 1e-3 for text, 1.0e-3 for a number
-    if isinstance(value, float) and value.is_integer() and _is_whole(schema):
+    is_whole = "integer" in schema.get("type", ()) and "number" not in schema.get("type", ())
+    if isinstance(value, float) and value.is_integer() and is_whole:
         return int(value)  # the schema takes 1000.0 for a whole number, Python does not
     return value
-
-
-def _is_whole(schema: dict[str, Any]) -> bool:
-    """Whether numbers of this key are whole."""
-    return "integer" in schema.get("type", ()) and "number" not in schema.get("type", ())
 
 
 def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str]:

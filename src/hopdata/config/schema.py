@@ -13,6 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import yaml
+
 from hopdata.errors import did_you_mean
 from hopdata.scenes import SCENES, STANDARD, scene_class
 
@@ -34,8 +36,6 @@ _BOUNDS = {
 @cache
 def load_schema(scene: str = STANDARD) -> dict[str, Any]:
     """Return the JSON schema of the configuration with the keys of a scene; do not change it."""
-    import yaml
-
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     schema: dict[str, Any] = yaml.load(SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader)
     _take_choices(schema)
@@ -210,13 +210,8 @@ def hint(value: Any, schema: dict[str, Any]) -> str:
         return _of_list(value, schema)
     if {"number", "integer"} & set(kinds):
         return _of_number(value, schema)
-    return _of_text(value) if "string" in kinds else ""
-
-
-def _of_text(value: Any) -> str:
-    """Put quotes around a name that YAML reads as something else."""
-    told = isinstance(value, str | list | dict) or value is None  # it is no slip of YAML's
-    return "" if told else "; put it in quotes, as it is to be read"
+    is_slip = not isinstance(value, str | list | dict) and value is not None  # of YAML's
+    return "; put it in quotes, as it is to be read" if is_slip and "string" in kinds else ""
 
 
 def _of_choice(value: Any, choices: list[str]) -> str:

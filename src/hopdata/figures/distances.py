@@ -123,8 +123,8 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
         upper, lower = rows[0, column], rows[1, column]
         _draw_study(upper, lower, distances, summary)
         upper.set_title(f"{name}\nverdict: {in_short(verdict)}", loc="left")
-        style.letter(upper, "abcdef"[column])
     for axes in rows[:, 1:].ravel():
         axes.set_ylabel("")
+    style.letters(rows[0])
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure

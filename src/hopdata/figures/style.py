@@ -24,7 +24,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from hopdata.errors import ConfigError, chosen, require_choice
+from hopdata.errors import ConfigError, chosen, require, require_choice
 from hopdata.figures.catalogue import FORMATS, function_of
 from hopdata.jobs import read_json, read_table, whole_file
 
@@ -346,17 +346,10 @@ def foot_line(number: int) -> dict[str, Any]:
 
 
 def letters(panels: Iterable[Axes]) -> None:
-    """Write a, b, c ... at the upper left of each panel in turn."""
+    """Write a bold a, b, c ... at the upper left of each panel in turn, outside the axes."""
+    look: Any = {"xycoords": "axes fraction", "ha": "right", "va": "bottom", "fontweight": "bold"}
     for axes, text in zip(panels, "abcdefghijklmnopqrstuvwxyz", strict=False):
-        letter(axes, text)
-
-
-def letter(axes: Axes, text: str) -> None:
-    """Write a bold panel letter at the upper left, outside the axes."""
-    axes.annotate(
-        text, xy=(0, 1), xycoords="axes fraction", xytext=(-4, 4), textcoords="offset points",
-        ha="right", va="bottom", fontweight="bold", fontsize=pt(8),
-    )  # fmt: skip
+        note(axes, text, (0, 1), (-4, 4), fontsize=8, **look)
 
 
 # Figures to files: the same data give the same bytes, and all formats are written or none.
@@ -396,8 +389,7 @@ def save_figure(
     """
     for name in formats:
         require_choice("figures.formats", name, FORMATS)
-    if not dpi > 0:
-        raise ConfigError.at("figures.dpi", "a positive number", dpi)
+    require(dpi > 0, "figures.dpi", "a positive number", dpi)
     base = Path(path)
     targets = tuple(base.with_name(f"{base.name}.{suffix}") for suffix in formats)
     with ExitStack() as whole, style_context(), _laid_out(figure):

@@ -93,8 +93,7 @@ def _draw_row(
     _draw_size(left, verdict, top)
     _draw_landings(right, verdict["conclusion"], touchdowns)
     figure.supxlabel(_said(verdict, 90), fontsize=style.pt(7))
-    style.letter(left, "a")
-    style.letter(right, "b")
+    style.letters((left, right))
     return left
 
 

@@ -46,10 +46,8 @@ def significant(value: Any, digits: int = 3) -> str:
     if is_missing(value):
         return MISSING
     number = float(value)
-    if number == int(number) and abs(number) < 10**15:
-        return count(int(number))
-    if abs(number) >= 10**digits:
-        return count(round(number))
+    if (number == int(number) and abs(number) < 10**15) or abs(number) >= 10**digits:
+        return count(number)
     if abs(number) < 1e-4:
         return _power_of_ten(number, digits)
     return f"{number:.{digits}g}".replace("-", MINUS)
@@ -62,22 +60,16 @@ def _power_of_ten(number: float, digits: int) -> str:
 
 
 def fixed(value: Any, decimals: int) -> str:
-    """Format with this many decimals, so that a column lines up; a dash if it is missing."""
+    """Format with this many decimals, thousands apart from 10 000 on; a dash if it is missing."""
     if is_missing(value):
         return MISSING
-    return _apart(f"{float(value):,.{decimals}f}", float(value))
-
-
-def _apart(text: str, value: float) -> str:
     separator = NARROW_SPACE if abs(value) >= 10_000 else ""
-    return text.replace(",", separator).replace("-", MINUS)
+    return f"{float(value):,.{decimals}f}".replace(",", separator).replace("-", MINUS)
 
 
 def count(value: Any) -> str:
-    """Format a whole number, with its thousands set apart from 10 000 on."""
-    if is_missing(value):
-        return MISSING
-    return _apart(f"{int(value):,d}", int(value))
+    """Format a whole number."""
+    return fixed(value, 0)
 
 
 def with_unit(text: str, unit: str) -> str:

@@ -141,34 +141,6 @@ EXPERIMENT_FIGURES = (
 )
 
 
-def steering_content(inputs: SteeringInputs) -> dict[str, Any]:
-    """Make tables and pictures ready to print.
-
-    Raises
-    ------
-    ConfigError
-        If a caption names a fact that does not exist.
-    """
-    facts = steering_facts(inputs)
-    pictures: dict[str, list[Picture]] = {"experiments": [], "model": []}
-    for figure in inputs.figures:
-        place = "experiments" if figure.name in EXPERIMENT_FIGURES else "model"
-        pictures[place].append(picture_of(figure, facts))
-    return {
-        "highlights": _highlights(inputs),
-        "pictures": pictures,
-        "tables": {
-            "outcomes": outcomes_table(inputs.outcomes),
-            "horizons": horizons_table(inputs.horizons),
-            "observed": observed_table(inputs.counts),
-            "left_out": left_out_table(inputs.counts),
-            "model": model_table(inputs.scores),
-            "truth": result_tables.truth_table(inputs.truth),
-        },
-        "notes": inputs.notes,
-    }
-
-
 def build_steering_report(inputs: SteeringInputs) -> str:
     """Build the page of the steering: a complete HTML document that loads nothing.
 
@@ -177,12 +149,26 @@ def build_steering_report(inputs: SteeringInputs) -> str:
     ConfigError
         If a caption names a fact that does not exist.
     """
-    record = inputs.provenance or {}
+    record, facts = inputs.provenance or {}, steering_facts(inputs)
+    pictures: dict[str, list[Picture]] = {"experiments": [], "model": []}
+    for figure in inputs.figures:
+        place = "experiments" if figure.name in EXPERIMENT_FIGURES else "model"
+        pictures[place].append(picture_of(figure, facts))
     return rendered(
         "steering.html.j2",
         study=inputs.study,
-        steering=steering_content(inputs),
-        tables=result_tables.record_tables(record),
+        highlights=_highlights(inputs),
+        pictures=pictures,
+        tables={
+            "outcomes": outcomes_table(inputs.outcomes),
+            "horizons": horizons_table(inputs.horizons),
+            "observed": observed_table(inputs.counts),
+            "left_out": left_out_table(inputs.counts),
+            "model": model_table(inputs.scores),
+            "truth": result_tables.truth_table(inputs.truth),
+            **result_tables.record_tables(record),
+        },
+        notes=inputs.notes,
         config=as_yaml(record.get("config")),
     )
 

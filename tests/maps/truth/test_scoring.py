@@ -1,4 +1,6 @@
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -6,7 +8,6 @@ import pytest
 
 from hopdata.landings.schedules import schedule_names
 from hopdata.maps.truth.scoring import (
-    KnownRecording,
     score,
     score_contacts,
     score_distances,
@@ -14,6 +15,7 @@ from hopdata.maps.truth.scoring import (
     score_predictions,
     score_sections,
 )
+from hopdata.recording import Truth
 
 FEET = ("a", "b", "c")
 
@@ -25,7 +27,31 @@ def known(rng, landings=200):
     # Each foot leaves the floor at its own height between 0.3 and 0.5 m.
     down = height[:, None] < np.array([0.3, 0.4, 0.5])
     floor = 0.003 * rng.normal(size=(landings, 3))
-    return KnownRecording(contacts, np.ones(landings, bool), down, height, floor, floor + 0.001)
+    return truth_of(contacts, down, height, floor)
+
+
+def truth_of(contacts, down, height, floor=None):
+    """Truth of a recording whose feet touch at the places (number of the landing, of the foot)."""
+    number = len(contacts)
+    points = np.stack(np.indices(contacts.shape), axis=-1).astype(float)
+    return Truth(
+        contact_times=contacts,
+        apex_times=np.zeros(number),
+        complete=np.ones(number, bool),
+        foot_down=down,
+        body_height=height,
+        contact_points=points,
+        floor_at_contacts=np.zeros_like(contacts) if floor is None else floor,
+        apex_states=np.zeros((number, 12)),
+        preloads_n=np.ones_like(contacts),
+        noise_m=0.0,
+        parameters_json="{}",
+    )
+
+
+def fitted(heights):
+    """Floor model with these heights at the places of `truth_of`."""
+    return SimpleNamespace(height=lambda x, y: heights[x.astype(int), y.astype(int)])
 
 
 def touchdowns(item, found, name="hopper"):
@@ -134,7 +160,7 @@ def test_sections_of_landings_alone_and_those_given():
     height = 0.4 + 0.2 * np.cos(phase)
     rising = np.sin(phase) < 0
     down = np.repeat((height < np.where(rising, 0.5, 0.3))[:, None], 2, axis=1)
-    item = KnownRecording(np.zeros((0, 2)), np.zeros(0, bool), down, height)
+    item = truth_of(np.zeros((0, 2)), down, height)
     everywhere = values(score_sections({"hopper": item}, sections(0.3, 0.3)))
     landing = values(score_sections({"hopper": item}, sections(0.3, 0.3, frames="landings")))
     assert everywhere["section_pre_true"] == pytest.approx(0.5, abs=1e-3)
@@ -146,19 +172,17 @@ def test_sections_of_landings_alone_and_those_given():
 def test_floor_residual_ignores_the_mean_of_each_recording():
     rng = np.random.default_rng(7)
     item = known(rng, landings=3000)
-    rough = KnownRecording(
-        item.contact_times,
-        item.complete,
-        item.foot_down,
-        item.body_height,
-        item.floor_at_contacts,
-        item.floor_at_contacts + 0.005 + 0.001 * rng.normal(size=(3000, 3)),
-    )
+    true = item.floor_at_contacts
+    floors = {
+        "even": fitted(true + 0.001),
+        "rough": fitted(true + 0.005 + 0.001 * rng.normal(size=(3000, 3))),
+    }
+    even = values(score_floor({"even": item}, floors))["floor_residual_rms"]
+    assert even == pytest.approx(0, abs=1e-12)
+    rough = replace(item, floor_at_contacts=true.copy())
     rough.floor_at_contacts[4, 1] = np.nan
-    assert values(score_floor({"even": item}))["floor_residual_rms"] == pytest.approx(0, abs=1e-12)
-    both = values(score_floor({"even": item, "rough": rough}))["floor_residual_rms"]
+    both = values(score_floor({"even": item, "rough": rough}, floors))["floor_residual_rms"]
     assert both == pytest.approx(1 / np.sqrt(2), rel=0.03)
-    assert score_floor({}) == {}
 
 
 @pytest.mark.parametrize(("far", "ordered"), [(4.0, True), (2.9, False)])
@@ -189,6 +213,7 @@ def test_the_whole_score_is_json_with_units():
     none = table.assign(excluded=True, reason="no contact found")
     entries = score(
         {"hopper": item},
+        floors={"hopper": fitted(item.floor_at_contacts)},
         feet=FEET,
         tables={"kink": table, "printed": none},
         sections=sections(0.5, 0.3),

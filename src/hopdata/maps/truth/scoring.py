@@ -7,7 +7,6 @@ Everything here compares what the pipeline found with what the simulator knew. E
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,40 +66,6 @@ def _mean_instant(instants: FloatArray) -> FloatArray:
     return np.divide(total, count, out=np.full(len(instants), np.nan), where=count > 0)
 
 
-@dataclass(frozen=True)
-class KnownRecording:
-    """What is known of one synthetic recording with L landings, N frames and n feet.
-
-    Attributes
-    ----------
-    contact_times
-        (L, n) true contact instants in s, NaN where a foot did not touch.
-    complete
-        (L,) whether all feet came to stand together.
-    foot_down
-        (N, n) whether each foot truly stands, per frame.
-    body_height
-        (N,) true mean height of the body markers above the floor, m.
-    floor_at_contacts, floor_model
-        (L, n) true floor heights at the contact points and those of the fitted model, m; None
-        where no model was fitted.
-    """
-
-    contact_times: FloatArray
-    complete: NDArray[np.bool_]
-    foot_down: NDArray[np.bool_]
-    body_height: FloatArray
-    floor_at_contacts: FloatArray | None = None
-    floor_model: FloatArray | None = None
-
-
-def known_recording(truth: Truth, floor: FloorModel) -> KnownRecording:
-    """Join the truth of a recording and the floor that was fitted to it."""
-    found = floor.height(truth.contact_points[..., 0], truth.contact_points[..., 1])
-    same = ("contact_times", "complete", "foot_down", "body_height", "floor_at_contacts")
-    return KnownRecording(**{name: getattr(truth, name) for name in same}, floor_model=found)
-
-
 # Entries on contacts: unit, and what each is.
 _OF_CONTACTS = {
     "labels_right": ("1", "Share of right mode schedules among the touchdowns used"),
@@ -114,7 +79,7 @@ _OF_CONTACTS = {
 
 
 def score_contacts(
-    known: Mapping[str, KnownRecording], table: pd.DataFrame, *, feet: Sequence[str], method: str
+    known: Mapping[str, Truth], table: pd.DataFrame, *, feet: Sequence[str], method: str
 ) -> Entries:
     """Score the mode schedules and contact instants of one method.
 
@@ -155,7 +120,7 @@ def score_contacts(
     }
 
 
-def score_sections(known: Mapping[str, KnownRecording], sections: Mapping[str, Any]) -> Entries:
+def score_sections(known: Mapping[str, Truth], sections: Mapping[str, Any]) -> Entries:
     """Compare the sections with those that the true foot states give by the same rule.
 
     Parameters
@@ -179,7 +144,7 @@ def score_sections(known: Mapping[str, KnownRecording], sections: Mapping[str, A
     return entries
 
 
-def _true_frames(item: KnownRecording, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
+def _true_frames(item: Truth, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Body height and foot states of the frames that the section rule looks at."""
     keep = np.isfinite(item.body_height)
     n_down = item.foot_down.sum(axis=1)
@@ -190,29 +155,27 @@ def _true_frames(item: KnownRecording, frames: str) -> tuple[FloatArray, BoolArr
     return item.body_height[keep], all_up[keep], all_down[keep]
 
 
-def score_floor(known: Mapping[str, KnownRecording]) -> Entries:
+def score_floor(known: Mapping[str, Truth], floors: Mapping[str, FloorModel]) -> Entries:
     """Compare the floor models with the floor, each after its mean difference is removed."""
     differences = []
-    for item in known.values():
-        if item.floor_at_contacts is not None and item.floor_model is not None:
-            difference = item.floor_model - item.floor_at_contacts
-            difference = difference[np.isfinite(difference)]
-            differences.append(difference - mean(difference))
-    if not differences:
-        return {}
+    for name, item in known.items():
+        x, y = np.moveaxis(item.contact_points, -1, 0)
+        difference = floors[name].height(x, y) - item.floor_at_contacts
+        difference = difference[np.isfinite(difference)]
+        differences.append(difference - mean(difference))
     rms = np.sqrt(mean(np.concatenate(differences) ** 2))
     what = "Rms of fitted minus true floor height at the contacts, mean difference removed"
     return {"floor_residual_rms": entry(1e3 * rms, "mm", what)}
 
 
-def _landed(item: KnownRecording) -> BoolArray:
+def _landed(item: Truth) -> BoolArray:
     """Mark the landings in which all feet came to stand, (L,)."""
     touched = np.isfinite(item.contact_times).sum(axis=1) == item.contact_times.shape[1]
     return np.logical_and(touched, item.complete)
 
 
 def _true_contacts(
-    known: Mapping[str, KnownRecording], recordings: NDArray[np.str_], found: FloatArray
+    known: Mapping[str, Truth], recordings: NDArray[np.str_], found: FloatArray
 ) -> FloatArray:
     """Return the true instants (m, n) of the landings that were found; NaN without one."""
     true = np.full_like(found, np.nan)
@@ -325,8 +288,9 @@ def score_states(errors: pd.DataFrame) -> Entries:
 
 @one_blas_thread()
 def score(
-    known: Mapping[str, KnownRecording],
+    known: Mapping[str, Truth],
     *,
+    floors: Mapping[str, FloorModel],
     feet: Sequence[str],
     tables: Mapping[str, pd.DataFrame],
     sections: Mapping[str, Any],
@@ -340,6 +304,8 @@ def score(
     ----------
     known
         Recording name -> what is known of it; without any there is nothing to score.
+    floors
+        Recording name -> the floor that was fitted to it.
     feet
         Names of the n feet, in the order of the truth.
     tables
@@ -358,7 +324,7 @@ def score(
     for method, table in tables.items():
         entries |= score_contacts(known, table, feet=feet, method=method)
     entries |= score_sections(known, sections)
-    entries |= score_floor(known)
+    entries |= score_floor(known, floors)
     entries |= score_predictions(prediction_summary)
     entries |= score_distances(distance_summary)
     if exact:

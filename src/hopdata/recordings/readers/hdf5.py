@@ -7,19 +7,17 @@ from contextlib import contextmanager
 from dataclasses import fields, replace
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata import __version__
+from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
 from hopdata.recording import ROLES, Event, Recording, Truth, check_sizes
 from hopdata.recordings.raw import FILE_AXES, require_unpacked
-
-if TYPE_CHECKING:
-    import h5py
 
 # Datasets and attributes of HDF5 files that may be damaged: none is read before it is looked at.
 #
@@ -39,8 +37,6 @@ def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
     ValueError
         Naming a link or dataset that lies outside of the file, or the size of all.
     """
-    import h5py
-
     links: list[tuple[str, Any]] = []
     file.visititems_links(lambda name, link: links.append((name, link)))  # which must not raise
     total = 0
@@ -94,8 +90,6 @@ def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     ValueError
         If it is of another type, or too large.
     """
-    import h5py
-
     if name not in item.attrs:
         return None
     attribute = h5py.h5a.open(item.id, name.encode())
@@ -170,8 +164,6 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
     ValueError
         If there is no such dataset, or it holds something else.
     """
-    import h5py
-
     found = group.get(name)
     if not isinstance(found, h5py.Dataset) or h5py.check_string_dtype(found.dtype) is None:
         raise ValueError(f"dataset '{name}': expected a list of texts, found {found}")
@@ -203,8 +195,6 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     recording : Recording
     truth : Truth, optional
     """
-    import h5py
-
     # A chunk that waits in memory when no more can be written crashes the process at its end.
     with whole_file(path) as partial, h5py.File(partial, "w", rdcc_nbytes=0, locking=False) as file:
         _write_content(file, recording)
@@ -277,8 +267,6 @@ def read_truth(path: str | Path) -> Truth | None:
 @contextmanager
 def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
     """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
-    import h5py
-
     if not Path(path).is_file():
         raise RecordingError.at(f"{path}: no such file", "a recording", "none")
     try:
@@ -319,8 +307,6 @@ def _write_content(file: h5py.File, recording: Recording) -> None:
 
 
 def _texts(group: h5py.Group, name: str, entries: Sequence[str]) -> None:
-    import h5py
-
     group.create_dataset(name, data=list(entries), dtype=h5py.string_dtype(), track_times=False)
 
 

@@ -10,18 +10,15 @@ import io
 import pickle
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
 from hopdata.recordings.readers import hdf5
 from hopdata.recordings.readers.text import blank_unseen
-
-if TYPE_CHECKING:
-    import h5py
 
 AXES = ("x", "y", "z")
 SCORES = ("likelihood", "score", "confidence")

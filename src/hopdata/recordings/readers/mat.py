@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings import raw
@@ -183,8 +183,6 @@ def _elements(data: bytes, at: int, end: int, order: str) -> list[Element]:
 
 def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
     """Decode the HDF5 file that version 7.3 is; its axes are reversed, and are turned back."""
-    import h5py
-
     left = _MOST_ITEMS
 
     def decoded(item: Any) -> Any:

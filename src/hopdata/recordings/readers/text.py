@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.errors import RecordingError, did_you_mean
 
 BLOCK = 1 << 20  # bytes
@@ -314,8 +314,6 @@ class Rows:
         self, number: int, rows: list[bytes], columns: Sequence[Sequence[int]], is_last: bool
     ) -> list[FloatArray]:
         """Read by pandas, which finds the kind of each column faster than it obeys a given one."""
-        import pandas as pd
-
         block, wanted = b"".join(rows), sorted({c for of in columns for c in of})
         cause = "other text"
         try:
