@@ -155,13 +155,6 @@ def test_any_number_of_inputs_and_outputs(shape):
     np.testing.assert_allclose(mean_test_errors(y, train, test), expected, rtol=1e-12)
 
 
-def test_rows_beyond_the_population_are_refused():
-    y = landings(np.random.default_rng(17))[1]
-    for train in ([[0, 1, 200]], [[-1, 2, 3]]):
-        with pytest.raises(IndexError, match="below 200"):
-            mean_test_errors(y, np.array(train), np.array([[5, 6]]))
-
-
 def test_scales_of_the_columns_do_not_matter():
     x, y = landings(np.random.default_rng(7), noise=0.1)
     train, test = splits(len(x))

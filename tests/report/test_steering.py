@@ -5,13 +5,11 @@ from fake_steering import FIGURES, counts, full_steering, outcomes
 from test_page import Page
 
 from hopdata.errors import ConfigError
-from hopdata.jobs import write_json, write_table
 from hopdata.report.inputs import ReportFigure, SteeringInputs
 from hopdata.report.steering import (
     build_steering_report,
     left_out_table,
     outcomes_table,
-    read_steering,
     steering_facts,
 )
 
@@ -63,7 +61,7 @@ def test_provenance_is_on_the_page(page):
 
 
 def test_what_is_missing_is_said_in_words():
-    made = Page(build_steering_report(SteeringInputs("bare", notes=["No experiment was made."])))
+    made = Page(build_steering_report(SteeringInputs("bare")))
     assert "No experiment was made." in made.text
     assert "No model was learned." in made.text
     assert "no truth to compare with" in made.text
@@ -90,23 +88,8 @@ def test_a_controller_without_a_success_has_no_hops():
     assert row[2:7] == ("0 of 30", "2 of 30", "—", "—", "—")
 
 
-def written(folder):
-    """Files of a recorded robot's study: neither experiments nor truth."""
-    write_json(folder / "observed.json", counts())
-    write_table(folder / "model_scores.csv", full_steering().scores)
-    (folder / "steering_map.svg").write_bytes(b"<svg/>")
-    (folder / "steering_map.md").write_text("# Map\n\nLearned from {{ training_hops }} hops.")
-    return {
-        "figures": [str(folder / "steering_map.svg")],
-        "captions": [str(folder / "steering_map.md")],
-        "counts": str(folder / "observed.json"),
-        "scores": str(folder / "model_scores.csv"),
-    }
-
-
-def test_a_recorded_robot_has_no_experiments_and_the_page_says_so(tmp_path):
-    inputs = read_steering("mine", written(tmp_path))
-    assert inputs.outcomes is None
-    made = Page(build_steering_report(inputs))
-    assert "there is no simulation of it to steer" in made.text
-    assert "Learned from 100 hops." in made.text
+def test_a_recorded_robot_has_no_experiments_and_the_page_says_so():
+    recorded = replace(full_steering(), outcomes=None, horizons=None, truth=None)
+    told = "there is no simulation of it to steer"
+    assert told in Page(build_steering_report(recorded)).text
+    assert told not in Page(build_steering_report(full_steering())).text

@@ -204,9 +204,17 @@ def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
 RESERVED_STUDIES = ("benchmarks", "both_sides")  # whose results have these folders already
 
 
-def _repeated_names(config: dict[str, Any]) -> Iterator[str]:
+def _repeated(config: dict[str, Any]) -> Iterator[str]:
+    """Yield what is named twice; the landings of a file would count twice."""
     named = enumerate(config["recordings"])  # some file systems do not tell case apart
-    return _once("name", ((f"recordings[{i}].name", one["name"].lower()) for i, one in named))
+    yield from _once("name", ((f"recordings[{i}].name", one["name"].lower()) for i, one in named))
+    roles = config["markers"].items()
+    markers = (
+        (f"markers.{role}[{k}]", one) for role, names in roles for k, one in enumerate(names)
+    )
+    yield from _once("marker", markers)
+    files = ((key, os.path.realpath(name)) for key, name in recording_files(config))
+    yield from _once("file", ((key, os.path.relpath(name)) for key, name in files))
 
 
 def _left_out(config: dict[str, Any]) -> Iterator[str]:
@@ -222,14 +230,6 @@ def _left_out(config: dict[str, Any]) -> Iterator[str]:
             for name in entry["markers"]:
                 if name not in known:
                     yield _unknown(f"{place}.markers", "a marker of body or feet", name, known)
-
-
-def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
-    markers = config["markers"].items()
-    named = (
-        (f"markers.{role}[{k}]", one) for role, names in markers for k, one in enumerate(names)
-    )
-    return _once("marker", named)
 
 
 MOST_FEET = 6
@@ -327,12 +327,6 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
             yield mismatch(f"recordings[{i}].simulation", "nothing beside a file", ", ".join(given))
 
 
-def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
-    """Yield files that are named twice: their landings would count twice."""
-    files = ((key, os.path.realpath(name)) for key, name in recording_files(config))
-    return _once("file", ((key, os.path.relpath(name)) for key, name in files))
-
-
 def _braces(config: dict[str, Any]) -> Iterator[str]:
     """Yield files that the workflow cannot name: it takes what stands in braces for a wildcard."""
     for key, name in [*recording_files(config), *external_files(config)]:
@@ -360,9 +354,8 @@ def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
 
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
-    _repeated_names,
+    _repeated,
     _left_out,
-    _repeated_markers,
     _joined_feet,
     _home_marker,
     _in_order,
@@ -370,7 +363,6 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _simulated_markers,
     _simulated_files,
     external_mistakes,
-    _repeated_files,
     _braces,
     _reserved_study,
     _enough_flips,

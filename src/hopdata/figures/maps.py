@@ -24,8 +24,8 @@ INPUTS = {
     "spin_z_rad_s": "spin z",
 }
 OUTPUTS = {"step_x_m": "step x", "step_y_m": "step y", "turn_rad": "turn", **INPUTS}
-PRINTED, BEST = "printed", "corrected_curved"
-ERRORS_OF = {PRINTED: "ols", BEST: BEST}  # to first order the printed map is ordinary least squares
+# What is drawn; to first order the errors of the printed map are those of least squares.
+NEEDED = ("printed", "ols", "corrected_curved")
 SURE, UNSURE = 2.0, "#d9d9d9"
 FIRST_VELOCITY = 5  # rows above are displacements, rows below come from velocities
 COLOURS = "RdBu_r"
@@ -52,15 +52,10 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
         Maps on the left, on one scale; differences on the right, on another: both estimates minus
         the exact map, or, where it is not known, the printed one minus the corrected one.
     """
-    found = {
-        name: _matrix(estimates[estimates["estimator"] == name])
-        for name in (PRINTED, BEST, *ERRORS_OF.values())
-        if (estimates["estimator"] == name).any()
-    }
-    if not {PRINTED, BEST, *ERRORS_OF.values()} <= found.keys():
+    tables = {name: estimates[estimates["estimator"] == name] for name in NEEDED}
+    if any(table.empty for table in tables.values()):
         return style.message_figure("The landing map could not be estimated: too few landings.")
-    (printed, _), (best, error) = found[PRINTED], found[BEST]
-    printed_error = found[ERRORS_OF[PRINTED]][1]
+    (printed, _), (_, printed_error), (best, error) = map(_matrix, tables.values())
     maps = {
         "least squares,\nas printed": _sure(printed, printed_error),
         "noise and curvature\ncorrected": _sure(best, error),

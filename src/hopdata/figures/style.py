@@ -31,21 +31,11 @@ from hopdata.jobs import read_json, read_table, whole_file
 # Lines with bands, and logarithmic axes with plain numbers: what figures of errors share.
 
 
-def banded_line(
-    axes: Axes,
-    x: pd.Series,
-    y: pd.Series,
-    band: tuple[pd.Series, pd.Series],
-    line: tuple[Any, ...],
-    size: float = 2.5,
-) -> None:
-    """Draw a line with a pale band from low to high.
-
-    `line` is its label, colour, dash and marker, `size` that of the markers.
-    """
+def banded_line(axes: Axes, x: pd.Series, y: pd.Series, band: Any, line: tuple[Any, ...]) -> None:
+    """Draw a line with a pale band from low to high; `line`: label, colour, dash and marker."""
     label, colour, dash, marker = line
     axes.fill_between(x, *band, color=colour, alpha=0.15, linewidth=0)
-    axes.plot(x, y, color=colour, linestyle=dash, marker=marker, markersize=size, label=label)
+    axes.plot(x, y, color=colour, linestyle=dash, marker=marker, markersize=2.5, label=label)
 
 
 def box(axes: Axes, place: float, quantiles: Sequence[float], colour: str, **options: Any) -> None:

@@ -116,8 +116,6 @@ def affine_test_errors(x: FloatArray, y: FloatArray, train: IntArray, test: IntA
     ------
     ValueError
         If the arrays do not match or hold values that are not finite.
-    IndexError
-        If a row number is not one of the population.
     """
     x, y = checked(x, y)
     design = pooled_basis(x)
@@ -150,10 +148,6 @@ def _whitened_errors(
     design: FloatArray, residual: FloatArray, train: IntArray, test: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return (R, q) errors of the normal equations, and (R,) least over largest eigenvalue."""
-    if any(
-        index.size and not 0 <= index.min() <= index.max() < len(design) for index in (train, test)
-    ):
-        raise IndexError(f"expected row numbers below {len(design)}, found some beyond")
     inputs, rows = design.shape[1], np.concatenate([design, residual], axis=1)
     errors, spread = np.empty((len(train), residual.shape[1])), np.empty(len(train))
     for chunk in _chunks(len(train), train.shape[1] * rows.shape[1]):

@@ -55,8 +55,6 @@ def distinct_draws(
         If the sets together are larger than the population.
     """
     total = sum(sizes)
-    if total > population:
-        raise ValueError(f"cannot draw {total} distinct items from {population}")
     # The first steps of a shuffle (Fisher and Yates): each swaps one of the items that are left.
     left = np.arange(population, population - total, -1)
     steps = generator.integers(0, left, size=(count, total))

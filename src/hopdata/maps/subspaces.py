@@ -129,8 +129,6 @@ class SubspaceStudy:
         (12B, D) orthonormal components of the pooled pairs, in which they stand.
     shape
         (D, k) of the bases, known even where no class has any.
-    samples
-        Distinct landings per draw.
     notes
         What was left out, each ``{"what": ..., "reason": ...}``.
     """
@@ -138,8 +136,7 @@ class SubspaceStudy:
     bases: dict[str, FloatArray]
     frame: FloatArray
     shape: tuple[int, int]
-    samples: int
-    notes: list[dict[str, str]]
+    notes: Notes
 
 
 def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -219,7 +216,7 @@ def bootstrap_subspaces(
         if reason:
             notes.append({"what": f"subspaces of schedule {name}", "reason": reason})
     notes += rare_notes("subspaces", rare, f"{samples} distinct ones wanted in each draw")
-    return SubspaceStudy(bases, frame, (pairs.shape[1], k), samples, notes)
+    return SubspaceStudy(bases, frame, (pairs.shape[1], k), notes)
 
 
 def leading_subspaces(
@@ -351,7 +348,7 @@ class DistanceStudy:
 
     distances: pd.DataFrame
     summary: pd.DataFrame
-    notes: list[dict[str, str]]
+    notes: Notes
 
 
 @one_blas_thread()

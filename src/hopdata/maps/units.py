@@ -83,7 +83,9 @@ def choose_units(
     errors, predictor = prediction_errors(x, y)
     half = y.shape[1] // 2
     position, velocity = _rms(errors[:, :half]), _rms(errors[:, half:])
-    length = _rms_norm(y[:, :half]) if length_m is None else float(length_m)
+    places = y[:, :half] - y[:, :half].mean(0)
+    spread = float(np.sqrt(np.mean(np.sum(places**2, axis=1))))
+    length = spread if length_m is None else float(length_m)
     time = position / velocity if time_s is None and velocity > 0 else float(time_s or 0)
     if not (np.isfinite([length, time]).all() and length > 0 and time > 0):
         raise AnalysisError(
@@ -127,8 +129,3 @@ _LENGTH_RULE = "rms norm of the centred post-section positions of all body marke
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _rms_norm(positions: FloatArray) -> float:
-    centred = positions - positions.mean(0)
-    return float(np.sqrt(np.mean(np.sum(centred**2, axis=1))))

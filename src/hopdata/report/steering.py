@@ -6,17 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata.arrays import pd
-from hopdata.jobs import read_json, read_table
 from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
-from hopdata.report.inputs import (
-    Picture,
-    SteeringInputs,
-    as_yaml,
-    picture_of,
-    read_figures,
-    rendered,
-)
+from hopdata.report.inputs import Picture, SteeringInputs, as_yaml, picture_of, rendered
 
 # Tables of the steering study: outcomes, what was observed, how well the model predicts.
 
@@ -130,6 +122,10 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
     return show.table_of(title, show.records(scores), columns, note=note)
 
 
+NO_EXPERIMENT = (
+    "No experiment was made: the frame changes are those of a recorded robot, and there is no "
+    "simulation of it to steer."
+)
 # The figures that have a section of their own; any other stands with the model.
 EXPERIMENT_FIGURES = (
     "steering_outcomes",
@@ -168,39 +164,8 @@ def build_steering_report(inputs: SteeringInputs) -> str:
             "truth": result_tables.truth_table(inputs.truth),
             **result_tables.record_tables(record),
         },
-        notes=inputs.notes,
+        notes=[*inputs.notes, *[NO_EXPERIMENT] * (inputs.outcomes is None)],
         config=as_yaml(record.get("config")),
-    )
-
-
-def read_steering(
-    study: str, files: Mapping[str, Any], *, provenance: Mapping[str, Any] | None = None
-) -> SteeringInputs:
-    """Read what the page shows.
-
-    Parameters
-    ----------
-    study : str
-    files : mapping
-        Paths: ``figures`` and ``captions`` (several), ``counts``, ``scores``, and of a simulated
-        robot ``outcomes``, ``horizons``, ``truth``.
-    provenance : mapping, optional
-    """
-    notes = []
-    if not files.get("outcomes"):
-        notes.append(
-            "No experiment was made: the frame changes are those of a recorded robot, and there is "
-            "no simulation of it to steer."
-        )
-    return SteeringInputs(
-        study=study,
-        figures=read_figures(files["figures"], files["captions"]),
-        **{name: read_table(files[name]) for name in ("outcomes", "horizons") if files.get(name)},
-        counts=read_json(files["counts"]),
-        scores=read_table(files["scores"]),
-        truth=read_json(files["truth"]) if files.get("truth") else None,
-        provenance=provenance,
-        notes=notes,
     )
 
 

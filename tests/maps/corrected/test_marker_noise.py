@@ -7,7 +7,7 @@ from made_up_landings import ARMS, landings, noisy
 from hopdata.errors import AnalysisError
 from hopdata.landings.states.fits import section_states
 from hopdata.maps.coordinates import rigid_states, section_coordinates
-from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
+from hopdata.maps.corrected.marker_noise import MarkerNoise, input_errors, marker_noise
 from hopdata.maps.truth.maps import marker_states
 
 
@@ -81,13 +81,6 @@ def test_outputs_share_errors_of_place_and_heading():
     errors = input_errors(before, after, ARMS, MarkerNoise(1e-8, 0.5e-8 * 1e2, 1e-4))
     assert abs(errors.shared[2, 0]) > 1e-8  # speed forward and step forward
     assert np.linalg.eigvalsh(errors.inputs)[0] > 0
-
-
-def test_moments_change_with_the_units():
-    one = InputErrors(np.eye(2), np.ones((2, 3)))
-    other = one.scaled(np.array([2.0, 3.0]), np.array([1.0, 10.0, 100.0]))
-    np.testing.assert_allclose(other.inputs, [[4.0, 0.0], [0.0, 9.0]])
-    np.testing.assert_allclose(other.shared, [[2.0, 20.0, 200.0], [3.0, 30.0, 300.0]])
 
 
 def test_what_cannot_be_is_refused():

@@ -114,7 +114,8 @@ def test_the_units_of_inputs_and_outputs_do_not_matter():
         lambda x, y, e: corrected_map(x, y, e).coefficients,
         lambda x, y, e: curved_map(x, y, t, e).coefficients,
     ):
-        other = fit(x * a + 5.0 * a, y * b - 3.0, ERRORS.scaled(a, b))
+        errors = InputErrors(a[:, None] * ERRORS.inputs * a, a[:, None] * ERRORS.shared * b)
+        other = fit(x * a + 5.0 * a, y * b - 3.0, errors)
         np.testing.assert_allclose(other, fit(x, y, ERRORS) / a[:, None] * b, rtol=1e-6)
 
 
@@ -158,12 +159,6 @@ def test_bad_input_is_refused():
         ols_map(x[:9], y[:9])
     with pytest.raises(AnalysisError, match="vary in all directions"):
         corrected_map(x * np.array([0, 1, 1, 1, 1, 1, 1, 1]), y, ERRORS)
-    with pytest.raises(ValueError, match="symmetric matrix for 8 inputs"):
-        corrected_map(x, y, InputErrors(np.eye(7), np.zeros((7, 2))))
-    with pytest.raises(ValueError, match="covariance"):
-        corrected_map(x, y, InputErrors(-np.eye(8), np.zeros((8, 2))))
-    with pytest.raises(ValueError, match="instants"):
-        curved_map(x, y, np.full_like(t, np.nan))
     with pytest.raises(AnalysisError, match="instants that differ"):
         curved_map(x, y, np.zeros_like(t))
 

@@ -10,7 +10,7 @@ that is least squares on these coordinates (Frisch and Waugh 1933).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from hopdata.maps.affine import affine_predictions
 from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates, split_states
 from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
 from hopdata.maps.corrected.regression import LinearMap, corrected_map, curved_map, ols_map
+from hopdata.maps.draws import Notes
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES, body_shape
 
 # The estimates of a study's landing map: a table for people, plain data for other stages.
@@ -34,7 +35,6 @@ ESTIMATORS = {
     "curved": "curvature-aware",
     "corrected_curved": "errors in variables and curvature-aware",
 }
-Notes = list[dict[str, str]]
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,10 @@ class MapEstimates:
     maps
         Name of the estimator -> the map, 8 inputs by 11 outputs in SI units; those that could not
         be made are missing.
+    n_landings
+        Landings that they rest on.
+    notes
+        What could not be done, each ``{"what": ..., "reason": ...}``.
     shape
         (B, 3) body markers in the mean attitude, m: what the coordinates rest on; without rows if
         they show no rigid body.
@@ -57,20 +61,16 @@ class MapEstimates:
         (8, 8) of the measured inputs.
     output_weights
         (11,) from outputs to rms displacements of the markers, m.
-    n_landings
-        Landings that they rest on.
-    notes
-        What could not be done, each ``{"what": ..., "reason": ...}``.
     """
 
     maps: Mapping[str, LinearMap]
-    shape: FloatArray
-    noise: MarkerNoise
-    errors: InputErrors
-    input_covariance: FloatArray
-    output_weights: FloatArray
     n_landings: int
     notes: Notes
+    shape: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    noise: MarkerNoise = field(default_factory=lambda: MarkerNoise(0.0, 0.0, 0.0))
+    errors: InputErrors = field(default_factory=lambda: InputErrors.none(8, 11))
+    input_covariance: FloatArray = field(default_factory=lambda: np.zeros((8, 8)))
+    output_weights: FloatArray = field(default_factory=lambda: np.zeros(11))
 
     def table(self) -> pd.DataFrame:
         """Return one row an estimator, input and output.
@@ -158,7 +158,8 @@ def estimate_maps(
     try:
         return _estimates(before, after, times, time_unit_s)
     except AnalysisError as error:
-        return _no_estimates(len(before), str(error))
+        notes = [{"what": "landing map", "reason": str(error)}]
+        return MapEstimates({}, len(before), notes)
 
 
 def _estimates(
@@ -183,30 +184,9 @@ def _estimates(
             maps[name] = ways[name]()
         except AnalysisError as error:
             notes.append({"what": f"landing map, {what}", "reason": str(error)})
-    return MapEstimates(
-        maps,
-        shape,
-        noise,
-        errors,
-        np.cov(inputs, rowvar=False),
-        weights,
-        len(inputs),
-        notes + _guard_notes(maps),
-    )
-
-
-def _no_estimates(n_landings: int, reason: str) -> MapEstimates:
-    p, q = len(INPUT_NAMES), len(OUTPUT_NAMES)
-    return MapEstimates(
-        {},
-        np.empty((0, 3)),
-        MarkerNoise(0.0, 0.0, 0.0),
-        InputErrors.none(p, q),
-        np.zeros((p, p)),
-        np.zeros(q),
-        n_landings,
-        [{"what": "landing map", "reason": reason}],
-    )
+    notes += _guard_notes(maps)
+    covariance = np.cov(inputs, rowvar=False)
+    return MapEstimates(maps, len(inputs), notes, shape, noise, errors, covariance, weights)
 
 
 def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> LinearMap:

@@ -64,12 +64,6 @@ class InputErrors:
     inputs: FloatArray
     shared: FloatArray
 
-    def scaled(self, inputs: FloatArray, outputs: FloatArray) -> InputErrors:
-        """Return the moments of inputs and outputs multiplied by factors (p,) and (q,)."""
-        return InputErrors(
-            inputs[:, None] * self.inputs * inputs, inputs[:, None] * self.shared * outputs
-        )
-
     @classmethod
     def none(cls, n_inputs: int, n_outputs: int) -> InputErrors:
         """Return the moments of inputs that are known exactly."""
@@ -214,14 +208,8 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
     ------
     AnalysisError
         If the inputs do not vary in some direction.
-    ValueError
-        If the covariance does not fit the inputs or is not one.
     """
-    noise = np.asarray(errors.inputs, float)
-    if noise.shape != (x.shape[1],) * 2 or not np.allclose(noise, noise.T):
-        raise ValueError(f"errors: expected a symmetric matrix for {x.shape[1]} inputs")
-    if not np.isfinite(noise).all() or np.linalg.eigvalsh(noise)[0] < -1e-9 * np.trace(noise):
-        raise ValueError("errors: expected a covariance, found one that is not positive")
+    noise = errors.inputs
     moments = np.cov(x, rowvar=False).reshape(noise.shape)
     root = _cholesky(moments)
     # Share of the noise in the variance, direction by direction.
@@ -230,7 +218,7 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
     removed = 1.0 if shares[-1] <= bearable else bearable / float(shares[-1])
     share = np.linalg.solve(moments, removed * noise)
     doubt = removed * noise - removed * noise @ share
-    drift = np.linalg.solve(moments, removed * np.asarray(errors.shared, float))
+    drift = np.linalg.solve(moments, removed * errors.shared)
     return Calibration(np.eye(len(noise)) - share, doubt, np.asarray(drift, float), removed)
 
 

@@ -229,8 +229,6 @@ def curved_map(
         chosen; by default their standard deviations.
     """
     x, y = _enough(x, y)
-    if len(instants) != len(x) or not np.isfinite(instants).all():
-        raise ValueError(f"instants: expected finite ones for {len(x)} landings")
     if not np.ptp(instants - instants.mean(axis=1, keepdims=True), axis=0).any():
         raise AnalysisError("curved map: expected contact instants that differ")
     errors = errors or InputErrors.none(x.shape[1], y.shape[1])
