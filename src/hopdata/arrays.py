@@ -28,10 +28,8 @@ else:
 
     h5py, pd = _Late("h5py"), _Late("pandas")
 
-__all__ = [  # noqa: PLE0604
-    *("GRAVITY_M_S2", "BoolArray", "FloatArray", "IntArray", "Shown"),
-    *("h5py", "one_blas_thread", "pd"),
-]
+__all__ = ["GRAVITY_M_S2", "BoolArray", "FloatArray", "IntArray", "Shown", "h5py", "pd"]
+__all__ += ["one_blas_thread"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
