@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Contents = dict[str, Any]
 #: In a checkout this link leads to its own Snakefile; in a wheel the file is beside the others.
 SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
+DIFFERENCES = (0.13, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)  # of the maps, that `plan` tells of
 Progress = Callable[[str], object]
 Simulate = Callable[..., tuple[Recording, Truth]]
 
@@ -253,9 +254,7 @@ def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recor
 
 
 @told_call
-def plan(
-    pilot: Study | Verdict, differences: Sequence[float] = (0.13, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
-) -> pd.DataFrame:
+def plan(pilot: Study | Verdict, differences: Sequence[float] = DIFFERENCES) -> pd.DataFrame:
     """Say how many landings a study takes to show a difference of the maps.
 
     Parameters

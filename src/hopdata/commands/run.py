@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from hopdata.analysis import SNAKEFILE
+from hopdata.analysis import DIFFERENCES, SNAKEFILE
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.errors import ConfigError, counted
 from hopdata.provenance import MISSING, REPORTED_PACKAGES, package_digest, version_of
@@ -183,9 +183,6 @@ def _bring(file: Path) -> None:
         raise ConfigError.at(file, "the bundled one", "another file; go to another folder")
 
 
-DIFFERENCES = (0.13, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
-
-
 def plan(options: argparse.Namespace) -> int:
     """Print a table of differences and the landings that show them; draw the curve if asked."""
     from hopdata.maps.verdict.effect import landings_needed
@@ -193,7 +190,11 @@ def plan(options: argparse.Namespace) -> int:
     file = options.pilot
     if file.suffix in (".yaml", ".yml"):
         file = _verdict_of(file)
-    landings, feet, power, seen = _pilot(file)
+    keys = ("n_landings", "n_feet", "power", "effect")
+    landings, feet, power, effect = _values(file, "verdict.json", *keys)
+    if effect is None:
+        raise ConfigError(f"{file}: the pilot has no answer: {_values(file, '', 'sentence')[0]}")
+    seen = effect["detectable"]
     found = f"{100 * seen:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
     print("difference  landings")
@@ -224,15 +225,6 @@ def _verdict_of(config: Path) -> Path:
     if run_workflow(config, study, "--cores", "2", "--", str(verdict)):
         raise ConfigError(f"{config}: the study does not run to its verdict; see above")
     return verdict
-
-
-def _pilot(file: Path) -> tuple[int, int, float, float]:
-    """Return landings, feet, power and the difference that is found with it."""
-    keys = ("n_landings", "n_feet", "power", "effect")
-    landings, feet, power, effect = _values(file, "verdict.json", *keys)
-    if effect is None:
-        raise ConfigError(f"{file}: the pilot has no answer: {_values(file, '', 'sentence')[0]}")
-    return landings, feet, power, effect["detectable"]
 
 
 def doctor(_options: argparse.Namespace) -> int:

@@ -139,7 +139,7 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
     str
         Markdown, with a table for each section.
     """
-    schema = _schema_of_all_scenes() if schema is None else schema
+    schema = schema or _schema_of_all_scenes()
     single = {k: s for k, s in schema["properties"].items() if not _is_section(s)}
     rows = [_row(k, s, k in schema["required"]) for k, s in single.items() if "items" not in s]
     parts = [INTRODUCTION, HEAD + "".join(rows)]

@@ -1,7 +1,6 @@
 """Reader of TRC files, the marker format of OpenSim and Cortex: often y up, in m or mm."""
 
 import re
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -16,21 +15,6 @@ KEYS = (
 COUNTERS = ["Frame#", "Time"]
 _COUNTERS = (r"frames? ?#?", r"times?( ?\(s(ec)?\))?")
 _HEADER_LINES = 5  # file type, keys, values, marker names, axes; then perhaps an empty one
-
-
-@dataclass(frozen=True)
-class _Header:
-    """Values by key, marker names, and where the rows of numbers stand."""
-
-    path: Path
-    values: dict[str, str]
-    markers: tuple[str, ...]
-    rows: text.Rows
-    remarks: tuple[str, ...] = ()
-
-    def number(self, key: str) -> float | None:
-        """Value of a key as a finite number; None if the key is absent."""
-        return text.stated_number(f"{self.path}, line 3", key, self.values.get(key, ""))
 
 
 def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -51,25 +35,33 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         Naming the file, the line, what was expected and what was found.
     """
     path = Path(path)
-    header = _read_header(path)
-    place, columns = f"{path}, line 3", range(2, 2 + 3 * len(header.markers))
-    counted, positions = header.rows.markers(COUNTERS, columns)
+    values, markers, rows, remarks = _read_header(path)
+    place, columns = f"{path}, line 3", range(2, 2 + 3 * len(markers))
+    counted, positions = rows.markers(COUNTERS, columns)
     number, stamps = counted.T.copy()
-    n_frames = header.number("NumFrames")
+    n_frames = _stated(path, values, "NumFrames")
     return raw.assembled(
         str(path),
-        (header.markers, header.remarks),
+        (markers, remarks),
         positions,
         number=number,
         stamps=stamps,
-        unit=(f"{place}: Units", header.values.get("Units", "")),
-        rates_hz=(header.number("DataRate"), rate_hz),
+        unit=(f"{place}: Units", values.get("Units", "")),
+        rates_hz=(_stated(path, values, "DataRate"), rate_hz),
         rate_place=f"{place}: DataRate",
         remarks=raw.frame_count(place, "NumFrames", n_frames, len(number)),
     )
 
 
-def _read_header(path: Path) -> _Header:
+def _stated(path: Path, values: dict[str, str], key: str) -> float | None:
+    """Value of a key as a finite number; None if the key is absent."""
+    return text.stated_number(f"{path}, line 3", key, values.get(key, ""))
+
+
+def _read_header(
+    path: Path,
+) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
+    """Values by key, marker names, where the rows of numbers stand, and remarks."""
     lines: list[list[str]] = []
     offset = 0
     with text.readable(path) as file:
@@ -89,7 +81,7 @@ def _read_header(path: Path) -> _Header:
     values, unknown = _values(path, lines[1], lines[2])
     n_axes = _count_axes(path, lines[4])
     names = _names(path, lines[3], n_axes)
-    stated = _Header(path, values, (), text.Rows(path, 0, 0, 0)).number("NumMarkers")
+    stated = _stated(path, values, "NumMarkers")
     if stated == n_axes // 3:  # the last may have no name
         names += [""] * (n_axes // 3 - len(names))
     told = f"{path}, line 4: expected {stated or 0:g} marker names (NumMarkers), found {len(names)}"
@@ -106,7 +98,7 @@ def _read_header(path: Path) -> _Header:
             f"{path}: expected {3 * len(markers)} columns of {len(markers)} markers, found "
             f"{max(n_axes, len(text.trimmed(fields)) - 2)}; the others are not read",
         )
-    return _Header(path, values, markers, text.Rows(path, len(lines), offset, width, mark), remarks)
+    return values, markers, text.Rows(path, len(lines), offset, width, mark), remarks
 
 
 def _mark(line: bytes) -> str:
