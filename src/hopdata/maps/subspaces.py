@@ -30,15 +30,15 @@ def principal_angles(a: FloatArray, b: FloatArray) -> FloatArray:
     Parameters
     ----------
     a, b
-        (..., D, k) and (..., D, m) orthonormal bases; leading axes broadcast.
+        (..., D, k) orthonormal bases; leading axes broadcast.
 
     Returns
     -------
     ndarray
-        (..., min(k, m)) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16 times
+        (..., k) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16 times
         the departure of the bases from orthonormality.
     """
-    a, b = _ordered(a, b)
+    a, b = np.asarray(a, float), np.asarray(b, float)
     overlap = a.swapaxes(-1, -2) @ b
     cosines = np.linalg.svd(overlap, compute_uv=False)
     sines = np.linalg.svd(b - a @ overlap, compute_uv=False)[..., ::-1]
@@ -72,12 +72,6 @@ def arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
 def orthonormalised(matrices: FloatArray) -> FloatArray:
     """Return orthonormal bases of the column spaces of (..., D, k) matrices of full rank."""
     return np.linalg.qr(np.asarray(matrices, float))[0]
-
-
-def _ordered(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the bases with the wider one first, so that sines and cosines pair up."""
-    a, b = np.asarray(a, float), np.asarray(b, float)
-    return (a, b) if a.shape[-1] >= b.shape[-1] else (b, a)
 
 
 # What distances between subspaces are without any data: equal but noisy, or unrelated ones.
