@@ -2,7 +2,7 @@ from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
 from hopdata.report.page import build_report
-from hopdata.report.verdict import MEANING, notes, verdict_facts
+from hopdata.report.verdict import MEANING, verdict_facts
 
 
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
@@ -33,7 +33,6 @@ def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
     assert verdict_facts(None).keys() == verdict_facts(verdict()).keys()
     assert verdict_facts(no_answer())["remark"] == "cannot tell"
     assert verdict_facts(None)["sentence"] is None
-    assert notes(None) == ()
 
 
 def test_the_verdict_opens_the_page():

@@ -201,7 +201,7 @@ def build_report(inputs: ReportInputs) -> str:
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
         verdict_meaning=verdict.MEANING,
-        verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
+        verdict_notes=[_note(note) for note in (inputs.verdict or {}).get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
         count=show.count,
     )

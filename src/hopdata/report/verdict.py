@@ -56,12 +56,6 @@ def verdict_facts(
     }
 
 
-def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
-    """Return what limits the verdict, each with ``what`` and ``reason``."""
-    found: Sequence[Mapping[str, Any]] = (verdict or {}).get("notes", ())
-    return found
-
-
 def _share(value: Any) -> str | None:
     return None if show.is_missing(value) else show.with_unit(f"{100 * float(value):g}", "%")
 

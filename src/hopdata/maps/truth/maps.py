@@ -58,8 +58,7 @@ def input_root(x: FloatArray) -> FloatArray:
     """Return a root R (p, p) of the covariance of inputs (n, p), R R' = cov."""
     centred = x - x.mean(axis=0)
     _, singular, right = np.linalg.svd(centred, full_matrices=False)
-    root: FloatArray = right.T * (singular / np.sqrt(max(len(x) - 1, 1)))
-    return root
+    return np.asarray(right.T * (singular / np.sqrt(max(len(x) - 1, 1))))
 
 
 def relative_difference(

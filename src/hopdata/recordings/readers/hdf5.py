@@ -78,8 +78,7 @@ def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any
             f"dataset '{dataset.name}': expected at most {_DEFLATE_MOST * stored} bytes by what is "
             f"stored ({stored} bytes), found a claim of {claimed}"
         )
-    array: NDArray[Any] = np.asarray((dataset if dtype is None else dataset.astype(dtype))[()])
-    return array
+    return np.asarray((dataset if dtype is None else dataset.astype(dtype))[()])
 
 
 def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:

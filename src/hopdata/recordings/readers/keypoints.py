@@ -169,8 +169,7 @@ def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
 def _numbers(array: Any) -> FloatArray:
     if array.dtype.kind not in "iuf" or array.ndim != 2:
         raise ValueError(f"expected a table of numbers, found {array.dtype} of {array.shape}")
-    numbers: FloatArray = array.astype(np.float64)
-    return numbers
+    return np.asarray(array, np.float64)
 
 
 def _named(names: Any) -> Columns:

@@ -300,8 +300,7 @@ def _positions(labelled: Any, place: str) -> FloatArray:
         raise RecordingError.at(
             f"{place}.Data", "markers x 4 x frames", " x ".join(map(str, data.shape))
         )
-    checked: FloatArray = data
-    return checked
+    return np.asarray(data)
 
 
 def _labels(labelled: Any, place: str) -> list[str]:
