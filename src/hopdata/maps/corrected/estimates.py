@@ -180,11 +180,15 @@ def _estimates(
     }
     maps, notes = {}, []
     for name, what in ESTIMATORS.items():
+        reason = ""
         try:
             maps[name] = ways[name]()
+            if 0.0 < (removed := maps[name].removed) < 1.0:
+                reason = f"only {removed:.2g} of the noise covariance could be taken off"
         except AnalysisError as error:
-            notes.append({"what": f"landing map, {what}", "reason": str(error)})
-    notes += _guard_notes(maps)
+            reason = str(error)
+        if reason:
+            notes.append({"what": f"landing map, {what}", "reason": reason})
     covariance = np.cov(inputs, rowvar=False)
     return MapEstimates(maps, len(inputs), notes, shape, noise, errors, covariance, weights)
 
@@ -201,14 +205,3 @@ def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> Lin
     """
     said = affine_predictions(before, after)
     return ols_map(*section_coordinates(rigid_states(before, shape), rigid_states(said, shape)))
-
-
-def _guard_notes(maps: Mapping[str, LinearMap]) -> Notes:
-    return [
-        {
-            "what": f"landing map, {ESTIMATORS[name]}",
-            "reason": f"only {one.removed:.2g} of the noise covariance could be taken off",
-        }
-        for name, one in maps.items()
-        if 0.0 < one.removed < 1.0
-    ]

@@ -211,7 +211,10 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
     """
     noise = errors.inputs
     moments = np.cov(x, rowvar=False).reshape(noise.shape)
-    root = _cholesky(moments)
+    try:
+        root = np.linalg.cholesky(moments)
+    except np.linalg.LinAlgError as error:
+        raise AnalysisError("map: expected inputs that vary in all directions") from error
     # Share of the noise in the variance, direction by direction.
     shares = np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, noise).T))
     bearable = 1.0 - LEAST_RELIABILITY
@@ -220,10 +223,3 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
     doubt = removed * noise - removed * noise @ share
     drift = np.linalg.solve(moments, removed * errors.shared)
     return Calibration(np.eye(len(noise)) - share, doubt, np.asarray(drift, float), removed)
-
-
-def _cholesky(moments: FloatArray) -> FloatArray:
-    try:
-        return np.asarray(np.linalg.cholesky(moments), float)
-    except np.linalg.LinAlgError as error:
-        raise AnalysisError("map: expected inputs that vary in all directions") from error
