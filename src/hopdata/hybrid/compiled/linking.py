@@ -6,9 +6,9 @@ translated; an entry, which is called from outside, links whatever it reaches.
 
 Nothing of Numba is changed: these are a code library and passes of our own, which kernels and
 entries ask for by `pipeline_class`. Of its inside it uses `codegen` (the library), `compiler`,
-`compiler_machinery`, `typed_passes` and `lowering` (passes of our own), `registry` and `_dynfunc`
-(what stands for a kernel that is not compiled by itself). Import fails with ImportError where Numba
-lacks one of them; kernels are then compiled as Numba does it.
+`compiler_machinery`, `typed_passes`, `untyped_passes`, `lowering` (passes of our own), `registry`
+and `_dynfunc` (what stands for a kernel that is not compiled by itself). Import fails with
+ImportError where Numba lacks one of them; kernels are then compiled as Numba does it.
 """
 
 from __future__ import annotations
@@ -17,18 +17,21 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
-from numba import _dynfunc, njit  # type: ignore[attr-defined]
+from numba import _dynfunc, njit, types  # type: ignore[attr-defined]
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.lowering import Lower
 from numba.core.registry import CPUDispatcher
-from numba.core.typed_passes import NativeLowering
+from numba.core.typed_passes import NativeLowering, NopythonRewrites
+from numba.core.untyped_passes import InlineClosureLikes
 
 Function = Callable[..., Any]
 
+NOT_NEEDED = (NopythonRewrites, InlineClosureLikes)  # of sums of arrays, and of closures
+
 _MADE = {"_final_module", "_linking_libraries", "_shared_module"}
-_NEEDED = "finalize", "_finalize_dynamic_globals", "_get_module_for_linking"
+_NEEDED = "finalize", "_finalize_dynamic_globals", "_get_module_for_linking", "_optimize_functions"
 if not _MADE.issubset(CPUCodeLibrary.__init__.__code__.co_names) or not all(
     hasattr(JITCodeLibrary, name) for name in _NEEDED
 ):
@@ -39,6 +42,10 @@ class _Library(JITCodeLibrary):
     """A kernel as translated, or an entry with all that it reaches."""
 
     is_entry = False
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Leave a function as translated: what is linked is optimised."""
+        ll_module.data_layout = self._codegen._data_layout
 
     def finalize(self) -> None:
         if self.is_entry:
@@ -131,11 +138,10 @@ class Entry(CompilerBase):
     lowering: Any = _LowerEntry
 
     def define_pipelines(self) -> list[Any]:
-        """Return Numba's own passes, the last but one exchanged."""
+        """Return those of Numba's own passes that are needed, the last but one exchanged."""
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        manager.passes = [
-            (self.lowering if one is NativeLowering else one, why) for one, why in manager.passes
-        ]
+        passes = [one for one in manager.passes if one[0] not in NOT_NEEDED]
+        manager.passes = [(self.lowering if p is NativeLowering else p, why) for p, why in passes]
         manager.finalize()
         return [manager]
 
@@ -153,7 +159,14 @@ class Apart(Entry):
 
 
 class _KernelDispatcher(CPUDispatcher):
-    """A kernel. To call it from Python, it is compiled by itself, as Numba compiles functions."""
+    """A kernel, translated once whether its arguments are literal or not.
+
+    To call it from Python, it is compiled by itself, as Numba compiles functions.
+    """
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return how it is called with arguments of these types."""
+        return super().get_call_template(tuple(map(types.unliteral, args)), kws)
 
     def __call__(self, *arguments: Any) -> Any:
         return _compiled_alone(self.py_func)(*arguments)
