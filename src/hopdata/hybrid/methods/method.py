@@ -300,11 +300,7 @@ def taylor_method(scene: Scene) -> Method:
         interpolant_error=0,  # it is the step itself, in powers of a part of its length
         in_powers=True,
         work_rows=taylor.work_rows(n),
-        refresh=with_digest(
-            taylor.refreshed_disagreement,
-            REFRESH=put_in(taylor.refresh, FASTEST_MOTION=fastest, **names),
-            DISAGREEMENT=put_in(taylor.disagreement, **names),
-        ),
+        refresh=with_digest(taylor.refresh, FASTEST_MOTION=fastest, **names),
         tangent=with_digest(taylor.tangent, **names),
         tangent_rows=3 * n + PHI_ROWS,
     )

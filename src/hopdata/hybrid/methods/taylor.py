@@ -5,7 +5,7 @@ The derivatives follow from one another by a product with A, so a step of degree
 products and no evaluation of the field, and the series is its own dense output. `refresh` fetches
 A and b; it is called at the start and whenever the mode or the parameters may have changed.
 
-`refresh`, `disagreement` and `interpolant` are templates: AFFINE and N are put in for each scene.
+`refresh` and `interpolant` are templates: AFFINE and N are put in for each scene.
 The step is made by `series`.
 
 The order for step control is that of the first term left out, 33. The error obeys this power
@@ -217,10 +217,12 @@ def work_rows(n: int) -> int:
     return 4 + n
 
 
-def refresh(s: FloatTable, mode: Any, params: Any) -> None:
+def refresh(s: FloatTable, mode: Any, params: Any) -> float:
     """Fetch A and b of the mode; entries that the user's function leaves alone are zero.
 
-    The fastest motion tells how long a first step may be.
+    The fastest motion tells how long a first step may be. Returns by how much K1, the field at Y,
+    differs from A Y + b, relative to the terms of these: more than rounding means that the user's
+    two functions are not the same field.
     """
     for i in range(N):
         s[B, i] = 0.0
@@ -229,13 +231,6 @@ def refresh(s: FloatTable, mode: Any, params: Any) -> None:
     AFFINE(mode, params, square(s, A), row(s, B))
     fastest = FASTEST_MOTION(s, A)
     s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest) if 0.0 < fastest < inf else inf
-
-
-def disagreement(s: FloatTable) -> float:
-    """Return by how much K1, the field at Y, differs from A Y + b, relative to the terms of these.
-
-    More than rounding means that the user's two functions are not the same field.
-    """
     worst = 0.0
     for i in range(N):
         difference, size = s[B, i] - s[K1, i], abs(s[B, i]) + abs(s[K1, i])
@@ -250,17 +245,6 @@ def disagreement(s: FloatTable) -> float:
 def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any, field: int) -> int:
     """Return the degree that the series needed: its coefficients are in place."""
     return int(s[INFO, 0])
-
-
-REFRESH: Any = None
-DISAGREEMENT: Any = None
-
-
-def refreshed_disagreement(s: FloatTable, mode: Any, params: Any) -> float:
-    """Fetch A and b; return by how much they differ from the field (see `disagreement`)."""
-    REFRESH(s, mode, params)
-    result: float = DISAGREEMENT(s)
-    return result
 
 
 def tangent(
