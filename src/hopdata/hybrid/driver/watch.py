@@ -109,13 +109,18 @@ def facing(lock: int, value: float) -> float:
 
 
 @kernel_in_loop
-def gather_unclear(p: Problem, m: Memory, unclear: int, first: int) -> int:
-    """Put the guards that have no clearance into NEAR; return how many they are: `unclear`.
+def gather_unclear(p: Problem, m: Memory) -> int:
+    """Put the guards that have no clearance into NEAR; return how many they are.
 
-    The clearances are worked out and counted before, and the `first` place without one is found,
-    in loops that are compiled into vector instructions, as the one here is not. Mostly there is
-    nothing left to do, or a single guard to write down.
+    They are counted, and the first of them found, in a loop that is compiled into vector
+    instructions, as the one after it is not. Mostly there is nothing left to do, or a single guard
+    to write down.
     """
+    unclear, first = 0, m.counts[at.N_AWAKE]
+    for place in range(m.counts[at.N_AWAKE]):
+        clear = m.guards[at.CLEARANCE, awake(p, m, place)] > 0.0
+        unclear += 0 if clear else 1
+        first = min(first, m.counts[at.N_AWAKE] if clear else place)
     count, a = 0, first
     while count < unclear:
         k = awake(p, m, a)
@@ -129,7 +134,7 @@ def gather_unclear(p: Problem, m: Memory, unclear: int, first: int) -> int:
 @kernel_apart
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
-    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
@@ -137,15 +142,13 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
             facing(lock, g[at.H0, k]), facing(lock, g[at.RATE0, k]) * dt,
             facing(lock, g[at.H1, k]), facing(lock, g[at.RATE1, k]) * dt,
         )  # fmt: skip
-        unclear += 0 if g[at.CLEARANCE, k] > 0.0 else 1
-        first = min(first, m.counts[at.N_AWAKE] if g[at.CLEARANCE, k] > 0.0 else a)
-    return gather_unclear(p, m, unclear, first)
+    return gather_unclear(p, m)
 
 
 @kernel_apart
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     """Do the same by all knots of the step: a guard must stay clear between each two."""
-    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock, least = p.mode[k], np.inf
@@ -153,37 +156,31 @@ def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
             g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
             least = min(least, clearance(g0, d0, g1, d1))
         g[at.CLEARANCE, k] = least
-        unclear += 0 if least > 0.0 else 1
-        first = min(first, m.counts[at.N_AWAKE] if least > 0.0 else a)
-    return gather_unclear(p, m, unclear, first)
+    return gather_unclear(p, m)
 
 
 @kernel_apart
 def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
-    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         noise = blur(g[at.SIZE, k], g[rate, k], resolution)
         g[at.CLEARANCE, k] = facing(p.mode[k], g[h, k]) - noise
-        unclear += 0 if g[at.CLEARANCE, k] > 0.0 else 1
-        first = min(first, m.counts[at.N_AWAKE] if g[at.CLEARANCE, k] > 0.0 else a)
-    return gather_unclear(p, m, unclear, first)
+    return gather_unclear(p, m)
 
 
 @kernel_apart
 def gather_coming(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
-    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
         g[at.CLEARANCE, k] = after(
             facing(lock, g[at.H0, k]), facing(lock, g[at.RATE0, k]), facing(lock, g[at.BEND, k]), dt
         )
-        unclear += 0 if g[at.CLEARANCE, k] > 0.0 else 1
-        first = min(first, m.counts[at.N_AWAKE] if g[at.CLEARANCE, k] > 0.0 else a)
-    return gather_unclear(p, m, unclear, first)
+    return gather_unclear(p, m)
 
 
 # How far to step, if a guard is about to flip: not far past it.
