@@ -162,16 +162,18 @@ def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return context.get_dummy_value()
 
 
-def lower_row(context: Any, builder: Any, kind: View, value: Any, row: Any = None) -> Any:
-    """Build, within an intrinsic, the array that is a vector, or a row of a table."""
+def lower_array(
+    context: Any, builder: Any, kind: View, value: Any, row: Any = None, ndim: int = 1
+) -> Any:
+    """Build, within an intrinsic, the array that is a vector, or a row of a table, or a square."""
     proxy = cgutils.create_struct_proxy(kind)(context, builder, value)
     start = proxy.data
     if row is not None:
         start = builder.gep(start, [builder.mul(row, proxy.width)])
-    array_type = types.Array(kind.dtype, 1, "C")
-    array = make_array(array_type)(context, builder)
+    array = make_array(types.Array(kind.dtype, ndim, "C"))(context, builder)
     item = context.get_constant(types.intp, kind.dtype.bitwidth // 8)
-    populate_array(array, start, [proxy.width], [item], item, meminfo=None)
+    strides = [builder.mul(proxy.width, item), item][-ndim:]
+    populate_array(array, start, [proxy.width] * ndim, strides, item, meminfo=None)
     return array._getvalue()
 
 
@@ -180,7 +182,7 @@ def _row(typing: Any, table: Any, index: Any) -> Any:
     """Return a row of a table of floats as an array, for the user's functions."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return lower_row(context, builder, sign.args[0], *values)
+        return lower_array(context, builder, sign.args[0], *values)
 
     return types.Array(table.dtype, 1, "C")(table, INDEX), generate
 
@@ -190,7 +192,7 @@ def _array_of(typing: Any, vector: Any) -> Any:
     """Return a vector as an array."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return lower_row(context, builder, sign.args[0], values[0])
+        return lower_array(context, builder, sign.args[0], values[0])
 
     return types.Array(vector.dtype, 1, "C")(vector), generate
 
@@ -200,14 +202,7 @@ def _square(typing: Any, table: Any, index: Any) -> Any:
     """Return as many rows of a table as they are long, from a row on, as a matrix."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        proxy = cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0])
-        start = builder.gep(proxy.data, [builder.mul(values[1], proxy.width)])
-        kind = types.Array(table.dtype, 2, "C")
-        array = make_array(kind)(context, builder)
-        item = context.get_constant(types.intp, table.dtype.bitwidth // 8)
-        across = builder.mul(proxy.width, item)
-        populate_array(array, start, [proxy.width, proxy.width], [across, item], item, meminfo=None)
-        return array._getvalue()
+        return lower_array(context, builder, sign.args[0], *values, ndim=2)
 
     return types.Array(table.dtype, 2, "C")(table, INDEX), generate
 
@@ -217,8 +212,7 @@ def _address_of(typing: Any, owner: Any) -> Any:
     """Return the address of what a view shows."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        proxy = cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0])
-        return builder.ptrtoint(proxy.data, context.get_value_type(INDEX))
+        return _as_span(context, builder, sign.args[0], values)[0]
 
     return INDEX(owner), generate
 
@@ -326,28 +320,18 @@ def reader(kind: type[Tuple], **slots: int) -> Callable[[IntVector], Tuple]:
 # array; a vector as an array; a view as its address; a vector as its address and width.
 VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
 
-Plan = tuple[tuple[Any, int], ...]
-
-
-def _as_row(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
-    return [lower_row(context, builder, kind, *values)]
-
-
-def _as_address(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
-    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
-    return [builder.ptrtoint(proxy.data, context.get_value_type(INDEX))]
-
 
 def _as_span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
     proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
-    return [*_as_address(context, builder, kind, values), proxy.width]
+    return [builder.ptrtoint(proxy.data, context.get_value_type(INDEX)), proxy.width]
 
 
-def _as_value(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
-    return values
-
-
-LOWER = {VALUE: _as_value, ROW: _as_row, VECTOR: _as_row, ADDRESS: _as_address, SPAN: _as_span}
+def _handed_over(context: Any, builder: Any, way: int, kind: Any, values: list[Any]) -> list[Any]:
+    if way == VALUE:
+        return values
+    if way in (ROW, VECTOR):
+        return [lower_array(context, builder, kind, *values)]
+    return _as_span(context, builder, kind, values)[: 1 if way == ADDRESS else 2]
 
 
 def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
@@ -366,7 +350,7 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
         rest, arguments = list(values[1:]), []
         for kind, way in plan:
             count = 2 if way == ROW else 1
-            arguments += LOWER[way](context, builder, kind, rest[:count])
+            arguments += _handed_over(context, builder, way, kind, rest[:count])
             rest = rest[count:]
         taken = [context.get_value_type(kind) for kind in native.args]
         given = context.get_value_type(native.return_type)

@@ -105,17 +105,15 @@ def single(m: Memory, row: int) -> int:
 
 
 @kernel
-def rate_along(p: Problem, m: Memory, k: int, row: int) -> float:
-    """Return the rate of guard k when the state moves along a row of the tangent's table."""
-    t, s, g = m.clock[at.T], m.states, m.guards
+def rate_along(
+    p: Problem, m: Memory, k: int, row: int, t: float, states: FloatTable, y: int
+) -> float:
+    """Return the rate of guard k when row `y` of a table moves along a row of the tangent's."""
+    phi, g = p.tangent, m.guards
     if p.guards != 0:
-        code.call_guards(
-            p.guards, t, s, at.Y, p.tangent, row, p.mode, p.params, g, at.H, g, at.RATE
-        )
+        code.call_guards(p.guards, t, states, y, phi, row, p.mode, p.params, g, at.H, g, at.RATE)
     else:
-        code.call_guard(
-            p.guard, t, s, at.Y, p.tangent, row, p.mode, p.params, k, g, at.H, g, at.RATE
-        )
+        code.call_guard(p.guard, t, states, y, phi, row, p.mode, p.params, k, g, at.H, g, at.RATE)
     return g[at.RATE, k]
 
 
@@ -161,7 +159,8 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> float:
     for i in range(n):
         if phi[inputs, i] != 0.0 and i != last:
             phi[moved, i] += change
-            part = (rate_along(p, m, k, moved) - rate) / (phi[moved, i] - phi[before, i]) / rate
+            moved_rate = rate_along(p, m, k, moved, m.clock[at.T], m.states, at.Y)
+            part = (moved_rate - rate) / (phi[moved, i] - phi[before, i]) / rate
             phi[moved, i] = phi[before, i]
             left -= part * phi[before, i]
             unknown += add_part(p, m, i, part)
@@ -178,17 +177,9 @@ def bend_of(p: Problem, m: Memory, k: int, rate: float) -> float:
     moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
     for i in range(n):
         p.tangent[moved, i] = m.states[at.Y, i] + ahead * p.tangent[single(m, at.F_BEFORE), i]
-    t, g = m.clock[at.T] + ahead, m.guards
+    t = m.clock[at.T] + ahead
     code.call_field(p.field, t, p.tangent, moved, p.mode, p.params, p.tangent, slope)
-    if p.guards != 0:
-        code.call_guards(
-            p.guards, t, p.tangent, moved, p.tangent, slope, p.mode, p.params, g, at.H, g, at.RATE
-        )
-    else:
-        code.call_guard(
-            p.guard, t, p.tangent, moved, p.tangent, slope, p.mode, p.params, k, g, at.H, g, at.RATE
-        )
-    return (g[at.RATE, k] - rate) / ahead
+    return (rate_along(p, m, k, slope, t, p.tangent, moved) - rate) / ahead
 
 
 @kernel
@@ -248,7 +239,8 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
         code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
         add_jump(p, m)
         k = next_due(m, k)
-        rate = rate_along(p, m, k, before) if k >= 0 else 0.0
+        if k >= 0:
+            rate = rate_along(p, m, k, before, m.clock[at.T], m.states, at.Y)
     for a in range(m.counts[at.N_DUE]):  # they flip in earnest afterwards
         k = m.lists[at.DUE, a]
         p.mode[k] = -p.mode[k]
