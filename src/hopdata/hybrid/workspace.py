@@ -317,7 +317,9 @@ class Workspace:
                 np.frombuffer(trajectory).reshape(-1, self._widths[0])[::per_step].tobytes()
             )
         if len(self._wanted) > 0:
-            trajectory = self._taken_samples()
+            count = int(self.counts[layout.SAMPLES])
+            taken = [self._wanted[:count], self._samples[:count]]
+            trajectory = np.column_stack(taken).tobytes()
         tangent, shown = self.tangent, self._n_shown
         fields["jacobian"] = None if tangent is None else tangent[:shown, :shown].copy()
         if tangent is not None and shown < self._n_states:
@@ -328,11 +330,6 @@ class Workspace:
     def _joined(self, which: int, last: memoryview) -> bytes:
         """Return all rows, or all events, those that were put aside first."""
         return b"".join([*(kept[which] for kept in self._kept), last])
-
-    def _taken_samples(self) -> bytes:
-        """Return the wanted times that were reached, and the states there, side by side."""
-        count = int(self.counts[layout.SAMPLES])
-        return np.column_stack([self._wanted[:count], self._samples[:count]]).tobytes()
 
     def _make_records(self, n_rows: int, n_events: int) -> None:
         """Make and lay out room for so many rows and events, or fewer if the states are long."""

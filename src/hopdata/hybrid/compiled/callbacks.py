@@ -82,14 +82,11 @@ class _Hook:
         elif self._passing_on:  # the hook that was there has called this one
             sys.__unraisablehook__(unraisable)
         else:
-            self._pass_on(unraisable)
-
-    def _pass_on(self, unraisable: Any) -> None:
-        self._passing_on = True
-        try:
-            self._previous(unraisable)
-        finally:
-            self._passing_on = False
+            self._passing_on = True
+            try:
+                self._previous(unraisable)
+            finally:
+                self._passing_on = False
 
 
 _caught: ContextVar[Caught | None] = ContextVar("caught", default=None)  # one for each thread

@@ -122,13 +122,6 @@ def end_behind_jump(
     return behind
 
 
-@kernel
-def beyond_rounding(m: Memory, k: int, resolution: float) -> bool:
-    """Tell whether the step ends farther from guard k than rounding can put it."""
-    g = m.guards
-    return abs(g[at.H1, k]) > blur(g[at.SIZE, k], g[at.RATE1, k], resolution)
-
-
 @kernel_apart
 def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from now.
@@ -154,7 +147,8 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
         if not abs(shift) > resolution:
             break
         if not (abs(shift) < last and abs(m.guards[at.H1, k]) < left):
-            if abs(shift) > HOVER * span and beyond_rounding(m, k, resolution):
+            noise = blur(m.guards[at.SIZE, k], m.guards[at.RATE1, k], resolution)
+            if abs(shift) > HOVER * span and abs(m.guards[at.H1, k]) > noise:
                 span = end_behind_jump(p, m, k, place, on_interpolant, resolution)
             break
         last, left = abs(shift), abs(m.guards[at.H1, k])

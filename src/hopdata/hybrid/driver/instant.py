@@ -150,12 +150,6 @@ def too_crowded(m: Memory, resolution: float) -> bool:
     return m.counts[at.CROWD] > CROWD_BASE + CROWD_PER_GUARD * m.flags.width
 
 
-@kernel
-def keep_culprit(m: Memory) -> None:
-    """Remember the first guard that is due as the one to report."""
-    m.counts[at.CULPRIT] = next_due(m, -1)
-
-
 @kernel_apart
 def fire_all(p: Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
@@ -164,7 +158,7 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
     """
     resolution, jumps = time_resolution(m.clock[at.T], 0.0), m.counts[at.JUMPS]
     if too_crowded(m, resolution):
-        keep_culprit(m)
+        m.counts[at.CULPRIT] = next_due(m, -1)
         return at.ZENO
     later = False
     while True:
@@ -175,7 +169,7 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
             if pushed or not jumped:
                 wrong = int(first_order(p, SALTATE, 0.0, int(pushed), 0, 0))
             if wrong != at.RUNNING:
-                keep_culprit(m)
+                m.counts[at.CULPRIT] = next_due(m, -1)
                 return wrong
         status = flip(p, m)
         if status == at.RUNNING:

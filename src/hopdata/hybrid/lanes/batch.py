@@ -17,11 +17,12 @@ from hopdata.code_cache import DIGITS, compiled_in_cache, function_digest
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
-from hopdata.hybrid.compiled.kernel import ENTRY, kernel
+from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import row, view
 from hopdata.hybrid.lanes import step as code
 from hopdata.hybrid.lanes.vectors import WIDTH, aligned, part
 from hopdata.hybrid.methods.explicit import compose
+from hopdata.hybrid.methods.method import put_in
 from hopdata.hybrid.system import System
 
 MOST_GUARDS = 62  # their numbers are bits
@@ -157,20 +158,20 @@ class LaneCode:
         made = ", ".join([*items, "view(table)", "view(modes)", "view(book)"])
         known = {**names, "Room": code.Room, "row": row, "view": view}
         body = [f"return Room({made})"]
-        names["room"] = _kernel(compose("room", "table, params, modes, book", body, known))
+        names["room"] = put_in(compose("room", "table, params, modes, book", body, known))
         read = len(names["READ"]) > 0
         field = code.field_of_groups if read else code.field_of_one
         guards = code.guards_of_groups if read else code.guards_of_one
-        names["FIELD"] = _kernel(field, CALL=system.field.dispatcher)
-        names["GUARDS"] = _kernel(guards, CALL=_guards_of(system))
+        names["FIELD"] = put_in(field, CALL=system.field.dispatcher)
+        names["GUARDS"] = put_in(guards, CALL=_guards_of(system))
         known = {**vars(code), **names}
         for name, arguments, lines in (
             ("take_step", "t, h, rtol, atol, r", code.step_code()),
             ("prepare", "t, h, r", code.dense_code()),
         ):
-            names[name] = _kernel(compose(name, arguments, lines, known))
+            names[name] = put_in(compose(name, arguments, lines, known))
         for function in PARTS:
-            names[function.__name__] = _kernel(function, **names)
+            names[function.__name__] = put_in(function, **names)
         return names
 
     def room(self) -> tuple[FloatArray, IntArray, IntArray]:
@@ -180,16 +181,12 @@ class LaneCode:
         return table, modes, np.zeros((code.BOOK_ROWS, WIDTH), dtype=np.int64)
 
 
-def _kernel(function: Any, **names: Any) -> Any:
-    return kernel(with_digest(function, **names))
-
-
 def _guards_of(system: System) -> Any:
     if system.guards is not None:
         return system.guards.dispatcher
     if system.guard is not None:
-        return _kernel(code.guards_one_by_one, CALL=system.guard.dispatcher)
-    return _kernel(code.no_guards)
+        return put_in(code.guards_one_by_one, CALL=system.guard.dispatcher)
+    return put_in(code.no_guards)
 
 
 def read_modes(system: System) -> tuple[int, ...]:

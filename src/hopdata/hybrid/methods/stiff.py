@@ -89,7 +89,7 @@ JACOBIAN: Any = None
 N: int = 0
 
 CUBE_ROOT_OF_EPS = 2.0 ** (-52 / 3)
-TINY = 1e-290
+TINY, SMALLEST = 1e-290, 1e-300  # no increment, and no tolerance, is smaller
 # Three values ahead in time: an increment of 2^-9 steps balances their rounding and truncation.
 TIME_INCREMENT = 2.0**-9
 LEAST_INCREMENT = 2.0**-40  # of the time itself
@@ -262,8 +262,6 @@ TIME_DERIVATIVE: Any = None
 
 U, PIVOTS, INFO, JAC = W1, W1 + STAGES, W1 + STAGES + 1, W1 + STAGES + 2
 
-ROSENBROCK_TINY = 1e-300
-
 
 def work_rows(n: int) -> int:
     """Return the number of work rows for `n` states: stages, exchanges, count, two matrices."""
@@ -304,7 +302,7 @@ def step(
         error = s[U + STAGES - 1, i]
         s[END, i] = s[SCRATCH, i] + error
         size = max(abs(s[Y, i]), abs(s[END, i]))
-        total += (error / max(atol[i] + rtol * size, ROSENBROCK_TINY)) ** 2
+        total += (error / max(atol[i] + rtol * size, SMALLEST)) ** 2
     FIELD(t + dt, row(s, END), mode, params, row(s, KEND))
     return (total / N) ** 0.5
 
@@ -326,13 +324,12 @@ def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any, fiel
 
 STIFF = 15.0  # steps beyond the limit, more or less in a row
 RELIEF = 2.5  # of these are forgotten at each step within it
-STIFFNESS_TINY = 1e-300
 
 
 @kernel
 def tolerance(s: FloatTable, i: int, rtol: float, atol: FloatVector) -> float:
     """Return the error allowed in component `i` of this step."""
-    return max(atol[i] + rtol * max(abs(s[Y, i]), abs(s[END, i])), STIFFNESS_TINY)
+    return max(atol[i] + rtol * max(abs(s[Y, i]), abs(s[END, i])), SMALLEST)
 
 
 @kernel
