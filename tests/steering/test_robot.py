@@ -62,7 +62,7 @@ def test_a_board_holds_the_hopper_back_and_is_left_where_it_was_pushed():
     free = pushing = released(STILL, np.zeros(3), 1.0)
     for _ in range(6):
         free = steer_hop(STILL, free, 0.0, rng=rng()).end
-        hop = steer_hop(STILL, pushing, 0.0, rng=rng(), variant=board.drag)
+        hop = steer_hop(STILL, pushing, 0.0, rng=rng(), board=board)
         board, pushing = board.pushed(hop), hop.end
     assert 0.05 < pushing.state[0] < free.state[0] - 0.05
     assert hop.stance.touched
@@ -77,7 +77,7 @@ def test_the_touch_is_an_event_while_the_hopper_stands_and_none_short_of_the_boa
 
     def touch(centre_m):
         board = Board(direction=(1.0, 0.0), place_m=centre_m + 0.38)
-        return steer_hop(STILL, apex, 0.0, rng=rng(), variant=board.drag)
+        return steer_hop(STILL, apex, 0.0, rng=rng(), board=board)
 
     assert touch(between[0] - 0.5).hop.touched_s == pytest.approx(down)
     half_way = touch(sum(between) / 2).hop.touched_s
@@ -91,7 +91,7 @@ def test_the_touch_is_an_event_while_the_hopper_stands_and_none_short_of_the_boa
 def test_a_board_behind_the_back_does_not_hold_the_hopper():
     away = fly(STILL, released(STILL, np.zeros(3), 1.0), [0.0])[0]
     board = Board(direction=(-1.0, 0.0), place_m=-1.0)
-    held = steer_hop(STILL, away.end, 0.0, rng=rng(), variant=board.drag)
+    held = steer_hop(STILL, away.end, 0.0, rng=rng(), board=board)
     free = steer_hop(STILL, away.end, 0.0, rng=rng())
     np.testing.assert_allclose(held.stance.pose, free.stance.pose, atol=1e-6)
 

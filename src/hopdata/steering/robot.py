@@ -17,7 +17,6 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import require
 from hopdata.scenes.hopper_control import HopperDrag
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.scene import Variant
 from hopdata.synthesis.camera import fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.simulate import MotionCapture
@@ -149,7 +148,7 @@ def steer_hop(
     *,
     rng: np.random.Generator,
     frame_times_s: ArrayLike = (),
-    variant: Variant | None = None,
+    board: Board | None = None,
 ) -> SteeredHop:
     """Fly one hop with a swing of the boom.
 
@@ -165,8 +164,8 @@ def steer_hop(
     frame_times_s : (F,) array
         Times at which markers are wanted, s, on the clock of the apex; those within the hop are
         used.
-    variant : Variant, optional
-        What stands in the hopper's way, as a `HopperDrag`.
+    board : Board, optional
+        What stands in the hopper's way; see `Board.pushed` for where it is left.
     """
     swing = float(np.clip(swing_rad, -robot.swing_limit_rad, robot.swing_limit_rad))
     parameters = replace(
@@ -178,7 +177,7 @@ def steer_hop(
     search = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
     times = np.union1d(frames, search)
     hop = fly_hop(
-        parameters, kicked(apex.state, robot.kicks, rng), variant=variant,
+        parameters, kicked(apex.state, robot.kicks, rng), variant=board and board.drag,
         preloads_n=robot.preloads_n * chance, frame_times_s=times, limit_s=robot.hop_limit_s,
     )  # fmt: skip
     times = times[: len(hop.states)]
@@ -257,24 +256,6 @@ class Board:
             return self
         front = float((hop.hop.event_state[:, :2] @ self.direction).max()) + self.reach_m
         return replace(self, place_m=max(self.place_m, front))
-
-
-def steer_past(
-    robot: SteeredHopper,
-    apex: Apex,
-    swing_rad: float,
-    board: Board | None,
-    *,
-    rng: np.random.Generator,
-    frame_times_s: ArrayLike = (),
-) -> tuple[SteeredHop, Board | None]:
-    """Fly one hop, past a board if there is one; return the hop, and the board as it left it.
-
-    For the other parameters see `steer_hop`.
-    """
-    met = None if board is None else board.drag
-    hop = steer_hop(robot, apex, swing_rad, rng=rng, frame_times_s=frame_times_s, variant=met)
-    return hop, None if board is None else board.pushed(hop)
 
 
 # From the blocks of the configuration to the robot, the camera and the excitation.

@@ -105,10 +105,11 @@ class WatchedHopper:
         rate, apex = self.sight.camera.rate_hz, self._apex
         first = int(np.ceil(apex.time_s * rate - 1e-9))
         frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
-        hop, self.board = plant.steer_past(
-            self.robot, apex, swing_rad, self.board, rng=self._kicks, frame_times_s=frames / rate
-        )
-        self._apex = hop.end
+        hop = plant.steer_hop(
+            self.robot, apex, swing_rad, rng=self._kicks, frame_times_s=frames / rate,
+            board=self.board,
+        )  # fmt: skip
+        self._apex, self.board = hop.end, self.board and self.board.pushed(hop)
         return hop.stance, self._watched(hop)
 
     def _watched(self, hop: plant.SteeredHop) -> Observation | None:
