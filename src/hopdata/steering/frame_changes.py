@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -139,23 +138,14 @@ def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
 
 # Tables of frame changes: one hop a row, a unit in the name of each column.
 
-_COLUMNS = {
-    "recording": ("recording",),
-    "time_s": ("time_s",),
-    "boom_angle_rad": ("boom_angle_rad",),
-    "swing_rad": ("swing_rad",),
-    "change": ("dx_m", "dy_m", "dtheta_rad"),
-    "reason": ("reason",),
-}
+CHANGE = ["dx_m", "dy_m", "dtheta_rad"]
+COLUMNS = ["recording", "time_s", "boom_angle_rad", "swing_rad", *CHANGE, "reason"]
 
 
 def to_table(changes: FrameChanges) -> pd.DataFrame:
     """Return the hops as a table with a unit in each column's name."""
-    parts = [
-        pd.DataFrame(getattr(changes, name), columns=list(names))
-        for name, names in _COLUMNS.items()
-    ]
-    return pd.concat(parts, axis=1)
+    columns = {**vars(changes), **dict(zip(CHANGE, changes.change.T, strict=True))}
+    return pd.DataFrame({name: columns[name] for name in COLUMNS})
 
 
 def from_table(table: pd.DataFrame) -> FrameChanges:
@@ -166,18 +156,11 @@ def from_table(table: pd.DataFrame) -> FrameChanges:
     RecordingError
         If a column is missing.
     """
-    wanted = [name for names in _COLUMNS.values() for name in names]
-    missing = [name for name in wanted if name not in table]
+    missing = ", ".join(name for name in COLUMNS if name not in table)
     if missing:
         raise RecordingError(
-            f"frame changes: expected the columns {', '.join(wanted)}, missing {', '.join(missing)}"
+            f"frame changes: expected the columns {', '.join(COLUMNS)}, missing {missing}"
         )
-    return FrameChanges(**{name: _values(table, names) for name, names in _COLUMNS.items()})
-
-
-def _values(table: pd.DataFrame, names: tuple[str, ...]) -> Any:
-    """Values of a field, text or numbers, from its columns."""
-    if names[0] in ("recording", "reason"):
-        return table[names[0]].to_numpy(dtype=str)
-    values = table[list(names)].to_numpy(dtype=float)
-    return values if len(names) > 1 else values[:, 0]
+    numbers = {name: table[name].to_numpy(dtype=float) for name in COLUMNS[1:4]}
+    texts = {name: table[name].to_numpy(dtype=str) for name in ("recording", "reason")}
+    return FrameChanges(**numbers, **texts, change=table[CHANGE].to_numpy(dtype=float))

@@ -17,6 +17,7 @@ from hopdata.rigid import relative
 from hopdata.steering import CORRECTED, EXCITATION, PRINTED, TRIAL, child
 from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import is_finite
+from hopdata.steering.frame_changes import CHANGE
 from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
 from hopdata.synthesis.simulate import MotionCapture, observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
@@ -389,7 +390,6 @@ def simulate_excitation(
 # The true frame changes as a table, and back.
 
 INPUTS = ["boom_angle_rad", "swing_rad", "previous_swing_rad"]
-CHANGE = ["dx_m", "dy_m", "dtheta_rad"]
 
 
 def true_map_table(true: TrueFrameChanges) -> pd.DataFrame:
