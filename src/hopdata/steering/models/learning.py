@@ -64,11 +64,12 @@ def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[Float
 
 def learning_scores(
     changes: FrameChanges,
-    options: Mapping[str, gp.ProcessOptions],
+    options: Mapping[Any, gp.ProcessOptions],
     sizes: Sequence[int],
     *,
     draws: int,
     seed: int,
+    names: Sequence[str] = ("model",),
 ) -> pd.DataFrame:
     """Train on random hops and test on the rest, for several set-ups and numbers of hops.
 
@@ -78,13 +79,15 @@ def learning_scores(
     ----------
     changes : FrameChanges
     options : mapping
-        Set-ups by name.
+        Set-ups by name, or by several.
     sizes : sequence of int
         Numbers of hops to train on.
     draws : int
         Random sets of each size.
     seed : int
         Of the draws.
+    names : sequence of str
+        Of the columns for the names of the set-ups.
 
     Returns
     -------
@@ -100,7 +103,8 @@ def learning_scores(
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
                 _, score = tested(hops, train, test, chosen, seed + draw)
-                rows.append(pd.DataFrame({"model": name, "hops": size, "draw": draw, **score}))
+                labels = dict(zip(names, name if isinstance(name, tuple) else (name,), strict=True))
+                rows.append(pd.DataFrame({**labels, "hops": size, "draw": draw, **score}))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -209,19 +213,15 @@ def smoothness_scores(
     Returns
     -------
     DataFrame
-        Columns of `learning_scores` without ``hops, model``, with ``reading`` and ``smoothness``.
+        Columns of `learning_scores` with ``reading`` and ``smoothness`` in place of ``model``.
     """
-    hops = changes.used()
-    rows = []
-    for draw, stream in enumerate(np.random.SeedSequence([seed, train]).spawn(draws)):
-        chosen, rest = random_split(len(hops), train, np.random.default_rng(stream))
-        for reading, options in readings.items():
-            for smoothness in gp.SMOOTHNESSES:
-                setup = replace(options, smoothness=smoothness)
-                _, score = tested(hops, chosen, rest, setup, seed + draw)
-                labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
-                rows.append(pd.DataFrame({**labels, **score}))
-    return pd.concat(rows, ignore_index=True)
+    options = {
+        (reading, smoothness): replace(one, smoothness=smoothness)
+        for reading, one in readings.items()
+        for smoothness in gp.SMOOTHNESSES
+    }
+    names = ("reading", "smoothness")
+    return learning_scores(changes, options, [train], draws=draws, seed=seed, names=names)
 
 
 # From the table of frame changes to a model, and how well it predicts the other hops.
