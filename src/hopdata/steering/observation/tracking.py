@@ -73,29 +73,24 @@ def observe_frame(
     earlier : (3, 3) array, optional
         Rotation of an earlier frame, to lean on if only two markers are seen.
     """
-    before = None if earlier is None else earlier[None]
-    fit = rigid_fit(body[None], geometry.body_m, before)
-    rotation, centre, residual = fit.rotation[0], fit.centre[0], float(fit.residual_m[0])
-    if not np.isfinite(residual):
-        return _nothing(UNSEEN, residual)
-    if residual > MISFIT_NOISES * geometry.noise_m:
-        return _nothing(MISFIT, residual)
-    pose = np.array([centre[0], centre[1], headings(rotation)])
-    angle = np.nan
+    fit = rigid_fit(body[None], geometry.body_m, None if earlier is None else earlier[None])
+    status, rotation, centre = (
+        str(_statuses(fit, geometry.noise_m)[0]),
+        fit.rotation[0],
+        fit.centre[0],
+    )
+    if status in (UNSEEN, MISFIT):
+        rotation, centre = np.full((3, 3), np.nan), np.full(3, np.nan)
+    pose, angle = np.array([centre[0], centre[1], headings(rotation)]), np.nan
     if boom is not None and geometry.circle is not None:
-        angle = _boom_angle(geometry.circle, (boom - centre) @ rotation)
-    status = LEANED if fit.leaned[0] else SEEN
-    return Observation(pose, float(centre[2]), angle, residual, status, rotation)
+        angle = float(_angles_on(geometry.circle, (boom - centre) @ rotation))
+    height, residual = float(centre[2]), float(fit.residual_m[0])
+    return Observation(pose, height, angle, residual, status, rotation)
 
 
-def _boom_angle(circle: BoomCircle, boom: FloatArray) -> float:
-    on_circle = circle.misses(boom) < BOOM_MISS_M  # also false where the marker is not seen
-    return float(circle.angles(boom)) if on_circle else np.nan
-
-
-def _nothing(status: str, residual_m: float) -> Observation:
-    unknown = np.full(3, np.nan)
-    return Observation(unknown, np.nan, np.nan, residual_m, status, np.full((3, 3), np.nan))
+def _angles_on(circle: BoomCircle, boom: FloatArray) -> FloatArray:
+    """Boom angles of markers (..., 3); NaN where one is off the circle, or not seen."""
+    return np.where(circle.misses(boom) < BOOM_MISS_M, circle.angles(boom), np.nan)
 
 
 class HopperTracker:
@@ -237,8 +232,7 @@ def _boom_angles(
     if place is None or geometry.circle is None:
         return np.full(len(centre), np.nan)
     boom = np.einsum("nji,nj->ni", rotation, recording.positions[:, place] - centre)
-    on_circle = geometry.circle.misses(boom) < BOOM_MISS_M
-    return unwrapped(np.where(on_circle, geometry.circle.angles(boom), np.nan))
+    return unwrapped(_angles_on(geometry.circle, boom))
 
 
 def unwrapped(angle: FloatArray) -> FloatArray:
