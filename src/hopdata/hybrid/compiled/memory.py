@@ -202,7 +202,7 @@ def _square(typing: Any, table: Any, index: Any) -> Any:
     """Return as many rows of a table as they are long, from a row on, as a matrix."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return lower_array(context, builder, sign.args[0], *values, ndim=2)
+        return lower_array(context, builder, sign.args[0], values[0], values[1], 2)
 
     return types.Array(table.dtype, 2, "C")(table, INDEX), generate
 
