@@ -177,8 +177,9 @@ def steer_hop(
     search = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
     times = np.union1d(frames, search)
     hop = fly_hop(
-        parameters, kicked(apex.state, robot.kicks, rng), variant=None if board is None else board.drag,
-        preloads_n=robot.preloads_n * chance, frame_times_s=times, limit_s=robot.hop_limit_s,
+        parameters, kicked(apex.state, robot.kicks, rng),
+        variant=None if board is None else board.drag, preloads_n=robot.preloads_n * chance,
+        frame_times_s=times, limit_s=robot.hop_limit_s,
     )  # fmt: skip
     times = times[: len(hop.states)]
     shown = np.isin(times, frames)
