@@ -465,10 +465,10 @@ def piece_errors(piece: Recording, true: FloatArray) -> tuple[FloatArray, FloatA
     return found.instant[row] - true[landing], found.se[row], common
 
 
-def few_rows(seeds: int) -> list[dict[str, Any]]:
+def few_rows(seeds: range) -> list[dict[str, Any]]:
     """One row for each animal, rate, softness and number of landings."""
     rows: dict[Any, list[Any]] = {}
-    for animal, seed in product(ANIMALS, range(seeds)):
+    for animal, seed in product(ANIMALS, seeds):
         simulation = {**ANIMALS[animal], "hops": FEW_HOPS}
         seen, truth = simulate_recording(simulation, {**SEEN, "floor": FLAT}, seed=[seed, 26])
         for soft_s, rate in product(SOFT_S, FEW_RATES_HZ):
@@ -613,18 +613,27 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="simulated recordings (default 5)")
     parser.add_argument("--landings", type=int, default=2860, help="landings of each")
     parser.add_argument("--peer-landings", type=int, default=200, help="for scipy (default 200)")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="the first one (default 1)")
+    parser.add_argument("--few", action="store_true", help="the rows of few landings alone")
     arguments = parser.parse_args()
+    few = range(arguments.seed, arguments.seed + arguments.seeds)
+    if arguments.few:
+        write(pd.DataFrame(few_rows(few)), arguments.out)
+        return
     warm = make(60, Condition(compliance_s=0.005), np.random.default_rng(0))
     ours(warm)  # compile before the clock runs
     table = pd.DataFrame([row for name in CONDITIONS for row in rows_of(name, arguments)])
     loop = table[table["method"] == "scipy curve_fit loop, free"].set_index("condition")
     table["times_faster"] = table["condition"].map(loop["us_per_fit"]) / table["us_per_fit"]
-    more = [*runner_rows(), *used_rows(), *few_rows(arguments.seeds)]
-    table = pd.concat([table, pd.DataFrame(more)], ignore_index=True)
+    more = [*runner_rows(), *used_rows(), *few_rows(few)]
+    write(pd.concat([table, pd.DataFrame(more)], ignore_index=True), arguments.out)
+
+
+def write(table: pd.DataFrame, out: Path) -> None:
+    """Write and print the rows."""
     table = table.reindex(columns=COLUMNS)
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(arguments.out, index=False, float_format="%.6g")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(out, index=False, float_format="%.6g")
     print(table.round(3).to_string(index=False))
 
 

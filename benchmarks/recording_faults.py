@@ -42,6 +42,15 @@ Touchdowns that are used are counted beside those of the same recording without 
 those more than with `none`. Errors of the states at the sections are against the integrated
 landings: of the touchdowns that rest on filled places (from 0.22 s before the pre section to
 0.22 s after the post section) and of those that do not.
+
+`moved_floors.csv`, beside it (alone with `--moved`): a floor that rises over the recording, sways
+in 20 s or drops once half-way, under the hopper and the quadruped of 120 landings; and the same
+bodies, on a floor that does not move, larger and smaller: lengths times `size`, times times its
+root, noise in proportion. One row for each, worst and median over the seeds: `refused` recordings;
+`moving`, those said to stand on a floor that moves; the share `used` of the true landings; `right`,
+the orders that are right of those that are sure; the rms error of the instants, over the root of
+the size; rms error over stated error; and the rms residual of the best affine map from one section
+to the other, in standard deviations of the coordinates.
 """
 
 from __future__ import annotations
@@ -59,6 +68,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError
 from hopdata.landings.filling import fill_gaps, mark_filled
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.floor_surface import (
@@ -72,7 +82,7 @@ from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
 from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.scoring import state_errors, true_rows
+from hopdata.maps.truth.scoring import match_landings, state_errors, true_rows
 from hopdata.recording import Recording, Truth
 from hopdata.recordings.plausibility import check_fall, check_rigid
 from hopdata.recordings.quality.inspection import Faults, Inspection, inspect_recording
@@ -531,6 +541,74 @@ def filling_table(hops: int, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+SCENES = {"hopper": {}, "quadruped": {"scene": "quadruped"}}
+MOVES: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "rise": lambda t: t / t[-1],
+    "sway": lambda t: 0.5 * np.sin(2 * np.pi * t / 20.0),
+    "step": lambda t: (t < 0.5 * t[-1]).astype(float),
+}
+MOVED_BY_M, SIZES = (0.02, 0.05), (0.003, 0.03, 0.3, 3.0, 10.0)
+SURE = 0.9
+
+
+def moved_table(seeds: range, hops: int) -> pd.DataFrame:
+    """One row for each body and move of its floor, and for each size of it."""
+    rows = []
+    for body, scene in SCENES.items():
+        seen = [simulate_recording({"hops": hops, **scene}, {}, seed=[s, 26]) for s in seeds]
+        cases = [("still", 0.0, 1.0), *(("still", 0.0, size) for size in SIZES)]
+        cases += [(move, far, 1.0) for move in MOVES for far in MOVED_BY_M]
+        for move, far, size in cases:
+            found = pd.DataFrame([_on_moved(*one, move, far, size) for one in seen])
+            row = {"body": body, "size": size, "floor": move, "by_mm": 1e3 * far}
+            row |= {name: int(found.pop(name).sum()) for name in ("refused", "moving")}
+            for name in found:
+                worst = found[name].min() if name in ("used", "right") else found[name].max()
+                row |= {name: found[name].median(), f"{name}_worst": worst}
+            rows.append(row)
+            print(row, flush=True)
+    return pd.DataFrame(rows)
+
+
+def _on_moved(
+    recording: Recording, truth: Truth, move: str, far_m: float, size: float
+) -> dict[str, float]:
+    """Measure what is found of one recording."""
+    root, positions = np.sqrt(size), size * recording.positions
+    if move in MOVES:
+        positions[:, :, 2] += far_m * MOVES[move](recording.time)[:, None]
+    seen = {"time": root * recording.time, "rate_hz": recording.rate_hz / root}
+    recording = replace(recording, **seen, positions=positions)
+    try:
+        floor = fit_floor(recording)
+        flat = level(recording, floor)
+        sections = select_sections([flat])
+        heights = {name: getattr(sections, name) for name in ("pre_height_m", "post_height_m")}
+        table = touchdown_table(flat, **heights)
+        pairs = assemble_pairs([flat], table, **heights)
+    except AnalysisError:
+        return {"refused": True, "moving": False}
+    used = table[~table["excluded"]].set_index("index").loc[pairs.index]
+    kinds = ("contact", "se", "common")
+    instant, own, common = (used.filter(regex=f"^{k}_.*_s$").to_numpy() / root for k in kinds)
+    landing = match_landings(instant, truth.contact_times)
+    error = (instant - truth.contact_times[landing])[landing >= 0]
+    stated = np.hypot(own, common)[landing >= 0]
+    order = np.argsort(instant, axis=1) == np.argsort(truth.contact_times[landing], axis=1)
+    sure = (used["probability"].to_numpy() >= SURE) & (landing >= 0)
+    x, y = ((z - z.mean(axis=0)) / z.std(axis=0) for z in (pairs.x, pairs.y))
+    left = y - x @ np.linalg.lstsq(x, y, rcond=1e-6)[0]
+    return {
+        "refused": False,
+        "moving": "the floor moves" in floor.note,
+        "used": len(pairs) / int(np.isfinite(truth.contact_times).all(axis=1).sum()),
+        "right": float(order.all(axis=1)[sure].mean()),
+        "rms_ms": 1e3 * _rms(error),
+        "over_stated": _rms(error / stated),
+        "map_residual": _rms(left),
+    }
+
+
 def main() -> None:
     """Measure and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -538,15 +616,23 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=RECORDINGS)
     parser.add_argument("--floor-seeds", type=int, default=5)
     parser.add_argument("--filled-hops", type=int, default=500)
+    parser.add_argument("--moved", action="store_true", help="moved_floors.csv alone, into --out")
+    parser.add_argument("--moved-seeds", type=int, nargs=2, default=(61, 65), help="first, last")
     options = parser.parse_args()
     out: Path = options.out
+    out.parent.mkdir(parents=True, exist_ok=True)
+    first, last = options.moved_seeds
+    moved = moved_table(range(first, last + 1), 120)
+    moved_to = out if options.moved else out.with_name("moved_floors.csv")
+    moved.to_csv(moved_to, index=False, float_format="%.4g")
+    if options.moved:
+        return
     rows = [
         {"rate_hz": rate_hz, "noise_mm": 1e3 * noise_m, **row}
         for rate_hz, noise_m in CAMERAS
         for measure in (without_fault, with_fault)
         for row in measure(rate_hz, noise_m, options.recordings)
     ]
-    out.parent.mkdir(parents=True, exist_ok=True)
     pd.DataFrame(rows).to_csv(out, index=False, float_format="%.4g")
     floor = floor_table(300, options.floor_seeds)
     floor.to_csv(out.with_name("floor_faults.csv"), index=False, float_format="%.6g")

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -27,6 +28,30 @@ def study(sample_path):
     )
     told = []
     return hd.analyse(recording, progress=told.append), told
+
+
+@pytest.mark.parametrize("size", [1 / 256, 1 / 16, 4.0])
+def test_what_is_found_does_not_depend_on_the_size_of_the_animal(sample_path, size):
+    seen = read_recording(sample_path).part(slice(4_000))
+    root = np.sqrt(size)
+    copy = {"time": root * seen.time, "positions": size * seen.positions}
+    copy = replace(seen, **copy, rate_hz=seen.rate_hz / root)
+    assert (seen.scale, copy.scale) == (1.0, size)
+    one, other = hd.study(seen), hd.study(copy)
+    np.testing.assert_allclose(other.floors["hopper"].moved_m, one.floors["hopper"].moved_m)
+    table, same = other.touchdowns, one.touchdowns
+    assert (~same["excluded"]).sum() > 30
+    for name in table:
+        if name.endswith("_s"):
+            np.testing.assert_allclose(table[name] / root, same[name], atol=2e-7)  # rounded
+        elif name.endswith("probability"):
+            np.testing.assert_allclose(table[name], same[name], atol=1e-3)
+        else:
+            assert table[name].equals(same[name]), name
+    places = one.pairs.x.shape[1] // 2
+    for found, expected in ((other.pairs.x, one.pairs.x), (other.pairs.y, one.pairs.y)):
+        np.testing.assert_allclose(found[:, :places] / size, expected[:, :places], atol=1e-6)
+        np.testing.assert_allclose(found[:, places:] / root, expected[:, places:], atol=1e-6)
 
 
 def test_stages_are_told_in_their_order(study):

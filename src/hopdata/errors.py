@@ -83,8 +83,8 @@ def did_you_mean(name: str, choices: Iterable[str]) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name without what is easily overlooked: case, spaces at its ends, kinds of space."""
-    return " ".join(name.split()).casefold()
+    """Return a name without what is easily overlooked: its subject, case, kinds of space."""
+    return " ".join(name.rpartition(":")[2].split()).casefold()
 
 
 def absent(owner: str, name: str, choices: Iterable[str]) -> AbsentError:

@@ -226,6 +226,23 @@ class Recording(Shown):
         """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
         return np.asarray(self.body[:, :, 2].mean(axis=1))
 
+    @cached_property
+    def scale(self) -> float:
+        """See `scale_of`, by the body and the feet."""
+        return scale_of(sampled(self.positions)[:, self.indices("body") + self.indices("foot")])
+
+    @property
+    def pace(self) -> float:
+        """Root of the scale: what times are multiplied by, since all bodies fall alike."""
+        return float(np.sqrt(self.scale))
+
+    def of_1_m(self) -> Recording:
+        """Return the recording as if the animal were of 1 m, and fell as it does."""
+        if self.scale == 1.0:
+            return self
+        scaled: Any = {"time": self.time / self.pace, "positions": self.positions / self.scale}
+        return replace(self, **scaled, rate_hz=self.rate_hz * self.pace)
+
 
 def _together(markers: list[int]) -> list[int] | slice:
     """Return markers that stand side by side as a slice, which copies no frame."""
@@ -308,6 +325,16 @@ def extent(positions: FloatArray) -> float:
     span = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
     with np.errstate(over="ignore"):  # an absurd size may be infinite
         return float(np.median(np.sqrt((span**2).sum(axis=1))))
+
+
+def scale_of(positions: FloatArray) -> float:
+    """Return what lengths found on animals of 1 m are multiplied by for another: 1/16, 1/4, 1, 4.
+
+    Of markers (N, M, 3), m, by their `extent`; in steps of four, since two recordings of one animal
+    are to have one, and those of 0.5 to 2 m the numbers that they chose. Times go with its root.
+    """
+    size = extent(positions)
+    return float(4.0 ** np.round(0.5 * np.log2(np.clip(size, 1e-3, 1e3)))) if size > 0 else 1.0
 
 
 def body_over_feet(recording: Recording) -> FloatArray:

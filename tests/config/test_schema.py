@@ -26,7 +26,7 @@ def test_every_key_stands_on_the_page_with_its_meaning():
 
 def test_a_row_tells_meaning_unit_default_and_range():
     row = next(line for line in configuration_page().splitlines() if "`rest_speed_m_s`" in line)
-    assert "| m/s | `0.05` | a number above 0 and at most 10 |" in row
+    assert "| m/s | `null` | a number above 0 and at most 10, or null |" in row
 
 
 def test_a_new_key_appears_by_itself():

@@ -105,7 +105,7 @@ def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
 
 def fills(config: Mapping[str, Any]) -> bool:
     """Say whether gaps are filled: three markers cannot be placed by three others."""
-    return config["filling"]["longest_s"] > 0 and len(config["markers"]["body"]) > 3
+    return config["filling"]["longest_s"] != 0 and len(config["markers"]["body"]) > 3
 
 
 def is_simulated(config: Mapping[str, Any]) -> bool:

@@ -150,13 +150,14 @@ def _motions(point: FloatArray) -> FloatArray:
     return np.hstack([np.eye(3), [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]])
 
 
+LONGEST_S = 0.1
 REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted to
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
 @one_blas_thread()
 def fill_gaps(
-    recording: Recording, *, longest_s: float = 0.1, overwrite: bool = False
+    recording: Recording, *, longest_s: float | None = None, overwrite: bool = False
 ) -> Recording:
     """Fill short gaps of the body markers.
 
@@ -167,8 +168,8 @@ def fill_gaps(
     ----------
     recording : Recording
         Levelled: feet rest at height 0.
-    longest_s : float
-        Longest gap that is filled, s; gaps that are longer stay as they are.
+    longest_s : float, optional
+        Longest gap that is filled, s; by default 0.1 s for an animal of 1 m.
     overwrite : bool
         Write the places into the positions of the recording itself.
 
@@ -179,6 +180,7 @@ def fill_gaps(
     """
     positions = recording.positions if overwrite else recording.positions.copy()
     filled = np.zeros(positions.shape[:2], bool)
+    longest_s = LONGEST_S * recording.pace if longest_s is None else longest_s
     longest = int(longest_s * recording.rate_hz + 1e-6)
     wanted = _short_gaps(~seen(recording.body), longest)
     frames = np.flatnonzero(wanted.any(axis=1))
@@ -214,10 +216,11 @@ def mark_filled(
     if recording.filled is None:
         return table
     t_pre = table["t_pre_s"].to_numpy(float)
-    t_end = np.fmax(table["t_post_s"].to_numpy(float), t_pre) + REACH_S
+    reach_s = REACH_S * recording.pace
+    t_end = np.fmax(table["t_post_s"].to_numpy(float), t_pre) + reach_s
     body = recording.filled[:, recording.indices("body")]
     total = np.append(0, body.sum(axis=1).cumsum())
-    start, stop = (np.searchsorted(recording.time, at) for at in (t_pre - REACH_S, t_end))
+    start, stop = (np.searchsorted(recording.time, at) for at in (t_pre - reach_s, t_end))
     share = (total[stop] - total[start]) / np.maximum((stop - start) * body.shape[1], 1)
     excluded = table["excluded"].to_numpy(bool)
     too_much = (share > largest_share) & ~excluded

@@ -65,7 +65,7 @@ def _notes(
 _QUANTILE = 0.05
 _START_POINTS = 2000  # enough to start from
 _MOST_FITS = 300
-_STILL_M = 1e-6  # a change of the coefficients that ends the fits
+_STILL = 5e-5  # of the band, a change of the coefficients that ends the fits
 _SIGMAS = 4.0  # of the ground mode's left flank: what is farther above it is raised
 _ROUNDS = 4
 _LEAST_POINTS = 20  # that a ground mode is found from
@@ -73,7 +73,9 @@ LEAST_STEPS = 5  # of a foot: fewer do not tell rests above the floor from one t
 _LEAST_SHARE = 0.02  # of the points: the regression deals with fewer by itself
 
 
-def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> BoolArray:
+def raised_rests(
+    heights: FloatArray, columns: FloatArray, band_m: float, scale: float = 1.0
+) -> BoolArray:
     """Find the rests that are above the floor.
 
     Parameters
@@ -84,6 +86,8 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
         Terms of the floor and of the mount heights at each.
     band_m : float
         How far from the floor a resting foot may be, m: what is farther away tells nothing of it.
+    scale : float
+        Of the recording.
 
     Returns
     -------
@@ -97,13 +101,13 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
     Start by quantile regression (iterated weights, as statsmodels' `QuantReg`), then least squares
     of the points about the mode, a few times.
     """
-    residuals = heights - columns @ _low_surface(heights, columns)
+    residuals = heights - columns @ _low_surface(heights, columns, _STILL * band_m)
     raised = np.zeros(len(heights), dtype=bool)
     for _ in range(_ROUNDS):
         near = residuals[np.abs(residuals) <= band_m]
         if len(near) < _LEAST_POINTS:
             return np.zeros(len(heights), dtype=bool)
-        mode = ground_mode(near)
+        mode = ground_mode(near, scale=scale)
         above = (residuals - mode.height_m) / mode.sigma_m
         raised, core = above > _SIGMAS, np.abs(above) <= _SIGMAS
         found = np.linalg.lstsq(columns[core], heights[core], rcond=None)[0]
@@ -112,7 +116,7 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
     return raised & bool((raised & near_floor).sum() >= _LEAST_SHARE * near_floor.sum())
 
 
-def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
+def _low_surface(heights: FloatArray, columns: FloatArray, still_m: float = 1e-6) -> FloatArray:
     """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
     step = max(1, len(heights) // _START_POINTS)
     heights, columns = heights[::step], columns[::step]
@@ -120,11 +124,11 @@ def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
     for _ in range(_MOST_FITS):
         before, root = found, np.sqrt(weights)
         found = np.asarray(np.linalg.lstsq(columns * root[:, None], heights * root, rcond=None)[0])
-        if np.abs(found - before).max() <= _STILL_M:
+        if np.abs(found - before).max() <= still_m:
             break
         residuals = heights - columns @ found
         share = np.where(residuals < 0, 1 - _QUANTILE, _QUANTILE)
-        weights = share / np.maximum(np.abs(residuals), _STILL_M)
+        weights = share / np.maximum(np.abs(residuals), still_m)
     return np.asarray(found)
 
 
@@ -138,10 +142,10 @@ def fit_floor(
     *,
     enabled: bool = True,
     degree: int = 5,
-    rest_speed_m_s: float = 0.05,
-    rest_window_s: float = 0.04,
-    rest_band_m: float = 0.02,
-    largest_error_m: float = 0.0005,
+    rest_speed_m_s: float | None = None,
+    rest_window_s: float | None = None,
+    rest_band_m: float | None = None,
+    largest_error_m: float | None = None,
     max_points: int = 10000,
 ) -> floor_surface.FloorModel:
     """Fit the floor under a recording.
@@ -155,15 +159,16 @@ def fit_floor(
         the feet at rest.
     degree : int
         Highest degree of the polynomial, 0 (level) to 8.
-    rest_speed_m_s : float
+    rest_speed_m_s : float, optional
         Largest vertical speed of a foot at rest, m/s.
-    rest_window_s : float
+    rest_window_s : float, optional
         Span of the central difference which gives that speed, s.
-    rest_band_m : float
+    rest_band_m : float, optional
         How far from the floor a resting foot may be, m; three times as far at the start.
-    largest_error_m : float
+    largest_error_m : float, optional
         Largest standard error of the floor on the rim of the ground stepped on, m, with one
-        step counted as one point; the degree is lowered until it is met, or is 0.
+        step counted as one point; the degree is lowered until it is met, or is 0. What is not given
+        goes with the size of the animal (`Recording.scale`).
     max_points : int
         Rest points used, at most; taken evenly from all.
 
@@ -179,6 +184,9 @@ def fit_floor(
     regression by iteratively reweighted least squares
     (`hopdata.landings.floor_surface.robust_regression`).
     """
+    rest_speed_m_s = rest_speed_m_s or floor_surface.REST_SPEED_M_S * recording.pace
+    rest_band_m = rest_band_m or floor_surface.REST_BAND_M * recording.scale
+    largest_error_m = largest_error_m or 0.0005 * recording.scale
     rest = floor_surface.rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
     if not enabled:
         return _zero_floor(recording, rest, degree)
@@ -188,7 +196,7 @@ def fit_floor(
     rest = rest.take(_near_floor(rest, 3 * rest_band_m))
     n_steps = rest.n_steps
     rest = floor_surface.thinned(rest, max_points)
-    centre, scale = _centre_and_scale(rest.points[:, :2])
+    centre, scale = _centre_and_scale(rest.points[:, :2], least_m=1e-3 * recording.scale)
     scaled = (rest.points[:, :2] - centre) / scale
     share = min(1.0, n_steps / len(rest.foot))
     by: Any = {"degree": degree, "largest_error_m": largest_error_m, "independent_share": share}
@@ -198,13 +206,13 @@ def fit_floor(
 
     first = regress(np.full(len(rest.foot), True))
     columns = floor_surface.floor_columns(rest, scaled, first.terms)
-    raised = raised_rests(rest.points[:, 2], columns, band_m=rest_band_m)
+    raised = raised_rests(rest.points[:, 2], columns, rest_band_m, recording.scale)
     raised &= n_steps >= LEAST_STEPS * len(first.offsets_m)
     used = (np.abs(first.residuals) <= rest_band_m) & ~raised
     if not used.any():
         raise AnalysisError(
-            f"{recording.name}: floor: expected feet at rest within {rest_band_m:g} m of a floor, "
-            "found them at different heights (on a box? or does the floor move?); raise "
+            f"{recording.name}: floor: expected feet at rest within {rest_band_m:.3g} m of a "
+            "floor, found them at different heights (on a box? or does the floor move?); raise "
             "floor.rest_band_m, or set floor.enabled to false"
         )
     fit = regress(used)
@@ -226,6 +234,7 @@ def fit_floor(
 _SPAN_S, _REST_S = 0.3, 0.06  # a foot's rest is one point a span; a shorter one may be in the air
 _LEAST_RESTS = 10  # of a foot: two jumps on a soft sole do not tell
 _LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # a box is higher
+_SELDOM = 5.0  # of the range of nine in ten rests
 _MOVE_PER_APART = 8.0  # of feet that rest one after the other: chance alone makes it 3.5
 
 
@@ -237,10 +246,13 @@ def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray
     5 mm of each other, or the feet do not agree.
     """
     still, n_feet = (np.zeros(1), np.zeros(1)), len(rest.start_m)
-    rest = rest.take(np.abs(rest.above_mode) <= _FOLLOWED_M)
+    rest = rest.take(np.abs(rest.above_mode) <= _FOLLOWED_M * rest.scale)
     steps = _settled(rest) if len(rest.foot) else rest
     if n_feet < 2 or min(len(steps.foot), rest.n_steps) < _LEAST_RESTS * n_feet:
         return still
+    least_m = _LEAST_MOVE_M * rest.scale  # farther off than that, and seldom: in the air
+    usual_m = max(_SELDOM * _range(steps.above_mode), least_m)
+    steps = steps.take(np.abs(steps.above_mode) <= usual_m)
     place = steps.points[:, :2] - steps.points[:, :2].mean(axis=0)
     terms = floor_surface.design(place / np.abs(place).max(), floor_surface.polynomial_terms(2))
     columns = np.hstack([np.eye(n_feet)[steps.foot], terms[:, 1:]])
@@ -251,7 +263,7 @@ def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray
     lines = np.stack([steps.time, *(height - columns @ fit for fit in fits)])
     around = np.lib.stride_tricks.sliding_window_view(lines, max(n_feet, 3), axis=1)
     when, beyond_place, moved = np.median(around, axis=2)
-    if _range(beyond_place) > _LEAST_MOVE_M and _range(moved) > _MOVE_PER_APART * apart:
+    if _range(beyond_place) > least_m and _range(moved) > _MOVE_PER_APART * apart:
         return when, moved + np.median(steps.above_mode - np.interp(steps.time, when, moved))
     return still
 
@@ -262,15 +274,16 @@ def _settled(rest: floor_surface.RestPoints) -> floor_surface.RestPoints:
     Without the first of several spans, in which a soft sole settles; lower quartiles, since what
     is in the air is above the floor.
     """
-    begins = (np.diff(rest.foot, prepend=-1) != 0) | (np.diff(rest.time, prepend=0) > _SPAN_S)
+    span_s, least_s = _SPAN_S * np.sqrt(rest.scale), _REST_S * np.sqrt(rest.scale)
+    begins = (np.diff(rest.foot, prepend=-1) != 0) | (np.diff(rest.time, prepend=0) > span_s)
     one = np.cumsum(begins)
-    span = ((rest.time - rest.time[begins][one - 1]) / _SPAN_S).astype(int)
+    span = ((rest.time - rest.time[begins][one - 1]) / span_s).astype(int)
     order = np.lexsort((rest.points[:, 2], span, one))
     first = np.flatnonzero(np.diff(one[order], prepend=0) | np.diff(span[order], prepend=0))
     count = np.diff(first, append=len(order))
     frame_s = np.diff(np.unique(rest.time[:1000])).min(initial=np.inf)
     goes_on = np.append(np.diff(one[order[first]]) == 0, False)
-    kept = (count >= _REST_S / frame_s) & ((span[order[first]] > 0) | ~goes_on)
+    kept = (count >= least_s / frame_s) & ((span[order[first]] > 0) | ~goes_on)
     lower = order[(first + count // 4)[kept]]
     return rest.take(lower[np.argsort(rest.time[lower], kind="stable")])
 
@@ -325,10 +338,10 @@ def level(
     return replace(recording, positions=positions)
 
 
-def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
+def _centre_and_scale(places: FloatArray, *, least_m: float) -> tuple[FloatArray, float]:
     """Middle of the ground stepped on, (2,), and half of its longer side, m."""
     low, high = np.quantile(places, [0.005, 0.995], axis=0)
-    return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
+    return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), least_m)
 
 
 def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
@@ -358,7 +371,7 @@ def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_
     if moving:
         raise AnalysisError(
             f"{recording.name}: floor: {', '.join(moving)} hardly ever at rest (slower than "
-            f"{speed_m_s:g} m/s up or down); raise floor.rest_speed_m_s, set floor.enabled to "
+            f"{speed_m_s:.3g} m/s up or down); raise floor.rest_speed_m_s, set floor.enabled to "
             "false, or leave this recording out"
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from hopdata.recording import Recording
 _LEAST_FRAMES = 20
 _SHORT_FRAMES = 1000  # of a jump or two: a foot that rests in too few of them may be less still
 BIWEIGHT = 4.685  # deviations at which Tukey's weight, 95 % efficient, ends
+# Of an animal of 1 m; of another times `Recording.scale`, or its root.
+REST_SPEED_M_S, REST_WINDOW_S, REST_BAND_M = 0.05, 0.04, 0.02
 _PAUSE_S = 0.1
 _LEVEL_M = 0.06  # heights of a foot at rest on one floor, uneven as it may be
 
@@ -36,12 +38,15 @@ class RestPoints:
         When, s.
     start_m : (n,) array
         The ground mode of each foot's resting heights, m; NaN for a foot that never rests.
+    scale : float
+        That of the recording.
     """
 
     points: FloatArray
     foot: NDArray[np.int8]
     time: FloatArray
     start_m: FloatArray
+    scale: float = 1.0
 
     @property
     def above_mode(self) -> FloatArray:
@@ -51,16 +56,17 @@ class RestPoints:
     @property
     def n_steps(self) -> int:
         """Number of times that a foot came to rest (a pause of 0.1 s ends a rest)."""
-        apart = (np.diff(self.foot) != 0) | (np.diff(self.time) > _PAUSE_S)
+        pause_s = _PAUSE_S * np.sqrt(self.scale)
+        apart = (np.diff(self.foot) != 0) | (np.diff(self.time) > pause_s)
         return int(apart.sum()) + (len(self.foot) > 0)
 
     def take(self, keep: NDArray[Any] | slice) -> RestPoints:
         """Return the points that `keep` selects."""
-        return RestPoints(self.points[keep], self.foot[keep], self.time[keep], self.start_m)
+        return replace(self, points=self.points[keep], foot=self.foot[keep], time=self.time[keep])
 
 
 def rest_points(
-    recording: Recording, *, speed_m_s: float = 0.05, window_s: float = 0.04
+    recording: Recording, *, speed_m_s: float | None = None, window_s: float | None = None
 ) -> RestPoints:
     """Collect the feet at rest.
 
@@ -70,9 +76,9 @@ def rest_points(
     ----------
     recording : Recording
         With at least one foot.
-    speed_m_s : float
+    speed_m_s : float, optional
         Largest vertical speed of a foot at rest, m/s.
-    window_s : float
+    window_s : float, optional
         Span of the central difference, s; at least one frame to either side. A frame counts
         only if the marker is seen there and at both ends of the span.
 
@@ -82,7 +88,8 @@ def rest_points(
         All frames that are slow; those high up are left to the caller, who has the floor. In a
         recording of a jump or two, where these are too few, a foot may be up to four times as fast.
     """
-    lag = max(1, round(0.5 * window_s * recording.rate_hz))
+    speed_m_s = speed_m_s or REST_SPEED_M_S * recording.pace
+    lag = max(1, round(0.5 * (window_s or REST_WINDOW_S * recording.pace) * recording.rate_hz))
     n_feet = recording.feet.shape[1]
     frames, start = [], np.full(n_feet, np.nan)
     for foot in range(n_feet):
@@ -95,27 +102,29 @@ def rest_points(
                 break
         frames.append(slow)
         if len(frames[foot]) >= _LEAST_FRAMES:
-            start[foot] = _ground_of(recording.time[slow], height[slow])
+            start[foot] = _ground_of(recording.time[slow], height[slow], recording.scale)
         else:
             frames[foot] = slow[:0]
     foot_of = np.repeat(np.arange(n_feet, dtype=np.int8), [len(f) for f in frames])
     frame_of = np.concatenate([np.empty(0, dtype=np.int64), *frames])
-    return RestPoints(recording.feet[frame_of, foot_of], foot_of, recording.time[frame_of], start)
+    points = recording.feet[frame_of, foot_of]
+    return RestPoints(points, foot_of, recording.time[frame_of], start, recording.scale)
 
 
-def _ground_of(time: FloatArray, heights: FloatArray) -> float:
+def _ground_of(time: FloatArray, heights: FloatArray, scale: float) -> float:
     """Height on which a foot rests, m: of a box and the ground where it comes to rest more often.
 
     Each rest counts as long as it lasts, but 0.1 s at most: a body stands long before it jumps.
     """
-    mode = ground_mode(heights).height_m
-    rest = np.cumsum(np.diff(time, prepend=time[0]) > _PAUSE_S)
-    weight = 1 / np.maximum(np.bincount(rest) * np.diff(time).min(), _PAUSE_S)
+    mode = ground_mode(heights, scale=scale).height_m
+    pause_s, level_m = _PAUSE_S * np.sqrt(scale), _LEVEL_M * scale
+    rest = np.cumsum(np.diff(time, prepend=time[0]) > pause_s)
+    weight = 1 / np.maximum(np.bincount(rest) * np.diff(time).min(), pause_s)
     levels, sums = np.sort(heights), np.cumsum(np.append(0, weight[rest[np.argsort(heights)]]))
-    share = sums[np.searchsorted(levels, levels + _LEVEL_M, side="right")] - sums[:-1]
+    share = sums[np.searchsorted(levels, levels + level_m, side="right")] - sums[:-1]
     lowest = levels[np.argmax(share >= 0.5 * share.max())]
-    on_it = levels[(levels >= lowest) & (levels <= lowest + _LEVEL_M)]
-    return float(np.median(on_it)) if lowest + _LEVEL_M < mode else mode
+    on_it = levels[(levels >= lowest) & (levels <= lowest + level_m)]
+    return float(np.median(on_it)) if lowest + level_m < mode else mode
 
 
 def thinned(rest: RestPoints, max_points: int) -> RestPoints:

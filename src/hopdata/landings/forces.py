@@ -14,12 +14,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.overlay import MATCHED, compare_contacts, summarise_overlay
 from hopdata.recording import Recording
-from hopdata.recordings.external import (
-    ContactTimes,
-    ForceSignal,
-    read_contact_times,
-    read_force_signals,
-)
+from hopdata.recordings import external
 
 # When a force plate says that a foot came down.
 
@@ -80,7 +75,9 @@ LOADED_SHARE = 0.3  # of the large forces: from here on a foot carries load
 LARGE_QUANTILE = 0.9  # of the forces above the threshold
 
 
-def contact_times_of(signal: ForceSignal, *, threshold: float | None = None) -> ContactTimes:
+def contact_times_of(
+    signal: external.ForceSignal, *, threshold: float | None = None
+) -> external.ContactTimes:
     """Contact instants of a force signal.
 
     Parameters
@@ -100,10 +97,10 @@ def contact_times_of(signal: ForceSignal, *, threshold: float | None = None) -> 
     instants = force_onsets(signal.time, signal.force, least_n=at, sure_n=load)
     span = (float(signal.time[0]), float(signal.time[-1]))
     others = signal.options["other_feet_above_m"]
-    return ContactTimes(signal.column, instants, "forces", span, others)
+    return external.ContactTimes(signal.column, instants, "forces", span, others)
 
 
-def threshold_of(signal: ForceSignal) -> float:
+def threshold_of(signal: external.ForceSignal) -> float:
     """Threshold in the signal's unit: as given in N, else a share of body weight.
 
     The weight is the mean force, where the configuration does not give it: over whole strides what
@@ -119,7 +116,7 @@ def threshold_of(signal: ForceSignal) -> float:
     return share * float(np.nanmean(signal.force) if weight is None else weight)
 
 
-def load_of(signal: ForceSignal, *, threshold: float) -> float:
+def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
     """Force from which a foot carries load: a share of the large ones, or twice the threshold.
 
     Raises
@@ -146,7 +143,7 @@ FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # of the threshold
 
 
 def example_landing(
-    recording: Recording, overlay: pd.DataFrame, signals: Sequence[ForceSignal] = ()
+    recording: Recording, overlay: pd.DataFrame, signals: Sequence[external.ForceSignal] = ()
 ) -> pd.DataFrame:
     """Foot heights and forces about one typical landing.
 
@@ -205,8 +202,7 @@ def example_landing(
 def threshold_rows(
     recording: Recording,
     touchdowns: pd.DataFrame,
-    signals: Sequence[ForceSignal],
-    *,
+    signals: Sequence[external.ForceSignal],
     window_s: float,
 ) -> list[tuple[Any, ...]]:
     """Compare the contacts at lower and higher thresholds of each force.
@@ -284,9 +280,9 @@ def overlay_external_truth(
         own = touchdowns[touchdowns["recording"] == recording.name].reset_index(drop=True)
         known, signals = [], []
         if blocks["contacts"]["file"] is not None:
-            known += read_contact_times(blocks["contacts"], feet=feet, rate_hz=rate_hz)
+            known += external.read_contact_times(blocks["contacts"], feet=feet, rate_hz=rate_hz)
         if blocks["forces"]["file"] is not None:
-            signals = read_force_signals(blocks["forces"], feet=feet)
+            signals = external.read_force_signals(blocks["forces"], feet=feet)
             known += [contact_times_of(signal) for signal in signals]
         compared = [compare_contacts(recording, own, one, window_s=window_s) for one in known]
         contacts += compared

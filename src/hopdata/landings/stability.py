@@ -171,12 +171,9 @@ def _variants(
         with _without_second(recordings, number, frame) as (told, parts):
             yield "second", told, parts, {}
 
-    def halves(recording: Recording) -> tuple[slice, slice]:
-        middle = len(recording.time) // 2
-        return slice(middle), slice(middle, None)
-
-    for name, which in (("first half", 0), ("second half", 1)):
-        yield "half", name, [one.part(halves(one)[which]) for one in recordings], {}
+    for half, name in enumerate(("first half", "second half")):
+        ends = [slice(*(0, len(one.time) // 2, None)[half : half + 2]) for one in recordings]
+        yield "half", name, [*map(Recording.part, recordings, ends)], {}
     if len(recordings) > 1:
         for recording in recordings:
             yield "recording", recording.name, [recording], {}
@@ -189,10 +186,8 @@ def _farthest_frames(
     heights = [heights_of(recording) for recording in recordings]
     states = [sections.pooled([h]) for h in heights]
     for sign, right_side in ((1.0, "all_up"), (-1.0, "all_down")):
-        farthest = [
-            np.max(sign * frames.body[~getattr(frames, right_side)], initial=-np.inf)
-            for frames in states
-        ]
+        wrong = (sign * f.body[~getattr(f, right_side)] for f in states)
+        farthest = [np.max(bodies, initial=-np.inf) for bodies in wrong]
         number = int(np.argmax(farthest))
         if np.isfinite(farthest[number]):
             there = sign * heights[number].body == farthest[number]

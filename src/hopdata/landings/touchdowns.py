@@ -21,8 +21,9 @@ NO_FOOT_LANDED = "no foot landed"
 
 
 def exclusion_reasons(
-    transitions: descents.Transitions, contacts: find.Contacts, *, longest_gap_s: float
-) -> list[str]:
+    transitions: descents.Transitions, contacts: find.Contacts, *, longest_gap_s: float,
+    continued_s: float = descents.CONTINUED_S,
+) -> list[str]:  # fmt: skip
     """Say of each touchdown why it is left out, the weightiest reason first; empty if it is used.
 
     Parameters
@@ -33,6 +34,8 @@ def exclusion_reasons(
         Their contacts.
     longest_gap_s : float
         Longest time without a frame over a crossing, s.
+    continued_s : float
+        A foot may touch so long before the pre section, s.
     """
     t_pre, t_post = transitions.t_pre[:, None], transitions.t_post[:, None]
     status, instant, se = contacts.status, contacts.instant, contacts.se
@@ -43,7 +46,7 @@ def exclusion_reasons(
         (status == descents.ALREADY_DOWN, "foot {} down before the pre section"),
         (status == descents.POOR_FIT, "poor fit of foot {}"),
         (timed & np.isnan(instant), "no contact found for foot {}"),
-        (timed & (instant < t_pre - descents.CONTINUED_S), "foot {} down before the pre section"),
+        (timed & (instant < t_pre - continued_s), "foot {} down before the pre section"),
         (timed & (instant > t_post), "foot {} not down by the post section"),
         # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
         (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
@@ -254,9 +257,10 @@ def _table(
     probability = schedules.order_probability(contacts.instant, contacts.se)
     classes = schedules.schedule_classes(names, probability, ambiguous_below=ambiguous_below)
     second, second_probability = schedules.runner_up(contacts.instant, contacts.se)
-    reasons = exclusion_reasons(
-        transitions, contacts, longest_gap_s=descents.longest_gap_s(recording.time)
-    )
+    seconds = zip(names, schedules.order_names(second), strict=True)
+    by = {"longest_gap_s": descents.longest_gap_s(recording.time, recording.pace)}
+    by["continued_s"] = descents.CONTINUED_S * recording.pace
+    reasons = exclusion_reasons(transitions, contacts, **by)
     left_out = {schedules.AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
     reasons = [r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)]
     columns = {
@@ -270,10 +274,7 @@ def _table(
         "schedule": names,
         "probability": probability,
         "class": classes,
-        "runner_up": [
-            name if first else ""
-            for first, name in zip(names, schedules.order_names(second), strict=True)
-        ],
+        "runner_up": [name if first else "" for first, name in seconds],
         "runner_up_probability": second_probability,
         "spread_s": schedules.spread(contacts.instant),
         "excluded": [bool(reason) for reason in reasons],

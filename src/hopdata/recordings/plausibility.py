@@ -8,7 +8,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
-from hopdata.recordings.quality.orientation import PLAUSIBLE_EXTENT_M, free_fall
+from hopdata.recordings.quality.orientation import PLAUSIBLE_EXTENT_M, FreeFall, free_fall
 from hopdata.recordings.quality.rigid import frame_noise, pair_distances
 from hopdata.recordings.quality.stretches import feet_as_one, high_feet
 from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
@@ -62,10 +62,8 @@ def check_plausible(
 
 def check_markers(recording: Recording) -> None:
     """Require enough body markers and feet."""
-    for role, what, least in (
-        ("body", "body markers", MIN_BODY_MARKERS),
-        ("foot", "feet", MIN_FEET),
-    ):
+    wanted = (("body", "body markers", MIN_BODY_MARKERS), ("foot", "feet", MIN_FEET))
+    for role, what, least in wanted:
         names = recording.names(role)
         if len(names) < least:
             raise RecordingError(
@@ -137,7 +135,7 @@ def check_scale(recording: Recording) -> None:
     """Require a size that an animal or a robot can have; millimetres taken for metres do not."""
     size = extent(recording.positions)
     low, high = PLAUSIBLE_EXTENT_M
-    if np.isnan(size) or low <= size <= high:
+    if np.isnan(size) or low <= size <= high or _falls(recording).is_clear:
         return
     looks = ""
     for slip in ("metres taken for millimetres", "millimetres taken for metres"):
@@ -179,9 +177,13 @@ def check_upright(recording: Recording) -> None:
     )
 
 
+def _falls(recording: Recording) -> FreeFall:
+    return free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
+
+
 def _up_by_fall(recording: Recording) -> str:
     """Direction of the file that is up, if that is clearly against an axis of the recording."""
-    fall = free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
+    fall = _falls(recording)
     if not fall.is_clear or not fall.up.startswith("-"):
         return ""
     return opposite(FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[1])])
@@ -193,8 +195,7 @@ def check_fall(recording: Recording) -> None:
     fall = free_fall(recording.positions, recording.rate_hz, units=units)
     if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
         return
-    as_read = free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
-    if fall.share > CLEARLY * as_read.share:
+    if fall.share > CLEARLY * _falls(recording).share:
         raise RecordingError(
             f"{recording.place}: scale: expected what falls to do so at 9.81 m/s², "
             f"found {9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames; "

@@ -114,6 +114,7 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     if rate is None:
         raise RateUnknownError(
             f"{place}: frame rate: expected a number in the file or in input.rate_hz, found neither"
+            "; hopdata.read takes it as rate_hz"
         )
     return float(rate)
 

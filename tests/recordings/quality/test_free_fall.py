@@ -30,7 +30,7 @@ def by_definition(measured, up):
 
 
 def check(measured):
-    found = free_fall._shares(measured, UNITS_IN_M)
+    found = {unit: free_fall._shares(measured, metres) for unit, metres in UNITS_IN_M.items()}
     for unit, metres in UNITS_IN_M.items():
         for up in DIRECTIONS:
             expected = by_definition(measured * metres, up)

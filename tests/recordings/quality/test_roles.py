@@ -59,6 +59,14 @@ def test_both_sides_have_places_of_the_same_name(left, right):
     assert place_by_name("LMT1") != place_by_name("LMT5")
 
 
+@pytest.mark.parametrize("size", [1 / 256, 1 / 16, 4.0])
+def test_roles_do_not_depend_on_the_size_of_the_animal(size):
+    positions = hopping(5, n_frames=3000)[1]
+    found, other = roles(positions), roles(size * positions, rate_hz=100 / np.sqrt(size))
+    assert found.feet
+    assert (other.feet, other.body, other.boom) == (found.feet, found.body, found.boom)
+
+
 @pytest.mark.parametrize("jumps", [1, 2, 4])
 @pytest.mark.parametrize("style", STYLES)
 def test_jumps_on_two_feet_with_heels_and_toes(style, jumps):

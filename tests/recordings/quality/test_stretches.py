@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping, with_gap
 
-from hopdata.recordings.quality.stretches import check_stamps, marker_gaps, runs
+from hopdata.recordings.quality.stretches import at_rest, check_stamps, marker_gaps, runs
 
 
 @pytest.mark.parametrize(
@@ -29,6 +29,18 @@ def test_gaps_are_counted_as_planted():
 def test_a_marker_never_seen():
     (gaps,) = marker_gaps(np.full((5, 1, 3), np.nan), ("m",))
     assert (gaps.count, gaps.longest, gaps.share) == (1, 5, 1.0)
+
+
+def test_on_a_floor_that_gives_a_foot_rests_where_it_settles():
+    t = np.arange(300) / 200.0  # it falls, sinks by 44 mm, and comes back to 0 within 0.2 s
+    sunk = -0.16 * np.exp(-t / 0.08) * np.sin(np.pi * np.clip(t / 0.3, 0, 1))
+    drop = np.concatenate([np.linspace(0.3, 0.0, 100, endpoint=False), sunk])
+    heights = np.tile(drop, 20)[:, None]
+    assert heights.min() < -0.03
+    settled = np.tile(np.arange(len(drop)) > 200, 20)
+    resting = at_rest(heights, 200.0)[:, 0]
+    assert resting[settled].mean() > 0.9
+    assert not resting[np.tile(np.arange(len(drop)) < 90, 20)].any()
 
 
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 2000.0])

@@ -127,20 +127,15 @@ def find_transitions(
     t, h = time[seen], height[seen]
     steps = np.diff(t, prepend=-np.inf, append=np.inf)  # step k ends in frame k
     levels = pre_height_m, post_height_m
-    rows = [_crossings(t, h, steps, first, last, *levels) for first, last in spans]
+    rows = [_crossings(t, h, steps, span, levels) for span in spans]
     return Transitions(*np.array(rows).reshape(-1, 4).T)
 
 
 def _crossings(
-    t: FloatArray,
-    h: FloatArray,
-    steps: FloatArray,
-    first_s: float,
-    last_s: float,
-    pre_m: float,
-    post_m: float,
+    t: FloatArray, h: FloatArray, steps: FloatArray, span: FloatArray, levels: tuple[float, float]
 ) -> tuple[float, float, float, float]:
     """Instants of both crossings between two instants, and the gaps about them, s."""
+    (first_s, last_s), (pre_m, post_m) = span.tolist(), levels
     start, stop = int(np.searchsorted(t, first_s)), int(np.searchsorted(t, last_s, side="right"))
     above = np.flatnonzero(h[start:stop] >= pre_m) + start
     below = np.flatnonzero(h[start:stop] <= post_m) + start
@@ -185,12 +180,7 @@ LONGEST_GAP_S = 0.04  # a body on a curved path leaves the straight line by 2 mm
 
 
 def find_hidden_landings(
-    time: FloatArray,
-    feet: FloatArray,
-    body_height: FloatArray,
-    spans: FloatArray,
-    *,
-    down_height_m: float,
+    time: FloatArray, feet: FloatArray, body: FloatArray, spans: FloatArray, *, down_height_m: float
 ) -> FloatArray:
     """Find landings that have no descent of their own, because the body is hidden meanwhile.
 
@@ -203,7 +193,7 @@ def find_hidden_landings(
         Time of each frame, s.
     feet : (N, F) array
         Heights of the feet above the floor, m; NaN where unseen.
-    body_height : (N,) array
+    body : (N,) array
         Mean height of the body markers, m; NaN where unseen.
     spans : (D, 2) array
         Instants of apex and nadir of the descents that were seen, s.
@@ -216,7 +206,7 @@ def find_hidden_landings(
         From a frame in which all feet that are seen are up to the first in which all are down, s.
     """
     found = time[np.column_stack(_all_up_to_all_down(feet, down_height_m))]
-    gap = longest_gaps(time[~np.isnan(body_height)], found)
+    gap = longest_gaps(time[~np.isnan(body)], found)
     return found[(gap > longest_gap_s(time)) & ~_have_a_descent(found, spans)]
 
 
@@ -230,9 +220,9 @@ def _all_up_to_all_down(
     return (last_at_or_before(np.flatnonzero(up), ends) if len(ends) else ends), ends
 
 
-def longest_gap_s(time: FloatArray) -> float:
-    """Longest gap of the body about a crossing that is still seen, s."""
-    return max(LONGEST_GAP_FRAMES * float(np.median(np.diff(time))), LONGEST_GAP_S)
+def longest_gap_s(time: FloatArray, pace: float = 1.0) -> float:
+    """Longest gap of the body about a crossing that is still seen, s; see `Recording.pace`."""
+    return max(LONGEST_GAP_FRAMES * float(np.median(np.diff(time))), LONGEST_GAP_S * pace)
 
 
 def longest_gaps(seen: FloatArray, spans: FloatArray) -> FloatArray:
@@ -425,11 +415,7 @@ def _last_above(
 
 
 def _may_hide_landing(
-    t: FloatArray,
-    z: FloatArray,
-    ends: tuple[FloatArray, FloatArray],
-    longest: float,
-    down_height_m: float,
+    t: FloatArray, z: FloatArray, ends: tuple[FloatArray, ...], longest: float, down_height_m: float
 ) -> NDArray[np.bool_]:
     """Tell whether a foot may have been down within a gap of its row (R, W): seen frames first.
 

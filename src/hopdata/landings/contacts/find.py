@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -84,33 +85,29 @@ def find_landings(
     ConfigError
         If `gravity` is unknown.
     """
-    feet, time = recording.names("foot"), recording.time
+    feet, pace = recording.names("foot"), recording.pace
     if len(feet) < 2:
         raise AnalysisError(
             f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
         )
-    heights, body = recording.feet[:, :, 2], recording.body_height
+    before, after = (w and w / pace for w in (window_before_s, window_after_s))
+    down_m, recording = down_height_m and down_height_m / pace**2, recording.of_1_m()
+    time, heights, body = recording.time, recording.feet[:, :, 2], recording.body_height
     parts = joined.parts_of_feet(recording)
     longest = descents.HIDDEN_S * recording.rate_hz
     falls = np.array(descents.descents(body, longest=longest), dtype=np.int64)
     spans = time[falls.reshape(-1, 2)]
-    down_m = down_height_m or usual_down_height(recording, spans)
+    down_m = down_m or usual_down_height(recording, spans)
     hidden = descents.find_hidden_landings(time, heights, body, spans, down_height_m=down_m)
     spans = np.concatenate([spans, hidden])
     order = np.argsort(spans[:, 0], kind="stable")
     gap = np.full(len(spans), np.nan)
     markers = [marker for foot in parts for marker in foot]
-    contacts = find_contacts(
-        time,
-        heights if len(markers) == len(feet) else recording.positions[:, markers, 2],
-        descents.Transitions(spans[order, 0], spans[order, 1], gap, gap),
-        down_height_m=down_m,
-        lead_s=0.0,
-        gravity=gravity,
-        window_before_s=window_before_s,
-        window_after_s=window_after_s,
-        maximum_misfit=maximum_misfit,
-    )
+    seen = heights if len(markers) == len(feet) else recording.positions[:, markers, 2]
+    complete = descents.Transitions(spans[order, 0], spans[order, 1], gap, gap)
+    options: Any = {"gravity": gravity, "maximum_misfit": maximum_misfit, "lead_s": 0.0}
+    options |= {"window_before_s": before, "window_after_s": after, "down_height_m": down_m}
+    contacts = find_contacts(time, seen, complete, **options)
     contacts = _of_feet(contacts, [len(foot) for foot in parts])
     columns = {
         "begin_s": spans[order, 0],
@@ -121,7 +118,7 @@ def find_landings(
         **{f"status_{foot}": contacts.status[:, i] for i, foot in enumerate(feet)},
         **{f"common_{foot}_s": one for foot, one in zip(feet, contacts.common, strict=True)},
     }
-    return pd.DataFrame(columns)
+    return pd.DataFrame({k: v * pace if k.endswith("_s") else v for k, v in columns.items()})
 
 
 def _of_feet(contacts: Contacts, sizes: list[int]) -> Contacts:

@@ -169,16 +169,10 @@ def kink_fits(
 
 
 def _windows(
-    time: FloatArray,
-    heights: FloatArray,
-    foot: IntArray,
-    centre: FloatArray,
-    before_s: float,
-    after_s: float,
+    time: FloatArray, heights: FloatArray, foot: IntArray, centre: FloatArray, *about_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Cut out times and heights about each of P instants, (P, W), NaN where there is no frame."""
-    start = np.searchsorted(time, centre - before_s)
-    stop = np.searchsorted(time, centre + after_s)
+    """Cut out times and heights before and after each of P instants, (P, W), NaN if unseen."""
+    start, stop = np.searchsorted(time, [centre - about_s[0], centre + about_s[1]])
     frames = start[:, None] + np.arange(int(np.max(stop - start, initial=1)))
     inside = frames < stop[:, None]
     frames = np.minimum(frames, len(time) - 1)

@@ -379,12 +379,8 @@ def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFit
     )
     nearest = np.ma.argmin(np.ma.abs(instant - middle), axis=0, fill_value=np.inf)
     rows = np.arange(len(nearest))
-    fits = KinkFits(
-        **{
-            name: np.stack([vars(one)[name] for one in found])[nearest, rows]
-            for name in vars(found[0])
-        }
-    )
+    kept = {k: np.stack([vars(one)[k] for one in found])[nearest, rows] for k in vars(found[0])}
+    fits = KinkFits(**kept)
     some = known.any(axis=0)
     fits.instant[some, foot] = np.asarray(middle[some])
     fits.unit_se[some, foot] = np.sqrt(np.asarray(variance[some]))

@@ -68,12 +68,7 @@ def derivative_weights(window: int) -> FloatArray:
 
 
 def velocity_minima(
-    time: FloatArray,
-    heights: FloatArray,
-    transitions: Transitions,
-    *,
-    noise_m: float,
-    parabola: bool,
+    time: FloatArray, heights: FloatArray, transitions: Transitions, noise_m: float, parabola: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Find the instant of least vertical velocity of each foot between the two sections.
 

@@ -150,7 +150,9 @@ class GroundMode:
         return self.height_m + sigmas * self.sigma_m
 
 
-def ground_mode(heights: ArrayLike, *, bandwidth_m: float | None = None) -> GroundMode:
+def ground_mode(
+    heights: ArrayLike, *, bandwidth_m: float | None = None, scale: float = 1.0
+) -> GroundMode:
     """Find the lowest large mode of `heights` and the scatter on its left flank.
 
     The mode is narrower than any bandwidth made for the whole density, so a bandwidth is
@@ -163,13 +165,15 @@ def ground_mode(heights: ArrayLike, *, bandwidth_m: float | None = None) -> Grou
     bandwidth_m : float, optional
         Bandwidth for the place of the mode, m; by default from the data as above. One wider
         than sigma is narrowed to it: its top would be that of all heights, not of the mode.
+    scale : float
+        Of the recording (`hopdata.recording.scale_of`).
 
     Raises
     ------
     AnalysisError
         Fewer than 20 finite heights.
     """
-    values = finite(heights)
+    values = finite(heights) / scale
     values.sort()
     if values.size < _LEAST_SAMPLES:
         raise AnalysisError(
@@ -183,10 +187,10 @@ def ground_mode(heights: ArrayLike, *, bandwidth_m: float | None = None) -> Grou
         n_ground = 2 * max(int(np.searchsorted(values, place)), 1)
         width = sigma * n_ground ** (-1 / 7)
         if bandwidth_m is not None:
-            width = float(np.clip(bandwidth_m, _FINEST_M, sigma))
+            width = float(np.clip(bandwidth_m / scale, _FINEST_M, sigma))
         place = _highest_near(values, place, reach=6 * sigma + 2 * width, bandwidth=width)
         sigma = _left_flank(values, place)
-    return GroundMode(height_m=place, sigma_m=sigma, bandwidth_m=width)
+    return GroundMode(height_m=scale * place, sigma_m=scale * sigma, bandwidth_m=scale * width)
 
 
 def _upper_end_of_lowest_mode(values: FloatArray) -> float:

@@ -166,12 +166,14 @@ def select_sections(
     """
     require_choice("sections.frames", frames, FRAMES)
     heights = [heights_of(recording) for recording in recordings]
+    scale = float(np.median([recording.scale for recording in recordings]))
+    by: Any = {"bandwidth_m": bandwidth_m, "scale": scale}
     modes = [
-        ground_mode(pooled([getattr(h, foot) for h in heights]), bandwidth_m=bandwidth_m)
+        ground_mode(pooled([getattr(h, foot) for h in heights]), **by)
         for foot in ("min_foot", "max_foot")
     ]
-    every = ground_mode(pooled([r.feet[:, :, 2] for r in recordings]), bandwidth_m=bandwidth_m)
-    knees = [max(m.knee(threshold_sigmas), m.height_m + LEAST_KNEE_M) for m in modes]
+    every = ground_mode(pooled([r.feet[:, :, 2] for r in recordings]), **by)
+    knees = [max(m.knee(threshold_sigmas), m.height_m + LEAST_KNEE_M * scale) for m in modes]
     given = {
         "min_foot_threshold_m": min_foot_threshold_m,
         "max_foot_threshold_m": max_foot_threshold_m,
@@ -201,7 +203,9 @@ def select_sections(
         post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
     landings = landings or {one.name: find_landings(one) for one in recordings}
     known = np.concatenate([landing_heights(one, landings[one.name]) for one in recordings])
-    found = {**_held(known, pre, post, sections), "n_used": len(frames_used.body)}
+    held = _held(known / scale, pre / scale, post / scale, sections)
+    moved = {name: held.pop(name) * scale for name in ("pre_height_m", "post_height_m")}
+    found = {**held, **moved, "n_used": len(frames_used.body)}
     _require_order(found["pre_height_m"], found["post_height_m"])
     return replace(sections, **found)
 
@@ -301,7 +305,8 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
     contacts = contacts_of(landings)
     whole = (contacts.status == LANDED).all(axis=1) & np.isfinite(contacts.instant).all(axis=1)
     instant, spans = contacts.instant[whole], landings[["begin_s", "end_s"]].to_numpy(float)[whole]
-    ends = np.column_stack([instant.min(axis=1) + CONTINUED_S, instant.max(axis=1)])
+    first = instant.min(axis=1) + CONTINUED_S * recording.pace
+    ends = np.column_stack([first, instant.max(axis=1)])
     ends = np.clip(ends, spans[:, :1], spans[:, 1:])
     at = np.insert(spans, 1, ends.T, axis=1)
     seen = np.isfinite(recording.body_height)
@@ -309,7 +314,8 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
     if len(time) < 2:
         return np.empty((0, 4))
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
-    shown = (at >= time[0]) & (at <= time[-1]) & (time[after] - time[after - 1] <= HIDDEN_S)
+    gap = time[after] - time[after - 1]
+    shown = (at >= time[0]) & (at <= time[-1]) & (gap <= HIDDEN_S * recording.pace)
     return np.interp(at[shown.all(axis=1)], time, height)
 
 

@@ -59,8 +59,9 @@ class HomeFrames:
 
 
 def home_frames(
-    time: FloatArray, body: FloatArray, t_pre: FloatArray, t_post: FloatArray, *, marker: int
-) -> HomeFrames:
+    time: FloatArray, body: FloatArray, t_pre: FloatArray, t_post: FloatArray, *, marker: int,
+    pace: float = 1.0,
+) -> HomeFrames:  # fmt: skip
     """Find the home frame of each touchdown (Sec. 2.2.4 of the dissertation).
 
     The origin is the mean body position during the touchdown, the x axis runs from it through the
@@ -78,6 +79,8 @@ def home_frames(
         Beginning and end of each touchdown, s.
     marker : int
         Number of the body marker on the x axis.
+    pace : float
+        Of the recording.
 
     Returns
     -------
@@ -88,7 +91,7 @@ def home_frames(
     AnalysisError
         If the marker lies at the origin in some touchdown.
     """
-    means = track_means(time, body[:, :, :2], t_pre, t_post)
+    means = track_means(time, body[:, :, :2], t_pre, t_post, pace)
     origin = means.mean(axis=1)
     ray = means[:, marker] - origin
     length = np.hypot(ray[:, 0], ray[:, 1])
@@ -102,14 +105,14 @@ def home_frames(
 
 
 def track_means(
-    time: FloatArray, tracks: FloatArray, t_pre: FloatArray, t_post: FloatArray
+    time: FloatArray, tracks: FloatArray, t_pre: FloatArray, t_post: FloatArray, pace: float = 1.0
 ) -> FloatArray:
     """Time averages of tracks (N, B, k) between instants (L,), (L, B, k).
 
     Short gaps are bridged by a straight line; NaN where one is longer than `longest_gap_s`.
     """
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
-    longest_gap = longest_gap_s(time) * (1 + 1e-9)
+    longest_gap = longest_gap_s(time, pace) * (1 + 1e-9)
     for b, seen in enumerate(np.asarray(np.isfinite(tracks).all(axis=2)).T):
         t = time[seen]
         if len(t) < 2:
@@ -190,7 +193,7 @@ def assemble_pairs(
         used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
         if len(used):
             sections = (pre_height_m, post_height_m)
-            options = {"method": method, "window_s": window_s, "gravity": gravity}
+            options: Any = {"method": method, "window_s": window_s, "gravity": gravity}
             states = _states(recording, used, sections, **options)
             parts.append(_pairs_of(recording, used, states, marker))
     n_pairs = sum(len(part) for part in parts)
@@ -242,7 +245,7 @@ def _states(
         ("before", "t_pre_s", sections[0], contacts.min(axis=1)),
         ("after", "t_post_s", sections[1], contacts.max(axis=1)),
     )
-    time, body = recording.time, recording.body
+    time, body, options["pace"] = recording.time, recording.body, recording.pace
     pre, post = (
         section_states(time, body, used[at].to_numpy(), height_m=h, side=side, contact=c, **options)
         for side, at, h, c in ends
@@ -251,14 +254,12 @@ def _states(
 
 
 def _pairs_of(
-    recording: Recording,
-    used: pd.DataFrame,
-    states: tuple[SectionStates, SectionStates],
-    marker: int,
+    recording: Recording, used: pd.DataFrame, states: Sequence[SectionStates], marker: int
 ) -> Pairs:
     """Bring states to the home frames of their touchdowns; leave out those not determined."""
     t_pre, t_post = used["t_pre_s"].to_numpy(), used["t_post_s"].to_numpy()
-    home = home_frames(recording.time, recording.body, t_pre, t_post, marker=marker)
+    of, pace = (recording.time, recording.body), recording.pace
+    home = home_frames(*of, t_pre, t_post, marker=marker, pace=pace)
     x, y = (_rows(home.points(s.position), home.vectors(s.velocity)) for s in states)
     x_se, y_se = (
         _rows(*(home.standard_errors(c) for c in (s.position_covariance, s.velocity_covariance)))

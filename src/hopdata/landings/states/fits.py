@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import takewhile
 
@@ -45,6 +45,8 @@ class Tracks:
         Contact beyond which no frame is used, s.
     flight : bool
         Whether the section lies before it.
+    pace : float
+        Of the recording: windows are those of an animal of 1 m, times this.
     """
 
     time: FloatArray
@@ -52,6 +54,7 @@ class Tracks:
     near: FloatArray
     contact: FloatArray
     flight: bool
+    pace: float = 1.0
 
     @property
     def frame_s(self) -> float:
@@ -61,7 +64,7 @@ class Tracks:
     def evenly(self, count: int) -> Tracks:
         """Return at most so many of the crossings, evenly taken."""
         rows = evenly(len(self.near), count)
-        return Tracks(self.time, self.body, self.near[rows], self.contact[rows], self.flight)
+        return replace(self, near=self.near[rows], contact=self.contact[rows])
 
     @property
     def lead_s(self) -> float:
@@ -115,18 +118,18 @@ def filtered(tracks: Tracks) -> Fit:
 
 def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit straight lines under gravity, each flight for itself."""
-    return tracks.fitted(window_s or BALLISTIC_WINDOW_S, 1, falling=True)
+    return tracks.fitted(window_s or BALLISTIC_WINDOW_S * tracks.pace, 1, falling=True)
 
 
 def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit parabolas, each flight for itself."""
-    return tracks.fitted(window_s or WINDOW_S, 2)
+    return tracks.fitted(window_s or WINDOW_S * tracks.pace, 2)
 
 
 def alone(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit each landing for itself: where there are too few of them to learn from."""
     if not tracks.flight:
-        return tracks.fitted(window_s or WINDOW_S, ALONE_DEGREE)
+        return tracks.fitted(window_s or WINDOW_S * tracks.pace, ALONE_DEGREE)
     free, straight = accelerated(tracks, window_s), ballistic(tracks, window_s)
     rms = [float(np.sqrt(np.mean(next(fit())[1].noise_m ** 2))) for fit in (free, straight)]
     return straight if rms[1] <= NO_LARGER * rms[0] else free
@@ -160,7 +163,7 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
     added, expected = coefficients.misfit(
         (fitted(part), coefficients.least_squares(part, variance)) for part in sums()
     )
-    reach = max(WINDOW_S, LEAST_FRAMES * tracks.frame_s)
+    reach = max(WINDOW_S * tracks.pace, LEAST_FRAMES * tracks.frame_s)
     close = np.concatenate([part.frames for part in tracks.sums(reach, 0)]) >= LEAST_CLOSE
 
     def parts() -> Parts:
@@ -186,10 +189,10 @@ def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:
     it out is smaller than that of estimating it (Mallows 1973). A degree that fits nowhere is left
     out.
     """
-    tracks = tracks.evenly(LOOK_AT)
+    tracks, widths = tracks.evenly(LOOK_AT), [width * tracks.pace for width in WINDOWS_S]
     chosen = []
     for degree in degrees:
-        misfits = ((width, _misfit(tracks, degree, width)) for width in WINDOWS_S)
+        misfits = ((width, _misfit(tracks, degree, width)) for width in widths)
         told = ((width, misfit) for width, misfit in misfits if misfit is not None)
         fitting = list(takewhile(lambda one: one[1] <= LARGEST_MISFIT, told))
         if fitting:
@@ -240,6 +243,7 @@ def section_states(
     method: str = "split_fit",
     window_s: float | None = None,
     gravity: str = "auto",
+    pace: float = 1.0,
 ) -> coefficients.SectionStates:
     """Fit the motion of each marker about each crossing and evaluate it on the section.
 
@@ -270,6 +274,8 @@ def section_states(
         acceleration of its own for each marker and landing (`free`). `auto` learns from all
         landings how much accelerations differ from gravity; from few landings it takes
         gravity where the residuals are then no larger.
+    pace : float
+        Of the recording (`hopdata.recording.Recording.pace`).
 
     Returns
     -------
@@ -282,7 +288,7 @@ def section_states(
     """
     fitted = chosen("states.method", method, METHODS)
     flying = chosen("states.gravity", gravity, GRAVITIES)
-    tracks = Tracks(time, body, near, contact, chosen("side", side, SIDES))
+    tracks = Tracks(time, body, near, contact, chosen("side", side, SIDES), pace)
     return coefficients.cross(fitted(tracks, window_s, flying)(), near, height_m)
 
 

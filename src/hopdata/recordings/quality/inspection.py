@@ -13,17 +13,8 @@ from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
-from hopdata.recordings.quality import rigid, stretches
+from hopdata.recordings.quality import rigid, stretches, swaps
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
-from hopdata.recordings.quality.swaps import (
-    Excursion,
-    Swap,
-    explained_frames,
-    find_jumps,
-    find_spikes,
-    find_swaps,
-    surprises,
-)
 from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 
 Progress = Callable[[str], None]
@@ -36,9 +27,9 @@ STENCIL = 3  # frames on either side by which a position is judged
 class Faults:
     """What looks wrong; frames count from 0, lengths are in m."""
 
-    swaps: tuple[Swap, ...]
-    spikes: tuple[Excursion, ...]
-    jumps: tuple[Excursion, ...]
+    swaps: tuple[swaps.Swap, ...]
+    spikes: tuple[swaps.Excursion, ...]
+    jumps: tuple[swaps.Excursion, ...]
     frozen: tuple[stretches.Frozen, ...]
 
     @property
@@ -227,19 +218,18 @@ def inspect_recording(
     clusters = rigid.rigid_clusters(pairs, noise)
     gaps = stretches.marker_gaps(positions, raw.markers)
     progress("looking for swapped markers, spikes and frozen markers")
-    missed = surprises(positions)
+    scale = stretches.scale_of_all(positions)
+    missed = swaps.surprises(positions, scale=scale)
     known: dict[str, Any] = {"missed": missed, "pairs": pairs, "clusters": clusters}
-    swaps = find_swaps(positions, raw.markers, rate_hz=raw.rate_hz, **known)
-    frozen, timing = (
-        stretches.frozen_markers(raw.positions, raw.markers),
-        stretches.check_stamps(raw.time),
-    )
-    explained = explained_frames(swaps, raw.markers, len(positions))
+    exchanged = swaps.find_swaps(positions, raw.markers, rate_hz=raw.rate_hz * scale**0.5, **known)
+    frozen = stretches.frozen_markers(raw.positions, raw.markers)
+    timing = stretches.check_stamps(raw.time)
+    explained = swaps.explained_frames(exchanged, raw.markers, len(positions))
     explained |= _told_elsewhere(explained.shape, timing, frozen, raw.markers)
     faults = Faults(
-        swaps=swaps,
-        spikes=find_spikes(missed, explained=explained),
-        jumps=find_jumps(missed, explained=explained),
+        swaps=exchanged,
+        spikes=swaps.find_spikes(missed, explained=explained),
+        jumps=swaps.find_jumps(missed, explained=explained),
         frozen=frozen,
     )
     rate = guess_rate(raw, unit_guess.value, up=up_guess.value)

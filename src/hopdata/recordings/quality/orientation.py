@@ -8,8 +8,8 @@ import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import RecordingError, chosen, require_choice
-from hopdata.recording import extent
-from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction
+from hopdata.recording import extent, sampled
+from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction, scale_of_all
 from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording, rotate_up
 
 # The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
@@ -64,12 +64,14 @@ class FreeFall:
         return self.is_clear and self.share > UNIT_CLEARER * self.other_unit_share
 
 
-def accelerations(positions: FloatArray, rate_hz: float) -> FloatArray:
+def accelerations(positions: FloatArray, rate_hz: float, *, metres: float) -> FloatArray:
     """Second derivative of (N, M, 3) positions by parabolas over 80 ms, (K, M, 3), per s².
 
-    At most about `MOST_FRAMES` evenly spaced frames are evaluated.
+    Shorter where the animal is small, if the unit has so many metres. At most about `MOST_FRAMES`
+    evenly spaced frames are evaluated.
     """
-    half = max(2, round(HALF_WINDOW_S * rate_hz))
+    pace = np.sqrt(scale_of_all(sampled(positions) * metres))
+    half = max(2, round(HALF_WINDOW_S * pace * rate_hz))
     time = np.arange(-half, half + 1) / rate_hz
     weights = 2 * np.linalg.pinv(np.stack([np.ones_like(time), time, time**2], axis=1))[2]
     n = len(positions) - 2 * half
@@ -98,34 +100,34 @@ def free_fall(
     FreeFall
         The best guess; see `FreeFall.is_clear`.
     """
-    shares = _shares(accelerations(positions, rate_hz), units)
+    shares = {
+        unit: _shares(accelerations(positions, rate_hz, metres=metres), metres)
+        for unit, metres in units.items()
+    }
     unit = max(shares, key=lambda u: max(shares[u].values()))
     ranked = sorted(shares[unit].items(), key=lambda item: -item[1])
     others = (max(shares[u].values()) for u in shares if u != unit)
     return FreeFall(unit, ranked[0][0], ranked[0][1], ranked[1][1], max(others, default=0.0))
 
 
-def _shares(measured: FloatArray, units: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def _shares(measured: FloatArray, metres: float) -> dict[str, float]:
     """Share of the accelerations (K, M, 3), per s², that are free fall, mean over markers seen.
 
-    For every unit and direction. With g in the unit, ``|a - g|² < (c g)²`` is looked at as
-    ``|a|² - 2 a·g < (c² - 1) g²``, so that squares are formed once for all.
+    For every direction, in a unit of so many metres. With g in the unit, ``|a - g|² < (c g)²`` is
+    looked at as ``|a|² - 2 a·g < (c² - 1) g²``, so that squares are formed once for all.
     """
     known = np.asarray(np.isfinite(measured).all(axis=2))
     seen = known.any(axis=0)
     counts = known.sum(axis=0)[seen]
     measured = np.where(known[..., np.newaxis], measured, np.nan)
     squares: FloatArray = np.einsum("kmi,kmi->km", measured, measured)
-    shares: dict[str, dict[str, float]] = {unit: {} for unit in units}
+    shares, gravity = {}, GRAVITY_M_S2 / metres
     for up in DIRECTIONS:
         along: FloatArray = np.ascontiguousarray(measured[..., "xyz".index(up[-1])])
-        for unit, metres in units.items():
-            gravity = GRAVITY_M_S2 / metres
-            turned = -2 * gravity if up.startswith("-") else 2 * gravity
-            beyond = squares + turned * along
-            near = np.asarray(beyond < (WITHIN**2 - 1) * gravity**2)
-            found = np.count_nonzero(near[:, seen], axis=0)
-            shares[unit][up] = float(np.mean(found / counts)) if seen.any() else 0.0
+        turned = -2 * gravity if up.startswith("-") else 2 * gravity
+        near = np.asarray(squares + turned * along < (WITHIN**2 - 1) * gravity**2)
+        found = np.count_nonzero(near[:, seen], axis=0)
+        shares[up] = float(np.mean(found / counts)) if seen.any() else 0.0
     return shares
 
 
@@ -286,10 +288,8 @@ def guess_unit_and_up(
     units = UNITS_IN_M if unit is None else {unit: chosen("unit", unit, UNITS_IN_M)}
     raw = replace(raw, rate_hz=_rate_by_stamps(raw))
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
-    return (
-        Guess(unit, "as given") if unit else _unit(raw, fall),
-        Guess(up, "as given") if up else _up(raw, fall),
-    )
+    found = Guess(unit, "as given") if unit else _unit(raw, fall)
+    return found, Guess(up, "as given") if up else _up(raw, fall)
 
 
 def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
@@ -299,16 +299,16 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
         against = raw.unit_is_stated and fall.unit != raw.unit
         return Guess(fall.unit, told + ", and not in the unit that the file states" * against)
     unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
-    size, moves = extent(raw.positions), liveliness(raw.positions, raw.rate_hz)
-    lively = {u for u, m in UNITS_IN_M.items() if _fits(size * m) and _is_lively(moves * m)}
+    size, metres, of = extent(raw.positions), UNITS_IN_M[unit], (raw.positions, raw.rate_hz)
+    moves = {u: m * liveliness(*of, metres=m) for u, m in UNITS_IN_M.items()}
+    lively = {u for u, m in UNITS_IN_M.items() if _fits(size * m) and _is_lively(moves[u])}
     own = "the format's own unit" if raw.unit_is_stated else "usual, the file states none"
     why = own if unit == raw.unit else f"in {raw.unit} the size would be absurd"
-    metres = UNITS_IN_M[unit]
     told = f"{why}; the markers span {size * metres:.2f} m"
     if unit in lively:
-        return Guess(unit, f"{told} and move as animals do, at {moves * metres:.0f} m/s²")
+        return Guess(unit, f"{told} and move as animals do, at {moves[unit]:.0f} m/s²")
     other = next((u for u in UNITS_IN_M if u in lively), "cm" if unit == "mm" else "mm")
-    nothing = f"nothing falls, and the markers move at {moves * metres:.2g} m/s²"
+    nothing = f"nothing falls, and the markers move at {moves[unit]:.2g} m/s²"
     return Guess(unit, f"{told}; {nothing}", is_sure=False, other=other)
 
 
@@ -321,9 +321,9 @@ FALLING = (0.7, 1.3)  # g that pull a body down which leaves the ground, at the 
 SOME_CLEARER = 1.5  # so many times what falls along the next best direction
 
 
-def liveliness(positions: FloatArray, rate_hz: float) -> float:
+def liveliness(positions: FloatArray, rate_hz: float, *, metres: float) -> float:
     """Acceleration of the median marker that it exceeds in a tenth of the time, per s²."""
-    size: FloatArray = np.linalg.norm(accelerations(positions, rate_hz), axis=2)
+    size: FloatArray = np.linalg.norm(accelerations(positions, rate_hz, metres=metres), axis=2)
     of_seen = size[:, np.isfinite(size).any(axis=0)]
     return float(np.median(np.nanquantile(of_seen, 0.9, axis=0))) if of_seen.size else np.nan
 
@@ -377,7 +377,8 @@ def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
     a rate stated as half it is a quarter, of one stated as twice four times as much. Legs are swung
     down faster; so where it is too much, the quarter of the markers that is pulled least decides.
     """
-    upward = rotate_up(accelerations(raw.positions, raw.rate_hz), up)[..., 2]
+    measured = accelerations(raw.positions, raw.rate_hz, metres=metres)
+    upward = rotate_up(measured, up)[..., 2]
     seen = upward[np.isfinite(upward).any(axis=1)]
     if not len(seen):
         return np.nan

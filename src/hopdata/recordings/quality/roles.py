@@ -10,7 +10,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.recordings.quality.inspection import Inspection
 from hopdata.recordings.quality.rigid import PairDistances
-from hopdata.recordings.quality.stretches import BAND_M, at_rest, lowest, runs
+from hopdata.recordings.quality.stretches import BAND_M, at_rest, lowest, runs, scale_of_all
 
 # What a marker's name says about its part.
 
@@ -66,6 +66,7 @@ def _without_side(word: str) -> str:
     return word
 
 
+# Lengths and speeds are those of an animal of 1 m; positions of another are brought to its scale.
 MOST_FEET, LEAST_FEET, LEAST_BODY = 6, 2, 3
 LEAST_RESTS = 3  # of a marker that nothing else tells to be on a foot
 RESTS_SHARE = (0.03, 0.95)  # of the frames
@@ -120,8 +121,9 @@ def guess_roles(inspection: Inspection) -> Roles:
     least once if they are named as feet or no others are found; the body is the rigid cluster that
     never does; the boom is what is named so, or stays fixed in the world.
     """
-    markers, positions = inspection.markers, inspection.positions
-    rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz), _fixed(positions)
+    markers, scale = inspection.markers, scale_of_all(inspection.positions)
+    positions = inspection.positions if scale == 1 else inspection.positions / scale
+    rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz * scale**0.5), _fixed(positions)
     subjects = subject_prefixes(markers)
     others = {m for m, name in enumerate(markers) if name.startswith(tuple(subjects[1:]))}
     boom = tuple(
@@ -244,7 +246,8 @@ def feet_between(
     feet : sequence of str
         Names of the feet that are followed.
     """
-    rests = at_rest(positions[:, :, 2], rate_hz)
+    scale = scale_of_all(positions)
+    rests = at_rest((positions := positions / scale)[:, :, 2], rate_hz * scale**0.5)
     resting = _resting(markers, positions[:, :, 2], rests, _fixed(positions))
     groups = _together(sorted({*resting, *(markers.index(name) for name in feet)}), rests)
     other = [[markers[m] for m in group] for group in groups]
@@ -444,12 +447,12 @@ def _feet_reason(group: list[int], rests: BoolArray) -> str:
 
 def _sole(group: list[int], inspection: Inspection) -> tuple[list[int], str]:
     """Of feet that are one rigid part, such as a shoe, keep those low on it, and say so."""
-    markers = inspection.markers
+    markers, scale = inspection.markers, scale_of_all(inspection.positions)
     two_sides = len({place_by_name(markers[m]) for m in group}) < len(group)
     one = any(set(group) <= set(cluster.markers) for cluster in inspection.clusters)
     low = lowest(inspection.positions[:, group, 2])
-    kept = [m for m, height in zip(group, low, strict=True) if height < low.min() + SOLE_M]
-    if two_sides or not one or np.ptp(low) < UNEVEN_M:
+    kept = [m for m, height in zip(group, low, strict=True) if height < low.min() + SOLE_M * scale]
+    if two_sides or not one or np.ptp(low) < UNEVEN_M * scale:
         return group, ""
     kept = kept if len(kept) >= LEAST_FEET else group
     told = "; all on one rigid part"

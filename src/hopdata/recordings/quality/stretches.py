@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.recording import scale_of
 
 # Stretches of frames in which something holds.
 
@@ -148,7 +149,7 @@ def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Marker
 
 
 BAND_M = 0.02  # above a marker's own lowest height
-SINKS = 0.05  # of the frames, in which a soft sole may give as a body lands on it
+SINKS_M = 0.06  # by which a soft floor or sole may give as a body lands on it
 SPEED_M_S = 0.15
 WINDOW_S = 0.04
 LEAST_REST_S = 0.03
@@ -157,7 +158,13 @@ CLEARER = 2.0
 ON_THE_FLOOR = 0.05  # of the extent: how far above the lowest one another may come to rest
 LEAST_TIMES_DOWN = 5  # of a marker that stands on a floor now and then
 MOST_FRAMES = 200_000  # of a longer recording, evenly spaced
+OFF_THE_FLOOR = 0.1  # of the range of heights
 ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
+
+
+def scale_of_all(positions: FloatArray) -> float:
+    """Scale of all markers (N, M, 3), m, of a file: at most 1, since some may be of the room."""
+    return min(scale_of(positions), 1.0)
 
 
 def lowest(heights: FloatArray) -> FloatArray:
@@ -185,7 +192,8 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
     off the floor, where rounding alone does not make them equal; the outer tenths may be wrong.
     """
     remarks = []
-    up = heights > lowest(heights) + BAND_M
+    low, high = quantiles(heights, [0.01, 0.99])
+    up = heights > low + OFF_THE_FLOOR * (high - low)
     for i, j in combinations(range(len(names)), 2):
         apart = heights[up[:, i] | up[:, j], i] - heights[up[:, i] | up[:, j], j]
         low, middle, high = quantiles(apart[:, None], [0.1, 0.5, 0.9])[:, 0]
@@ -196,14 +204,12 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
 
 
 def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
-    """Tell when each marker rests near its own lowest height.
-
-    That of a marker that stands half of the time leaves out as many frames as a soft sole gives in.
+    """Tell when each marker rests near its own lowest height, or where it settles on a soft floor.
 
     Parameters
     ----------
     heights : (N, M) array
-        Height, m; NaN where not seen.
+        Height, m, of an animal of about 1 m; NaN where not seen.
     rate_hz : float
         Frame rate, Hz.
 
@@ -216,10 +222,11 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
     speed = np.full_like(heights, np.nan)
     if len(heights) > 2 * half:
         speed[half:-half] = (heights[2 * half :] - heights[: -2 * half]) * rate_hz / (2 * half)
-    low, stood, middle = quantiles(heights, [0.01, SINKS, 0.5])
-    low = np.where(middle - stood < BAND_M, stood, low)
+    low = lowest(heights)
     with np.errstate(invalid="ignore"):
-        resting = (heights < low + BAND_M) & (np.abs(speed) < SPEED_M_S)
+        slow = np.abs(speed) < SPEED_M_S
+        settled = quantiles(np.where(slow & (heights < low + SINKS_M), heights, np.nan), [0.5])[0]
+        resting = slow & (heights < np.fmax(low, settled - 0.5 * BAND_M) + BAND_M)
     least = max(2, round(LEAST_REST_S * rate_hz))
     for m in range(heights.shape[1]):
         for start, stop in runs(resting[:, m]):

@@ -86,8 +86,11 @@ class Surprises:
         return mask
 
 
-def surprises(positions: FloatArray) -> Surprises:
-    """Compare (N, M, 3) positions, m, with parabolas through three frames on either side."""
+def surprises(positions: FloatArray, *, scale: float = 1.0) -> Surprises:
+    """Compare (N, M, 3) positions, m, with parabolas through three frames on either side.
+
+    No miss is gross below `LEAST_M` times the scale (`hopdata.recording.scale_of`).
+    """
     n_frames, n_markers = positions.shape[:2]
     limit = np.full(n_markers, np.inf)
     spikes: list[Excursion] = []
@@ -95,13 +98,13 @@ def surprises(positions: FloatArray) -> Surprises:
     for m in range(n_markers):
         third = np.diff(positions[:, m], 3, axis=0)  # [k]: frame k + 3 less the three before
         if len(third) > 3:
-            found, limit[m] = _spikes(third, m)
+            found, limit[m] = _spikes(third, m, LEAST_M * scale)
             spikes += found
             steps += _steps(third, m, limit[m])
     return Surprises(_separate(spikes, (n_frames, n_markers)), _in_order(steps), limit, n_frames)
 
 
-def _spikes(third: FloatArray, m: int) -> tuple[list[Excursion], float]:
+def _spikes(third: FloatArray, m: int, least_m: float) -> tuple[list[Excursion], float]:
     """Excursions of one marker by its third differences (N - 3, 3), and its limit for one frame.
 
     An excursion is no larger than the miss of its first frame by the left side, so only frames
@@ -111,7 +114,7 @@ def _spikes(third: FloatArray, m: int) -> tuple[list[Excursion], float]:
     usual = np.arange(3, n_frames - 3, -(-n_frames // MOST_FRAMES))
     around = _around(third, usual)
     limits = {
-        length: _limit(_excursions(around[:, usual <= n_frames - length - 3], length))
+        length: _limit(_excursions(around[:, usual <= n_frames - length - 3], length), least_m)
         for length in range(LONGEST_SPIKE, 0, -1)
     }
     gross = np.flatnonzero(_length(third) >= min(limits.values())) + 3
@@ -190,7 +193,7 @@ def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.where(along > 0, length, 0.0 * length)
 
 
-def _limit(off: FloatArray) -> float:
+def _limit(off: FloatArray, least_m: float) -> float:
     """Limit of a marker, m, by how far it usually is off (K,); infinite if it is never seen."""
     values = off[np.isfinite(off)]
     if not len(values):
@@ -198,7 +201,7 @@ def _limit(off: FloatArray) -> float:
     middle = np.median(values[values > 0]) if np.any(values > 0) else 0.0
     q99, q999 = np.quantile(values, [0.99, 0.999])
     tail = min(OF_999, (q999 / max(q99, 1e-12)) ** TAIL_POWER)
-    return float(max(LEAST_M, OF_MEDIAN * middle, min(OF_99 * q99, tail * q999)))
+    return float(max(least_m, OF_MEDIAN * middle, min(OF_99 * q99, tail * q999)))
 
 
 def find_spikes(missed: Surprises, *, explained: NDArray[np.bool_]) -> tuple[Excursion, ...]:
