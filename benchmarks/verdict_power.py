@@ -2,12 +2,14 @@
 
     python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--first 9100]
         [--only kappa] [--simulated]
+    python benchmarks/verdict_power.py --out verdict_bodies.csv --only body --studies 1 --first 9500
 
 Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
 study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
 landings are integrated, seen frame by frame with noise, and judged: all of them, each 500 and each
 thousand for itself, and those of five and of ten studies together. Kinds that are only seen in
-another way share the landings of a seed, so that they are not independent of one another.
+another way share the landings of a seed, so that they are not independent of one another. Hoppers
+of other shapes are only judged where asked for: each is a kind of its own, a row holds them all.
 docs/verdict.md says what was chosen on which seeds.
 
 What is simulated, and what is judged, is kept beside the table in ``verdict_studies/`` (0.7 MB a
@@ -162,6 +164,7 @@ PHASES = 16  # of the frames: each landing has one of them
 BACK_S = 0.14  # before the apex; of flight there are some 0.15 s
 RTOL, ATOL = 1e-6, 1e-9
 NO_HEIGHT_M = -1e3  # of a section that is never reached
+SECTION_HOPS, SECTION_MS = 300, 700  # of which sections are found
 
 
 @dataclass(frozen=True)
@@ -264,6 +267,7 @@ GAIT_HOPS, TRIALS = 2000, 4
 INSTANT_NOISE_S = 0.0006
 FEWEST, FEW, WHOLE = 500, 1000, 2100
 JOINED = (5, 10)  # studies, for larger ones of 2,000 landings each
+BODIES = range(9500, 9520)  # numbers from which hoppers of other shapes are drawn
 GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16, 30), 400
 GROUP_KINDS = (
     *("C1", "C1 larger kicks", "C1 stiffer legs", "C1 drifting", "C1 quadruped", "kappa 0.05"),
@@ -286,7 +290,7 @@ class Kind:
     """A body with its disturbances and control, and how it is seen."""
 
     scene: Scene = field(default_factory=HopperParameters)
-    sections: SectionHeights = field(default=HOPPER_SECTIONS)
+    sections: SectionHeights | None = field(default=HOPPER_SECTIONS)  # None: found from its gait
     kicks: Kicks = field(default_factory=Kicks)
     control: Control = field(default_factory=Control)
     noise_m: float = 0.0006
@@ -340,6 +344,23 @@ def swapped(instants: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return instants
 
 
+def other_body(number: int) -> HopperParameters:
+    """Draw a hopper of another shape: feet, mass, size, inertia, legs and height of its hops."""
+    draw = np.random.default_rng([78, number])
+    legs, mass = int(draw.integers(3, 5)), draw.uniform(1.8, 4.6)
+    share = mass / 2.3 * 3 / legs  # of the hopper's legs, to carry this body on as many
+    inertia = 0.08 * mass / 2.3 * draw.uniform(0.4, 1.1)
+    stiffness, extension = 90.0 * share * draw.uniform(0.7, 1.2), draw.uniform(0.105, 0.13)
+    weight = (mass + HopperParameters().counterweight_mass_kg) * 9.81 / legs
+    return HopperParameters(
+        n_legs=legs, mass_kg=mass, foot_radius_m=draw.uniform(0.3, 0.5),
+        leg_length_m=draw.uniform(0.22, 0.36), stiffness_n_m=stiffness,
+        damping_n_s_m=4.8 * share * draw.uniform(0.8, 1.2), release_extension_m=extension,
+        preload_n=stiffness * extension + weight * draw.uniform(1.2, 1.4),
+        inertia_x_kg_m2=inertia, inertia_y_kg_m2=inertia, inertia_z_kg_m2=1.4 * inertia,
+    )  # fmt: skip
+
+
 def kinds() -> dict[str, Kind]:
     """All kinds, by name; those that begin with C1 have no difference."""
     hopper, kicks, seen = HopperParameters(), Kicks(), Kind(moves_as="C1")
@@ -378,6 +399,12 @@ def kinds() -> dict[str, Kind]:
         f"{name} kappa {k:g}": replace(same[f"C1 {name}"], control=Control(coupling=k))
         for name, k in [*product(of_feet[:-1], (0.1, 0.3)), (of_feet[-1], 0.1)]
     }
+    bodies = {f"body {n}": Kind(scene=other_body(n), sections=None) for n in BODIES}
+    same |= {f"C1 {name}": kind for name, kind in bodies.items()}
+    coupled |= {
+        f"{name} kappa 0.3": replace(kind, control=Control(coupling=0.3))
+        for name, kind in bodies.items()
+    }
     weakest = {"kappa 0.05": Kind(control=Control(coupling=0.05), hops=2860)}
     controlled = {name: Kind(control=control) for name, control in controls.items()}
     return same | weakest | controlled | coupled
@@ -415,6 +442,38 @@ def gait(kind: Kind, folder: Path) -> np.ndarray:
     return kept(gait_file(kind, folder), before)["before"]
 
 
+def sections_of(kind: Kind, folder: Path) -> SectionHeights:
+    """Return a kind's sections, or what its landings ask for.
+
+    The upper one lies at the highest first contacts, the lower one at the lowest last contacts, of
+    all but 1 in 100 of the landings from above the median apex.
+    """
+    if kind.sections is not None:
+        return kind.sections
+    points_m = HOPPER_SECTIONS.points_m
+
+    def found() -> dict[str, Any]:
+        still = replace(kind, hops=SECTION_HOPS, control=Control())
+        apexes = starts(still, gait(kind, folder), np.random.default_rng(2))
+        times = 1e-3 * np.arange(-1, SECTION_MS)
+        heights = tracks_of(states_at(kind.scene, Control(), apexes, times), points_m)
+        heights = heights[..., 2].mean(axis=2)
+        asked = SectionHeights(float(np.median(heights[:, 1])), NO_HEIGHT_M, points_m)
+        contact = true_landings(
+            kind.scene, Control(), apexes.after, apexes.preloads_n, asked, rtol=1e-6, workers=1
+        ).contact_s
+        rows = np.flatnonzero((contact < times[-1]).all(axis=1))
+        first, last = (
+            heights[rows, np.searchsorted(times, one)]
+            for one in (contact[rows].min(axis=1), contact[rows].max(axis=1))
+        )
+        return {"pre": np.quantile(first, 0.99), "post": np.quantile(last, 0.01)}
+
+    name = gait_file(kind, folder).name.replace("gait", "sections")
+    heights = kept(gait_file(kind, folder).with_name(name), found)
+    return SectionHeights(float(heights["pre"]), float(heights["post"]), points_m)
+
+
 def starts(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> Apexes:
     """Draw the apexes of a study, and kick them."""
     before = before[rng.integers(0, len(before), kind.hops)]
@@ -431,7 +490,7 @@ def moved(name: str, seed: int, folder: Path) -> tuple[TrueLandings, np.ndarray,
     kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
     apexes = starts(kind, gait(kind, folder), rng)
     landings = true_landings(
-        kind.scene, kind.control, apexes.after, apexes.preloads_n, kind.sections,
+        kind.scene, kind.control, apexes.after, apexes.preloads_n, sections_of(kind, folder),
         rtol=1e-6, workers=1,
     )  # fmt: skip
     rows = np.flatnonzero(landings.whole)
@@ -456,16 +515,16 @@ def observed(name: str, seed: int, folder: Path) -> dict[str, Any]:
         ahead = (np.diff(part.contact_s, axis=1) > 0).all(axis=1)
         rows = np.flatnonzero(~ahead | (rng.random(len(part)) < 0.12))
         part, times, motion = some(part, rows), times[rows], motion[rows]
-    spoil = kind.spoil
+    spoil, sections = kind.spoil, sections_of(kind, folder)
     seen = see_landings(
-        times, motion, part, kind.sections, noise_m=kind.noise_m, rng=rng,
+        times, motion, part, sections, noise_m=kind.noise_m, rng=rng,
         instant_noise_s=INSTANT_NOISE_S,
         spoil=None if spoil is None else lambda tracks: spoil(tracks, rng, kind.rate_hz),
     )  # fmt: skip
     instants = seen.instants if kind.relabel is None else kind.relabel(seen.instants, rng)
     true = 0.0
     if kind.control.active:
-        root = input_root(input_coordinates(part.pre_state, kind.sections.centre_m))
+        root = input_root(input_coordinates(part.pre_state, sections.centre_m))
         true = true_size(name, root, part.contact_s, folder)
     return {"before": seen.before, "after": seen.after, "instants": instants, "true_effect": true}
 
@@ -476,7 +535,8 @@ def exact_maps(name: str, folder: Path) -> dict[str, Any]:
 
     def exact() -> dict[str, Any]:
         apexes = starts(kind, gait(kind, folder), np.random.default_rng(1))
-        found = section_jacobians(kind.scene, kind.control, apexes.after, kind.sections)
+        sections = sections_of(kind, folder)
+        found = section_jacobians(kind.scene, kind.control, apexes.after, sections)
         return {"schedules": found.schedules, "maps": found.maps}
 
     return kept(folder / f"exact_{name.replace(' ', '_')}.npz", exact)
@@ -484,7 +544,7 @@ def exact_maps(name: str, folder: Path) -> dict[str, Any]:
 
 def true_size(name: str, root: np.ndarray, instants: np.ndarray, folder: Path) -> float:
     """Relative difference of the exact Jacobians, as the verdict measures it."""
-    exact, points_m = exact_maps(name, folder), kinds()[name].sections.points_m
+    exact, points_m = exact_maps(name, folder), sections_of(kinds()[name], folder).points_m
     orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]])
     seen, counts = contact_orders(instants, LEAST_CLASS)
     often = {tuple(order): n for order, n in zip(seen.tolist(), counts, strict=True)}
@@ -549,8 +609,10 @@ def judged(name: str, study: Any, seed: int, first: int, asked: int) -> dict[str
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """One row a kind and number of landings."""
+    """One row a kind and number of landings, of the studies with an answer; one for all bodies."""
     rows = []
+    names = table["condition"].str.replace(r"body \d+", "other bodies", regex=True)
+    table = table.assign(condition=names).dropna(subset=["low"])
     for (name, asked), part in table.groupby(["condition", "asked"], sort=False):
         found = int(np.sum(part["low"] > 0))
         low, high = proportion_confint(found, len(part), method="wilson")
@@ -693,7 +755,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--studies", type=int, default=40, help="studies of each kind")
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first study")
-    parser.add_argument("--only", default="", help="kinds whose name holds this expression")
+    parser.add_argument(
+        "--only", default=r"^(?!.*body)", help="kinds whose name holds this expression"
+    )
     parser.add_argument("--simulated", action="store_true", help="judge what is simulated, no more")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     args = parser.parse_args()

@@ -87,6 +87,7 @@ def row(subject, squared, reason=""):
     sizes = {
         "squared": squared,
         "squared_error": 0.02,
+        "allowed": 0.1,
         "left": 0.1,
         "along_error": 0.1,
     }

@@ -262,7 +262,7 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] = DIFFERENCES) -> 
     pilot : Study or Verdict
         Of a short recording, or of a simulated one.
     differences : sequence of float
-        Sizes, as shares of the map: above 0.1, as much as smooth terms may leave.
+        Sizes, as shares of the map, larger than what smooth terms may leave (0.1 or more).
 
     Returns
     -------
@@ -285,7 +285,7 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] = DIFFERENCES) -> 
         )
     if verdict.effect is None:
         raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
-    known = (verdict.n_landings, verdict.effect.detectable)
+    known = (verdict.n_landings, verdict.effect.detectable, verdict.effect.allowed)
     needed = [landings_needed(*known, size, verdict.n_feet) for size in sizes]
     return pd.DataFrame({"difference": sizes, "landings": needed})
 

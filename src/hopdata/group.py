@@ -16,7 +16,7 @@ NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session",
 #: What a member's row takes from its verdict.
 SIZES = (
     *("estimate", "low", "high", "upper_bound", "p_value"),
-    *("squared", "squared_error", "along_error", "left"),
+    *("squared", "squared_error", "along_error", "allowed", "left"),
 )
 
 logger = logging.getLogger("hopdata")

@@ -11,7 +11,12 @@ from hopdata.figures.verdict import plan_figure
 
 ROOT = Path(__file__).parents[2]
 
-PILOT = {"n_landings": 1000, "n_feet": 3, "power": 0.8, "effect": {"detectable": 0.2}}
+PILOT = {
+    "n_landings": 1000,
+    "n_feet": 3,
+    "power": 0.8,
+    "effect": {"detectable": 0.2, "allowed": 0.1},
+}
 
 
 def written(tmp_path, content):
@@ -29,6 +34,15 @@ def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(tmp_
     assert rows["20"] == "1,000"
     assert rows["18"] == "1,600"  # two digits of 1,563
     assert rows["50"] == "150", "second-order terms take as many"
+
+
+def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
+    apart = PILOT | {"effect": {"detectable": 0.4, "allowed": 0.22}}
+    assert main(["plan", written(tmp_path, apart)]) == 0
+    rows = capsys.readouterr().out.splitlines()[3:]
+    assert [row.split("%")[0].strip() for row in rows] == ["25", "30", "40", "50"]
+    assert main(["plan", written(tmp_path, apart), "--difference", "0.2"]) == 1
+    assert "above 0.22, as much as smooth terms may leave" in capsys.readouterr().err
 
 
 def test_the_curve_is_drawn_through_the_pilot(tmp_path):

@@ -74,6 +74,8 @@ class Forecast:
     detectable
         Difference that the verdict finds with its power, of all landings; None if it can tell
         nothing.
+    allowed
+        Difference up to which nothing is evidence, with any number of landings.
     reason
         Why it can tell nothing; empty if it can.
     stops
@@ -83,6 +85,7 @@ class Forecast:
     touchdowns: pd.DataFrame
     frames_share: float
     detectable: float | None = None
+    allowed: float = LEFT
     reason: str = ""
     stops: bool = False
 
@@ -158,8 +161,9 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     verdict = study.verdict
     if verdict.effect is None:
         return Forecast(touchdowns, share, reason=verdict.notes[-1]["reason"])
-    seen = LEFT + max(0.0, verdict.effect.detectable - LEFT) * float(np.sqrt(share))
-    return Forecast(touchdowns, share, seen)
+    allowed = verdict.effect.allowed
+    seen = allowed + max(0.0, verdict.effect.detectable - allowed) * float(np.sqrt(share))
+    return Forecast(touchdowns, share, seen, allowed)
 
 
 def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording], float]:
@@ -235,8 +239,10 @@ def _changes(
             changes.append(f"take {foot} off markers.feet: {left}")
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
-    needed = landings_needed(forecast.used, forecast.detectable or 0.0, margin, len(feet))
-    if needed > forecast.used and not enough:
+    known = forecast.used, forecast.detectable or 0.0, forecast.allowed, margin, len(feet)
+    if margin <= forecast.allowed:
+        changes.append(f"ask verdict.margin for more than {forecast.allowed:.2g}: see its notes")
+    elif (needed := landings_needed(*known)) > forecast.used and not enough:
         changes.append(
             f"record more: at least {needed} landings before anything can be compared; "
             "verdict.margin typically takes more than 1000"

@@ -194,14 +194,14 @@ def plan(options: argparse.Namespace) -> int:
     landings, feet, power, effect = _values(file, "verdict.json", *keys)
     if effect is None:
         raise ConfigError(f"{file}: the pilot has no answer: {_values(file, '', 'sentence')[0]}")
-    seen = effect["detectable"]
+    seen, allowed = effect["detectable"], effect["allowed"]
     found = f"{100 * seen:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
     print("difference  landings")
     own = () if options.difference is None else (options.difference,)
     needed = {
-        difference: landings_needed(landings, seen, difference, feet)
-        for difference in sorted({*DIFFERENCES, *own})
+        difference: landings_needed(landings, seen, allowed, difference, feet)
+        for difference in sorted({*(one for one in DIFFERENCES if one > allowed), *own})
     }
     for difference, number in needed.items():
         print(f"{100 * difference:8.2g} %  {int(float(f'{number:.1e}')):8,}")

@@ -120,11 +120,10 @@ def common_split(
     sizes = split_sizes(len(smallest.rows), train, test)
     if sizes == (train, test):
         return sizes, []
-    what = (
-        f"All models were trained on {sizes[0]} and tested on {sizes[1]} touchdowns instead of "
-        f"{train} and {test}"
+    done = (
+        f"trained on {sizes[0]} and tested on {sizes[1]} touchdowns instead of {train} and {test}"
     )
-    return sizes, [{"what": what, "reason": _fewest(smallest)}]
+    return sizes, [{"what": f"All models were {done}", "reason": _fewest(smallest)}]
 
 
 def _fewest(smallest: Population) -> str:
@@ -252,10 +251,7 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
         part = errors[errors["model"] == model]
         mse = np.quantile(part["mse"], [0.5, 0.25, 0.75, 0.025, 0.975])
         worst = [np.quantile(part[column], 0.975) for column in _WORST]
-        parts = [
-            np.quantile(part[f"mse_{kind}"], [0.5, 0.025, 0.975])
-            for kind in ("position", "velocity")
-        ]
+        parts = [np.quantile(part[f"mse_{kind}"], [0.5, 0.025, 0.975]) for kind in _PARTS]
         sizes = part["n_train"].iloc[0], part["n_test"].iloc[0]
         rows.append((model, part["schedule"].nunique(), *sizes, *mse, *worst, *np.ravel(parts)))
     return pd.DataFrame(rows, columns=[*_SUMMARY_COLUMNS, *_WORST, *_PART_COLUMNS])
@@ -293,18 +289,12 @@ def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, f
 
 
 _WORST = ("worst_position_mm", "worst_velocity_m_s")
-_SUMMARY_COLUMNS = (
-    *("model", "n_classes", "n_train", "n_test"),
-    *("median", "q25", "q75", "p2_5", "p97_5"),
-)
-_PART_COLUMNS = (
-    *("position_median", "position_p2_5", "position_p97_5"),
-    *("velocity_median", "velocity_p2_5", "velocity_p97_5"),
-)
-_COLUMNS = (
-    *("model", "schedule", "bootstrap", "n_train", "n_test"),
-    *("mse", "mse_position", "mse_velocity", *_WORST),
-)
+_SIZES = ("n_train", "n_test")
+_SUMMARY_COLUMNS = ("model", "n_classes", *_SIZES, "median", "q25", "q75", "p2_5", "p97_5")
+_PARTS = ("position", "velocity")
+_PART_COLUMNS = [f"{part}_{level}" for part in _PARTS for level in ("median", "p2_5", "p97_5")]
+_ERRORS = ("mse", *(f"mse_{part}" for part in _PARTS), *_WORST)
+_COLUMNS = ("model", "schedule", "bootstrap", *_SIZES, *_ERRORS)
 
 
 def _rows(

@@ -21,10 +21,13 @@ class Landings:
     y: np.ndarray
 
 
-def landings(n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3, constant=None):
+def landings(
+    n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3, constant=None, cubic=0.0
+):
     """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
 
-    The input of the number `constant` does not vary.
+    `cubic` those of the cube of how much later the first foot comes than the mean. The input of the
+    number `constant` does not vary.
     """
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(99)  # one map for all seeds
@@ -39,6 +42,8 @@ def landings(n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3, con
     instants = x @ onto
     y = x @ linear + np.einsum("ni,nj,ijk->nk", x, x, square)
     y += strength * kinks(instants / SPREAD_S) @ bends
+    if cubic:
+        y += cubic * (instants[:, :1] / instants[:, 0].std()) ** 3 * bends[0]
     y += noise * rng.standard_normal(y.shape)
     scale = np.array([0.03, 0.03, 0.07, 0.07, 0.07, 0.3, 0.3, 0.2])
     out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])

@@ -26,6 +26,7 @@ def studies(sizes, seed, condition="", left=0.0):
             "squared": (kinks**2).sum(axis=1) - NOISE**2,
             "squared_error": NOISE**2 * np.sqrt(2.0 / DIRECTIONS),
             "along_error": noise,
+            "allowed": LEFT,
             "left": LEFT,
         }
     )

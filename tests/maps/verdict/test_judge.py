@@ -11,7 +11,8 @@ from kinked_landings import landings
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
-from hopdata.maps.verdict.judge import WIDE_MS, conclude, outlook
+from hopdata.maps.verdict.judge import conclude, outlook
+from hopdata.maps.verdict.model import LEFT
 
 OPTIONS = {"seed": 3, "flips": 199}
 
@@ -46,14 +47,20 @@ def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
     assert sizes[1] / sizes[0] == pytest.approx(2.0, rel=0.1)
 
 
-def test_contacts_too_far_apart_for_what_is_allowed_are_noted():
-    data = landings(n=450)
-    near, far = (float(np.std(data.instants - data.instants.mean(axis=1)[:, None])), 0.03)
-    apart = judge(data.before, data.after, data.instants * (far / near), **OPTIONS)
-    assert 1e3 * near < WIDE_MS
-    assert verdict(data).notes == []
-    assert [note["what"] for note in apart.notes] == ["contacts far apart"]
-    assert "rms 30 ms" in apart.notes[0]["reason"]
+@pytest.mark.parametrize("feet", [2, 3])
+@pytest.mark.parametrize("n", [450, 900])
+def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n):
+    """As their power of 1.5, however many landings there are; and so do the upper ends."""
+    near, far, farther = (verdict(landings(n=n, feet=feet, cubic=c)) for c in (0.0, 0.2, 0.4))
+    assert near.effect.allowed == LEFT
+    assert near.notes == []
+    allowed = [one.effect.allowed for one in (far, farther)]
+    assert allowed[1] == pytest.approx(2**1.5 * allowed[0], rel=0.1)
+    assert [note["what"] for note in far.notes] == ["contacts far apart"]
+    assert f"{float(f'{100 * allowed[0]:.2g}'):g} %" in far.notes[0]["reason"]
+    wider = farther.effect.upper_bound - far.effect.upper_bound
+    assert wider > 0.4 * (allowed[1] - allowed[0])
+    assert farther.landings_needed is None
 
 
 def test_the_answer_follows_from_the_interval_alone():
@@ -67,17 +74,18 @@ def test_the_answer_follows_from_the_interval_alone():
 
 
 def test_the_three_conclusions():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1)
+    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
     assert conclude(size, 0.2) == "no difference"
     assert conclude(size, 0.17) == "cannot tell"
     assert conclude(replace(size, low=0.01), 0.2) == "different"
 
 
 def test_what_could_have_been_seen_is_said():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1)
+    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
     said = outlook(size, 2_312, 0.8)
-    assert "of 15 % would be found in 80 %" in said
+    assert "shows as 15 % would be found in 80 %" in said
     assert "about 2,300 landings" in said
+    assert "cannot be seen with any number" in outlook(size, None, 0.8)
     assert "Nothing could have been seen" in outlook(replace(size, detectable=1.2), 144_000, 0.8)
 
 

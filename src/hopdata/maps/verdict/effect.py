@@ -11,7 +11,8 @@ both as rms motions of the markers. In the kinks b it is a quadratic form, e^2 =
 said follows from the one statistic T = b'Fb and its distribution under b = e u, u the direction
 found: each landing's contribution to the error of b is as likely to have the other sign, so random
 signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020). What
-smooth terms leave shifts b alike in every study of a system: so no size up to `LEFT` is evidence.
+smooth terms leave shifts b alike in every study of a system: so no size that they are `allowed` is
+evidence.
 """
 
 from collections.abc import Callable
@@ -25,8 +26,8 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
 from hopdata.maps.verdict import inputs
-from hopdata.maps.verdict.inputs import LEAST_CLASS, POSITIONS, SectionLandings, contact_orders
-from hopdata.maps.verdict.model import HIDDEN, LEFT, KinkFit, symmetric_root
+from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, contact_orders, halves
+from hopdata.maps.verdict.model import HIDDEN, KinkFit, symmetric_root
 
 _AT_ONCE = 8_000_000  # signs in memory
 _BISECTIONS = 50
@@ -42,24 +43,24 @@ class EffectSize(Shown):
     estimate
         What noise adds on average taken off.
     low, high
-        Ends of the interval; `low` is above zero exactly if the test finds more than `LEFT`.
+        Ends of the interval; `low` is above zero exactly if the test finds more than
+        `allowed`.
     upper_bound
         One-sided bound: no difference larger than this, at the given confidence. Like `high` it
         is never below what the median study without a difference gives.
     detectable
         Difference that the test finds with the given power.
     p_value
-        Share of the random signs with a statistic as large though smooth terms left `LEFT`, the
-        data's own included.
+        Share of the random signs with a statistic as large though smooth terms left `allowed`,
+        the data's own included.
     squared, squared_error
         Square of the size without bias, below zero where noise makes it so, and its standard error
         where there is no difference.
     along_error
         Standard error of the kinks along what was found; with a difference of size e the variance
         of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
-    left
-        Size up to which the mean of such studies is no evidence: `LEFT`, and half as much again
-        where landings are too few for third-order terms.
+    allowed, left
+        Sizes up to which this study, and the mean of such studies, is no evidence: see `KinkFit`.
     """
 
     estimate: float
@@ -71,6 +72,7 @@ class EffectSize(Shown):
     squared: float
     squared_error: float
     along_error: float
+    allowed: float
     left: float
 
     def told(self) -> str:
@@ -130,24 +132,17 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     AnalysisError
         If no two orders, or feet, have `LEAST_CLASS` landings each.
     """
-    feet = landings.expected.shape[1]
-    orders, counts = contact_orders(
-        landings.expected, LEAST_CLASS if feet <= coordinates.ALL_SETS_UP_TO else 1
-    )
+    by_order = landings.expected.shape[1] <= coordinates.ALL_SETS_UP_TO
+    orders, counts = contact_orders(landings.expected, LEAST_CLASS if by_order else 1)
     differences, mean = contrasts(orders, counts)
+    what = f"landings with either foot of a pair first ({len(differences)} pairs of feet)"
+    missing = f"no two feet each come first in {LEAST_CLASS} touchdowns"
+    if by_order:
+        missing = f"at least two contact orders need {LEAST_CLASS} touchdowns each: "
+        what, missing = f"{len(orders)} contact orders", missing + _commonest(landings)
     if not len(differences):
-        two = f"at least two contact orders need {LEAST_CLASS} touchdowns each: "
-        raise AnalysisError(
-            two + _commonest(landings)
-            if feet <= coordinates.ALL_SETS_UP_TO
-            else f"no two feet each come first in {LEAST_CLASS} touchdowns"
-        )
+        raise AnalysisError(missing)
     slopes = np.array([coordinates.kink_slopes(tuple(order)) for order in orders.tolist()])
-    what = (
-        f"{len(orders)} contact orders"
-        if feet <= coordinates.ALL_SETS_UP_TO
-        else f"landings with either foot of a pair first ({len(differences)} pairs of feet)"
-    )
     return (np.tensordot(differences, slopes, axes=1), np.tensordot(mean, slopes, axes=1), what)
 
 
@@ -170,11 +165,8 @@ def squared_size(
     changes = np.einsum("aK,caf,fg->cKg", fit.seen, differences, spread)
     form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
     outcome = landings.inputs @ fit.linear + t @ mean.T @ fit.seen @ fit.coefficients
-    power = np.var(outcome, axis=0, ddof=1)
-    weights = np.empty_like(power)
-    for block in (slice(POSITIONS), slice(POSITIONS, None)):
-        weights[block] = 0.5 / power[block].sum()
-    return np.asarray(np.kron(symmetric_root(form), np.diag(np.sqrt(weights))), float)
+    weights = np.diag(np.sqrt(halves(np.var(outcome, axis=0, ddof=1))))
+    return np.asarray(np.kron(symmetric_root(form), weights), float)
 
 
 def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> float:
@@ -189,11 +181,8 @@ def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> f
         See `contrasts`.
     """
     differences, mean = (np.tensordot(one, maps, axes=1) for one in weights)
-    shares = [
-        np.mean(np.sum(differences[:, block] ** 2, axis=(1, 2))) / np.sum(mean[block] ** 2)
-        for block in (slice(POSITIONS), slice(POSITIONS, None))
-    ]
-    return float(np.sqrt(np.mean(shares)))
+    changes = np.mean(np.sum(differences**2, axis=2), axis=0)
+    return float(np.sqrt(changes @ halves(np.sum(mean**2, axis=1))))
 
 
 @dataclass(frozen=True)
@@ -225,13 +214,13 @@ def effect_size(
 ) -> EffectSize:
     """Return the size of the kinks and all that follows from its distribution.
 
-    The interval holds the sizes from which T as found is not a rare draw, less `LEFT` at its low
-    end and `HIDDEN` more at its upper ends: what smooth terms leave lies along a difference or
-    against it. Below the size at which a statistic as small as the median with `LEFT` becomes rare,
-    only large draws count as rare: so the interval begins above zero exactly if the test, of level
-    1 - confidence, finds more than `LEFT`. For `high` and the bound a statistic below the median
-    without kinks counts as the median: an estimate smaller than noise alone gives is luck, not
-    knowledge.
+    The interval holds the sizes from which T as found is not a rare draw, less `allowed` at its low
+    end and `HIDDEN` of it more at its upper ends: what smooth terms leave lies along a difference
+    or against it. Below the size at which a statistic as small as the median with `allowed` becomes
+    rare, only large draws count as rare: so the interval begins above zero exactly if the test, of
+    level 1 - confidence, finds more than `allowed`. For `high` and the bound a statistic below the
+    median without kinks counts as the median: an estimate smaller than noise alone gives is luck,
+    not knowledge.
 
     Parameters
     ----------
@@ -250,7 +239,7 @@ def effect_size(
     size = float(np.sqrt(statistic))
     draws = _draws(fit, root, flips, generator)
     none = np.sum(draws.null**2, axis=1)
-    left = draws.statistic(found / size, LEFT, size)
+    left = draws.statistic(found / size, fit.allowed, size)
     typical = max(statistic, float(np.median(none)))
     level = round(1.0 - confidence, 12)  # 0.05, not a little more
 
@@ -268,33 +257,36 @@ def effect_size(
     squared = statistic - float(np.sum((fit.scores @ root.T) ** 2))
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
-        low=max(0.0, low - LEFT) if p_value < level else 0.0,
-        high=below(typical, level / 2.0) + HIDDEN,
-        upper_bound=below(typical, level) + HIDDEN,
-        detectable=_detectable(draws.null, level, power),
+        low=max(0.0, low - fit.allowed) if p_value < level else 0.0,
+        high=below(typical, level / 2.0) + HIDDEN * fit.allowed,
+        upper_bound=below(typical, level) + HIDDEN * fit.allowed,
+        detectable=_detectable(draws.null, fit.allowed, level, power),
         p_value=p_value,
         squared=squared,
         squared_error=float(np.std(none)),
         along_error=float(np.std(draws.full @ found) / size),
-        left=LEFT if fit.degree > 2 else 1.5 * LEFT,
+        allowed=fit.allowed,
+        left=fit.left,
     )
 
 
-def landings_needed(landings: int, detectable: float, difference: float, feet: int) -> int:
+def landings_needed(
+    landings: int, detectable: float, allowed: float, difference: float, feet: int
+) -> int:
     """Return how many landings show a difference as surely as these do the detectable one.
 
-    What is seen beyond `LEFT` falls with the root of the number of landings; but it takes so many
-    as second-order terms.
+    What is seen beyond `allowed` falls with the root of the number of landings; but it takes so
+    many as second-order terms.
 
     Raises
     ------
     AnalysisError
-        If the difference is not larger than `LEFT`: no number of landings shows it.
+        If the difference is not larger than `allowed`: no number of landings shows it.
     """
-    if not difference > LEFT:
-        said = "differences: expected numbers above {}, as much as smooth terms may leave, found {}"
-        raise AnalysisError(said.format(LEFT, difference))
-    beyond = max(0.0, detectable - LEFT) / (difference - LEFT)
+    if not difference > allowed:
+        least = f"numbers above {allowed:.2g}, as much as smooth terms may leave"
+        raise AnalysisError(f"differences: expected {least}, found {difference}")
+    beyond = max(0.0, detectable - allowed) / (difference - allowed)
     needed = int(np.ceil(landings * beyond**2))
     return max(inputs.least_landings(feet), needed)
 
@@ -319,10 +311,10 @@ def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Gene
     return _Draws(*np.split(sums, 2, axis=1))
 
 
-def _detectable(errors: FloatArray, level: float, power: float) -> float:
+def _detectable(errors: FloatArray, allowed: float, level: float, power: float) -> float:
     """Return the size at which the test finds kinks along the largest error with this power."""
     along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
-    threshold = float(np.quantile((along + LEFT) ** 2 + across, 1.0 - level))
+    threshold = float(np.quantile((along + allowed) ** 2 + across, 1.0 - level))
 
     def too_small(size: float) -> float:
         return float(np.mean((along + size) ** 2 + across <= threshold)) - (1.0 - power)

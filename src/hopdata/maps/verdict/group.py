@@ -123,8 +123,8 @@ def judge_group(
     Parameters
     ----------
     members
-        One row an answered study: `subject`, and `squared`, `squared_error`, `along_error` and
-        `left` of its verdict.
+        One row an answered study: `subject`, and `squared`, `squared_error`, `along_error`,
+        `allowed` and `left` of its verdict.
     margin, confidence
         As of a study.
 
@@ -145,7 +145,8 @@ def judge_group(
     mean = max(0.0, found.mean)
     estimate, high, bound = np.sqrt([mean, mean + near, mean + up]).tolist()
     low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - members["left"].mean())
-    sizes = (estimate, low, high + HIDDEN, bound + HIDDEN)
+    hidden = HIDDEN * float(members["allowed"].mean())
+    sizes = (estimate, low, high + hidden, bound + hidden)
     conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if sizes[3] <= margin else CANNOT_TELL
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
     said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"

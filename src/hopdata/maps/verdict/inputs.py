@@ -15,7 +15,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps import coordinates
 from hopdata.maps.coordinates import RigidStates, monomials, rigid_states, split_states
-from hopdata.rigid import body_shape, twists, wrapped
+from hopdata.rigid import body_shape, turned, twists, wrapped
 
 #: Share of the landings, those of least contact spread, to which the kinks are fitted.
 WINDOW = 0.85
@@ -148,6 +148,12 @@ def contact_orders(instants: FloatArray, least: int) -> tuple[IntArray, IntArray
     return orders[counts >= least], counts[counts >= least]
 
 
+def halves(power: FloatArray) -> FloatArray:
+    """Return weights (q,) by which positions and velocities of this power make a half each."""
+    parts = power[:POSITIONS].sum(), power[POSITIONS:].sum()
+    return np.repeat(0.5 / np.array(parts), [POSITIONS, len(power) - POSITIONS])
+
+
 def marker_root(shape: FloatArray) -> FloatArray:
     """Return what takes turns (..., 3) about the axes to rms displacements of the markers."""
     mean_square = np.mean(np.sum(shape**2, axis=1)) * np.eye(3) - shape.T @ shape / len(shape)
@@ -171,25 +177,18 @@ def _without_units(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
 
 def _inputs(pre: RigidStates) -> FloatArray:
     heading = twists(pre.rotation)
-    return np.column_stack([_tilt(pre.rotation, heading), _turned(pre.velocity, heading), pre.spin])
+    return np.column_stack([_tilt(pre.rotation, heading), turned(pre.velocity, heading), pre.spin])
 
 
 def _outputs(pre: RigidStates, post: RigidStates, shape: FloatArray) -> FloatArray:
     heading, later = twists(pre.rotation), twists(post.rotation)
     root = marker_root(shape)
     turns = np.column_stack([_tilt(post.rotation, later), wrapped(later - heading)])
-    step = _turned(post.centre - pre.centre, heading)[:, :2]
-    return np.column_stack([step, turns @ root, _turned(post.velocity, heading), post.spin @ root])
+    step = turned(post.centre - pre.centre, heading)[:, :2]
+    return np.column_stack([step, turns @ root, turned(post.velocity, heading), post.spin @ root])
 
 
 def _tilt(rotation: FloatArray, heading: FloatArray) -> FloatArray:
     """Return the tilt (n, 2) about the two level axes of the heading frame, rad."""
-    up = _turned(rotation[:, :, 2], heading)
+    up = turned(rotation[:, :, 2], heading)
     return np.column_stack([-up[:, 1], up[:, 0]])
-
-
-def _turned(vectors: FloatArray, heading: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) in frames turned by `heading` about the vertical."""
-    c, s = np.cos(heading), np.sin(heading)
-    x, y = vectors[:, 0], vectors[:, 1]
-    return np.column_stack([c * x + s * y, c * y - s * x, vectors[:, 2]])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, Shown, one_blas_thread
+from hopdata.arrays import Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.effect import (
@@ -22,13 +22,12 @@ from hopdata.maps.verdict.effect import (
     squared_size,
 )
 from hopdata.maps.verdict.inputs import section_landings
-from hopdata.maps.verdict.model import fit_kinks
+from hopdata.maps.verdict.model import LEFT, fit_kinks
 from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
 #: Difference of which every verdict says how many landings would show it.
 ASKED = 0.2
-WIDE_MS = 18  # rms of contacts about those of their landing: beyond, a C1 map may look different
 
 Notes = list[dict[str, str]]
 
@@ -58,7 +57,8 @@ class Verdict(Shown):
     effect
         Size of the difference; None if there is no answer.
     landings_needed
-        Number that shows a difference of `ASKED` with the given power; None likewise.
+        Number that shows a difference of `ASKED` with the given power; None likewise, or if no
+        number does.
     notes
         What limits the answer, each ``{"what": ..., "reason": ...}``.
     """
@@ -120,17 +120,18 @@ def sentence(
     )
 
 
-def outlook(effect: EffectSize, needed: int, power: float) -> str:
+def outlook(effect: EffectSize, needed: int | None, power: float) -> str:
     """Say what these data could have shown, and what would show more."""
     seen = (
         "Nothing could have been seen here: a difference would have to be larger than the map"
         if effect.detectable > 1.0
-        else f"A true difference of {_percent(effect.detectable)} would be found in "
+        else f"A difference that shows as {_percent(effect.detectable)} would be found in "
         f"{100 * power:g} % of such studies"
     )
-    return (
-        f"{seen}; to see {_percent(ASKED)} you would need about {_two_digits(needed):,} landings."
-    )
+    if needed is None:
+        return f"{seen}; {_percent(ASKED)} cannot be seen with any number of landings."
+    number = f"{int(float(f'{needed:.1e}')):,}"
+    return f"{seen}; to see {_percent(ASKED)} you would need about {number} landings."
 
 
 @told_call
@@ -180,7 +181,7 @@ def judge(
     for key, number in (("margin", margin), ("flips", flips)):
         require(number > 0, key, "a number above 0", number)
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
-    notes = _limits(known, parts[2][known])
+    notes = _left_out(known)
     asked: dict[str, Any] = {
         "n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "confidence": confidence,
         "margin": margin, "power": power, "flips": flips,
@@ -196,8 +197,10 @@ def judge(
     size = squared_size(fit, landings, *differences)
     draw = named_generator(seed, "verdict", "signs")
     effect = effect_size(fit, size, generator=draw, confidence=confidence, power=power, flips=flips)
-    conclusion = conclude(effect, margin)
-    needed = landings_needed(asked["n_landings"], effect.detectable, ASKED, asked["n_feet"])
+    conclusion, needed = conclude(effect, margin), None
+    if effect.allowed < ASKED:
+        seen = effect.detectable, effect.allowed
+        needed = landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
     return Verdict(
         conclusion,
         sentence(conclusion, effect.sizes(), what, confidence, margin),
@@ -206,30 +209,22 @@ def judge(
         n_window=len(fit.rows),
         effect=effect,
         landings_needed=needed,
-        notes=notes,
+        notes=notes + _far_apart(effect.allowed),
         **asked,
     )
 
 
-def _limits(known: NDArray[np.bool_], instants: FloatArray) -> Notes:
-    """Return notes on landings that are left out, and on contacts (n, feet), s, too far apart."""
-    notes, unknown = [], int((~known).sum())
-    if unknown:
-        reason = f"{unknown} of {len(known)} used lack a state or the contact instant of a foot"
-        notes.append({"what": "touchdowns left out of the verdict", "reason": reason})
-    apart_ms = 1e3 * (instants - instants.mean(axis=1, keepdims=True))
-    spread_ms = np.sqrt((apart_ms**2).sum() / max(apart_ms.size, 1))
-    if spread_ms > WIDE_MS:
-        reason = f"rms {spread_ms:.0f} ms; beyond {WIDE_MS} ms a C1 body often looks different"
-        notes.append({"what": "contacts far apart", "reason": reason})
-    return notes
+def _left_out(known: NDArray[np.bool_]) -> Notes:
+    unknown = int((~known).sum())
+    reason = f"{unknown} of {len(known)} used lack a state or the contact instant of a foot"
+    return [{"what": "touchdowns left out of the verdict", "reason": reason}] if unknown else []
+
+
+def _far_apart(allowed: float) -> Notes:
+    reason = f"a C1 map may look different by up to {_percent(allowed)}: no less is evidence"
+    return [{"what": "contacts far apart", "reason": reason}] if allowed > LEFT else []
 
 
 def _percent(share: float) -> str:
     """Write a share in per cent, to two digits."""
     return f"{float(f'{100 * share:.2g}'):g} %"
-
-
-def _two_digits(number: int) -> int:
-    """Return a number rounded to two digits."""
-    return int(float(f"{number:.1e}"))

@@ -3,27 +3,32 @@
 y = smooth(x) + sum_k b_k h_k(t(x)) + noise. The kinks h are the latest contacts of sets of feet
 (`hopdata.maps.coordinates`); all b are zero exactly if the map has one derivative. `smooth` are the
 monomials of the inputs up to the third order, by least squares; with two feet, all of whose kinks
-are |d|, d the time between their contacts, d^4 as well.
+are |d|, d the time between their contacts, d^4 as well. Where landings are too few for all terms of
+the third order they go up to the second, and if `allowed` says that the third matters, with those
+of the third along the contacts: of the two main ways in which these lie apart.
 
 What a C1 map has besides looks like a kink, the less the nearer the feet come down together: so the
-landings of most contact spread take no part, and kinks as small as `LEFT` are no evidence.
+landings of most contact spread take no part, and kinks as small as `allowed` are no evidence.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import ALL_SETS_UP_TO, affordable_degree, kinks, monomials
-from hopdata.maps.verdict.inputs import WINDOW, SectionLandings
+from hopdata.maps.verdict.inputs import WINDOW, SectionLandings, halves
 
-#: As large a difference, as a share of the map, smooth terms may leave of a C1 landing; half as
-#: much they may hide of another. Of nine simulated bodies they left 0.02 to 0.1 (docs/verdict.md).
-LEFT, HIDDEN = 0.1, 0.05
+#: As large a difference, as a share of the map, smooth terms may leave of any C1 landing; or so
+#: many times c^1.5, c being what third-order terms along the contacts change its derivative by. It
+#: grows as the square of the contacts' spread, and what the fourth order changes as the cube.
+LEFT, OF_FOURTH = 0.1, 4.0
+#: Share of it that they may hide of another.
+HIDDEN = 0.5
 
 _FLAT = 1e-9
+_WAYS = 2  # in which contacts lie apart: tilt has two directions
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
 _LEAST_KINK = 1e-3
 #: The same beside the kink that is seen best, where there are kinks of pairs of feet only.
@@ -47,8 +52,10 @@ class KinkFit:
         (all kinks, K) orthonormal combinations of the kinks that the data tell from smooth terms.
     rows
         (n,) numbers of the landings in the window.
-    degree
-        Highest order of the smooth terms.
+    allowed
+        Size up to which kinks are no evidence in a study: see `LEFT`.
+    left
+        The same in the mean of such studies, half as much again without terms of the third order.
     """
 
     coefficients: FloatArray
@@ -56,8 +63,9 @@ class KinkFit:
     scores: FloatArray
     null_scores: FloatArray
     seen: FloatArray
-    rows: NDArray[np.int64]
-    degree: int
+    rows: IntArray
+    allowed: float
+    left: float
 
 
 def fit_kinks(landings: SectionLandings) -> KinkFit:
@@ -71,26 +79,33 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
     x, t = landings.inputs, landings.expected
     by_spread = np.argsort(t.std(axis=1), kind="stable")
     rows = np.sort(by_spread[: round(WINDOW * len(x))])
-    degree = affordable_degree(len(rows), x.shape[1], t.shape[1])
-    window = _Smooth(landings, rows, degree)
+    few = affordable_degree(len(rows), x.shape[1], t.shape[1]) < 3
+    window = _Smooth(landings, rows, "none" if few else "all")
     seen = window.seen_kinks()
+    allowed = max(LEFT, OF_FOURTH * window.third(seen) ** 1.5)
+    if few and allowed > LEFT:
+        window, few = _Smooth(landings, rows, "along"), False
+        seen = window.seen_kinks()
     if not seen.size:
         raise AnalysisError("no two feet exchange their order among these touchdowns")
     coefficients, scores, null_scores = window.fit(seen)
     linear = window.linear(seen @ coefficients)
-    return KinkFit(coefficients, linear, scores, null_scores, seen, rows, degree)
+    left = 1.5 * allowed if few else allowed
+    return KinkFit(coefficients, linear, scores, null_scores, seen, rows, allowed, left)
 
 
 class _Smooth:
     """Smooth terms of some of the landings, and what is left of kinks and outputs beside them."""
 
-    def __init__(self, landings: SectionLandings, rows: NDArray[np.int64], degree: int) -> None:
+    def __init__(self, landings: SectionLandings, rows: IntArray, third: str) -> None:
         self.landings, self.rows = landings, rows
         t, self.outputs = landings.expected[rows], landings.outputs[rows]
         self.kinks, self.inputs = kinks(t), _whitened(landings.inputs[rows])
-        terms = monomials(self.inputs, tuple(range(1, degree + 1)))
-        fourth = t[:, : int(t.shape[1] == 2)] ** 4
-        self.basis, self.root = np.linalg.qr(np.column_stack([np.ones(len(rows)), terms, fourth]))
+        self.along = monomials(_whitened(t)[:, :_WAYS], (3,))
+        self.lower = np.column_stack([np.ones(len(rows)), monomials(self.inputs, (1, 2))])
+        terms = {"none": [], "along": [self.along], "all": [monomials(self.inputs, (3,))]}[third]
+        fourth = [t[:, :1] ** 4] * (t.shape[1] == 2)
+        self.basis, self.root = np.linalg.qr(np.column_stack([self.lower, *terms, *fourth]))
         self.rest = self._without(self.outputs)
         left = np.abs(np.diag(np.linalg.qr(self.rest, mode="r")))
         if not left.min() > _FLAT * np.abs(self.outputs - self.outputs.mean(axis=0)).max():
@@ -121,6 +136,21 @@ class _Smooth:
         own = slack - np.einsum("nk,kn->n", bends, influence)
         with_kinks = self._scores(influence, self.rest - bends @ found, own)
         return found, with_kinks, self._scores(influence, self.rest, slack)
+
+    def third(self, seen: FloatArray) -> float:
+        """Return what third-order terms along the contacts change the derivative by, as a share.
+
+        Root of the mean square over the landings, less what noise adds to it.
+        """
+        basis, root = np.linalg.qr(np.column_stack([self.lower, self.kinks @ seen, self.along]))
+        slopes = np.linalg.inv(root)[-self.along.shape[1] :]
+        found = slopes @ basis.T @ self.outputs
+        errors = self.outputs - basis @ (basis.T @ self.outputs)
+        noise = np.sum(errors**2, axis=0) / (len(basis) - basis.shape[1])
+        # Of normal u and v the derivative of u^3, but for its mean, has mean square 18, of u^2 v 6.
+        weights = np.where(np.isin(np.arange(len(slopes)), (0, len(slopes) - 1)), 18.0, 6.0)
+        squares = weights @ (found**2 - np.sum(slopes**2, axis=1)[:, None] * noise)
+        return float(np.sqrt(max(0.0, squares @ halves(np.var(self.outputs, axis=0)))))
 
     def _scores(self, influence: FloatArray, errors: FloatArray, slack: FloatArray) -> FloatArray:
         errors = errors / np.sqrt(np.maximum(slack, 0.1))[:, None]
