@@ -104,6 +104,18 @@ def test_a_foot_that_is_hidden_where_it_lands_is_named(check):
     assert not any("toe1" in x or "toe3" in x for x in starting(lines, "change"))
 
 
+def test_a_foot_that_only_drags_is_to_be_left_out():
+    reason = f"body stayed {forecast.LOW_FLIGHT}"
+    columns = {"schedule": "1>2>3", "class": "1>2>3", "excluded": True, "reason": reason}
+    instants = {"contact_a_s": 0.0, "contact_b_s": np.nan, "contact_c_s": 0.02}
+    found = forecast.Forecast(pd.DataFrame(columns | instants, index=range(30)), 1.0, stops=True)
+    config = {
+        "markers": {"body": [], "feet": ["a", "b", "c"]}, "verdict": {"margin": 0.2}, "feet": [],
+    }  # fmt: skip
+    changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
+    assert changes == ["b is hardly ever seen to land: take it off markers.feet"]
+
+
 def test_a_body_marker_that_is_lost_is_named(check):
     _, lines, _ = check(with_gap(hopping(1)[1], "hip3", 1200, 2000))
     (told,) = (x for x in starting(lines, "change") if x.startswith("hip3 is hidden as the body"))

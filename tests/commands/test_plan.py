@@ -71,6 +71,7 @@ def test_a_configuration_is_run_where_no_workflow_is(tmp_path, monkeypatch, capf
     [
         ("{", "expected the verdict.json of a study"),
         ("[]", "expected the verdict.json of a study"),
+        (PILOT | {"effect": {"detectable": 0.2}}, "found an older one; run the pilot again"),
         (PILOT | {"effect": None, "sentence": "too few."}, "the pilot has no answer: too few."),
     ],
 )

@@ -39,7 +39,8 @@ _HIDDEN_BODY = (
     "{body} is hidden as the body passes a section: with four body markers or more gaps are filled "
     "from the others (filling.longest_s){or_else}"
 )
-_OTHERWISE = "set sections.{side}_height_m, or sections.frames to landings"
+_FRAMES = ", or sections.frames to landings"
+_OTHERWISE = "set sections.{side}_height_m" + _FRAMES
 #: What to change where a reason costs landings.
 CHANGES = {
     "frames missing at the contact of foot": "{foot} is hidden where it lands: point more cameras "
@@ -218,6 +219,9 @@ def _changes(
 ) -> list[str]:
     """Say what to change, the most costly first."""
     feet, body = feet_of(config), config["markers"]["body"]
+    idle = [foot for foot in feet if forecast.timed(foot) < LEAST_SHARE]
+    if idle and len(feet) - len(idle) >= MIN_FEET:
+        return [f"{foot} is hardly ever seen to land: take it off markers.feet" for foot in idle]
     seen = {
         name: float(np.mean([fraction_seen(r)[r.markers.index(name)] for r in recordings]))
         for name in body
@@ -230,7 +234,9 @@ def _changes(
         if texts and count >= LEAST_SHARE * forecast.landings:
             or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
             hidden = min(seen, key=lambda name: seen[name])
-            changes.append(texts[0].format(foot=foot, body=hidden, or_else=or_else))
+            change = texts[0].format(foot=foot, body=hidden, or_else=or_else)
+            done = config["sections"]["frames"] == "landings"
+            changes.append(change.removesuffix(_FRAMES) if done else change)
     if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
         below = config["touchdowns"]["ambiguous_below"]
         share, foot = min((forecast.unsure_without(foot, feet, below), foot) for foot in feet)

@@ -194,6 +194,8 @@ def plan(options: argparse.Namespace) -> int:
     landings, feet, power, effect = _values(file, "verdict.json", *keys)
     if effect is None:
         raise ConfigError(f"{file}: the pilot has no answer: {_values(file, '', 'sentence')[0]}")
+    if "allowed" not in effect:
+        raise ConfigError.at(file, "a verdict of this version", "an older one; run the pilot again")
     seen, allowed = effect["detectable"], effect["allowed"]
     found = f"{100 * seen:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import AnalysisError
@@ -15,6 +16,8 @@ from hopdata.landings.contacts.descents import (
     descents,
     find_transitions,
     height_noise,
+    noise_correlation,
+    widening,
 )
 
 
@@ -266,3 +269,41 @@ def test_the_descent_that_a_recording_ends_in_is_one_once_it_is_deep_enough():
     for deep, count in ((0.2, 1), (0.6, 2)):  # 30 % of the range are 0.54
         stop = np.flatnonzero((time > 1.25) & (height > 1.0 - deep))[-1]
         assert len(descents(height[:stop])) == count
+
+
+def autoregressive(rng, shape, correlation):
+    """Noise of unit variance, along the first axis."""
+    noise = rng.standard_normal(shape)
+    for k in range(1, len(noise)):
+        noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation**2) * noise[k]
+    return noise
+
+
+@pytest.mark.parametrize("correlation", [0.4, 0.6])
+@pytest.mark.parametrize("seed", range(3))
+def test_how_noise_is_correlated_is_seen_beside_the_motion(correlation, seed):
+    motion = 0.3 * np.sin(2 * np.pi * 2 * np.arange(4000) / 200)[:, None, None]
+    noise = 3e-4 * autoregressive(np.random.default_rng(seed), (4000, 3, 3), correlation)
+    assert noise_correlation(motion + noise) == pytest.approx(correlation, abs=0.12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_white_noise_and_mere_motion_are_not_correlated(seed):
+    white = 3e-4 * np.random.default_rng(seed).standard_normal((4000, 3, 3))
+    motion = 0.3 * np.sin(2 * np.pi * 2 * np.arange(4000) / 200)[:, None, None]
+    smoothed = sosfiltfilt(butter(2, 15, fs=200, output="sos"), white, axis=0)
+    for body in (white + motion, motion + 0 * white, motion + smoothed, white[:6], np.nan * white):
+        assert noise_correlation(body) == 0.0
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.4, 0.8])
+def test_errors_of_contacts_are_widened_by_what_correlated_noise_does(correlation):
+    before, after = 16, 10
+    frame = np.arange(-before, after) + 0.5
+    law = np.stack([frame < 0, (frame < 0) * frame, (frame < 0) * frame**2, frame > 0], axis=1)
+    noise = autoregressive(np.random.default_rng(1), (len(frame), 20_000), correlation)
+    fitted, squares, *_ = np.linalg.lstsq(law.astype(float), noise, rcond=None)
+    of_contact = np.linalg.inv(law.T.astype(float) @ law) @ [1, 0, 0, -1] @ [1, 0, 0, -1]
+    stated = np.sqrt(of_contact * squares.mean() / (len(frame) - 4))
+    found = (fitted[0] - fitted[3]).std()
+    assert widening(correlation, before, after) == pytest.approx(found / stated, rel=0.03)

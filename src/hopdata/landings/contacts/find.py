@@ -107,6 +107,7 @@ def find_landings(
     complete = descents.Transitions(spans[order, 0], spans[order, 1], gap, gap)
     options: Any = {"gravity": gravity, "maximum_misfit": maximum_misfit, "lead_s": 0.0}
     options |= {"window_before_s": before, "window_after_s": after, "down_height_m": down_m}
+    options |= {"correlation": descents.noise_correlation(recording.body)}
     contacts = find_contacts(time, seen, complete, **options)
     contacts = _of_feet(contacts, [len(foot) for foot in parts])
     columns = {
@@ -168,6 +169,7 @@ def find_contacts(
     window_before_s: float | None = None,
     window_after_s: float | None = None,
     maximum_misfit: float = 5.0,
+    correlation: float = 0.0,
 ) -> Contacts:
     """Find when each foot touched in each transition.
 
@@ -195,6 +197,8 @@ def find_contacts(
         0.04 and 0.027 s where they do not (a runner's foot rolls).
     maximum_misfit : float
         Largest ratio of a kink fit's rms residual to that of the whole recording.
+    correlation : float
+        Of the noise in a frame with that in the next (`descents.noise_correlation`).
 
     Returns
     -------
@@ -227,6 +231,8 @@ def find_contacts(
         feet = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
         fits, common = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
+    frames = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
+    found = replace(found, se=found.se * descents.widening(correlation, *frames))
     # From the earliest instant on the foot only comes to stand, and that takes no longer.
     longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
     return replace(found, se=np.minimum(found.se, longest), common=common)

@@ -75,18 +75,19 @@ def pair_distances(positions: FloatArray) -> PairDistances:
     return PairDistances(median, spread)
 
 
-def frame_noise(positions: FloatArray) -> FloatArray:
+def frame_noise(positions: FloatArray, *, lag: int = 1) -> FloatArray:
     """Noise of each marker that changes from frame to frame, (M,), by fourth differences.
 
     The standard deviation of a coordinate, robust against the frames at which a foot lands; NaN
-    for a marker without five frames in a row. Noise that a camera system has smoothed is missed.
-    At most `MOST_FRAMES` evenly spaced frames are looked at.
+    for a marker without five frames in a row, `lag` frames apart. Noise that a camera system has
+    smoothed is missed. At most `MOST_FRAMES` evenly spaced frames are looked at.
     """
-    n, n_markers = len(positions) - 4, positions.shape[1]
+    n, n_markers = len(positions) - 4 * lag, positions.shape[1]
     noise = np.full(n_markers, np.nan)
     stride = max(1, -(-n // MOST_FRAMES))
     for m in range(n_markers if n > 0 else 0):
-        fourth = np.diff([positions[k : k + n : stride, m] for k in range(5)], 4, axis=0)[0]
+        parts = [positions[k : k + n : stride, m] for k in range(0, 5 * lag, lag)]
+        fourth = np.diff(parts, 4, axis=0)[0]
         fourth = fourth[np.isfinite(fourth).all(axis=1)]
         if len(fourth):
             noise[m] = MAD_TO_SD * float(np.median(np.abs(fourth))) / np.sqrt(70.0)
