@@ -15,6 +15,7 @@ from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid, stretches, swaps
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
+from hopdata.recordings.quality.swaps import Excursion, Swap
 from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 
 Progress = Callable[[str], None]
@@ -27,9 +28,9 @@ STENCIL = 3  # frames on either side by which a position is judged
 class Faults:
     """What looks wrong; frames count from 0, lengths are in m."""
 
-    swaps: tuple[swaps.Swap, ...]
-    spikes: tuple[swaps.Excursion, ...]
-    jumps: tuple[swaps.Excursion, ...]
+    swaps: tuple[Swap, ...]
+    spikes: tuple[Excursion, ...]
+    jumps: tuple[Excursion, ...]
     frozen: tuple[stretches.Frozen, ...]
 
     @property
