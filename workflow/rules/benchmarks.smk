@@ -24,8 +24,12 @@ BENCHMARK_TABLES = {
     ],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
     "animals": ["animals.csv"],
-    "recording_faults": ["recording_faults.csv", "floor_faults.csv", "filling.csv",
-        "moved_floors.csv"],
+    "recording_faults": [
+        "recording_faults.csv",
+        "floor_faults.csv",
+        "filling.csv",
+        "moved_floors.csv",
+    ],
     "guesses": ["guesses.csv"],
     "reading": ["reading.csv", "reading_agreement.csv", "damaged_files.csv"],
     "frame_change_models": [
