@@ -281,13 +281,13 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
     grid = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
     panels = grid.ravel()[: len(scenes)]
     strong = chosen[chosen["best_of_way"]]
-    for number, (axes, scene) in enumerate(zip(panels, scenes, strict=True)):
+    for axes, scene in zip(panels, scenes, strict=True):
         best = strong[strong["scene"] == scene]
         pairs = zip(best["way"], best["method"], strict=True)
         _draw_scene(axes, done[done["scene"] == scene], set(pairs))
         axes.axvline(float(chosen["error"].iloc[0]), color=style.INK, linewidth=0.6, linestyle=":")
         axes.set_title(SCENE_NAMES.get(scene, scene), loc="left")
-        style.letter(axes, "abcdefgh"[number])
+    style.letters(panels)
     for axes in grid.ravel():
         axes.set(xscale="log", yscale="log")
         axes.grid()
@@ -443,8 +443,7 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
     _label_power(middle, none)
     _label_sizes(right, table[~same])
     figure.legend(*middle.get_legend_handles_labels(), loc="outside upper right", ncols=4)
-    for axes, name in zip((left, middle, right), "abc", strict=True):
-        style.letter(axes, name)
+    style.letters((left, middle, right))
     return figure
 
 
