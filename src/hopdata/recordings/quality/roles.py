@@ -352,8 +352,8 @@ def _home(body: list[int], inspection: Inspection) -> tuple[str, str]:
     passed = [f"{markers[body[k]]} ({_wrong(*rank(k))})" for k in range(best)]
     reason = f"the first of the body's markers but for {', '.join(passed)}" if passed else ""
     if rank(best) != (0, 0.0):
-        all_bad = f"none of the body's markers is without fault, it has {_wrong(*rank(best))}"
-        return markers[body[best]], f"{all_bad}; look at hopdata inspect"
+        least = f"the best of the body's, none of them without fault: {_wrong(*rank(best))}"
+        return markers[body[best]], f"{least}; look at hopdata inspect"
     return markers[body[best]], reason
 
 
