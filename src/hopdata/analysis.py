@@ -137,8 +137,8 @@ def study(
     elif not isinstance(source, str | Path):
         raise RecordingError(
             "source: expected a file, a configuration or a recording, found "
-            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays, several files "
-            "through hd.read"
+            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays; hd.read joins "
+            "files to one recording, and several recordings are named by a configuration"
         )
     elif Path(source).suffix.lower() in {".yaml", ".yml"}:
         content, files = read_yaml(source), [source]

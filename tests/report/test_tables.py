@@ -221,6 +221,17 @@ def test_exclusions_by_reason_and_recording():
     assert int(table.rows[-1][3]) == data["excluded"].sum()
 
 
+def test_reasons_name_the_feet():
+    data = touchdowns().assign(contact_toe_s=0.0, contact_heel_s=0.0)
+    rows = landing_tables.exclusions_table(data).rows[:-1]
+    assert {row[0] for row in rows} == {
+        "heel down before the pre section",
+        "toe not down at the post section",
+    }
+    listed = landing_tables.excluded_table(data).rows
+    assert all(row[1].startswith(("toe ", "heel ")) for row in listed)
+
+
 def test_one_recording_needs_no_columns_of_its_own_and_a_lost_reason_is_said():
     data = touchdowns().assign(reason=np.nan)
     table = landing_tables.exclusions_table(data)

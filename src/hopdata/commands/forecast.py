@@ -49,8 +49,8 @@ CHANGES = {
     "later or not at all take it off markers.feet; else " + _OTHERWISE.format(side="post"),
     "down before the pre section": "{foot} is down too early: if it stays on the floor take it off "
     "markers.feet; else " + _OTHERWISE.format(side="pre"),
-    "poor fit of foot": "{foot} does not fall and stand as a foot does: is it swapped or loose "
-    "(hopdata inspect)? if it is sound raise touchdowns.maximum_misfit",
+    "poor fit of foot": "{foot} does not fall and stand as a foot does: is it swapped, loose or "
+    "filtered (hopdata inspect)? if it is sound raise touchdowns.maximum_misfit",
     "not determined": "{foot} slows without a kink: put a marker where it touches",
     HIDDEN_PRE: _HIDDEN_BODY,
     "frames missing at the post section": _HIDDEN_BODY,

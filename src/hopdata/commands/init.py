@@ -158,7 +158,8 @@ def _markers(draft: Draft) -> list[str]:
             lines[-1] += "" if names else "  # TO DO: fill in, see above"
     used = {name for names in draft.markers.values() for name in names}
     left = [name for name in draft.all_markers if name not in used]
-    return lines + (_comment("Not used: " + ", ".join(left), indent="  ") if left else [])
+    why = draft.reasons.get("markers.unused", "")
+    return lines + (_comment("Not used: " + ", ".join(left) + why, indent="  ") if left else [])
 
 
 def _list(key: str, names: Sequence[str]) -> list[str]:
@@ -249,6 +250,8 @@ def _draft(
 ) -> Draft:
     told = {key: what for key, what in _WHAT.items() if roles.reasons.get(key)}
     reasons = {f"markers.{key}": f"{what} {roles.reasons[key]}." for key, what in told.items()}
+    if roles.reasons["unused"]:
+        reasons["markers.unused"] = f" ({roles.reasons['unused']})"
     if roles.reasons["home"]:
         reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}

@@ -28,6 +28,7 @@ WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
 KINDS = {
     "frozen": "frozen marker", "dropped": "dropout", "rate": "wrong frame rate",
     "irregular": "irregular time stamp", "backward": "backward time stamp",
+    "jitter": "clock that jitters", "copy": "block of copied frame",
 }  # fmt: skip
 LONG_UNSEEN = 0.2  # of the frames
 HEIGHTS, PARTLY, UNSEEN = "▁▂▃▄▅▆▇█", "▒", "·"
@@ -85,7 +86,7 @@ def _facts(inspection: Inspection) -> list[str]:
 def notes(inspection: Inspection) -> list[str]:
     """Ask for what is not sure with its two candidates, and say what needs no answer.
 
-    That is what the reader said of the file, and which markers are unseen for long.
+    That is what the reader said of the file, what was done to it, and which markers are unseen.
     """
     guesses = {
         "input.unit": inspection.unit,
@@ -99,7 +100,7 @@ def notes(inspection: Inspection) -> list[str]:
         for gaps in inspection.gaps
         if LONG_UNSEEN < gaps.share < 1
     ]
-    return [*questions, *inspection.remarks, *lost]
+    return [*questions, *inspection.remarks, *inspection.treated, *lost]
 
 
 def question(key: str, guess: Guess) -> list[str]:

@@ -9,8 +9,8 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
 from hopdata.recordings.quality.orientation import PLAUSIBLE_EXTENT_M, FreeFall, free_fall
-from hopdata.recordings.quality.rigid import frame_noise, pair_distances
-from hopdata.recordings.quality.stretches import feet_as_one, high_feet
+from hopdata.recordings.quality.rigid import frame_noise, pair_distances, treated
+from hopdata.recordings.quality.stretches import feet_as_one, high_feet, lasting
 from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 
 MIN_BODY_MARKERS = 3
@@ -259,6 +259,7 @@ def notes(recording: Recording) -> list[str]:
     ]
     more += [f"{one}; is one a copy of the other?" for one in feet_as_one(heights, feet)]
     more += [*_rounding(recording), *_missing_times(recording)]
+    more += treated(recording.body, recording.rate_hz, scale=recording.scale)
     return [*recording.remarks, *(f"{recording.place}: {remark}" for remark in more)]
 
 
@@ -295,8 +296,8 @@ def _missing_times(recording: Recording) -> list[str]:
     steps = np.diff(recording.time)
     pause = is_pause(recording.time, recording.rate_hz)
     pauses = steps[pause]
-    short = steps[(steps * recording.rate_hz > 1.5) & ~pause]
-    dropped = int(np.sum(np.round(short * recording.rate_hz) - 1))
+    frames = steps * recording.rate_hz
+    dropped = int(np.sum(np.round(frames[(frames > 1.5) & lasting(frames) & ~pause]) - 1))
     remarks = []
     if dropped:
         frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"

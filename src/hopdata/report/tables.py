@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -168,8 +169,8 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     """Descents that are not used by reason, and by recording where these are few."""
     if touchdowns is None or touchdowns.empty or not excluded(touchdowns).any():
         return None
-    out = touchdowns[excluded(touchdowns)]
-    reasons = out["reason"].astype(object).fillna("").replace("", "no reason given")
+    out = _left_out(touchdowns)
+    reasons = out["reason"].replace("", "no reason given")
     names = [str(name) for name in dict.fromkeys(touchdowns["recording"])]
     shown = names if 1 < len(names) <= MOST_RECORDINGS else []
     rows = []
@@ -180,6 +181,15 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     each = tuple(show.count((out["recording"].astype(str) == name).sum()) for name in shown)
     rows.append(("all reasons", *each, show.count(len(out))))
     return show.Table("Descents that are not used", ("reason", *shown, "descents"), tuple(rows))
+
+
+def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
+    """Return the descents that are not used, with the names of feet in their reasons."""
+    out = touchdowns[excluded(touchdowns)]
+    feet = {f"foot {k}": c[8:-2] for k, c in enumerate(touchdowns.filter(regex="^contact_"), 1)}
+    reasons = out["reason"].astype(object).fillna("").astype(str)
+    names = [re.sub(r"foot \d+", lambda n: feet.get(n[0], n[0]), reason) for reason in reasons]
+    return out.assign(reason=names)
 
 
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
@@ -481,7 +491,7 @@ def excluded_table(
     from markupsafe import Markup
 
     by_name = {recording.name: recording for recording in levelled}
-    out = None if touchdowns is None else touchdowns[excluded(touchdowns)]
+    out = None if touchdowns is None else _left_out(touchdowns)
     columns: dict[str, show.Cell] = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),

@@ -101,7 +101,8 @@ def test_a_state_without_frames_is_left_out_and_logged(caplog):
     found = pairs(replace(SCENE.recording, positions=positions))
     assert 5 not in found.index
     assert len(found) == 39
-    assert "too few frames for the states of touchdowns 5" in caplog.text
+    at_s = TABLE["t_pre_s"].iloc[5]
+    assert f"too few frames of the body markers for states at {at_s:.2f} s" in caplog.text
     marked = exclude_stateless(TABLE, found)
     assert marked.loc[marked["excluded"], "index"].tolist() == [5]
     assert marked.loc[5, "reason"] == STATELESS

@@ -128,6 +128,39 @@ def test_a_spike_is_found_and_nothing_else(marker, n_frames):
     assert found.count == 1
 
 
+def test_a_short_stance_between_two_bounces_is_no_spike():
+    positions = hopping(6)[1]
+    fall = 0.1 * np.abs(np.arange(-20, 21) / 10)
+    bounce = np.maximum(fall - 0.02, 0.0)  # it stands for three to five frames
+    toe = MARKERS.index("toe1")
+    bounce += np.median(positions[:, toe, 2])
+    stands = int(np.argmin(positions[500:600, toe, 2])) + 500
+    bounced = positions.copy()
+    bounced[stands - 20 : stands + 21, toe, 2] = bounce
+    raw = RawRecording(MARKERS, np.arange(2000) / 100.0, bounced, 100.0, "m")
+    assert not [s for s in inspect_recording(raw).faults.spikes if s.marker == toe]
+    bounced[stands - 1 : stands + 2, toe, 0] += 0.06
+    bounced[stands - 1 : stands + 2, toe, 2] += 0.06
+    raw = RawRecording(MARKERS, np.arange(2000) / 100.0, bounced, 100.0, "m")
+    assert [s for s in inspect_recording(raw).faults.spikes if s.marker == toe]
+
+
+def test_a_doubled_block_is_one_fault_and_no_jumps():
+    positions = hopping(7)[1]
+    doubled = np.concatenate([positions[:600], positions[480:]])
+    found = faults(doubled)
+    assert (found.copies, found.jumps, found.count) == (((600, 720, 480),), (), 1)
+
+
+def test_a_clock_that_jitters_is_one_line_with_what_to_do():
+    time, positions = hopping(8)
+    time = time + 1.5e-3 * np.random.default_rng(0).normal(size=len(time))
+    inspection = inspect_recording(RawRecording(MARKERS, np.sort(time), positions, 100.0, "m"))
+    (one,) = inspection.suspects()
+    assert (one.kind, inspection.n_problems) == ("jitter", 1)
+    assert "give input.rate_hz" in one.text
+
+
 def test_a_jump_is_no_spike():
     positions = hopping(7)[1]
     positions[900:, MARKERS.index("hip3")] += [0.04, 0.0, 0.03]

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
 
-from hopdata.recordings.quality.rigid import frame_noise, pair_distances, rigid_clusters
+from hopdata.recordings.quality.rigid import (
+    cut_off,
+    frame_noise,
+    frames_of_pattern,
+    pair_distances,
+    rigid_clusters,
+    treated,
+)
 
 
 def clusters(positions):
@@ -38,3 +45,43 @@ def test_a_marker_never_seen_joins_none():
     positions[:, 2] = np.nan
     assert all(2 not in c.markers for c in clusters(positions))
     assert np.isnan(frame_noise(positions)[2])
+
+
+def at_another_rate(body, times, how):
+    from scipy.interpolate import CubicSpline
+
+    at = np.arange(times * (len(body) - 1)) / times
+    if how == "held":
+        return body[np.floor(at).astype(int)]
+    if how == "spline":
+        return CubicSpline(np.arange(len(body)), body)(at)
+    low, share = np.floor(at).astype(int), (at % 1)[:, None, None]
+    return (1 - share) * body[low] + share * body[low + 1]
+
+
+@pytest.mark.parametrize("how", ["held", "straight", "spline"])
+@pytest.mark.parametrize(("times", "frames"), [(2, 2), (3, 3), (1.25, 5)])
+def test_positions_brought_to_another_rate_are_told(how, times, frames):
+    body = hopping(5, n_frames=2000)[1][:, :3]
+    body[700:730, 1] = np.nan
+    assert treated(body, 100.0) == []
+    changed = np.round(at_another_rate(body[800:], times, how), 6)
+    assert np.round(frames_of_pattern(changed), 2) in (frames, frames / 2)
+    (told,) = treated(changed, 100.0 * times)
+    assert f"{100 * times:g} Hz from another rate" in told
+
+
+@pytest.mark.parametrize("poles", [2, 4])
+@pytest.mark.parametrize(("hz", "rate_hz"), [(6, 100), (12, 100), (10, 200), (15, 250)])
+def test_a_low_pass_is_told_with_its_cut_off(hz, rate_hz, poles):
+    from scipy.signal import butter, filtfilt
+
+    body = hopping(6, n_frames=3000, rate_hz=rate_hz)[1][:, :3]
+    assert treated(body, rate_hz) == []
+    assert cut_off(body) == 0
+    smooth = np.round(filtfilt(*butter(poles, hz / rate_hz * 2), body, axis=0), 6)
+    assert cut_off(smooth) * rate_hz == pytest.approx(hz, rel=0.15)
+    (told,) = treated(smooth, rate_hz)
+    assert "smoothed by a low-pass" in told
+    assert "export them unfiltered" in told
+    assert treated(0.02 * body, rate_hz, scale=1 / 64) == []  # an insect under better cameras

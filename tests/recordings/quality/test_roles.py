@@ -285,6 +285,19 @@ def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
     assert found.body == ("hip2", "hip3", "hip4")
     assert "since they are seen less: hip1" in found.reasons["body"]
     assert roles(positions[:, :7]).body == ("hip1", "hip2", "hip3")  # there is no other
+    positions[140:, 0] = hopping(1)[1][140:, 0]  # by few frames: four fill each other's gaps
+    assert roles(positions, (*MARKERS, "hip4")).body == ("hip1", "hip2", "hip3", "hip4")
+
+
+def test_what_rests_near_the_floor_and_is_no_foot_is_told():
+    positions = hopping(1)[1]
+    assert roles(positions).reasons["unused"] == ""
+    ankle, dragged = positions[:, [3]] + [0.0, 0.0, 0.06], positions[:, [4]] * [1.0, 1.0, 0.0]
+    more = np.concatenate([positions, ankle, dragged], axis=1)
+    told = roles(more, (*MARKERS, "RANK", "tip")).reasons["unused"]
+    assert "RANK rests" in told
+    assert "times, 6" in told
+    assert "tip hardly ever leaves the floor" in told
 
 
 def test_a_second_rigid_part_makes_the_body_unsure_where_names_say_nothing():

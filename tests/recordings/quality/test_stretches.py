@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping, with_gap
 
-from hopdata.recordings.quality.stretches import at_rest, check_stamps, marker_gaps, runs
+from hopdata.recordings.quality.stretches import (
+    at_rest,
+    check_stamps,
+    copied_frames,
+    lasting,
+    marker_gaps,
+    runs,
+)
 
 
 @pytest.mark.parametrize(
@@ -72,3 +79,24 @@ def test_irregular_stamps_and_those_that_run_back():
 
 def test_a_single_frame_has_no_rate():
     assert np.isnan(check_stamps(np.zeros(1)).rate_hz)
+
+
+def test_a_clock_that_jitters_loses_no_frames():
+    rng = np.random.default_rng(3)
+    time = np.arange(32_500) / 250 + 4e-4 * rng.normal(size=32_500).clip(-3, 3)
+    steps = 250 * np.diff(time)
+    assert (steps > 1.5).sum() > 3
+    assert not lasting(steps)[steps > 1.5].any()
+    assert len(check_stamps(time).irregular) > 1000
+    steps = 250 * np.diff(np.delete(time, [9000, 9001]))
+    assert np.flatnonzero(lasting(steps) & (steps > 1.5)).tolist() == [8999]
+
+
+def test_a_block_that_is_there_twice_is_found_with_its_frames():
+    positions = hopping(4, n_frames=900)[1]
+    positions[:, 2] = np.nan  # never seen
+    positions[100:140] = np.nan  # nothing is
+    positions[300:340, 0] = positions[300, 0]
+    assert len(copied_frames(positions)) == 0
+    doubled = np.concatenate([positions[:600], positions[520:]])
+    assert copied_frames(doubled).tolist() == [[600, 680, 520]]

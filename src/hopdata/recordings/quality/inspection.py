@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
@@ -21,6 +21,7 @@ from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 Progress = Callable[[str], None]
 
 RATE_TOLERANCE = 0.02  # relative, of the rate by the time stamps
+MOST_IRREGULAR = 20  # steps of the time stamps told of one by one
 STENCIL = 3  # frames on either side by which a position is judged
 
 
@@ -32,11 +33,12 @@ class Faults:
     spikes: tuple[Excursion, ...]
     jumps: tuple[Excursion, ...]
     frozen: tuple[stretches.Frozen, ...]
+    copies: tuple[tuple[int, int, int], ...] = ()  # as `stretches.copied_frames`
 
     @property
     def count(self) -> int:
         """Number of faults of all kinds."""
-        parts = (self.swaps, self.spikes, self.jumps, self.frozen)
+        parts = (self.swaps, self.spikes, self.jumps, self.frozen, self.copies)
         return sum(map(len, parts))
 
 
@@ -47,7 +49,7 @@ class Suspect:
     Parameters
     ----------
     kind : str
-        ``swap, spike, jump, frozen, dropped, irregular, backward`` or ``rate``.
+        ``swap, spike, jump, frozen, copy, dropped, irregular, jitter, backward`` or ``rate``.
     markers : tuple of str
         Those concerned; none for the time stamps.
     start, stop : int
@@ -96,6 +98,8 @@ class Inspection:
         What looks wrong.
     remarks : tuple of str
         What the reader said of the file.
+    treated : tuple of str
+        What was done to the positions since they were recorded (`rigid.treated`).
     """
 
     markers: tuple[str, ...]
@@ -112,6 +116,7 @@ class Inspection:
     noise_m: FloatArray
     faults: Faults
     remarks: tuple[str, ...] = ()
+    treated: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -132,9 +137,7 @@ class Inspection:
     @property
     def n_problems(self) -> int:
         """Number of faults, those of the time stamps included."""
-        timing = self.timing
-        of_stamps = len(timing.drops) + len(timing.irregular) + len(timing.backward)
-        return self.faults.count + of_stamps + self.has_wrong_rate
+        return sum(1 for _ in self._faults())
 
     def suspects(self) -> list[Suspect]:
         """List all faults, the earliest first."""
@@ -163,15 +166,23 @@ class Inspection:
         for one in self.faults.frozen:
             text = f"{one.marker} repeats one position in {one.stop - one.start} frames"
             yield "frozen", (one.marker,), one.start, one.stop, text
+        for start, stop, first in self.faults.copies:
+            frames = f"frames {start + 1} to {stop} are copies of {first + 1} to"
+            yield "copy", (), start, stop, f"{frames} {first + stop - start}: cut them out"
         if self.has_wrong_rate:
             found, stated = f"{timing.rate_hz:g} Hz", f"{self.rate_hz:g} Hz"
             text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
             yield "rate", (), 0, 1, text
+        jitters = len(timing.irregular) > MOST_IRREGULAR
+        if jitters:
+            text = f"{len(timing.irregular)} steps of the time stamps are irregular: if the cameras"
+            text += " ran evenly, leave the times out of the file and give input.rate_hz"
+            yield "jitter", (), int(timing.irregular[0]), int(timing.irregular[-1]) + 2, text
         stamps = [
             *(("dropped", k, f"{counted(n, 'frame')} dropped after this one")
               for k, n in timing.drops.tolist()),
             *(("irregular", k, "irregular step of the time stamps after this one")
-              for k in timing.irregular),
+              for k in timing.irregular if not jitters),
             *(("backward", k, "the next time stamp is not later") for k in timing.backward),
         ]  # fmt: skip
         for kind, frame, text in stamps:
@@ -226,18 +237,22 @@ def inspect_recording(
     frozen = stretches.frozen_markers(raw.positions, raw.markers)
     timing = stretches.check_stamps(raw.time)
     explained = swaps.explained_frames(exchanged, raw.markers, len(positions))
-    explained |= _told_elsewhere(explained.shape, timing, frozen, raw.markers)
+    copies = stretches.copied_frames(raw.positions)
+    explained |= _told_elsewhere(explained.shape, timing, copies, frozen, raw.markers)
     faults = Faults(
         swaps=exchanged,
-        spikes=swaps.find_spikes(missed, explained=explained),
+        spikes=swaps.find_spikes(missed, explained=explained, heights=positions[:, :, 2]),
         jumps=swaps.find_jumps(missed, explained=explained),
         frozen=frozen,
+        copies=tuple(map(tuple, copies.tolist())),
     )
     rate = guess_rate(raw, unit_guess.value, up=up_guess.value)
     rate = rate if rate_hz is None else Guess(f"{raw.rate_hz:g}", "as given")
+    part = positions[:, list(clusters[0].markers)] if clusters else positions
+    treated = rigid.treated(part, raw.rate_hz, scale=scale)
     return Inspection(
         raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, rate, gaps,
-        timing, pairs, clusters, noise, faults, raw.remarks,
+        timing, pairs, clusters, noise, faults, raw.remarks, tuple(treated),
     )  # fmt: skip
 
 
@@ -258,12 +273,14 @@ def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
 def _told_elsewhere(
     shape: tuple[int, ...],
     timing: stretches.Timing,
+    copies: IntArray,
     frozen: tuple[stretches.Frozen, ...],
     markers: tuple[str, ...],
 ) -> NDArray[np.bool_]:
-    """Mask (N, M) of frames whose jumps come from dropped frames, or from a marker that thaws."""
+    """Mask (N, M) of frames whose jumps come from the stamps, copies, or a marker that thaws."""
     mask = np.zeros(shape, dtype=bool)
-    for frame in [*timing.drops[:, 0], *timing.irregular, *timing.backward]:
+    ends = (copies[:, :2] - 1).ravel()
+    for frame in [*timing.drops[:, 0], *timing.irregular, *timing.backward, *ends]:
         mask[max(0, frame - STENCIL + 1) : frame + STENCIL + 1] = True
     for stretch in frozen:
         column = mask[:, markers.index(stretch.marker)]
@@ -298,7 +315,7 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
     dict
         ``markers``, a row a marker: frames missing, longest gap, noise of a coordinate. ``gaps``,
         from the first missing frame to the next seen one. ``faults``, a row a fault and marker:
-        ``swap, spike, jump, frozen``, and without a marker ``dropped, irregular, backward``; a
+        ``swap, spike, jump, frozen``, and without a marker those of the frames and stamps; a
         pause, in which nothing was recorded, is none. ``remarks``, as `hopdata check` notes them.
     """
     rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in COLUMNS}

@@ -135,6 +135,90 @@ def _noise(spread: FloatArray, members: tuple[int, ...]) -> float:
     return float(np.median(inner) / np.sqrt(2.0))
 
 
+# What was done to positions before they were written: brought to another rate, or smoothed.
+
+SPECTRUM_FRAMES, SEGMENT = 2**14, 256
+QUICKEST = 0.09  # of the rate: patterns that come back more slowly may be the animal's own
+PATTERN_SHARE, PATTERN_PEAK = 0.15, 60.0  # of their variance, and of what is usual beside it
+NO_CAMERA_M = 2e-5  # noise from frame to frame, of an animal of 1 m, that no cameras get below
+ABOVE_FLOOR, LAW_HOLDS = 30.0, 0.5  # of a spectrum above its rounding, and misses of its logarithm
+SLOWER = 5  # times slower than the last is what bends of the body are in
+NOISE_SLOPES = (-2.5, 0.5)  # power of the frequency that the spectrum of a camera's noise may be
+POLES = (2, 4)  # of a Butterworth filter, which runs once forth and once back
+
+
+def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str]:
+    """Say what was done to the markers (N, m, 3), m, of a rigid part since they were recorded."""
+    first = max(0, (len(body) - SPECTRUM_FRAMES) // 2)
+    body = body[first : first + SPECTRUM_FRAMES]
+    if pattern := frames_of_pattern(body):
+        return [
+            f"every {pattern:.3g} frames are alike, as where positions were brought to "
+            f"{rate_hz:g} Hz from another rate: contacts may be some ms early, and their errors "
+            "larger than stated; give the frames as they were recorded"
+        ]
+    noise_m = float(quantiles(frame_noise(body)[:, None], [0.5])[0, 0])
+    if len(body) < 2 * SEGMENT or not noise_m < NO_CAMERA_M * scale:
+        return []
+    cut = cut_off(body)
+    by = f" by a low-pass of some {cut * rate_hz:.2g} Hz" if cut else ""
+    return [
+        f"positions are smoother than cameras see ({1e6 * noise_m:.2g} um from frame to frame), "
+        f"smoothed{by}: contacts come late, fit poorly, or not at all; export them unfiltered"
+    ]
+
+
+def frames_of_pattern(body: FloatArray) -> float:
+    """Return after how many frames positions (N, m, 3) are alike in their noise; 0 for none.
+
+    What lies between the recorded frames has less noise than they, or is a copy.
+    """
+    track = body.reshape(len(body), -1)
+    rough = np.abs(np.diff(track, 4, axis=0))
+    if len(rough) < SEGMENT:
+        return 0.0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rough = np.nan_to_num(np.minimum(rough / quantiles(rough, [0.5]), 3.0), nan=1.0)
+    rough = rough.mean(axis=1) + 3.0 * (np.diff(track, axis=0)[:-3] == 0).mean(axis=1)
+    rough -= rough.mean()
+    power, often = np.abs(np.fft.rfft(rough)) ** 2, np.fft.rfftfreq(len(rough))
+    at = int(np.argmax(np.where(often < QUICKEST, 0.0, power)))
+    usual = np.median(power[max(0, at - SEGMENT // 2) : at + SEGMENT // 2])
+    share = 2 * power[at] / max(len(rough) * float(rough @ rough), EXACT)
+    return 1 / often[at] if share > PATTERN_SHARE and power[at] > PATTERN_PEAK * usual else 0.0
+
+
+def cut_off(body: FloatArray) -> float:
+    """Return the cut-off of a filter that markers (N, m, 3) of a rigid part went through, or 0.
+
+    In shares of the rate, as of a Butterworth filter of zero phase (3 dB on each of two ways), by
+    the spectra of their distances; the noise that it filtered is a power of the frequency.
+    """
+    from scipy.signal import welch
+
+    pairs = np.array(list(combinations(range(body.shape[1]), 2))).reshape(-1, 2).T
+    apart = np.linalg.norm(body[:, pairs[0]] - body[:, pairs[1]], axis=2)
+    apart = apart[np.isfinite(apart).all(axis=1)]
+    if len(apart) < 2 * SEGMENT or not apart.size:
+        return 0.0
+    often, power = welch(apart, 1.0, nperseg=SEGMENT, axis=0, detrend="linear")
+    often, power = often[2:-1], np.median(power[2:-1], axis=1)
+    seen = np.flatnonzero(power > ABOVE_FLOOR * np.median(power[often > 0.4]))
+    if not len(seen):
+        return 0.0
+    upto = slice(int(seen[-1]) // SLOWER, int(seen[-1]) + 1)
+    turn, law = np.tan(np.pi * often[upto]), np.log(often[upto, None]) ** [0, 1]
+    found = [(LAW_HOLDS, 0.0)]
+    for cut in np.geomspace(0.01, 0.4, 100):
+        for poles in POLES:
+            loss = 2 * np.log1p((turn / np.tan(np.pi * cut)) ** (2 * poles))
+            before = np.log(power[upto]) + loss
+            noise = np.linalg.lstsq(law, before)[0]
+            if NOISE_SLOPES[0] < noise[1] < NOISE_SLOPES[1]:
+                found.append((float(np.std(before - law @ noise)), float(cut)))
+    return min(found)[1]
+
+
 # Stretches in which two markers keep each other's distances to a rigid cluster.
 
 OFF = 6.0  # spreads: a distance further off is not the marker's own

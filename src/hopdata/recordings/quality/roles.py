@@ -72,6 +72,7 @@ LEAST_RESTS = 3  # of a marker that nothing else tells to be on a foot
 RESTS_SHARE = (0.03, 0.95)  # of the frames
 LIFT_M = 0.05  # a marker that was so much higher, and then rests, has landed
 SEEN_SHARE = 0.01  # of the frames may be lacking of the home marker
+SEEN_SHARES = (SEEN_SHARE, 0.05)  # of a body marker's, of one that helps the others' gaps
 NEAR_FLOOR = 0.08  # of the height of the highest marker: how high a foot marker may rest
 TOGETHER = 0.5  # share of the shorter rests in which both rest: feet that land together
 STILL_M = 0.003  # a marker that stays within this is fixed in the world
@@ -168,8 +169,25 @@ def guess_roles(inspection: Inspection) -> Roles:
         unsure["feet"] = " or ".join([doubt, *(", ".join(other) for other in rivals)])
     if body and rested < LEAST_RESTS and "body" not in unsure:
         unsure["body"] = "parts that bend, in a recording too short to show it"
+    spare = [m for m in range(len(markers)) if markers[m] not in {*feet, *body_names, *boom}]
+    reasons["unused"] = _spare([m for m in spare if m not in others], inspection, rests)
     told = (reasons, tuple(rivals), tuple(problems), unsure, _joined(sorted(group), inspection))
     return Roles(body_names, feet, boom, home, *told)
+
+
+def _spare(spare: list[int], inspection: Inspection, rests: BoolArray) -> str:
+    """Say which markers that are no feet rest near the floor, how often, and how high."""
+    name, often = inspection.markers, rests.mean(axis=0)
+    height = lowest(inspection.positions[:, :, 2])
+    height -= np.nanmin(height, initial=np.inf)
+    reach = 2 * NEAR_FLOOR * scale_of_all(inspection.positions)
+    return "; ".join(
+        f"{name[m]} hardly ever leaves the floor"
+        if often[m] >= RESTS_SHARE[1]
+        else f"{name[m]} rests {len(runs(rests[:, m]))} times, {1e3 * height[m]:.3g} mm higher"
+        for m in spare
+        if often[m] > RESTS_SHARE[0] and height[m] < reach
+    )
 
 
 def subject_prefixes(markers: tuple[str, ...]) -> list[str]:
@@ -403,8 +421,12 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str, str]
 
 
 def _well_seen(pool: list[int], seen: FloatArray) -> list[int]:
-    """Keep the markers that are seen in nearly all frames, if they are enough for a body."""
-    well = [m for m in pool if seen[m] >= 1 - SEEN_SHARE]
+    """Keep the markers that are seen in nearly all frames, if four or, with more gaps, three are.
+
+    Of four each one's gaps can be filled from the others.
+    """
+    nearly, well = ([m for m in pool if seen[m] >= 1 - share] for share in SEEN_SHARES)
+    well = nearly if len(nearly) > LEAST_BODY else well
     return well if len(well) >= LEAST_BODY else pool
 
 
@@ -430,7 +452,7 @@ def _bend(members: list[int], pairs: PairDistances) -> FloatArray:
 def _strain(members: list[int], pairs: PairDistances) -> str:
     spread = pairs.spread[np.ix_(members, members)]
     return (
-        f"distances vary by {1e3 * np.nanmax(spread):.1f} mm at most "
+        f"distances vary by {float(f'{1e3 * np.nanmax(spread):.2g}'):g} mm at most "
         f"({100 * np.nanmax(_bend(members, pairs)):.1f} %)"
     )
 
@@ -459,7 +481,8 @@ def _sole(group: list[int], inspection: Inspection) -> tuple[list[int], str]:
     if left := [markers[m] for m in group if m not in kept]:
         told += f", left out, higher on it: {', '.join(left)}"
     apart = 1e3 * float(np.ptp(lowest(inspection.positions[:, kept, 2])))
-    return kept, f"{told}; {apart:.0f} mm apart in height: keep those where it touches the ground"
+    keep = "keep those where it touches the ground, or all if that slopes"
+    return kept, f"{told}; {apart:.0f} mm apart in height: {keep}"
 
 
 def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, ...]) -> str:

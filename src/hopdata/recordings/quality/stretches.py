@@ -84,6 +84,31 @@ def _too_long(stretches: IntArray, n_tests: int) -> NDArray[np.bool_]:
     return result
 
 
+LEAST_COPIED = 5  # frames in a row, and frames after those that they repeat
+
+
+def copied_frames(positions: FloatArray) -> IntArray:
+    """Find blocks of frames of (N, M, 3) positions that are copies of earlier ones.
+
+    (K, 3): first frame, the frame after the last, and the first of the original.
+    """
+    tracks = [track for marker in np.moveaxis(positions, 0, 2) for track in marker]  # views
+    weights = np.random.default_rng(0).uniform(1.0, 2.0, len(tracks))
+    digest = np.zeros(len(positions))
+    for weight, track in zip(weights, tracks, strict=True):
+        digest += weight * np.nan_to_num(track)
+    order = np.argsort(digest, kind="stable")
+    same = np.flatnonzero(np.diff(digest[order]) == 0)
+    lag = np.zeros(len(digest), dtype=np.int64)
+    lag[order[same + 1]] = order[same + 1] - order[same]
+    found = [
+        (start, stop, start - lag[start])
+        for start, stop in runs(lag >= LEAST_COPIED)
+        if stop - start >= LEAST_COPIED and np.ptp(lag[start:stop]) == 0
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 3)
+
+
 # Where each marker was not seen.
 
 
@@ -337,12 +362,18 @@ def check_stamps(time: FloatArray) -> Timing:
     whole = np.round(frames)
     is_forward = steps > 0
     on_grid = np.abs(frames - whole) <= IRREGULAR
-    dropped = np.flatnonzero(is_forward & on_grid & (whole > 1))
-    regular = is_forward & on_grid & (whole == 1)
+    is_dropped = is_forward & on_grid & (whole > 1) & lasting(frames)
+    dropped, regular = np.flatnonzero(is_dropped), is_forward & on_grid & (whole == 1)
     return Timing(
         rate_hz=1 / step,
         drops=np.column_stack([dropped, whole[dropped].astype(np.int64) - 1]),
-        irregular=np.flatnonzero(is_forward & ~on_grid),
+        irregular=np.flatnonzero(is_forward & ~is_dropped & ~regular),
         backward=np.flatnonzero(~is_forward),
         jitter_s=float(np.abs(steps[regular] - step).max(initial=0.0)),
     )
+
+
+def lasting(frames: FloatArray) -> BoolArray:
+    """Tell which steps (K,) of a clock, in frames, no neighbour makes up for: frames were lost."""
+    near = np.pad(np.where(frames > 0, frames, 1.0), 1, constant_values=1.0)
+    return np.asarray(near[:-2] + near[1:-1] + near[2:] > 3.5)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches
-from hopdata.recordings.quality.stretches import seen
+from hopdata.recordings.quality.stretches import lowest, seen
 
 # How far positions are from what the frames before them, and those after them, let expect.
 #
@@ -204,17 +204,27 @@ def _limit(off: FloatArray, least_m: float) -> float:
     return float(max(least_m, OF_MEDIAN * middle, min(OF_99 * q99, tail * q999)))
 
 
-def find_spikes(missed: Surprises, *, explained: NDArray[np.bool_]) -> tuple[Excursion, ...]:
-    """List the spikes: markers that are elsewhere for up to three frames.
+def find_spikes(
+    missed: Surprises, *, explained: NDArray[np.bool_], heights: FloatArray
+) -> tuple[Excursion, ...]:
+    """List the spikes: markers that are elsewhere for up to three frames, and do not just land.
 
-    Parameters
-    ----------
-    missed : Surprises
-        Misses of the one-sided predictions.
-    explained : (N, M) bool array
-        Frames that a swap explains.
+    Frames (N, M) that a swap explains are left out; `heights` (N, M) are in m.
     """
-    return tuple(e for e in missed.spikes if not explained[e.start : e.stop, e.marker].any())
+    low = lowest(heights) if missed.spikes else np.zeros(0)
+    return tuple(
+        e
+        for e in missed.spikes
+        if not explained[e.start : e.stop, e.marker].any()
+        and not _touches(e, heights[:, e.marker], float(low[e.marker]))
+    )
+
+
+def _touches(spike: Excursion, heights: FloatArray, low_m: float) -> bool:
+    """Tell whether a marker (N,) is at its lowest, and higher before and after: a short stance."""
+    there, some = heights[spike.start : spike.stop], 0.5 * spike.size
+    around = heights[[max(spike.start - 2, 0), min(spike.stop + 1, len(heights) - 1)]]
+    return bool((np.abs(there - low_m) < some).all() and around.min() > there.max() + some)
 
 
 def find_jumps(missed: Surprises, *, explained: NDArray[np.bool_]) -> tuple[Excursion, ...]:

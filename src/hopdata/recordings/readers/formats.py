@@ -76,8 +76,9 @@ def read_raw(
     """
     path = Path(path)
     if path.suffix.lower() not in suffixes():
+        found = "a folder: name its files one by one" if path.is_dir() else f"'{path.suffix}'"
         raise RecordingError.at(
-            f"{path}: format", f"a file ending in {', '.join(suffixes())}", f"'{path.suffix}'"
+            f"{path}: format", f"a file ending in {', '.join(suffixes())}", found
         )
     require_file(path)
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
