@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
@@ -227,15 +227,25 @@ def find_contacts(
     feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m)
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
-    if not (2 * stands.sum() > stands.size and kink_law.pooled_noise(fits) <= REFUTED * noise_m):
-        feet = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
-        fits, common = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    rolls = 2 * stands.sum() <= stands.size or kink_law.pooled_noise(fits) > REFUTED * noise_m
+    if rolls or stands.mean() < 1 - kink_law.UNDETERMINED_SHARE:
+        short = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
+        alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
+        feet, common = (short, own) if rolls else (feet, common)
+        # Others left again at once: toes rise a little as their heel comes down.
+        fits = _merged(fits, alone, rolls | (fits.n_after < FRAMES_AFTER))
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
     frames = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
     found = replace(found, se=found.se * descents.widening(correlation, *frames))
     # From the earliest instant on the foot only comes to stand, and that takes no longer.
     longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
     return replace(found, se=np.minimum(found.se, longest), common=common)
+
+
+def _merged(fits: KinkFits, others: KinkFits, where: BoolArray) -> KinkFits:
+    """Return the fits (L, n), and the others where that is said."""
+    both = ((name, value, getattr(others, name)) for name, value in vars(fits).items())
+    return KinkFits(**{k: np.where(where.T, b.T, a.T).T for k, a, b in both})
 
 
 METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
