@@ -100,7 +100,9 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
         found = inspect(recording)
     told = f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"
     asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)
-    return [f"{recording.source}: {one}" for one in asked] + [told] * bool(found.faults.count)
+    return [f"{recording.source}: {one}" for one in asked] + [told] * bool(
+        found.faults.count or len(found.timing.irregular)
+    )
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:

@@ -487,23 +487,6 @@ def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
     return np.concatenate([number[:1], number[0] + np.cumsum(frames)])
 
 
-def irregular(place: str, time: FloatArray, rate_hz: float) -> tuple[str, ...]:
-    """Remark on steps of time that are no whole number of frames.
-
-    Steps of two or more whole frames are dropped frames; `remarks.notes` counts those.
-    """
-    steps = np.diff(time) * rate_hz
-    off = np.abs(steps - np.round(steps))
-    bad = np.flatnonzero(off > SNAP)
-    if not len(bad):
-        return ()
-    worst = int(bad[np.argmax(off[bad])])
-    return (
-        f"{place}: {len(bad)} of {len(steps)} steps of time are no whole number of frames at "
-        f"{rate_hz:g} Hz; the worst, after frame {worst + 1}, is {steps[worst] / rate_hz:.6g} s",
-    )
-
-
 def events_outside(
     place: str, events: tuple[Event, ...], time: FloatArray, rate_hz: float
 ) -> tuple[str, ...]:

@@ -116,6 +116,19 @@ def test_feet_that_leave_again_within_the_window_are_neither_soft_nor_early(seed
     assert 0.6 < np.mean(np.abs(error) < contacts.se) < 0.8
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_toes_that_rise_a_little_as_their_heel_comes_down_are_timed(seed):
+    made = falls(40, seed=seed)
+    rise = np.random.default_rng(seed).random((40, 1, 3)) < 0.3
+    after = made.time.reshape(40, -1, 1) - made.contacts[:, None]
+    heights = made.heights + (0.012 * rise * np.clip(after / 0.04, 0, 1)).reshape(-1, 3)
+    contacts = find_contacts(made.time, heights, made.transitions, down_height_m=0.05)
+    assert not (contacts.status == MISSING).any()
+    sure = (contacts.instant - made.contacts) / contacts.se
+    assert np.sqrt(np.mean(sure[~rise[:, 0]] ** 2)) < 1.25
+    assert np.sqrt(np.mean(sure[rise[:, 0] & (contacts.se > 0.004)] ** 2)) < 1.25
+
+
 def test_unknown_choices_name_the_nearest(scene):
     with pytest.raises(ConfigError, match="did you mean 'kink'"):
         found(scene, method="kinks")

@@ -82,6 +82,6 @@ def test_a_low_pass_is_told_with_its_cut_off(hz, rate_hz, poles):
     smooth = np.round(filtfilt(*butter(poles, hz / rate_hz * 2), body, axis=0), 6)
     assert cut_off(smooth) * rate_hz == pytest.approx(hz, rel=0.15)
     (told,) = treated(smooth, rate_hz)
-    assert "smoothed by a low-pass" in told
+    assert "by a low-pass of some" in told
     assert "export them unfiltered" in told
     assert treated(0.02 * body, rate_hz, scale=1 / 64) == []  # an insect under better cameras

@@ -546,8 +546,6 @@ def test_a_sound_file_gives_no_remark(tmp_path):
 
 
 def test_what_does_not_hold_but_can_be_put_right_is_counted(tmp_path):
-    irregular = qtm_text(POSITIONS, rows=changed(7, 1, "0.07200"))
-    assert "2 of 11 steps of time are no whole number of frames" in remarks(tmp_path, irregular)[0]
     event = qtm_text(POSITIONS, header={"EVENT": "strike\t9\t0.04000"})
     assert "in 1 of 1 events the time is not that of the frame" in remarks(tmp_path, event)[0]
     late = qtm_text(POSITIONS, header={"EVENT": "strike\t501\t5.00000"})

@@ -228,13 +228,16 @@ def find_contacts(
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
     rolls = 2 * stands.sum() <= stands.size or kink_law.pooled_noise(fits) > REFUTED * noise_m
+    rises = np.zeros(fits.instant.shape, dtype=bool)
     if rolls or stands.mean() < 1 - kink_law.UNDETERMINED_SHARE:
         short = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
         alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
         feet, common = (short, own) if rolls else (feet, common)
-        # Others left again at once: toes rise a little as their heel comes down.
-        fits = _merged(fits, alone, rolls | (fits.n_after < FRAMES_AFTER))
+        rises = ~rolls & (fits.n_after < FRAMES_AFTER)  # as toes do while their heel comes down
+        fits = _merged(fits, alone, rolls | rises)
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
+    risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
+    found = replace(found, se=np.hypot(found.se, risen_s))
     frames = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
     found = replace(found, se=found.se * descents.widening(correlation, *frames))
     # From the earliest instant on the foot only comes to stand, and that takes no longer.

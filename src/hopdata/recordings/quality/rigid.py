@@ -142,9 +142,9 @@ QUICKEST = 0.09  # of the rate: patterns that come back more slowly may be the a
 PATTERN_SHARE, PATTERN_PEAK = 0.15, 60.0  # of their variance, and of what is usual beside it
 NO_CAMERA_M = 2e-5  # noise from frame to frame, of an animal of 1 m, that no cameras get below
 ABOVE_FLOOR, LAW_HOLDS = 30.0, 0.5  # of a spectrum above its rounding, and misses of its logarithm
-SLOWER = 5  # times slower than the last is what bends of the body are in
-NOISE_SLOPES = (-2.5, 0.5)  # power of the frequency that the spectrum of a camera's noise may be
-POLES = (2, 4)  # of a Butterworth filter, which runs once forth and once back
+# What bends of the body is so many times slower than the last that is seen; powers of the frequency
+# that noise may go with; poles of a Butterworth filter, which runs once forth and once back.
+SLOWER, NOISE_SLOPES, POLES = 5, (-2.5, 0.5), (2, 4)
 
 
 def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str]:
@@ -152,20 +152,17 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
     first = max(0, (len(body) - SPECTRUM_FRAMES) // 2)
     body = body[first : first + SPECTRUM_FRAMES]
     if pattern := frames_of_pattern(body):
+        told = f"every {pattern:.3g} frames are alike, as if brought to {rate_hz:g} Hz from another"
         return [
-            f"every {pattern:.3g} frames are alike, as where positions were brought to "
-            f"{rate_hz:g} Hz from another rate: contacts may be some ms early, and their errors "
-            "larger than stated; give the frames as they were recorded"
+            f"{told} rate: contacts may be some ms early; give the frames as they were recorded"
         ]
     noise_m = float(quantiles(frame_noise(body)[:, None], [0.5])[0, 0])
     if len(body) < 2 * SEGMENT or not noise_m < NO_CAMERA_M * scale:
         return []
     cut = cut_off(body)
-    by = f" by a low-pass of some {cut * rate_hz:.2g} Hz" if cut else ""
-    return [
-        f"positions are smoother than cameras see ({1e6 * noise_m:.2g} um from frame to frame), "
-        f"smoothed{by}: contacts come late, fit poorly, or not at all; export them unfiltered"
-    ]
+    by = f", by a low-pass of some {cut * rate_hz:.2g} Hz" if cut else ""
+    told = f"positions were smoothed ({1e6 * noise_m:.2g} um of noise from frame to frame){by}"
+    return [f"{told}: contacts come late, fit poorly or not at all; export them unfiltered"]
 
 
 def frames_of_pattern(body: FloatArray) -> float:
@@ -196,27 +193,25 @@ def cut_off(body: FloatArray) -> float:
     """
     from scipy.signal import welch
 
-    pairs = np.array(list(combinations(range(body.shape[1]), 2))).reshape(-1, 2).T
-    apart = np.linalg.norm(body[:, pairs[0]] - body[:, pairs[1]], axis=2)
+    i, j = np.triu_indices(body.shape[1], 1)
+    apart = np.linalg.norm(body[:, i] - body[:, j], axis=2)
     apart = apart[np.isfinite(apart).all(axis=1)]
     if len(apart) < 2 * SEGMENT or not apart.size:
         return 0.0
     often, power = welch(apart, 1.0, nperseg=SEGMENT, axis=0, detrend="linear")
     often, power = often[2:-1], np.median(power[2:-1], axis=1)
-    seen = np.flatnonzero(power > ABOVE_FLOOR * np.median(power[often > 0.4]))
-    if not len(seen):
-        return 0.0
-    upto = slice(int(seen[-1]) // SLOWER, int(seen[-1]) + 1)
-    turn, law = np.tan(np.pi * often[upto]), np.log(often[upto, None]) ** [0, 1]
-    found = [(LAW_HOLDS, 0.0)]
-    for cut in np.geomspace(0.01, 0.4, 100):
-        for poles in POLES:
-            loss = 2 * np.log1p((turn / np.tan(np.pi * cut)) ** (2 * poles))
-            before = np.log(power[upto]) + loss
-            noise = np.linalg.lstsq(law, before)[0]
-            if NOISE_SLOPES[0] < noise[1] < NOISE_SLOPES[1]:
-                found.append((float(np.std(before - law @ noise)), float(cut)))
-    return min(found)[1]
+    last = int(
+        np.max(np.nonzero(power > ABOVE_FLOOR * np.median(power[often > 0.4]))[0], initial=0)
+    )
+    often, power = (x[last // SLOWER : last + 1, None] for x in (often, power))
+    cuts, poles = (x.ravel() for x in np.meshgrid(np.geomspace(0.01, 0.4, 100), POLES))
+    loss = 2 * np.log1p((np.tan(np.pi * often) / np.tan(np.pi * cuts)) ** (2 * poles))
+    before, law = np.log(power) + loss, np.log(often) ** [0, 1]
+    noise = np.linalg.lstsq(law, before)[0]
+    miss = np.std(before - law @ noise, axis=0)
+    miss[(noise[1] < NOISE_SLOPES[0]) | (noise[1] > NOISE_SLOPES[1])] = np.inf
+    best = int(miss.argmin())
+    return float(cuts[best]) if last and miss[best] < LAW_HOLDS else 0.0
 
 
 # Stretches in which two markers keep each other's distances to a rigid cluster.

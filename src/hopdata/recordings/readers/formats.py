@@ -14,7 +14,6 @@ from hopdata.recordings.raw import (
     MOST_UNPACKED_MB,
     RawRecording,
     events_outside,
-    irregular,
     largest,
     overrule_rate,
 )
@@ -84,8 +83,7 @@ def read_raw(
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
     raw = overrule_rate(str(path), _read(path, rate_hz, **limits), rate_hz)
     _check_numbers(path, raw)
-    more = irregular(str(path), raw.time, raw.rate_hz)
-    more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
+    more = events_outside(str(path), raw.events, raw.time, raw.rate_hz)
     return replace(raw, remarks=raw.remarks + more)
 
 
