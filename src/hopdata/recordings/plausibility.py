@@ -296,8 +296,8 @@ def _missing_times(recording: Recording) -> list[str]:
     steps = np.diff(recording.time)
     pause = is_pause(recording.time, recording.rate_hz)
     pauses = steps[pause]
-    frames = steps * recording.rate_hz
-    dropped = int(np.sum(np.round(frames[(frames > 1.5) & lasting(frames) & ~pause]) - 1))
+    whole = steps * recording.rate_hz
+    dropped = int(np.sum(np.round(whole[(whole > 1.5) & lasting(whole) & ~pause]) - 1))
     remarks = []
     if dropped:
         frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"

@@ -186,7 +186,9 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
 def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
     """Return the descents that are not used, with the names of feet in their reasons."""
     out = touchdowns[excluded(touchdowns)]
-    feet = {f"foot {k}": c[8:-2] for k, c in enumerate(touchdowns.filter(regex="^contact_"), 1)}
+    feet = {
+        f"foot {k}": str(c)[8:-2] for k, c in enumerate(touchdowns.filter(regex="^contact_"), 1)
+    }
     reasons = out["reason"].astype(object).fillna("").astype(str)
     names = [re.sub(r"foot \d+", lambda n: feet.get(n[0], n[0]), reason) for reason in reasons]
     return out.assign(reason=names)

@@ -234,7 +234,7 @@ def find_contacts(
         alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
         feet, common = (short, own) if rolls else (feet, common)
         rises = ~rolls & (fits.n_after < FRAMES_AFTER)  # as toes do while their heel comes down
-        fits = _merged(fits, alone, rolls | rises)
+        fits = _merged(fits, alone, np.asarray(rises | rolls))
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
     risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
     found = replace(found, se=np.hypot(found.se, risen_s))
