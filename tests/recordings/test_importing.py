@@ -38,6 +38,18 @@ def test_markers_come_in_the_order_of_their_roles(tmp_path):
     np.testing.assert_allclose(recording.positions, positions[:, order] / 1000, atol=1e-6)
 
 
+def test_names_without_a_subject_fit_any_file_of_one_subject(tmp_path):
+    anna, ben = ([f"{who}:{name}" for name in NAMES] for who in ("Anna", "Ben"))
+    for who in (anna, ben):
+        path = write(tmp_path, qtm_text(standing(), names=tuple(who)))
+        assert imported(path).markers == (*MARKERS["body"], *MARKERS["feet"])
+    with pytest.raises(RecordingError, match="may be left out"):
+        imported(path, {"body": anna[:3], "feet": anna[3:]})
+    both = np.concatenate([standing(), standing() + 500], axis=1)
+    with pytest.raises(RecordingError, match="did you mean"):
+        imported(write(tmp_path, qtm_text(both, names=(*anna, *ben))))
+
+
 def test_a_marker_is_unseen_where_the_configuration_says_so(tmp_path):
     path = write(tmp_path, qtm_text(standing()))
     entries = [

@@ -68,10 +68,8 @@ def _check_alike(first_path: Path, first: RawRecording, path: Path, raw: RawReco
         ("vertical axis", first.stated_up, raw.stated_up),
         ("frame rate (Hz)", first.rate_hz, raw.rate_hz),
     ):
-        same = wanted == found
-        if what.startswith("frame rate"):
-            same = abs(raw.rate_hz - first.rate_hz) <= RATE_TOLERANCE * first.rate_hz
-        if not same:
+        apart = abs(raw.rate_hz - first.rate_hz) > RATE_TOLERANCE * first.rate_hz
+        if apart if what.startswith("frame rate") else wanted != found:
             raise RecordingError(
                 f"{path}: {what}: expected {wanted} as in {first_path.name}, found {found}; "
                 "files joined in one recording must agree"
@@ -247,10 +245,25 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+#: What to do with a file that has none of the configured markers.
+ANOTHER_SESSION = (
+    "; the file has none of the configured markers, and all files of a study name them alike: "
+    "rename them in the export (only a subject's name, as in 'Anna:toe', may be left out of "
+    "the configuration), or make a study of its own"
+)
+
+
 def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> RawRecording:
-    """Only the configured markers, body first, then feet, then boom."""
+    """Only the configured markers, body first, then feet, then boom.
+
+    If none is named with its subject (`Anna:toe`), the name of a file's only one is dropped.
+    """
     for key in wanted:
         require_choice("markers", key, ROLE_OF_KEY)
+    subjects = {name.partition(":")[0] for name in raw.markers if ":" in name}
+    asked = [name for names in wanted.values() for name in names or ()]
+    if len(subjects) == 1 and ":" not in "".join(asked):
+        raw = replace(raw, markers=tuple(name.split(":", 1)[-1] for name in raw.markers))
     chosen: list[str] = []
     for key in ROLE_OF_KEY:
         for marker in wanted.get(key) or ():
@@ -261,7 +274,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
                     f"{path}: markers.{key}: expected a marker of the file "
                     f"({listed(raw.markers)}), found {marker!r}{near}"
                     + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
-                    + _of_another_session(raw, wanted)
+                    + ANOTHER_SESSION * set(asked).isdisjoint(raw.markers)
                 )
             if marker in chosen:
                 raise RecordingError(
@@ -270,16 +283,6 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
             chosen.append(marker)
     order = [raw.markers.index(marker) for marker in chosen]
     return replace(raw, markers=tuple(chosen), positions=_only(raw.positions, order), roles=())
-
-
-def _of_another_session(raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> str:
-    """Say what to do with a file that has none of the configured markers."""
-    if any(name in raw.markers for names in wanted.values() for name in names or ()):
-        return ""
-    return (
-        "; the file has none of the configured markers, and all files of a study name them alike: "
-        "rename them in the export, or make a study of its own"
-    )
 
 
 def _only(positions: FloatArray, order: Sequence[int]) -> FloatArray:
