@@ -265,6 +265,13 @@ def test_a_plan_halves_the_difference_for_four_times_the_landings(study):
     assert needed[1] == pytest.approx(4 * needed[0], rel=0.01)
 
 
+def test_a_plan_asks_for_no_difference_that_smooth_terms_may_leave(study):
+    """Where contacts lie far apart these leave more than a tenth."""
+    verdict = study[0].verdict
+    wide = replace(verdict, effect=replace(verdict.effect, detectable=0.6, allowed=0.55))
+    assert hd.plan(wide)["difference"].between(0.57, 1).all()
+
+
 def test_positions_have_named_axes_where_xarray_is_installed(sample_path):
     recording = hd.read(sample_path, feet=FEET, body=BODY).part(slice(50))
     if find_spec("xarray") is None:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Contents = dict[str, Any]
 #: In a checkout this link leads to its own Snakefile; in a wheel the file is beside the others.
 SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
-DIFFERENCES = (0.13, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)  # of the maps, that `plan` tells of
+BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)  # smooth terms: differences that `plan` tells of
 Progress = Callable[[str], object]
 Simulate = Callable[..., tuple[Recording, Truth]]
 
@@ -253,16 +253,22 @@ def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recor
     )
 
 
+def planned(allowed: float) -> list[float]:
+    """Return the differences to plan for, which smooth terms alone do not leave."""
+    return [round(allowed + more, 2) for more in BEYOND]
+
+
 @told_call
-def plan(pilot: Study | Verdict, differences: Sequence[float] = DIFFERENCES) -> pd.DataFrame:
+def plan(pilot: Study | Verdict, differences: Sequence[float] | None = None) -> pd.DataFrame:
     """Say how many landings a study takes to show a difference of the maps.
 
     Parameters
     ----------
     pilot : Study or Verdict
         Of a short recording, or of a simulated one.
-    differences : sequence of float
-        Sizes, as shares of the map, larger than what smooth terms may leave (0.1 or more).
+    differences : sequence of float, optional
+        Sizes, as shares of the map, larger than what smooth terms may leave (0.1 or more); by
+        default from 0.03 to 0.4 beyond that.
 
     Returns
     -------
@@ -277,7 +283,7 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] = DIFFERENCES) -> 
     from hopdata.maps.verdict.effect import landings_needed
     from hopdata.maps.verdict.judge import Verdict
 
-    verdict, sizes = getattr(pilot, "verdict", pilot), numbers("differences", differences).ravel()
+    verdict = getattr(pilot, "verdict", pilot)
     if not isinstance(verdict, Verdict):
         raise ArgumentError(
             f"pilot: expected a study or its verdict, found {pilot!r}; a verdict.json goes through "
@@ -285,7 +291,9 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] = DIFFERENCES) -> 
         )
     if verdict.effect is None:
         raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
-    known = (verdict.n_landings, verdict.effect.detectable, verdict.effect.allowed)
+    known = (verdict.n_landings, verdict.effect.detectable, allowed := verdict.effect.allowed)
+    asked = planned(allowed) if differences is None else differences
+    sizes = numbers("differences", asked).ravel()
     needed = [landings_needed(*known, size, verdict.n_feet) for size in sizes]
     return pd.DataFrame({"difference": sizes, "landings": needed})
 

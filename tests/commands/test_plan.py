@@ -40,7 +40,7 @@ def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
     apart = PILOT | {"effect": {"detectable": 0.4, "allowed": 0.22}}
     assert main(["plan", written(tmp_path, apart)]) == 0
     rows = capsys.readouterr().out.splitlines()[3:]
-    assert [row.split("%")[0].strip() for row in rows] == ["25", "30", "40", "50"]
+    assert [row.split("%")[0].strip() for row in rows] == ["25", "27", "32", "37", "42", "52", "62"]
     assert main(["plan", written(tmp_path, apart), "--difference", "0.2"]) == 1
     assert "above 0.22, as much as smooth terms may leave" in capsys.readouterr().err
 

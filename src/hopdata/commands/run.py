@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from hopdata.analysis import DIFFERENCES, SNAKEFILE
+from hopdata.analysis import SNAKEFILE, planned
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.errors import ConfigError, counted
 from hopdata.provenance import MISSING, REPORTED_PACKAGES, package_digest, version_of
@@ -203,7 +203,7 @@ def plan(options: argparse.Namespace) -> int:
     own = () if options.difference is None else (options.difference,)
     needed = {
         difference: landings_needed(landings, seen, allowed, difference, feet)
-        for difference in sorted({*(one for one in DIFFERENCES if one > allowed), *own})
+        for difference in sorted({*planned(allowed), *own})
     }
     for difference, number in needed.items():
         print(f"{100 * difference:8.2g} %  {int(float(f'{number:.1e}')):8,}")

@@ -8,11 +8,12 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.hybrid import Solution, System, solve
-from hopdata.hybrid.layout import SLIDING, TERMINATED, ZENO
+from hopdata.hybrid.layout import SLIDING, TERMINATED, TOO_MANY_EVENTS, ZENO
 from hopdata.scenes.body import N_STATES, euler_rates, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene, Variant
 
 RTOL, ATOL = 1e-10, 1e-12
+MOST_EVENTS = 100_000  # of a hop: a foot that comes and goes so often does neither
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Hop:
 
     States are those of the body, see `hopdata.scenes.body`. `ending` is "apex", "tipped over", "no
     apex in time", or "stuck": at rest on legs that have not been released, whose force jumps at the
-    very place where they would stand (a sliding mode).
+    very place where they would stand (a sliding mode, or contacts without end).
 
     Times count from the apex at which the hop began, in s. Contact events, in order of time:
     `event_time` (E,), `event_leg` (E,), `event_down` (E,) True for a touchdown and False for a
@@ -114,6 +115,7 @@ def fly_hop(
         mode=mode.tolist(),
         rtol=RTOL,
         atol=ATOL,
+        max_events=MOST_EVENTS,
         t_eval=frames[frames < limit_s],
     )
     events = solution.events
@@ -150,7 +152,7 @@ def padded(states: FloatArray, system: System) -> FloatArray:
 
 
 def _ending(solution: Solution, apex: int) -> str:
-    if solution.status in (SLIDING, ZENO):
+    if solution.status in (SLIDING, ZENO, TOO_MANY_EVENTS):
         return "stuck"
     if not solution.success:
         raise AnalysisError(f"hop: the integration failed: {solution.message}")
