@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from qtm_files import NAMES, UPRIGHT, data_rows, qtm_text, standing, write
+from trc_files import trc_text
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event
@@ -25,6 +26,25 @@ def imported(path, markers=MARKERS, **options):
     recording, _ = import_recording(path, name="trial", markers=markers, **options)
     check_plausible(recording)
     return recording
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("share", [0.0, 0.5])  # held, or a straight line
+def test_frames_between_those_recorded_are_left_out(tmp_path, share, first):
+    at = np.arange(800) / 100.0
+    rng = np.random.default_rng(share > 0)
+    places = np.array([[0.1, 0, 1], [-0.1, 0.1, 1], [0, -0.1, 1.1], [0.2, 0, 0], [-0.2, 0, 0]])
+    kept = places + 0.05 * np.sin(9 * at)[:, None, None] + rng.normal(0, 3e-4, (800, 5, 3))
+    doubled = np.repeat(kept, 2, axis=0)[:-1]
+    doubled[1::2] = (1 - share) * kept[:-1] + share * kept[1:]
+    path, original = tmp_path / "a.trc", tmp_path / "b.trc"
+    path.write_text(trc_text(1e3 * doubled[first:], NAMES, rate_hz=200.0))
+    original.write_text(trc_text(1e3 * kept, NAMES))
+    found, wanted = (imported(p, MARKERS) for p in (path, original))
+    assert (found.rate_hz, wanted.remarks) == (100.0, ())
+    assert "every second frame is made up" in found.remarks[0]
+    rest = wanted.positions[first:]
+    np.testing.assert_allclose(found.positions, rest, atol=2e-6)
 
 
 def test_markers_come_in_the_order_of_their_roles(tmp_path):

@@ -13,6 +13,7 @@ from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings.quality.orientation import choose_unit, speak_for_silent, unit_remarks
+from hopdata.recordings.quality.rigid import recorded_frames
 from hopdata.recordings.raw import (
     METRES_PER_UNIT,
     MOST_UNPACKED_MB,
@@ -217,8 +218,13 @@ def import_recording(
         events=raw.events,
         remarks=raw.remarks + guessed,
     )
+    if np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5:  # else it is not always the second
+        recording = recording.part(recorded_frames(recording.body))
+    if len(recording.time) < len(raw.time):
+        told = f"{recording.source}: every second frame is made up of those beside it, and left out"
+        recording = replace(recording, remarks=(*recording.remarks, told))
     recording = replace(recording, remarks=recording.remarks + _unseen(recording, exclude))
-    if len(paths) > 1 or vertical_axis != "z":
+    if len(paths) > 1 or vertical_axis != "z" or len(recording.time) < len(raw.time):
         return recording, None
     return recording, _truth(paths[0], stated[0], recording)
 

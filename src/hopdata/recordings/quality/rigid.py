@@ -149,13 +149,10 @@ SLOWER, NOISE_SLOPES, POLES = 5, (-2.5, 0.5), (2, 4)
 
 def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str]:
     """Say what was done to the markers (N, m, 3), m, of a rigid part since they were recorded."""
-    first = max(0, (len(body) - SPECTRUM_FRAMES) // 2)
-    body = body[first : first + SPECTRUM_FRAMES]
+    body = _middle(body)
     if pattern := frames_of_pattern(body):
         told = f"every {pattern:.3g} frames are alike, as if brought to {rate_hz:g} Hz from another"
-        return [
-            f"{told} rate: contacts may be some ms early; give the frames as they were recorded"
-        ]
+        return [f"{told} rate: contacts come some ms early; give the frames as they were recorded"]
     noise_m = float(quantiles(frame_noise(body)[:, None], [0.5])[0, 0])
     if len(body) < 2 * SEGMENT or not noise_m < NO_CAMERA_M * scale:
         return []
@@ -165,15 +162,34 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
     return [f"{told}: contacts come late, fit poorly or not at all; export them unfiltered"]
 
 
+def _middle(body: FloatArray) -> FloatArray:
+    first = max(0, (len(body) - SPECTRUM_FRAMES) // 2)
+    return body[first : first + SPECTRUM_FRAMES]
+
+
+def recorded_frames(body: FloatArray) -> slice:
+    """Return which frames (N, m, 3) were recorded: all, or every second one between made up ones.
+
+    Those have the more noise, and are no copies. Of other patterns too few frames fall on recorded
+    ones.
+    """
+    body = _middle(body[: len(body) // 2 * 2])
+    if round(frames_of_pattern(body), 2) != 2:
+        return slice(None)
+    moved = np.diff(body, axis=0, prepend=body[1:2]) != 0
+    noise = [moved[k::2].mean() * np.nanmedian(frame_noise(body[k::2])) for k in (0, 1)]
+    return slice(int(np.argmax(noise)), None, 2)
+
+
 def frames_of_pattern(body: FloatArray) -> float:
     """Return after how many frames positions (N, m, 3) are alike in their noise; 0 for none.
 
     What lies between the recorded frames has less noise than they, or is a copy.
     """
+    if len(body) < SEGMENT or not body.size:
+        return 0.0
     track = body.reshape(len(body), -1)
     rough = np.abs(np.diff(track, 4, axis=0))
-    if len(rough) < SEGMENT:
-        return 0.0
     with np.errstate(invalid="ignore", divide="ignore"):
         rough = np.nan_to_num(np.minimum(rough / quantiles(rough, [0.5]), 3.0), nan=1.0)
     rough = rough.mean(axis=1) + 3.0 * (np.diff(track, axis=0)[:-3] == 0).mean(axis=1)
