@@ -27,7 +27,7 @@ from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, contact_orders, halves
-from hopdata.maps.verdict.model import HIDDEN, KinkFit, symmetric_root
+from hopdata.maps.verdict.model import KinkFit, symmetric_root, upper_ends
 
 _AT_ONCE = 8_000_000  # signs in memory
 _BISECTIONS = 50
@@ -161,8 +161,7 @@ def squared_size(
     `differences` and `mean` are those of `compared`.
     """
     t = landings.expected
-    spread = symmetric_root(np.cov(t, rowvar=False))
-    changes = np.einsum("aK,caf,fg->cKg", fit.seen, differences, spread)
+    changes = np.einsum("aK,caf,fg->cKg", fit.seen, differences, symmetric_root(np.cov(t.T)))
     form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
     outcome = landings.inputs @ fit.linear + t @ mean.T @ fit.seen @ fit.coefficients
     weights = np.diag(np.sqrt(halves(np.var(outcome, axis=0, ddof=1))))
@@ -215,10 +214,10 @@ def effect_size(
     """Return the size of the kinks and all that follows from its distribution.
 
     The interval holds the sizes from which T as found is not a rare draw, less `allowed` at its low
-    end and `HIDDEN` of it more at its upper ends: what smooth terms leave lies along a difference
-    or against it. Below the size at which a statistic as small as the median with `allowed` becomes
-    rare, only large draws count as rare: so the interval begins above zero exactly if the test, of
-    level 1 - confidence, finds more than `allowed`. For `high` and the bound a statistic below the
+    end and with `upper_ends`: what smooth terms leave lies along a difference or against it. Below
+    the size at which a statistic as small as the median with `allowed` becomes rare, only large
+    draws count as rare: so the interval begins above zero exactly if the test, of level
+    1 - confidence, finds more than `allowed`. For `high` and the bound a statistic below the
     median without kinks counts as the median: an estimate smaller than noise alone gives is luck,
     not knowledge.
 
@@ -237,29 +236,27 @@ def effect_size(
     found = root @ fit.coefficients.ravel()
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
+    along = found / size
     draws = _draws(fit, root, flips, generator)
     none = np.sum(draws.null**2, axis=1)
-    left = draws.statistic(found / size, fit.allowed, size)
+    left = draws.statistic(along, fit.allowed, size)
     typical = max(statistic, float(np.median(none)))
     level = round(1.0 - confidence, 12)  # 0.05, not a little more
 
     def below(least: float, share: float) -> float:
         """Return the size from which this share of the draws is at most `least`."""
-
-        def excess(one: float) -> float:
-            return float(np.mean(draws.statistic(found / size, one, size) <= least)) - share
-
-        return _crossing(excess)
+        return _crossing(lambda e: float(np.mean(draws.statistic(along, e, size) <= least)) - share)
 
     p_value = (1 + int(np.sum(left >= statistic))) / (1 + flips)
     floor = below(float(np.median(left)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
+    high, bound = upper_ends([below(typical, one) for one in (level / 2.0, level)], fit.allowed)
     squared = statistic - float(np.sum((fit.scores @ root.T) ** 2))
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
         low=max(0.0, low - fit.allowed) if p_value < level else 0.0,
-        high=below(typical, level / 2.0) + HIDDEN * fit.allowed,
-        upper_bound=below(typical, level) + HIDDEN * fit.allowed,
+        high=high,
+        upper_bound=bound,
         detectable=_detectable(draws.null, fit.allowed, level, power),
         p_value=p_value,
         squared=squared,

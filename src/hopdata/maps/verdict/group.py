@@ -21,7 +21,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, sentence
-from hopdata.maps.verdict.model import HIDDEN
+from hopdata.maps.verdict.model import upper_ends
 
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
 
@@ -140,13 +140,11 @@ def judge_group(
     of_mean = variance(members) * float((1.0 / parts.size()).mean())
     squared = parts["squared"].mean().to_numpy(float)
     found = combine(squared, np.full(len(squared), of_mean))
-    share = (1.0 - confidence) / 2.0
-    near, up = found.error * t.isf([share, 2.0 * share], found.n - 1)
+    near, up = found.error * t.isf([(1.0 - confidence) / 2.0, 1.0 - confidence], found.n - 1)
     mean = max(0.0, found.mean)
-    estimate, high, bound = np.sqrt([mean, mean + near, mean + up]).tolist()
+    estimate, *ends = np.sqrt([mean, mean + near, mean + up]).tolist()
     low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - members["left"].mean())
-    hidden = HIDDEN * float(members["allowed"].mean())
-    sizes = (estimate, low, high + hidden, bound + hidden)
+    sizes = (estimate, low, *upper_ends(ends, float(members["allowed"].mean())))
     conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if sizes[3] <= margin else CANNOT_TELL
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
     said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"

@@ -26,6 +26,8 @@ from hopdata.maps.verdict.inputs import WINDOW, SectionLandings, halves
 LEFT, OF_FOURTH = 0.1, 4.0
 #: Share of it that they may hide of another.
 HIDDEN = 0.5
+#: Root mean squares of the landings' derivatives about their mean that one may lie off.
+_ONE_LANDING = 2.0
 
 _FLAT = 1e-9
 _WAYS = 2  # in which contacts lie apart: tilt has two directions
@@ -77,8 +79,7 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
         If there are no landings in which two feet exchange their order.
     """
     x, t = landings.inputs, landings.expected
-    by_spread = np.argsort(t.std(axis=1), kind="stable")
-    rows = np.sort(by_spread[: round(WINDOW * len(x))])
+    rows = np.sort(np.argsort(t.std(axis=1), kind="stable")[: round(WINDOW * len(x))])
     few = affordable_degree(len(rows), x.shape[1], t.shape[1]) < 3
     window = _Smooth(landings, rows, "none" if few else "all")
     seen = window.seen_kinks()
@@ -166,6 +167,16 @@ class _Smooth:
         slopes = np.linalg.solve(self.root, self.basis.T @ smooth)[1 : self.inputs.shape[1] + 1]
         scale = np.linalg.lstsq(inputs - inputs.mean(axis=0), self.inputs, rcond=None)[0]
         return np.asarray(scale @ slopes)
+
+
+def upper_ends(sizes: list[float], allowed: float) -> list[float]:
+    """Return how large differences may be at the simultaneous contact that show as these `sizes`.
+
+    Smooth terms hide some of them. And by the share c by which the derivative changes over the
+    landings a difference does, too: at one of them it may lie `_ONE_LANDING` times as far off.
+    """
+    changed = _ONE_LANDING * (allowed / OF_FOURTH) ** (2 / 3)
+    return [size + float(np.hypot(HIDDEN * allowed, changed * size)) for size in sizes]
 
 
 def symmetric_root(covariance: FloatArray) -> FloatArray:
