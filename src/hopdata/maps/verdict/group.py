@@ -141,10 +141,10 @@ def judge_group(
     squared = parts["squared"].mean().to_numpy(float)
     found = combine(squared, np.full(len(squared), of_mean))
     near, up = found.error * t.isf([(1.0 - confidence) / 2.0, 1.0 - confidence], found.n - 1)
-    mean = max(0.0, found.mean)
-    estimate, *ends = np.sqrt([mean, mean + near, mean + up]).tolist()
+    estimate, *ends = np.sqrt(max(0.0, found.mean) + np.array([0.0, near, up])).tolist()
     low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - members["left"].mean())
-    sizes = (estimate, low, *upper_ends(ends, float(members["allowed"].mean())))
+    high, bound = upper_ends(ends, float(members["allowed"].mean()))
+    sizes = (estimate, low, high, bound)
     conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if sizes[3] <= margin else CANNOT_TELL
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
     said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"
