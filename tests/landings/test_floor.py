@@ -372,6 +372,14 @@ def test_one_foot_that_slips_up_is_no_floor_that_moves(bent):
     assert moving(replace(bent, positions=slipped)) == ""
 
 
+def test_feet_that_roll_alike_are_no_floor_that_moves(bent):
+    rolled = bent.positions.copy()
+    later = slice(4 * len(rolled) // 5, None)
+    for foot, rise_m in zip(bent.indices("foot"), (0.008, 0.010, 0.013), strict=True):
+        rolled[later, foot, 2] += rise_m
+    assert moving(replace(bent, positions=rolled)) == ""
+
+
 @pytest.mark.parametrize("kind", ["series", "series, soft 8 ms"])
 def test_soles_that_give_are_no_floor_that_moves(kind):
     assert "moves" not in floor_of_jumps(kind, 3, 200.0, jumps=11).note

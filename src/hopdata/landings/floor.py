@@ -37,8 +37,7 @@ def _notes(
     """
     notes = []
     for foot, name in enumerate(recording.names("foot")):
-        share = float(raised[rest.foot == foot].mean())
-        if share >= NOTED_SHARE:
+        if (share := float(raised[rest.foot == foot].mean())) >= NOTED_SHARE:
             told = f"{100 * share:.0f} % of its frames at rest"
             notes.append(f"{name} rests above the floor in {told}, left out")
     found, wanted = degrees
@@ -110,8 +109,7 @@ def raised_rests(
         mode = ground_mode(near, scale=scale)
         above = (residuals - mode.height_m) / mode.sigma_m
         raised, core = above > _SIGMAS, np.abs(above) <= _SIGMAS
-        found = np.linalg.lstsq(columns[core], heights[core], rcond=None)[0]
-        residuals = heights - columns @ found
+        residuals = heights - columns @ np.linalg.lstsq(columns[core], heights[core], rcond=None)[0]
     near_floor = np.abs(residuals) <= band_m
     return raised & bool((raised & near_floor).sum() >= _LEAST_SHARE * near_floor.sum())
 
@@ -234,7 +232,7 @@ def fit_floor(
 _SPAN_S, _REST_S = 0.3, 0.06  # a foot's rest is one point a span; a shorter one may be in the air
 _LEAST_RESTS = 10  # of a foot: two jumps on a soft sole do not tell
 _LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # a box is higher
-_SELDOM = 5.0  # of the range of nine in ten rests
+_SELDOM, _FAR = 5.0, 0.9  # of the range of nine in ten rests; feet that roll alike differ there
 _MOVE_PER_APART = 8.0  # of feet that rest one after the other: chance alone makes it 3.5
 
 
@@ -259,10 +257,12 @@ def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray
     height, other = steps.points[:, 2], np.diff(steps.foot) != 0
     at_once = np.diff(columns, axis=0)[other], np.diff(height)[other]  # whatever the floor does
     fits = [np.linalg.lstsq(a, b, rcond=_STAYS)[0] for a, b in ((columns, height), at_once)]
-    apart = np.median(np.abs(at_once[1] - at_once[0] @ fits[1]))
+    apart = np.abs(at_once[1] - at_once[0] @ fits[1])
     lines = np.stack([steps.time, *(height - columns @ fit for fit in fits)])
     around = np.lib.stride_tricks.sliding_window_view(lines, max(n_feet, 3), axis=1)
     when, beyond_place, moved = np.median(around, axis=2)
+    far = np.argsort(np.abs(np.interp(steps.time[1:][other], when, moved) - np.median(moved)))
+    apart = max(np.median(apart), np.median(apart[far[int(_FAR * len(far)) :]]))
     if _range(beyond_place) > least_m and _range(moved) > _MOVE_PER_APART * apart:
         return when, moved + np.median(steps.above_mode - np.interp(steps.time, when, moved))
     return still
