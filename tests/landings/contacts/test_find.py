@@ -9,7 +9,7 @@ from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import ConfigError
 from hopdata.landings.contacts.descents import LANDED, MISSING, POOR_FIT, find_transitions
-from hopdata.landings.contacts.find import find_contacts
+from hopdata.landings.contacts.find import contacts_of, find_contacts, find_landings
 
 
 def found(scene, heights=None, *, pre=PRE_HEIGHT_M, **options):
@@ -127,6 +127,15 @@ def test_toes_that_rise_a_little_as_their_heel_comes_down_are_timed(seed):
     sure = (contacts.instant - made.contacts) / contacts.se
     assert np.sqrt(np.mean(sure[~rise[:, 0]] ** 2)) < 1.25
     assert np.sqrt(np.mean(sure[rise[:, 0] & (contacts.se > 0.004)] ** 2)) < 1.25
+
+
+def test_what_a_low_pass_may_delay_contacts_by_is_common_to_all(scene, monkeypatch):
+    recording = scene.recording.part(slice(0, 2000))
+    plain = contacts_of(find_landings(recording)).common
+    monkeypatch.setattr("hopdata.landings.contacts.find.low_pass", lambda _: 0.12)
+    delayed = contacts_of(find_landings(recording)).common
+    assert (plain < 0.002).all()
+    np.testing.assert_allclose(delayed, 0.21 / (0.12 * recording.rate_hz))
 
 
 def test_unknown_choices_name_the_nearest(scene):

@@ -6,6 +6,7 @@ from hopdata.recordings.quality.rigid import (
     cut_off,
     frame_noise,
     frames_of_pattern,
+    low_pass,
     pair_distances,
     rigid_clusters,
     treated,
@@ -78,9 +79,10 @@ def test_a_low_pass_is_told_with_its_cut_off(hz, rate_hz, poles):
 
     body = hopping(6, n_frames=3000, rate_hz=rate_hz)[1][:, :3]
     assert treated(body, rate_hz) == []
-    assert cut_off(body) == 0
+    assert cut_off(body) == low_pass(body) == 0
     smooth = np.round(filtfilt(*butter(poles, hz / rate_hz * 2), body, axis=0), 6)
     assert cut_off(smooth) * rate_hz == pytest.approx(hz, rel=0.15)
+    assert low_pass(smooth) == cut_off(smooth)
     (told,) = treated(smooth, rate_hz)
     assert "by a low-pass of some" in told
     assert "export them unfiltered" in told

@@ -15,12 +15,14 @@ from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
+from hopdata.recordings.quality.rigid import low_pass
 
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
 LEAVES = 8.0  # standard deviations of a height: a foot that rises by more has left again
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
 FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
+FILTER_DELAYS = 0.21  # periods of its cut-off by which a low-pass may make contacts late
 DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0  # of the median descent, and of the noise: a foot that is down
 
 
@@ -110,6 +112,9 @@ def find_landings(
     options |= {"correlation": descents.noise_correlation(recording.body)}
     contacts = find_contacts(time, seen, complete, **options)
     contacts = _of_feet(contacts, [len(foot) for foot in parts])
+    if cut := low_pass(recording.body):
+        late_s = FILTER_DELAYS / (cut * recording.rate_hz)
+        contacts = replace(contacts, common=np.maximum(contacts.common, late_s))
     columns = {
         "begin_s": spans[order, 0],
         "end_s": spans[order, 1],

@@ -162,6 +162,13 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
     return [f"{told}: contacts come late, fit poorly or not at all; export them unfiltered"]
 
 
+def low_pass(body: FloatArray) -> float:
+    """Return the `cut_off` of markers (N, m, 3) of an animal of 1 m if they were filtered; or 0."""
+    body = _middle(body)
+    quiet = quantiles(frame_noise(body)[:, None], [0.5])[0, 0] < NO_CAMERA_M
+    return cut_off(body) if quiet else 0.0
+
+
 def _middle(body: FloatArray) -> FloatArray:
     first = max(0, (len(body) - SPECTRUM_FRAMES) // 2)
     return body[first : first + SPECTRUM_FRAMES]
@@ -219,15 +226,17 @@ def cut_off(body: FloatArray) -> float:
     last = int(
         np.max(np.nonzero(power > ABOVE_FLOOR * np.median(power[often > 0.4]))[0], initial=0)
     )
+    if not last:
+        return 0.0
     often, power = (x[last // SLOWER : last + 1, None] for x in (often, power))
     cuts, poles = (x.ravel() for x in np.meshgrid(np.geomspace(0.01, 0.4, 100), POLES))
     loss = 2 * np.log1p((np.tan(np.pi * often) / np.tan(np.pi * cuts)) ** (2 * poles))
-    before, law = np.log(power) + loss, np.log(often) ** [0, 1]
+    before, law = np.log(power + EXACT**3) + loss, np.log(often) ** [0, 1]
     noise = np.linalg.lstsq(law, before)[0]
     miss = np.std(before - law @ noise, axis=0)
     miss[(noise[1] < NOISE_SLOPES[0]) | (noise[1] > NOISE_SLOPES[1])] = np.inf
     best = int(miss.argmin())
-    return float(cuts[best]) if last and miss[best] < LAW_HOLDS else 0.0
+    return float(cuts[best]) if miss[best] < LAW_HOLDS else 0.0
 
 
 # Stretches in which two markers keep each other's distances to a rigid cluster.
