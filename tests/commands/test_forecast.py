@@ -162,3 +162,8 @@ def test_every_change_answers_a_reason_that_the_tables_give():
     sources = Path(hopdata.landings.__file__).parent.rglob("*.py")
     text = "\n".join(path.read_text(encoding="utf-8") for path in sources)
     assert all(reason in text for reason in forecast.CHANGES)
+
+
+def test_without_landings_no_contact_is_timed():
+    none = pd.DataFrame({"reason": [], "contact_toe_s": []})
+    assert forecast.Forecast(none, 1.0).timed("toe") == 0
