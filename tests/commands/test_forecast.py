@@ -116,6 +116,11 @@ def test_a_foot_that_only_drags_is_to_be_left_out():
     assert changes == ["b is hardly ever seen to land: take it off markers.feet"]
 
 
+def test_without_a_landing_no_share_of_them_is_timed():
+    none = pd.DataFrame({"reason": ["no foot landed"], "contact_toe_s": [np.nan]})
+    assert forecast.Forecast(none, 1.0, stops=True).timed("toe") == 0.0
+
+
 def test_a_body_marker_that_is_lost_is_named(check):
     _, lines, _ = check(with_gap(hopping(1)[1], "hip3", 1200, 2000))
     (told,) = (x for x in starting(lines, "change") if x.startswith("hip3 is hidden as the body"))
