@@ -103,7 +103,7 @@ class Forecast:
     def timed(self, foot: str) -> float:
         """Share of the landings in which the contact of a foot is found."""
         landed = self.touchdowns[self.touchdowns["reason"] != NO_FOOT_LANDED]
-        return float(landed[f"contact_{foot}_s"].notna().sum() / max(len(landed), 1)) if len(landed) else 0.0
+        return float(landed[f"contact_{foot}_s"].notna().mean()) if len(landed) else 0.0
 
     @property
     def unsure(self) -> float:
