@@ -1,4 +1,7 @@
-"""Pages as notebooks: where a page says so, its blocks of Python and of the shell are run."""
+"""Pages as notebooks: where a page says so, its blocks of Python and of the shell are run.
+
+What a page shows is checked by code in its last comment, which does not show either.
+"""
 
 import re
 
@@ -7,7 +10,10 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
 #: The line that says so; it does not show.
 RUNS = "<!-- The code of this page is run when the site is built. -->"
-BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+CHECKED = "<!-- Checked when the site is built:"
+BLOCK = re.compile(
+    rf"^(?:```(python|console)|{CHECKED})\n(.*?)^(?:```|-->)$", re.MULTILINE | re.DOTALL
+)
 # Each page works in a folder of its own, with the checkout's recordings and configurations.
 BEGIN = """
 import os, shutil, sys, tempfile
@@ -33,7 +39,9 @@ def notebook(text: str) -> NotebookNode:
     cells.append(new_markdown_cell(words))
     for kind, code, words in zip(*[iter(blocks)] * 3, strict=True):
         lines = code.rstrip().splitlines()
-        cells.append(new_code_cell("\n".join(["%%bash -e"] * (kind == "console") + lines)))
+        hidden = {} if kind else {"tags": ["remove-cell"]}
+        code = "\n".join(["%%bash -e"] * (kind == "console") + lines)
+        cells.append(new_code_cell(code, metadata=hidden))
         cells.append(new_markdown_cell(words))
     page = new_notebook(cells=cells)
     page.metadata["kernelspec"] = {

@@ -50,45 +50,6 @@ def code_blocks(page):
     return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)
 
 
-def test_the_code_in_the_integrators_page_runs():
-    scope = {"__name__": "__main__"}
-    blocks = code_blocks("integrator.md")
-    assert len(blocks) >= 2
-    for block in blocks:
-        exec(compile(block, "docs/integrator.md", "exec"), scope)
-    assert scope["batch"].jacobian.shape == (5, 4, 4)
-    five_systems_are_right(scope)
-
-
-def five_systems_are_right(scope):
-    """Compare the examples with closed forms and, the neuron, with itself."""
-    first = np.sqrt(2 / 9.81)
-    assert scope["landed"][:2] == pytest.approx([first, first * 2.6], abs=1e-12)
-    speed = 9.81 * first
-    before = scope["bounces"](scope["landed"], side="left")
-    assert before[1, :2] == pytest.approx([-speed, -0.8 * speed], abs=1e-11)
-    assert scope["period"] == pytest.approx(np.full(6, 20 * np.log(1.5)), abs=1e-7)
-    intervals = np.diff(scope["train"].events.time)
-    assert intervals[5:] == pytest.approx(np.full(len(intervals) - 5, intervals[-1]), rel=1e-6)
-    assert scope["counted"].n_events == pytest.approx(50_000 / intervals[-1], abs=2)
-    assert np.diff(scope["opened"])[-5:] == pytest.approx(np.full(5, 400e-6), rel=1e-6)
-    falling = 4 * np.sin(0.3) * np.sin(0.06) / (1 - np.cos(0.6) ** 2)
-    assert scope["rates"][-1] == pytest.approx(np.cos(0.6) * np.sqrt(falling), abs=1e-6)
-
-
-def test_the_code_in_the_page_on_steering_runs(capsys):
-    (block,) = code_blocks("steering.md")
-    scope = {"__name__": "__main__"}
-    exec(compile(block, "docs/steering.md", "exec"), scope)
-    assert re.findall(r"swing by [+-]\d\.\d\d rad, to land at", capsys.readouterr().out)[1:]
-    assert scope["model"].inputs.shape == (100, 2)
-    plan, landed = scope["plan"], scope["landed"]
-    np.testing.assert_allclose(plan.poses[0], landed, rtol=1e-12)
-    # it faces away from the origin, and so begins to turn
-    headings = [landed[2], plan.poses[1, 2], plan.poses[2, 2]]
-    assert np.all(np.diff(np.abs(headings)) > 0.05)
-
-
 def test_the_code_in_the_page_on_the_verdict_runs():
     (block,) = code_blocks("verdict.md")
     scope = {"__name__": "__main__"}

@@ -56,6 +56,7 @@ def test_a_small_study_of_a_control_runs_to_a_report(checkout):
         for recording, seconds in zip(config["recordings"], (100, 90.5), strict=True):
             recording["simulation"]["duration_s"] = seconds
         config["sections"] = {"pre_height_m": 0.52, "post_height_m": 0.275}
+        config["scaling_study"] = {"landings": 200}
 
     edited = edit_config(checkout, shorten, source="config/control.yaml")
     run = snakemake(checkout, "--configfile", edited)

@@ -384,19 +384,19 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
 
 def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sample):
     """A source dated ahead is refused, results are named; an older source is read anew."""
-    source, verdict = sample / "data/sample/hopper.h5", "results/sample/verdict.json"
-    seconds, before = source.stat().st_mtime, (sample / verdict).read_bytes()
+    source, made = sample / "data/sample/hopper.h5", "results/sample/recordings/hopper.h5"
+    seconds, before = source.stat().st_mtime, (sample / made).read_bytes()
     os.utime(source, (seconds, time.time() + 86_400))
-    run = snakemake(sample, verdict)
+    run = snakemake(sample, made)
     assert run.returncode == 1
     told = "expected a time before now, found a later one: a clock is or was wrong"
     assert f"hopdata: error: data/sample/hopper.h5: {told}; touch it" in run.stderr
     os.utime(source, (seconds, seconds - 86_400))
-    os.utime(sample / verdict, (seconds, time.time() + 86_400))
-    run = snakemake(sample, verdict, "--dry-run")
+    os.utime(sample / made, (seconds, time.time() + 86_400))
+    run = snakemake(sample, made, "--dry-run")
     assert "rule recording:" in run.stdout + run.stderr
-    assert f"hopdata: {verdict}: {told}, and times say what" in run.stderr
-    run = snakemake(sample, verdict, "--forceall")
+    assert f"hopdata: {made}: {told}, and times say what" in run.stderr
+    run = snakemake(sample, made, "--forceall")
     assert run.returncode == 0, run.stdout + run.stderr
-    assert (sample / verdict).read_bytes() == before
-    assert "hopdata: " not in snakemake(sample, verdict, "--dry-run").stderr
+    assert (sample / made).read_bytes() == before
+    assert "hopdata: " not in snakemake(sample, made, "--dry-run").stderr
