@@ -550,8 +550,8 @@ class Study(Shown):
     @cached_property
     def tables(self) -> dict[str, pd.DataFrame]:
         """All tables by their names in the folder ``tables`` of the workflow's results."""
-        found = {**self._of_landings, **self._of_maps[0]}
-        return {"touchdowns": self.touchdowns} | {k: as_stored(v) for k, v in found.items()}
+        found = ("touchdowns", *self._of_landings, *self._of_maps[0])
+        return {name: self._content(name) for name in found}
 
     @property
     def quality(self) -> pd.DataFrame:
@@ -564,7 +564,7 @@ class Study(Shown):
 
         config, found = self.config, self._of_landings
         checks = check_study(
-            **{name: self.tables[name] for name in ("touchdowns", "markers", "faults")},
+            **{name: self._content(name) for name in ("touchdowns", "markers", "faults")},
             stability=found["section_stability"],
             drift=found["drift"],
             floors={name: floor.to_dict() for name, floor in self.floors.items()},
@@ -585,8 +585,15 @@ class Study(Shown):
             return getattr(self, name)
         if name in ("verdict", "sections"):
             return getattr(self, name).to_dict()
-        found = self._of_landings  # without fitting all the models
-        return as_stored(found[name] if name in found else self._of_maps[0][name])
+        if name not in self._stored:
+            found = self._of_landings  # without fitting all the models
+            self._stored[name] = as_stored(found[name] if name in found else self._of_maps[0][name])
+        return self._stored[name]
+
+    @cached_property
+    def _stored(self) -> dict[str, pd.DataFrame]:
+        """Tables in the digits of their files, as they are asked for."""
+        return {}
 
     @told_call
     def report(self, file: str | Path, *, drawn: str | Path | None = None) -> Path:

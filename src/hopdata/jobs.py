@@ -11,6 +11,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -141,7 +142,8 @@ def _unguarded(cell: object) -> object:
 def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.DataFrame:
     """Change the texts of a table, the names of its columns too."""
     texts = [name for name in table if len(table) and table[name].dtype.kind == "O"]
-    changed = {str(name): table[name].map(change) for name in texts}
+    once = lru_cache(None, typed=True)(change)  # of many cells few differ
+    changed = {str(name): table[name].map(once) for name in texts}
     return table.assign(**changed).rename(columns=change)
 
 
