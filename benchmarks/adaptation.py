@@ -51,8 +51,7 @@ from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper, released, steer_hop
 from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
-from hopdata.synthesis.camera import draw_floor
-from hopdata.synthesis.simulate import MotionCapture
+from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 STARTS, LEARNED = 12, 100
 LEG = 2  # the weakest, whose change costs the planner most (chosen on seed 101)
@@ -109,15 +108,12 @@ def learned(
     robot: SteeredHopper, seed: np.random.SeedSequence
 ) -> tuple[HopperGeometry, FrameChangeProcess]:
     """Learn from 100 hops of an excitation."""
-    swings = eulerian_excitation(ControlGrid(), np.random.default_rng(child(seed, 0))).swings[:130]
+    swings = eulerian_excitation(ControlGrid(), np.random.default_rng(child(seed, 0)))[:130]
     chance = child(seed, 1).generate_state(4).tolist()
     recording = record_trial(robot, swings, seed=chance).recording
     geometry = calibrate(recording)
     seen = observe_stances(recording, geometry)
-    hops = frame_changes(
-        seen.time_s, seen.pose, seen.boom_angle_rad, seen.pairs,
-        swing_limit_rad=robot.swing_limit_rad, tilts_rad=seen.tilt_rad,
-    ).used()  # fmt: skip
+    hops = frame_changes(seen, swing_limit_rad=robot.swing_limit_rad).used()
     return geometry, trained_process(hops.rows(np.arange(min(LEARNED, len(hops)))))
 
 

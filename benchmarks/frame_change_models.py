@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
-from hopdata.steering.frame_changes import USED, FrameChanges, frame_changes, joined
+from hopdata.steering.frame_changes import USED, FrameChanges, StanceStates, frame_changes, joined
 from hopdata.steering.models.learning import (
     IN_UNITS,
     UNITS,
@@ -177,14 +177,10 @@ def frame_changes_at_frames(
     every = np.asarray(poses, dtype=float)
     frames, stances = np.unique(np.reshape(pairs, (-1, 2)), return_inverse=True)
     window = max(1, round(BOOM_WINDOW_S * rate_hz))
-    return frame_changes(
-        frames / rate_hz,
-        every[frames],
-        stance_boom_angles(boom_angles_rad, frames, window),
-        stances.reshape(-1, 2),
-        swing_limit_rad=swing_limit_rad,
-        recording=recording,
-    )
+    booms = stance_boom_angles(boom_angles_rad, frames, window)
+    of = (frames / rate_hz, every[frames], booms, stances.reshape(-1, 2))
+    states = StanceStates(*of, tilt_rad=np.full(len(frames), np.nan))
+    return frame_changes(states, swing_limit_rad=swing_limit_rad, recording=recording)
 
 
 def true_pairs(stances: pd.DataFrame) -> IntArray:
@@ -275,14 +271,7 @@ def frame_change_errors(measured: FrameChanges, true: FrameChanges) -> FrameChan
 def observed(trial: SteeredTrial, name: str) -> FrameChanges:
     """Return the frame changes that motion capture sees."""
     states = observe_stances(trial.recording, calibrate(trial.recording))
-    return frame_changes(
-        states.time_s,
-        states.pose,
-        states.boom_angle_rad,
-        states.pairs,
-        swing_limit_rad=LIMIT,
-        recording=name,
-    )
+    return frame_changes(states, swing_limit_rad=LIMIT, recording=name)
 
 
 def true_hops(trial: SteeredTrial, name: str) -> FrameChanges:
@@ -300,7 +289,7 @@ def true_hops(trial: SteeredTrial, name: str) -> FrameChanges:
 def excited(seed: int, recordings: int) -> Iterator[SteeredTrial]:
     """Record the hopper with printed excitations."""
     for stream in np.random.SeedSequence(seed).spawn(recordings):
-        swings = random_excitation(ControlGrid(), np.random.default_rng(stream)).swings
+        swings = random_excitation(ControlGrid(), np.random.default_rng(stream))
         yield record_trial(ROBOT, swings, seed=stream.generate_state(2).tolist())
 
 

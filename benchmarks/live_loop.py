@@ -195,13 +195,7 @@ def recorded() -> Recording:
 def identified(recording: Recording, geometry: HopperGeometry) -> Planner:
     """Learn the frame change from 100 hops of the recording, and return a planner that uses it."""
     seen = observe_stances(recording, geometry)
-    changes = frame_changes(
-        seen.time_s,
-        seen.pose,
-        seen.boom_angle_rad,
-        seen.pairs,
-        swing_limit_rad=LIMITS.swing_rad,
-    )
+    changes = frame_changes(seen, swing_limit_rad=LIMITS.swing_rad)
     learned = planner(trained_process(changes.used().rows(np.arange(100))))
     learned.plan(np.zeros(3), np.pi)  # compiles
     return learned
@@ -446,7 +440,7 @@ class Rehearsal:
             self.stream.buffer,
             lambda: (
                 HopperTracker(self.geometry, self.names),
-                StanceDetector.of(self.geometry, rate_hz=FAULTS_HZ),
+                StanceDetector(self.geometry, rate_hz=FAULTS_HZ),
             ),
             SimpleNamespace(plan=self._plan),
             SimpleNamespace(swing=self._swing),

@@ -46,7 +46,7 @@ from hopdata.steering.observation.observe import (
 )
 from hopdata.steering.observation.stances import StanceDetector, find_stances
 from hopdata.steering.observation.tracking import HopperTracker, hopper_motion, observe_frame
-from hopdata.synthesis.camera import MarkerTracks, draw_floor, draw_gaps, observe, track_markers
+from hopdata.synthesis.camera import MarkerTracks, MotionCapture, draw_floor, track_markers
 from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Trial, run_trial
 
 # The hopper that is steered, its boom swinging to and fro, with true poses and landings.
@@ -131,15 +131,11 @@ def filmed(
     true, rate_hz = scene.tracks.positions, scene.trial.rate_hz
     if rest_first:
         true = np.concatenate([np.repeat(true[:1], REST_FRAMES, axis=0), true])
-    hidden = draw_gaps(
-        GapOptions(rate_per_min=gaps_per_min),
-        frames=len(true), markers=true.shape[1], rate_hz=rate_hz, rng=streams[1],
-    )  # fmt: skip
-    seen = observe(
-        true,
-        floor=draw_floor(FloorOptions() if curved else FLAT, streams[0]),
-        noise_m=noise_m, resolution_m=0.0, hidden=hidden, rng=streams[2],
-    )  # fmt: skip
+    gaps = GapOptions(rate_per_min=gaps_per_min)
+    camera = MotionCapture(rate_hz=rate_hz, noise_m=noise_m, resolution_m=0.0, gaps=gaps)
+    hidden = camera.draw_gaps(len(true), true.shape[1], streams[1])
+    floor = draw_floor(FloorOptions() if curved else FLAT, streams[0])
+    seen = camera.observe(true, floor, hidden, streams[2])
     time = np.arange(len(true)) / rate_hz
     return Recording("swinging", time, seen, scene.tracks.names, scene.tracks.roles, rate_hz)
 
@@ -373,7 +369,7 @@ def told(seen: Recording, *, dropped: float, jumping: float, seed: int) -> Float
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
     geometry = calibrate(seen)
     tracker = HopperTracker(geometry, seen.markers)
-    detector = StanceDetector.of(geometry, rate_hz=seen.rate_hz)
+    detector = StanceDetector(geometry, rate_hz=seen.rate_hz)
     off = np.where(rng.random(len(seen.time)) < jumping, rng.choice([-0.2, 0.2], len(seen.time)), 0)
     stances = []
     for k in np.flatnonzero(rng.random(len(seen.time)) >= dropped):
@@ -437,7 +433,7 @@ def time_rows(seen: Recording, frames: int = 300) -> Iterator[Row]:
             observe_frame(geometry, frame, marker)
 
     def detect() -> None:
-        detector = StanceDetector.of(geometry)
+        detector = StanceDetector(geometry)
         for time, height in zip(seen.time[:frames], body[:, :, 2].mean(axis=1), strict=True):
             detector.feed(time, height)
 

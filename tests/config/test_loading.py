@@ -427,7 +427,8 @@ def test_every_key_has_a_meaning_a_kind_and_a_default_that_fits(path, schema):
 
 
 def test_the_simulation_has_the_same_keys_and_defaults_as_the_schema():
-    from hopdata.synthesis.simulate import MotionCapture, Simulation
+    from hopdata.synthesis.camera import MotionCapture
+    from hopdata.synthesis.simulate import Simulation
 
     config = load_config(yaml.safe_load(SOUND), check_files=False)
     assert config["motion_capture"] == listed(asdict(MotionCapture()))

@@ -14,6 +14,7 @@ from hopdata.steering.frame_changes import (
     TILTED,
     UPRIGHT_RAD,
     USED,
+    StanceStates,
     frame_changes,
     from_table,
     joined,
@@ -40,9 +41,12 @@ def motion(first_boom=6.0):
 def collected(poses, booms, pairs=PAIRS, **options):
     frames, stances = np.unique(pairs, return_inverse=True)
     options = {"swing_limit_rad": 1.2} | options
-    return frame_changes(
-        frames / RATE, poses[frames], booms[frames], stances.reshape(-1, 2), **options
-    )
+    return frame_changes(states(poses, booms, frames, stances.reshape(-1, 2)), **options)
+
+
+def states(poses, booms, frames, pairs, tilt_rad=np.nan):
+    tilts = np.broadcast_to(tilt_rad, len(frames))
+    return StanceStates(frames / RATE, poses[frames], booms[frames], np.asarray(pairs), tilts)
 
 
 def test_swings_and_changes_are_those_that_were_made():
@@ -59,7 +63,7 @@ def test_swings_and_changes_are_those_that_were_made():
 def test_stances_that_do_not_exist_are_an_error():
     poses, booms = motion()
     with pytest.raises(IndexError):
-        frame_changes(STANCES, poses[STANCES], booms[STANCES], [[0, 5]], swing_limit_rad=1.2)
+        frame_changes(states(poses, booms, STANCES, [[0, 5]]), swing_limit_rad=1.2)
 
 
 def test_wrapped_boom_angles_are_the_same():
@@ -84,10 +88,8 @@ def test_a_robot_that_tips_over_is_not_used():
     poses, booms = motion()
     numbers = np.column_stack([np.arange(4), np.arange(1, 5)])
     booms = np.where(np.arange(320) == STANCES[4], np.nan, booms)
-    found = frame_changes(
-        STANCES / RATE, poses[STANCES], booms[STANCES], numbers, swing_limit_rad=1.2,
-        tilts_rad=[0.05, 0.1, np.nan, 0.1, UPRIGHT_RAD + 0.01],
-    )  # fmt: skip
+    tilts = [0.05, 0.1, np.nan, 0.1, UPRIGHT_RAD + 0.01]
+    found = frame_changes(states(poses, booms, STANCES, numbers, tilts), swing_limit_rad=1.2)
     assert found.reason.tolist() == [USED, USED, USED, TILTED]
     assert found.excluded() == {TILTED: 1}
 

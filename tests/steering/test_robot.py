@@ -9,7 +9,7 @@ from hopdata.errors import ConfigError
 from hopdata.rigid import composed, relative
 from hopdata.steering.robot import Board, SteeredHopper, released, steer_hop
 from hopdata.steering.trial import record_trial, true_frame_changes
-from hopdata.synthesis.simulate import MotionCapture
+from hopdata.synthesis.camera import MotionCapture
 from hopdata.synthesis.trial import FloorOptions
 
 ROBOT = SteeredHopper()

@@ -7,10 +7,9 @@ from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.camera import (
     CurvedFloor,
+    MotionCapture,
     draw_floor,
-    draw_gaps,
     fixed_markers,
-    observe,
     track_markers,
 )
 from hopdata.synthesis.hops import rest_foot, smooth_step
@@ -22,14 +21,8 @@ NOBODY = np.zeros(TRUE.shape[:2], dtype=bool)
 
 
 def seen(noise_m=0.0006, resolution_m=0.0, hidden=NOBODY):
-    return observe(
-        TRUE,
-        floor=FLOOR,
-        noise_m=noise_m,
-        resolution_m=resolution_m,
-        hidden=hidden,
-        rng=np.random.default_rng(3),
-    )
+    camera = MotionCapture(noise_m=noise_m, resolution_m=resolution_m)
+    return camera.observe(TRUE, FLOOR, hidden, np.random.default_rng(3))
 
 
 def test_without_noise_only_the_floor_is_added_and_only_to_z():
@@ -114,9 +107,7 @@ def test_floor_height_keeps_the_shape_of_its_points():
 
 
 def drawn(options, frames=200_000, seed=1):
-    return draw_gaps(
-        options, frames=frames, markers=3, rate_hz=100.0, rng=np.random.default_rng(seed)
-    )
+    return MotionCapture(gaps=options).draw_gaps(frames, 3, np.random.default_rng(seed))
 
 
 def test_no_gaps_unless_asked_for():

@@ -81,19 +81,13 @@ def replay(options: argparse.Namespace) -> int:
     """Play a log into the same controller; exit code 1 if a plan differs."""
     from hopdata.steering.live.log import read_log
     from hopdata.steering.live.log import replay as replayed
+    from hopdata.steering.live.loop import observers_of
     from hopdata.steering.live.safety import Limits
-    from hopdata.steering.observation.stances import StanceDetector
-    from hopdata.steering.observation.tracking import HopperTracker
 
     log = read_log(options.log)
     geometry, controller = _parts(log.setup, log.files)
-    names, rate_hz = (*geometry.body_names, str(geometry.boom_name)), log.setup["rate_hz"]
-    plans = replayed(
-        log,
-        lambda: (HopperTracker(geometry, names), StanceDetector.of(geometry, rate_hz=rate_hz)),
-        controller,
-        limits=Limits(**log.setup["limits"]),
-    )
+    observers, limits = observers_of(geometry, log.setup["rate_hz"]), Limits(**log.setup["limits"])
+    plans = replayed(log, observers, controller, limits=limits)
     what = "simulated hopper" if log.setup["simulated"] else "recorded robot"
     print(f"{options.log}: {what}, {counted(len(log.frames), 'frame')}, ", end="")
     print(f"{counted(len(log.decisions), 'stance')}, {counted(len(plans), 'plan')}")
@@ -145,7 +139,7 @@ def _learned() -> tuple[Any, Any]:
     from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
 
     robot, rng = SteeredHopper(), np.random.default_rng(np.random.SeedSequence(SEED))
-    swings = eulerian_excitation(ControlGrid(), rng).swings[: LEARNED_HOPS + 20]
+    swings = eulerian_excitation(ControlGrid(), rng)[: LEARNED_HOPS + 20]
     recording = record_trial(robot, swings, seed=SEED).recording
     seen = observe_recordings([recording], swing_limit_rad=robot.swing_limit_rad)
     return seen.geometry, trained_process(seen.changes.used().rows(np.arange(LEARNED_HOPS)))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, pd
+from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.errors import RecordingError
 from hopdata.rigid import relative, wrapped
 
@@ -25,6 +25,30 @@ SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
 # The simulated hopper leans by less than 5 degrees in its stances. Kicked until 3 to 12 % of them
 # are not on all feet, it leans by more than this in 82 % of these, in at most 0.8 % of the others.
 UPRIGHT_RAD = np.deg2rad(20)
+
+
+@dataclass(frozen=True)
+class StanceStates:
+    """States of K stances.
+
+    Parameters
+    ----------
+    time_s : (K,) array
+    pose : (K, 3) array
+        x m, y m, heading rad, which is not wrapped; NaN where unknown.
+    boom_angle_rad : (K,) array
+        rad, not wrapped; NaN where unknown.
+    pairs : (P, 2) array of int
+        Stances that are a hop apart.
+    tilt_rad : (K,) array
+        Tilt in the frame of the stance, rad; NaN where unknown.
+    """
+
+    time_s: FloatArray
+    pose: FloatArray
+    boom_angle_rad: FloatArray
+    pairs: IntArray
+    tilt_rad: FloatArray
 
 
 @dataclass(frozen=True)
@@ -72,56 +96,38 @@ class FrameChanges:
 
 
 def frame_changes(
-    time_s: ArrayLike,
-    poses: ArrayLike,
-    boom_angles_rad: ArrayLike,
-    pairs: ArrayLike,
-    *,
-    swing_limit_rad: float,
-    recording: str = "",
-    tilts_rad: ArrayLike | None = None,
+    stances: StanceStates, *, swing_limit_rad: float, recording: str = ""
 ) -> FrameChanges:
-    """Collect the frame changes between K stances.
+    """Collect the frame changes between stances.
 
     Parameters
     ----------
-    time_s : (K,) array
-        Time of each stance.
-    poses : (K, 3) array
-        Pose at each stance, m, m, rad; NaN where it is not known.
-    boom_angles_rad : (K,) array
-        Boom angle at each stance, wrapped or not; NaN where it is not known.
-    pairs : (P, 2) array of int
-        Numbers of stances that are a hop apart.
+    stances : StanceStates
+        A hop from or to a stance tilted by more than `UPRIGHT_RAD` is not used: the robot tips
+        over.
     swing_limit_rad : float
         Largest swing that was commanded, below pi. A swing that seems larger by more than
         `SWING_MARGIN_RAD` is taken for a mistake of the boom angle, and its hop is not used.
     recording : str
         Name of the recording.
-    tilts_rad : (K,) array, optional
-        Tilt at each stance, NaN where it is not known. A hop from or to a stance tilted by more
-        than `UPRIGHT_RAD` is not used: the robot tips over.
 
     Returns
     -------
     FrameChanges
         One row for each pair, used or not.
     """
-    poses, booms = np.asarray(poses, dtype=float), np.asarray(boom_angles_rad, dtype=float)
-    both = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
-    first, second = both.T
+    booms, leans = stances.boom_angle_rad, stances.tilt_rad > UPRIGHT_RAD
+    first, second = stances.pairs.T
     swing = np.asarray(wrapped(booms[second] - booms[first]))
-    change = relative(poses[first], poses[second])
+    change = relative(stances.pose[first], stances.pose[second])
     reason = np.full(len(first), USED, dtype="<U32")
     reason[np.abs(swing) > swing_limit_rad + SWING_MARGIN_RAD] = FAR_SWING
     reason[np.isnan(swing)] = NO_BOOM
-    if tilts_rad is not None:
-        leans = np.asarray(tilts_rad, dtype=float) > UPRIGHT_RAD
-        reason[leans[first] | leans[second]] = TILTED
+    reason[leans[first] | leans[second]] = TILTED
     reason[np.isnan(change).any(axis=1)] = NO_POSE
     return FrameChanges(
         recording=np.full(len(first), recording),
-        time_s=np.asarray(time_s, dtype=float)[first],
+        time_s=stances.time_s[first],
         boom_angle_rad=booms[first] % (2 * np.pi),
         swing_rad=swing,
         change=change,

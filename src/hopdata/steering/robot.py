@@ -11,15 +11,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import require
 from hopdata.scenes.hopper_control import HopperDrag
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.camera import fixed_markers, in_world
+from hopdata.synthesis.camera import MotionCapture, fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
-from hopdata.synthesis.simulate import MotionCapture
 from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
 
 STANCE_SEARCH_S = 0.01  # step at which the lowest point is sought, before a parabola through it
@@ -29,6 +28,7 @@ LIGHT_BOOM = HopperParameters(
     mass_kg=2.6, counterweight_mass_kg=0.1, inertia_z_kg_m2=0.03, damping_n_s_m=5.5, friction=0.5,
     boom_duration_s=0.2,
 )  # fmt: skip
+SOFT_KICKS = Kicks(velocity_m_s=0.02, angular_velocity_rad_s=0.1, preload_fraction=0.02)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,11 +57,7 @@ class SteeredHopper:
 
     hopper: HopperParameters = LIGHT_BOOM
     preload_shares: tuple[float, ...] = (0.99, 1.05, 0.96)
-    kicks: Kicks = field(
-        default_factory=lambda: Kicks(
-            velocity_m_s=0.02, angular_velocity_rad_s=0.1, preload_fraction=0.02
-        )
-    )
+    kicks: Kicks = SOFT_KICKS
     markers: MarkerOptions = field(default_factory=MarkerOptions)
     swing_limit_rad: float = 3 * np.pi / 8
     release_height_m: float = 0.24
@@ -208,7 +204,7 @@ def _stance(
     return Stance(start_s + float(lowest), pose, boom_angle_rad, fell=False, touched=touched)
 
 
-def _markers(robot: SteeredHopper, hop: Hop, shown: NDArray[np.bool_]) -> FloatArray:
+def _markers(robot: SteeredHopper, hop: Hop, shown: BoolArray) -> FloatArray:
     states = hop.states[shown]
     body = np.broadcast_to(robot.markers.body_m, (len(states), len(robot.markers.body_m), 3))
     boom = hop.boom[shown] + robot.markers.boom_m

@@ -18,8 +18,8 @@ from hopdata.steering import CORRECTED, EXCITATION, PRINTED, TRIAL, child
 from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import is_finite
 from hopdata.steering.frame_changes import CHANGE
-from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
-from hopdata.synthesis.simulate import MotionCapture, observed
+from hopdata.synthesis.camera import MotionCapture, draw_floor, fixed_markers, track_markers
+from hopdata.synthesis.simulate import observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
 
 
@@ -61,32 +61,7 @@ class ControlGrid:
         return np.arange(-self.n_steps, self.n_steps + 1)
 
 
-@dataclass(frozen=True)
-class Excitation:
-    """A sequence of n moves on a grid, between n + 1 angles.
-
-    Parameters
-    ----------
-    grid : ControlGrid
-    start : int
-        Index of the first boom angle.
-    steps : (n,) array of int
-        Move in the flight after each stance, in grid steps.
-    """
-
-    grid: ControlGrid
-    start: int
-    steps: IntArray
-
-    @property
-    def swings(self) -> FloatArray:
-        """Swing in the flight after each stance but the last, (n,), rad."""
-        return np.asarray(self.steps * self.grid.step_rad, dtype=float)
-
-
-def eulerian_excitation(
-    grid: ControlGrid, rng: np.random.Generator, *, start: int = 0
-) -> Excitation:
+def eulerian_excitation(grid: ControlGrid, rng: np.random.Generator) -> FloatArray:
     """Draw a sequence that makes every move exactly as often as wanted, and ends where it began.
 
     It goes in laps, each of which makes every move once, so that the first lap covers the grid
@@ -94,41 +69,36 @@ def eulerian_excitation(
     of last moves to the start (Wilson 1996), the other moves in random order (the BEST theorem of
     van Aardenne-Ehrenfest and de Bruijn).
 
-    Parameters
-    ----------
-    grid : ControlGrid
-    rng : numpy Generator
-    start : int
-        Index of the first boom angle.
+    Returns
+    -------
+    (n,) array
+        Swing in the flight after each stance but the last, rad.
     """
-    root = start % grid.n_angles
-    laps = [_random_lap(grid, rng, root) for _ in range(grid.repeats)]
-    return Excitation(grid, root, np.concatenate(laps))
+    return grid.step_rad * np.concatenate([_random_lap(grid, rng) for _ in range(grid.repeats)])
 
 
-def _random_lap(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntArray:
+def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
     """Return an Eulerian circuit that makes every move once, as steps."""
-    last = _random_tree(grid, rng, root)
+    last = _random_tree(grid, rng)
     orders = [rng.permutation(grid.steps).tolist() for _ in range(grid.n_angles)]
-    for k in range(grid.n_angles):
-        if k != root:
-            orders[k].remove(last[k])
-            orders[k].append(int(last[k]))
-    lap, k = [], root
+    for k in range(1, grid.n_angles):
+        orders[k].remove(last[k])
+        orders[k].append(int(last[k]))
+    lap, k = [], 0
     while orders[k]:
         lap.append(orders[k].pop(0))
         k = (k + lap[-1]) % grid.n_angles
     return np.array(lap, dtype=int)
 
 
-def _random_tree(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntArray:
-    """Step from each angle towards the root along a uniform random spanning tree, (n_angles,).
+def _random_tree(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
+    """Step from each angle towards the first along a uniform random spanning tree, (n_angles,).
 
     By loop-erased random walks: a walk's last exit from each angle is what remains of it.
     """
     step = np.zeros(grid.n_angles, dtype=int)
     in_tree = np.zeros(grid.n_angles, dtype=bool)
-    in_tree[root] = True
+    in_tree[0] = True
     for k in range(grid.n_angles):
         here = k
         while not in_tree[here]:
@@ -141,7 +111,7 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntA
     return step
 
 
-def random_excitation(grid: ControlGrid, rng: np.random.Generator, *, start: int = 0) -> Excitation:
+def random_excitation(grid: ControlGrid, rng: np.random.Generator) -> FloatArray:
     """Draw moves at random until all are made (Algorithm 1).
 
     The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
@@ -149,15 +119,13 @@ def random_excitation(grid: ControlGrid, rng: np.random.Generator, *, start: int
     are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
     the matrix, and the last angle, without which the last move would not be commanded.
 
-    Parameters
-    ----------
-    grid : ControlGrid
-    rng : numpy Generator
-    start : int
-        Index of the first boom angle.
+    Returns
+    -------
+    (n,) array
+        Swing in the flight after each stance but the last, rad.
     """
     wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
-    made, k = list[int](), start % grid.n_angles
+    made, k = list[int](), 0
     while wanted.any():
         choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
         weights = wanted[(k + grid.steps[choices]) % grid.n_angles].sum(axis=1) + 1 / grid.n_steps
@@ -165,7 +133,7 @@ def random_excitation(grid: ControlGrid, rng: np.random.Generator, *, start: int
         wanted[k, move] = max(wanted[k, move] - 1, 0)
         made.append(int(grid.steps[move]))
         k = (k + made[-1]) % grid.n_angles
-    return Excitation(grid, start % grid.n_angles, np.array(made))
+    return grid.step_rad * np.array(made)
 
 
 # The trial: the hopper hops with these swings, and is recorded.
@@ -382,7 +350,7 @@ def simulate_excitation(
     robot = plant.robot_of(steering["robot"], camera)
     rng = np.random.default_rng(child(seed, EXCITATION))
     drawn = random_excitation if observation == PRINTED else eulerian_excitation
-    swings = drawn(ControlGrid(**steering["excitation"]), rng).swings
+    swings = drawn(ControlGrid(**steering["excitation"]), rng)
     chance = child(seed, TRIAL).generate_state(4).tolist()
     return record_trial(robot, swings, seed=chance, camera=camera, name=NAME)
 
@@ -395,10 +363,8 @@ INPUTS = ["boom_angle_rad", "swing_rad", "previous_swing_rad"]
 def true_map_table(true: TrueFrameChanges) -> pd.DataFrame:
     """Return one row for each boom angle, swing and previous swing, in this order."""
     axes = (true.boom_angle_rad, true.swing_rad, true.previous_swing_rad)
-    columns = [axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]
-    table = pd.DataFrame(np.column_stack(columns), columns=INPUTS)
-    table[CHANGE] = true.change.reshape(-1, 3)
-    return table
+    rows = pd.MultiIndex.from_product(axes, names=INPUTS)
+    return pd.DataFrame(true.change.reshape(-1, 3), rows, CHANGE).reset_index()
 
 
 def true_map_of(table: pd.DataFrame) -> TrueFrameChanges:

@@ -1,6 +1,6 @@
 """Where the markers are, given the body's motion and contacts, and what a camera sees of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -47,63 +47,74 @@ def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
     return CurvedFloor(options, vectors, rng.uniform(0.0, 2.0 * np.pi, options.waves))
 
 
-def observe(
-    positions: FloatArray,
-    *,
-    floor: CurvedFloor,
-    noise_m: float,
-    resolution_m: float,
-    hidden: BoolArray,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """Marker positions as the cameras report them.
+@dataclass(frozen=True, kw_only=True)
+class MotionCapture:
+    """The config's ``motion_capture``: how the scene is seen.
 
     Parameters
     ----------
-    positions : (N, M, 3) array
-        True positions over a flat floor, m.
-    floor : CurvedFloor
-        Its height at a marker's own x and y is added to that marker's z.
+    rate_hz : float
+        Frame rate, Hz.
     noise_m : float
-        Standard deviation of the independent normal noise on each coordinate, m. A distance
-        between two markers then has a standard deviation of sqrt(2) times that.
+        Standard deviation of the noise on each coordinate of each marker, m. The default takes
+        the dissertation's 0.6 mm as that; a distance between markers then varies by 0.85 mm.
     resolution_m : float
-        Positions are rounded to multiples of this, m; 0 for no rounding.
-    hidden : (N, M) bool array
-        Markers not seen; their coordinates become NaN.
-    rng : numpy Generator
-
-    Returns
-    -------
-    (N, M, 3) array, m
+        Step to which coordinates are rounded, m; 0 for none. A power of two packs well.
+    floor, gaps, markers
+        See their classes.
     """
-    seen = positions.copy()
-    seen[..., 2] += floor.height(positions[..., :2])
-    seen += noise_m * rng.standard_normal(positions.shape)
-    if resolution_m > 0:
-        seen = np.round(seen / resolution_m) * resolution_m
-    seen[hidden] = np.nan
-    return seen
 
+    rate_hz: float = 100.0
+    noise_m: float = 0.0006
+    resolution_m: float = 2.0**-15
+    floor: FloorOptions = field(default_factory=FloorOptions)
+    gaps: GapOptions = field(default_factory=GapOptions)
+    markers: MarkerOptions = field(default_factory=MarkerOptions)
 
-def draw_gaps(
-    options: GapOptions, *, frames: int, markers: int, rate_hz: float, rng: np.random.Generator
-) -> BoolArray:
-    """Draw which markers are hidden in which frames, (N, M).
+    def observe(
+        self, positions: FloatArray, floor: CurvedFloor, hidden: BoolArray, rng: np.random.Generator
+    ) -> FloatArray:
+        """Marker positions as the cameras report them.
 
-    Drop-outs of each marker begin at random (Poisson) and last a geometrically distributed number
-    of frames, at least one; those that overlap merge.
-    """
-    hidden = np.zeros((frames, markers), dtype=bool)
-    expected = options.rate_per_min / 60.0 * frames / rate_hz
-    end_probability = min(1.0, 1.0 / max(1.0, options.mean_s * rate_hz))
-    for marker in range(markers):
-        count = rng.poisson(expected)
-        starts = rng.integers(0, max(frames, 1), count)
-        lengths = rng.geometric(end_probability, count)
-        for start, length in zip(starts, lengths, strict=True):
-            hidden[start : start + length, marker] = True
-    return hidden
+        Parameters
+        ----------
+        positions : (N, M, 3) array
+            True positions over a flat floor, m.
+        floor : CurvedFloor
+            Its height at a marker's own x and y is added to that marker's z.
+        hidden : (N, M) bool array
+            Markers not seen; their coordinates become NaN.
+        rng : numpy Generator
+            Of the independent normal noise.
+
+        Returns
+        -------
+        (N, M, 3) array, m
+        """
+        seen = positions.copy()
+        seen[..., 2] += floor.height(positions[..., :2])
+        seen += self.noise_m * rng.standard_normal(positions.shape)
+        if self.resolution_m > 0:
+            seen = np.round(seen / self.resolution_m) * self.resolution_m
+        seen[hidden] = np.nan
+        return seen
+
+    def draw_gaps(self, frames: int, markers: int, rng: np.random.Generator) -> BoolArray:
+        """Draw which markers are hidden in which frames, (N, M).
+
+        Drop-outs of each marker begin at random (Poisson) and last a geometrically distributed
+        number of frames, at least one; those that overlap merge.
+        """
+        hidden = np.zeros((frames, markers), dtype=bool)
+        expected = self.gaps.rate_per_min / 60.0 * frames / self.rate_hz
+        end_probability = min(1.0, 1.0 / max(1.0, self.gaps.mean_s * self.rate_hz))
+        for marker in range(markers):
+            count = rng.poisson(expected)
+            starts = rng.integers(0, max(frames, 1), count)
+            lengths = rng.geometric(end_probability, count)
+            for start, length in zip(starts, lengths, strict=True):
+                hidden[start : start + length, marker] = True
+        return hidden
 
 
 RUNNING_AHEAD_S = 0.1  # time after the apex in which feet come to run ahead
@@ -216,9 +227,5 @@ def _last_event(trial: Trial, scene: Scene, leg: int, time: FloatArray) -> _Last
     # Before the first event: in flight, at rest length.
     when = np.append(trial.event_time[mine], -np.inf)
     last = np.searchsorted(when[:-1], time, side="right") - 1
-    return _LastEvent(
-        time - when[last],
-        np.vstack([place, np.zeros(3)])[last],
-        np.vstack([extension, np.zeros(3)])[last],
-        np.append(touches, False)[last],
-    )
+    place, extension = (np.vstack([one, np.zeros(3)])[last] for one in (place, extension))
+    return _LastEvent(time - when[last], place, extension, np.append(touches, False)[last])

@@ -220,14 +220,9 @@ def section_jacobians(
         through = flow @ node.product @ before
         maps.append(landings.output_slopes(pre, post, centre) @ through)
         outcomes.append(landings.output_coordinates(pre, post, centre))
-    return SectionJacobians(
-        landing,
-        pre,
-        tuple(">".join(str(foot + 1) for foot in order) for order in orders),
-        np.array(maps),
-        landings.input_coordinates(pre, centre),
-        np.array(outcomes),
-    )
+    schedules = tuple(">".join(str(foot + 1) for foot in order) for order in orders)
+    x = landings.input_coordinates(pre, centre)
+    return SectionJacobians(landing, pre, schedules, np.array(maps), x, np.array(outcomes))
 
 
 def _orders(

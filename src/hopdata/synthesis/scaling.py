@@ -14,21 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, one_blas_thread
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Truth
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
 from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.scene import Control, Scene
+from hopdata.synthesis import landings as true
 from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.exact_maps import homed, section_jacobians
-from hopdata.synthesis.landings import (
-    SectionHeights,
-    input_coordinates,
-    output_coordinates,
-    true_landings,
-)
+from hopdata.synthesis.landings import SectionHeights, true_landings
 
 # What a synthetic recording's truth says of the scene it was made with.
 
@@ -62,12 +58,8 @@ def known_scene(truth: Truth) -> KnownScene:
     parameters = json.loads(truth.parameters_json)
     simulation, camera = parameters["simulation"], parameters["motion_capture"]
     name = simulation.get("scene", STANDARD)
-    return KnownScene(
-        name,
-        scene_class(name)(**simulation[name]),
-        Control(**simulation.get("control", {})),
-        np.array(camera["markers"]["body_m"]),
-    )
+    scene, control = scene_class(name)(**simulation[name]), Control(**simulation.get("control", {}))
+    return KnownScene(name, scene, control, np.array(camera["markers"]["body_m"]))
 
 
 def common_scene(truths: Iterable[Truth]) -> KnownScene:
@@ -161,15 +153,10 @@ def study_landings(
     known = common_scene(truths)
     apexes, preloads = _starts(truths, known.scene)
     every = slice(None, None, -(-len(apexes) // landings))
-    return scaled_landings(
-        known.scene,
-        scaling_cases(known, coupling=coupling, impulse=impulse, delay_s=delay_s),
-        apexes[every],
-        preloads[every],
-        SectionHeights(pre_m, post_m, known.points_of(body)),
-        scales=scales,
-        workers=workers,
-    )
+    cases = scaling_cases(known, coupling=coupling, impulse=impulse, delay_s=delay_s)
+    sections = SectionHeights(pre_m, post_m, known.points_of(body))
+    of = (known.scene, cases, apexes[every], preloads[every], sections)
+    return scaled_landings(*of, scales=scales, workers=workers)
 
 
 def _starts(truths: Sequence[Truth], scene: Scene) -> tuple[FloatArray, FloatArray]:
@@ -243,8 +230,8 @@ def scaled_landings(
             rows = np.flatnonzero(found.whole)
             pre, post = found.pre_state[rows], found.post_state[rows]
             yield ScaledLandings(
-                case, control, scale, input_coordinates(pre, sections.centre_m),
-                output_coordinates(pre, post, sections.centre_m), scale * apart[rows],
+                case, control, scale, true.input_coordinates(pre, sections.centre_m),
+                true.output_coordinates(pre, post, sections.centre_m), scale * apart[rows],
                 found.contact_s[rows], np.array(found.schedule)[rows], len(found) - len(rows),
                 exact.maps,
             )  # fmt: skip
@@ -286,7 +273,7 @@ class TrueStates:
     y: FloatArray
     schedule: NDArray[np.str_]
     spread_s: FloatArray
-    index: NDArray[np.int64]
+    index: IntArray
 
 
 @one_blas_thread()
@@ -315,13 +302,9 @@ def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> Tr
     def joined(name: str) -> Any:
         return np.concatenate([np.array(getattr(f, name))[f.whole] for _, f in parts])[order]
 
-    return TrueStates(
-        marker_states(joined("pre_state"), sections.points_m),
-        marker_states(joined("post_state"), sections.points_m),
-        joined("schedule"),
-        joined("contact_s").std(axis=1),
-        index[order],
-    )
+    x, y = (marker_states(joined(f"{side}_state"), sections.points_m) for side in ("pre", "post"))
+    spread_s = joined("contact_s").std(axis=1)
+    return TrueStates(x, y, joined("schedule"), spread_s, index[order])
 
 
 def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:

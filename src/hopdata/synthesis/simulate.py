@@ -81,31 +81,6 @@ class Simulation:
         return said if self.name == STANDARD else {"scene": self.name, **said}
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionCapture:
-    """The config's ``motion_capture``: how the scene is seen.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Frame rate, Hz.
-    noise_m : float
-        Standard deviation of the noise on each coordinate of each marker, m. The default takes
-        the dissertation's 0.6 mm as that; a distance between markers then varies by 0.85 mm.
-    resolution_m : float
-        Step to which coordinates are rounded, m; 0 for none. A power of two packs well.
-    floor, gaps, markers
-        See their classes.
-    """
-
-    rate_hz: float = 100.0
-    noise_m: float = 0.0006
-    resolution_m: float = 2.0**-15
-    floor: trials.FloorOptions = field(default_factory=trials.FloorOptions)
-    gaps: trials.GapOptions = field(default_factory=trials.GapOptions)
-    markers: trials.MarkerOptions = field(default_factory=trials.MarkerOptions)
-
-
 @one_blas_thread()
 def simulate_recording(
     simulation: Mapping[str, Any] | None = None,
@@ -133,7 +108,7 @@ def simulate_recording(
         If a key is unknown or a value out of range.
     """
     simulated = Simulation.of(simulation)
-    camera = trials.from_mapping(MotionCapture, motion_capture, "motion_capture")
+    camera = trials.from_mapping(cameras.MotionCapture, motion_capture, "motion_capture")
     scene, control = simulated.scene, simulated.control
     streams = np.random.SeedSequence(seed).spawn(4)
     kicks_rng, floor_rng, *camera_rngs = map(np.random.default_rng, streams)
@@ -171,20 +146,15 @@ def simulate_recording(
 def observed(
     tracks: cameras.MarkerTracks,
     floor: cameras.CurvedFloor,
-    camera: MotionCapture,
+    camera: cameras.MotionCapture,
     name: str,
     noise_rng: np.random.Generator,
     gaps_rng: np.random.Generator,
 ) -> Recording:
     """Return what a motion-capture system records of marker tracks."""
     frames, markers, _ = tracks.positions.shape
-    hidden = cameras.draw_gaps(
-        camera.gaps, frames=frames, markers=markers, rate_hz=camera.rate_hz, rng=gaps_rng
-    )
-    positions = cameras.observe(
-        tracks.positions, floor=floor, noise_m=camera.noise_m, resolution_m=camera.resolution_m,
-        hidden=hidden, rng=noise_rng,
-    )  # fmt: skip
+    hidden = camera.draw_gaps(frames, markers, gaps_rng)
+    positions = camera.observe(tracks.positions, floor, hidden, noise_rng)
     time, rate_hz = np.arange(frames) / camera.rate_hz, camera.rate_hz
     return Recording(
         name, time, positions, tracks.names, tracks.roles, rate_hz, source="simulation"

@@ -7,8 +7,7 @@ from hopdata.steering.experiments.run import Sight
 from hopdata.steering.experiments.tasks import Start
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
-from hopdata.synthesis.camera import draw_floor
-from hopdata.synthesis.simulate import MotionCapture
+from hopdata.synthesis.camera import MotionCapture, draw_floor
 from hopdata.synthesis.trial import FloorOptions, GapOptions
 
 ROBOT = SteeredHopper()

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from steered_hopper import as_landings, heights, steered, true_pairs
 
 from hopdata.steering.observation.calibration import calibrate
+from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import (
     BOTTOM_UNSEEN,
     HELD,
@@ -183,9 +184,9 @@ def test_too_few_frames_give_nothing():
 
 
 def detector(rate_hz=100.0):
-    return StanceDetector(
-        stance_below_m=0.35, flight_above_m=0.38, noise_m=0.00035, rate_hz=rate_hz
-    )
+    noise_m = 0.00035 * np.sqrt(3)
+    geometry = HopperGeometry(("a", "b", "c"), np.eye(3), noise_m, 0.35, 0.38)
+    return StanceDetector(geometry, rate_hz=rate_hz)
 
 
 def told(time, height, rate_hz=100.0):
@@ -313,7 +314,7 @@ def test_a_clock_that_begins_anew_is_followed():
 
 def test_a_calibrated_detector_needs_nothing_else():
     hopper = steered()
-    one = StanceDetector.of(calibrate(hopper.recording))
+    one = StanceDetector(calibrate(hopper.recording))
     z = hopper.recording.body_height
     found = [s for t, h in zip(hopper.recording.time, z, strict=True) if (s := one.feed(t, h))]
     assert delays(found, hopper).max() <= 0.04

@@ -69,13 +69,8 @@ class PrintedController:
             values = objectives.objective_value(self.objective, poses[1:])
             return float(values[0]), (values[1:] - values[0]) / np.diag(tried[1:] - swings)
 
-        return minimize(
-            value_and_slope,
-            np.full(hops, first_rad),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(-limit, limit)] * hops,
-        )
+        first, bounds = np.full(hops, first_rad), [(-limit, limit)] * hops
+        return minimize(value_and_slope, first, jac=True, method="L-BFGS-B", bounds=bounds)
 
 
 def predicted_poses(

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.steering import robot as plant
@@ -16,8 +15,7 @@ from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker, Observation
 from hopdata.steering.trial import POSE
-from hopdata.synthesis.camera import CurvedFloor, draw_gaps, observe
-from hopdata.synthesis.simulate import MotionCapture
+from hopdata.synthesis.camera import CurvedFloor, MotionCapture
 
 # The simulated hopper as a controller knows it: through motion capture, frame by frame.
 
@@ -53,12 +51,10 @@ class WatchedHopper:
     ----------
     robot : plant.SteeredHopper
     sight : Sight
-    start : (3,) array
-        Pose at the release, m, m, rad.
-    most_hops : int
-        Gaps are drawn for so many hops.
-    kicks, noise, gaps : numpy Generator
-        Streams of chance of their own.
+    task : Task
+        Gaps are drawn for its hops and two more.
+    start : Start
+        Pose at the release, and the streams of chance.
     board : plant.Board, optional
         What stands in the way.
     frames : list, optional
@@ -69,27 +65,21 @@ class WatchedHopper:
         self,
         robot: plant.SteeredHopper,
         sight: Sight,
-        start: ArrayLike,
-        *,
-        most_hops: int,
-        kicks: np.random.Generator,
-        noise: np.random.Generator,
-        gaps: np.random.Generator,
-        board: plant.Board | None = None,
-        frames: Frames | None = None,
+        task: Task,
+        start: Start,
+        board: plant.Board | None,
+        frames: Frames | None,
     ) -> None:
-        self.robot, self.sight, self.board = robot, sight, board
-        self._kicks, self._noise, self._frames = kicks, noise, frames
-        self._apex: plant.Apex = plant.released(robot, start, robot.hopper.boom_angle_rad)
+        self.robot, self.sight, self.board, self._frames = robot, sight, board, frames
+        self._kicks, self._noise, gaps, _ = start.streams()
+        self._apex: plant.Apex = plant.released(robot, start.pose, robot.hopper.boom_angle_rad)
         camera, body = sight.camera, robot.markers.body_m
         markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
-        self._hidden: BoolArray = draw_gaps(
-            camera.gaps, frames=round(most_hops * robot.hop_limit_s * camera.rate_hz),
-            markers=len(markers), rate_hz=camera.rate_hz, rng=gaps,
-        )  # fmt: skip
+        most_frames = round((task.hops + 2) * robot.hop_limit_s * camera.rate_hz)
+        self._hidden: BoolArray = camera.draw_gaps(most_frames, len(markers), gaps)
         self._tracker = HopperTracker(sight.geometry, markers)
         self._body = sight.geometry.body_places(markers)
-        self._detector = StanceDetector.of(sight.geometry, rate_hz=camera.rate_hz)
+        self._detector = StanceDetector(sight.geometry, rate_hz=camera.rate_hz)
 
     def hop(self, swing_rad: float) -> tuple[plant.Stance, Observation | None]:
         """Make one hop with this swing of the boom, rad, and watch it.
@@ -148,10 +138,7 @@ class WatchedHopper:
         """Markers (K, M, 3) as the cameras report them."""
         camera = self.sight.camera
         index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(self._hidden)
-        return observe(
-            hop.markers, floor=self.sight.floor, noise_m=camera.noise_m,
-            resolution_m=camera.resolution_m, hidden=self._hidden[index], rng=self._noise,
-        )  # fmt: skip
+        return camera.observe(hop.markers, self.sight.floor, self._hidden[index], self._noise)
 
 
 # Columns of the stances of a run: poses as they truly were, as they were seen (NaN where not), and
@@ -212,11 +199,7 @@ def run_task(
     frames : list, optional
         Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
     """
-    kicks, noise, gaps, _ = start.streams()
-    hopper = WatchedHopper(
-        robot, sight, start.pose, most_hops=task.hops + 2, kicks=kicks, noise=noise,
-        gaps=gaps, board=board, frames=frames,
-    )  # fmt: skip
+    hopper = WatchedHopper(robot, sight, task, start, board, frames)
     goal, unknown = goal_of(task.manoeuvre, start.pose), np.full(3, np.nan)
     rows: list[list[float]] = []
     errors: list[float] = []

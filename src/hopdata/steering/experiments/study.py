@@ -282,9 +282,7 @@ def _curves(run: Run) -> pd.DataFrame:
     return pd.concat(curves)
 
 
-def board_for(
-    manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float, reach_m: float = 0.38
-) -> Board:
+def board_for(manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float) -> Board:
     """Return the board in the way: across the line to the origin, or across the first heading.
 
     It is as long as the floor. So whoever comes to the origin has pushed it, and so has whoever
@@ -299,13 +297,10 @@ def board_for(
         Friction of the board on the floor, N.
     ahead_m : float
         How far the hopper comes before it meets it, m.
-    reach_m : float
-        How far ahead of its centre the hopper touches it, m.
     """
     pose = np.asarray(start, dtype=float)
     way = np.array([np.cos(pose[2]), np.sin(pose[2])])
     if manoeuvre == tasks.ORIGIN:
         way = -pose[:2] / np.hypot(pose[0], pose[1])
-    place = float(pose[:2] @ way) + ahead_m + reach_m
-    direction = (float(way[0]), float(way[1]))
-    return Board(direction=direction, place_m=place, reach_m=reach_m, drag_n=drag_n)
+    place = float(pose[:2] @ way) + ahead_m + Board.reach_m
+    return Board(direction=(float(way[0]), float(way[1])), place_m=place, drag_n=drag_n)

@@ -54,25 +54,20 @@ class FrameBuffer:
         if capacity < 1:
             raise ValueError(f"capacity: expected at least one frame, found {capacity}")
         self._slots: list[Frame | None] = [None] * capacity
-        self._written = 0
+        self.written = 0  # frames, since the beginning
         self._news = threading.Condition()
-
-    @property
-    def written(self) -> int:
-        """How many frames have been written so far."""
-        return self._written
 
     def write(self, frame: Frame) -> None:
         """Put in a frame, in place of the oldest one."""
-        markers, index = frame.markers.copy(), self._written
+        markers, index = frame.markers.copy(), self.written
         markers.flags.writeable = False
         self._slots[index % len(self._slots)] = replace(frame, markers=markers, index=index)
-        self._written = index + 1
+        self.written = index + 1
         self.wake()
 
     def newest(self) -> Frame | None:
         """Return the newest frame."""
-        written = self._written
+        written = self.written
         return self._slots[(written - 1) % len(self._slots)] if written else None
 
     def since(self, index: int) -> list[Frame]:
@@ -80,7 +75,7 @@ class FrameBuffer:
 
         If more have come than the buffer holds, the first of these has a higher index.
         """
-        written = self._written
+        written = self.written
         first = max(index, written - len(self._slots), 0)
         slots = (self._slots[k % len(self._slots)] for k in range(first, written))
         # What was overwritten in the meantime is left for the next time.
@@ -91,8 +86,8 @@ class FrameBuffer:
     ) -> bool:
         """Wait for the frame `index`, or until `unless` is true; say whether the frame has come."""
         with self._news:
-            self._news.wait_for(lambda: self._written > index or unless(), timeout_s)
-        return self._written > index
+            self._news.wait_for(lambda: self.written > index or unless(), timeout_s)
+        return self.written > index
 
     def wake(self) -> None:
         """Make those who wait look again. The lock is only ever held for a look at the count."""

@@ -16,13 +16,11 @@ from hopdata.errors import ConfigError
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import FrameBuffer, LoopCounts, Status, StatusLog, StreamCounts
 from hopdata.steering.live.log import DriveLog
-from hopdata.steering.live.loop import ControlLoop, Decision
+from hopdata.steering.live.loop import ControlLoop, Decision, observers_of
 from hopdata.steering.live.packets import PORT
 from hopdata.steering.live.safety import Boom, Limits, Rest
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.stances import StanceDetector
-from hopdata.steering.observation.tracking import HopperTracker
 
 LOOK_S = 0.02  # how often the caller may look, while the threads work
 BUFFERED = 4096  # frames
@@ -142,10 +140,8 @@ def drive(
             on_decision(decision)
 
     loop = ControlLoop(
-        stream.buffer,
-        lambda: (HopperTracker(geometry, names), StanceDetector.of(geometry, rate_hz=rate_hz)),
-        controller, boom, limits=limits, on_decision=decided,
-        on_frames=None if log is None else log.frames, fault=fault, stop=stop,
+        stream.buffer, observers_of(geometry, rate_hz), controller, boom, limits=limits,
+        on_decision=decided, on_frames=None if log is None else log.frames, fault=fault, stop=stop,
     )  # fmt: skip
     if log is not None:
         log.start(lambda: log.events(said.history(), loop.watch.rests))

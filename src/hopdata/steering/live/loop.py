@@ -20,6 +20,7 @@ from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, joined
 from hopdata.steering.live.safety import Boom, Limits, Watch
+from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stance, StanceDetector
 from hopdata.steering.observation.tracking import MISFIT, HopperTracker, Observation
 
@@ -88,6 +89,13 @@ class Decision:
 
 
 Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
+
+
+def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
+    """Return what makes a tracker and a detector of a hopper's markers, the boom after the body."""
+    names = (*geometry.body_names, str(geometry.boom_name))
+    return lambda: (HopperTracker(geometry, names), StanceDetector(geometry, rate_hz=rate_hz))
+
 
 LOOK_UP_S = 0.5
 SAME_CLOCK_S = 0.5

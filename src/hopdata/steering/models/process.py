@@ -124,11 +124,6 @@ class FrameChangeProcess:
                 raise ValueError(f"{name}: expected {shape}, found {getattr(self, name).shape}")
 
     @property
-    def n_inputs(self) -> int:
-        """Number of inputs."""
-        return self.inputs.shape[1]
-
-    @property
     def chance(self) -> FloatArray:
         """Standard deviation of a hop about its expectation, (3,), m, m, rad."""
         return np.asarray(np.sqrt(self.noise) * self.unit)
@@ -203,7 +198,7 @@ class FrameChangeProcess:
         return correlation(np.array(squared), self.smoothness)
 
     def _points(self, inputs: tuple[ArrayLike, ...]) -> FloatArray:
-        points = input_rows(inputs, self.n_inputs).T
+        points = input_rows(inputs, self.inputs.shape[1]).T
         if not self.periodic:
             points[:, 0] %= TURN
         return points
@@ -338,11 +333,9 @@ def fitted_regressor(
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
 
+    kernel = _kernel(options, inputs.shape[1])
     regressor = GaussianProcessRegressor(
-        _kernel(options, inputs.shape[1]),
-        alpha=0.0,
-        n_restarts_optimizer=options.restarts,
-        random_state=seed,
+        kernel, alpha=0.0, n_restarts_optimizer=options.restarts, random_state=seed
     )
     with one_blas_thread(), warnings.catch_warnings():
         # A length scale at its bound means that the input does not matter: no reason to warn.

@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.rigid import rigid_fit
 from hopdata.steering import CORRECTED, PRINTED
-from hopdata.steering.frame_changes import FrameChanges, frame_changes, joined
+from hopdata.steering.frame_changes import FrameChanges, StanceStates, frame_changes, joined
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stances, find_stances, local_fit
@@ -25,30 +24,6 @@ from hopdata.steering.observation.tracking import HopperMotion, hopper_motion, u
 POSE_HALF_S = 0.035  # half the window of the fit to the poses
 BOOM_S = 0.11  # the dissertation's 11 frames at 100 Hz
 LEAST_BOOM_FRAMES = 3
-
-
-@dataclass(frozen=True)
-class StanceStates:
-    """States of K stances.
-
-    Parameters
-    ----------
-    time_s : (K,) array
-    pose : (K, 3) array
-        x m, y m, heading rad, which is not wrapped; NaN where unknown.
-    boom_angle_rad : (K,) array
-        rad, not wrapped; NaN where unknown.
-    pairs : (P, 2) array of int
-        Stances that are a hop apart.
-    tilt_rad : (K,) array
-        Tilt in the frame of the stance, rad; NaN where unknown.
-    """
-
-    time_s: FloatArray
-    pose: FloatArray
-    boom_angle_rad: FloatArray
-    pairs: NDArray[np.int64]
-    tilt_rad: FloatArray
 
 
 def observe_stances(recording: Recording, geometry: HopperGeometry) -> StanceStates:
@@ -69,13 +44,8 @@ def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
     median over a while from the stance on, in which the boom stands still (footnote 4 of chapter
     III); it is unknown with fewer than three frames.
     """
-    return StanceStates(
-        stances.time_s,
-        _poses(motion, stances),
-        _boom_angles(motion, stances),
-        stances.pairs,
-        motion.tilt_rad[stances.frame],
-    )
+    pose, boom = _poses(motion, stances), _boom_angles(motion, stances)
+    return StanceStates(stances.time_s, pose, boom, stances.pairs, motion.tilt_rad[stances.frame])
 
 
 def _poses(motion: HopperMotion, stances: Stances) -> FloatArray:
@@ -282,28 +252,9 @@ def _observed(recording: Recording, swing_limit_rad: float, observation: str) ->
     states = stance_states(motion, stances)
     if observation == PRINTED:
         motion, stances, states = _as_printed(recording, motion)
-    changes = frame_changes(
-        states.time_s,
-        states.pose,
-        states.boom_angle_rad,
-        states.pairs,
-        swing_limit_rad=swing_limit_rad,
-        recording=recording.name,
-        tilts_rad=states.tilt_rad,
-    )
-    return Observed(
-        geometry,
-        changes,
-        _stance_table(recording.name, stances, states),
-        _motion_table(recording.name, motion),
-        [_counts(recording.name, motion, stances, changes)],
-    )
-
-
-def _counts(
-    name: str, motion: HopperMotion, stances: Stances, changes: FrameChanges
-) -> dict[str, Any]:
-    return {
+    name = recording.name
+    changes = frame_changes(states, swing_limit_rad=swing_limit_rad, recording=name)
+    counts = {
         "recording": name,
         "frames": motion.counts,
         "stances": len(stances.time_s),
@@ -312,6 +263,8 @@ def _counts(
         "used": len(changes.used()),
         "excluded": changes.excluded(),
     }
+    tables = _stance_table(name, stances, states), _motion_table(name, motion)
+    return Observed(geometry, changes, *tables, [counts])
 
 
 def _stance_table(name: str, stances: Stances, states: StanceStates) -> pd.DataFrame:

@@ -6,7 +6,6 @@ from collections import Counter, deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
 from hopdata.steering.observation.geometry import HopperGeometry, height_band
@@ -186,10 +185,10 @@ class Visits:
         Whether heights are missing for long between the visit before and this one.
     """
 
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
-    lowest: NDArray[np.int64]
-    after_hole: NDArray[np.bool_]
+    first: IntArray
+    last: IntArray
+    lowest: IntArray
+    after_hole: BoolArray
 
 
 def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: float) -> Visits:
@@ -399,10 +398,8 @@ class StanceDetector:
 
     Parameters
     ----------
-    stance_below_m, flight_above_m : float
-        Heights that every stance falls below, and every flight rises above.
-    noise_m : float
-        Standard deviation of the noise on a height.
+    geometry : HopperGeometry
+        Heights that every stance falls below, and every flight rises above, and the noise.
     rate_hz : float
         Frame rate of the stream.
 
@@ -417,29 +414,12 @@ class StanceDetector:
     _falling: tuple[float, float] | None
     _armed: bool
 
-    def __init__(
-        self,
-        *,
-        stance_below_m: float,
-        flight_above_m: float,
-        noise_m: float = 0.00035,
-        rate_hz: float = 100.0,
-    ) -> None:
-        self.stance_below_m, self.flight_above_m = stance_below_m, flight_above_m
+    def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
+        self.geometry, self.n_left_out = geometry, 0
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
         self.least_step_s = 0.1 / rate_hz
-        self.noise_m, self.n_left_out = noise_m, 0
+        self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))  # of a height
         self._forget()
-
-    @classmethod
-    def of(cls, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> StanceDetector:
-        """Return the detector for a hopper."""
-        return cls(
-            stance_below_m=geometry.stance_below_m,
-            flight_above_m=geometry.flight_above_m,
-            noise_m=geometry.noise_m / np.sqrt(len(geometry.body_m)),
-            rate_hz=rate_hz,
-        )
 
     def feed(self, time_s: float, height_m: float) -> Stance | None:
         """Take the next frame; return the stance that it tells, if any.
@@ -456,7 +436,7 @@ class StanceDetector:
             return None
         slope, bend, noise = self._parabola(time_s)
         self._speed = slope
-        if height_m > self.flight_above_m and (slope < 0 or not self._armed):
+        if height_m > self.geometry.flight_above_m and (slope < 0 or not self._armed):
             self._armed, self._lowest_m = True, np.inf
         self._lowest_m = min(self._lowest_m, height_m)
         if slope < 0 and self._armed:
@@ -541,7 +521,7 @@ class StanceDetector:
             lowest_s = time_s - slope / bend if bend > 0 else before
         if time_s - before > TOLD_HOLE_S:
             return None
-        low = self._lowest_m < self.stance_below_m or bridged
+        low = self._lowest_m < self.geometry.stance_below_m or bridged
         if not low or not bend > LEAST_BEND_M_S2:
             return None
         self._armed, self._falling = False, None

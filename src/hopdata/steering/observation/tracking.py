@@ -74,11 +74,8 @@ def observe_frame(
         Rotation of an earlier frame, to lean on if only two markers are seen.
     """
     fit = rigid_fit(body[None], geometry.body_m, None if earlier is None else earlier[None])
-    status, rotation, centre = (
-        str(_statuses(fit, geometry.noise_m)[0]),
-        fit.rotation[0],
-        fit.centre[0],
-    )
+    status, rotation = str(_statuses(fit, geometry.noise_m)[0]), fit.rotation[0]
+    centre = fit.centre[0]
     if status in (UNSEEN, MISFIT):
         rotation, centre = np.full((3, 3), np.nan), np.full(3, np.nan)
     pose, angle = np.array([centre[0], centre[1], headings(rotation)]), np.nan
@@ -191,15 +188,10 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
     known = (status == SEEN) | (status == LEANED)
     centre = np.where(known[:, None], fit.centre, np.nan)
     heading = unwrapped(np.where(known, headings(fit.rotation), np.nan))
-    return HopperMotion(
-        recording.time,
-        np.column_stack([centre[:, :2], heading]),
-        centre[:, 2],
-        _boom_angles(recording, geometry, centre, fit.rotation),
-        fit.residual_m,
-        status,
-        np.where(known, np.arccos(np.clip(fit.rotation[:, 2, 2], -1, 1)), np.nan),
-    )
+    pose = np.column_stack([centre[:, :2], heading])
+    boom = _boom_angles(recording, geometry, centre, fit.rotation)
+    tilt = np.where(known, np.arccos(np.clip(fit.rotation[:, 2, 2], -1, 1)), np.nan)
+    return HopperMotion(recording.time, pose, centre[:, 2], boom, fit.residual_m, status, tilt)
 
 
 def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatArray:
