@@ -28,24 +28,13 @@ def pooled_basis(x: FloatArray) -> FloatArray:
         (n, 1 + rank), columns orthogonal, each of mean square one.
     """
     x = np.asarray(x, float)
-    scale = column_scales(x)
-    _, values, right = truncated_svd((x - x.mean(0)) / scale)
-    spread = (x - x.mean(0)) @ (right.T / values / scale[:, None])
+    rounding = 8 * np.finfo(float).eps * np.abs(x).max(axis=0)
+    scale = np.where(np.ptp(x, axis=0) > rounding, x.std(axis=0), np.inf)  # inf where constant
+    _, values, right = np.linalg.svd((x - x.mean(0)) / scale, full_matrices=False)
+    kept = values > RANK_TOLERANCE * values.max(initial=0.0)
+    spread = (x - x.mean(0)) @ (right[kept].T / values[kept] / scale[:, None])
     spread = np.linalg.qr(spread - spread.mean(0))[0]
     return np.column_stack([np.ones(len(x)), np.sqrt(len(x)) * spread])
-
-
-def truncated_svd(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return U, s, Vt without the singular values that count as zero."""
-    left, values, right = np.linalg.svd(matrix, full_matrices=False)
-    rank = int(np.sum(values > RANK_TOLERANCE * values[0])) if values.size else 0
-    return left[:, :rank], values[:rank], right[:rank]
-
-
-def column_scales(x: FloatArray) -> FloatArray:
-    """Return the sd of each column; infinite where it is constant up to rounding."""
-    rounding = 8 * np.finfo(float).eps * np.abs(x).max(axis=0)
-    return np.where(np.ptp(x, axis=0) > rounding, x.std(axis=0), np.inf)
 
 
 #: A replicate with a smaller ratio of least to largest eigenvalue is fitted by pseudo-inverse.

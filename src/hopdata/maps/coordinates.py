@@ -183,10 +183,9 @@ def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
     return comb(n_inputs + degree, degree) + n_feet * (n_feet - 1)
 
 
-def affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
-    """Return the order up to which so many landings can have free terms: 3, 2 or 1."""
-    for degree in (3, 2):
-        terms = number_of_free_terms(n_inputs, n_feet, degree)
-        if landings >= LANDINGS_PER_TERM * terms:
-            return degree
-    return 1
+def affordable_degree(
+    landings: int, n_inputs: int, n_feet: int, per_term: float = LANDINGS_PER_TERM
+) -> int:
+    """Return the order up to which so many landings can have free terms: 3, 2, 1 or 0."""
+    terms = (number_of_free_terms(n_inputs, n_feet, degree) for degree in (1, 2, 3))
+    return sum(landings >= per_term * number for number in terms)

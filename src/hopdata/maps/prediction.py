@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.maps.affine import affine_test_errors, mean_test_errors, pooled_basis
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 
@@ -35,7 +35,7 @@ class Population:
 
     kind: str
     schedule: str
-    rows: NDArray[np.int64]
+    rows: IntArray
 
     @property
     def name(self) -> str:
@@ -213,7 +213,7 @@ def bootstrap_prediction(
     populations, notes = select_populations(
         np.asarray(schedule, str), np.asarray(spread, float), minimum_class
     )
-    needed = needed_training(x)
+    needed, units = needed_training(x), np.array([length_unit_m, length_unit_m / time_unit_s])
     populations, more = large_enough(populations, train, test, needed)
     sizes, scaled = common_split(populations, train, test)
     notes += more + scaled
@@ -229,7 +229,7 @@ def bootstrap_prediction(
                 errors = mean_test_errors(outputs, *splits)
             else:
                 errors = affine_test_errors(inputs, outputs, *splits)
-            frames.append(_rows(model, population, errors, sizes, length_unit_m, time_unit_s))
+            frames.append(_rows(model, population, errors, sizes, units))
     table = _table(frames)
     return PredictionStudy(table, summarise_errors(table), notes)
 
@@ -298,12 +298,7 @@ _COLUMNS = ("model", "schedule", "bootstrap", *_SIZES, *_ERRORS)
 
 
 def _rows(
-    model: str,
-    population: Population,
-    errors: FloatArray,
-    sizes: tuple[int, int],
-    length_unit_m: float,
-    time_unit_s: float,
+    model: str, population: Population, errors: FloatArray, sizes: tuple[int, int], unit: FloatArray
 ) -> pd.DataFrame:
     """Return the table of one model and population from its (R, 6B) squared errors."""
     half = errors.shape[1] // 2
@@ -311,8 +306,8 @@ def _rows(
     values = (
         *(model, population.schedule, np.arange(len(errors)), *sizes),
         *(part.mean(axis=1) for part in (errors, position, velocity)),
-        1e3 * length_unit_m * np.sqrt(position.max(axis=1)),
-        length_unit_m / time_unit_s * np.sqrt(velocity.max(axis=1)),
+        1e3 * unit[0] * np.sqrt(position.max(axis=1)),
+        unit[1] * np.sqrt(velocity.max(axis=1)),
     )
     return pd.DataFrame(dict(zip(_COLUMNS, values, strict=True)))
 

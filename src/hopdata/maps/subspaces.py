@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 
@@ -215,7 +215,7 @@ def bootstrap_subspaces(
 
 def leading_subspaces(
     pairs: FloatArray, draws: NDArray[np.integer], k: int
-) -> tuple[FloatArray, NDArray[np.bool_]]:
+) -> tuple[FloatArray, BoolArray]:
     """Return the k leading principal components of each draw.
 
     Parameters

@@ -52,12 +52,8 @@ class Units:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all values, and the printed ones beside them, for ``units.json``."""
-        return {
-            **asdict(self),
-            "velocity_unit_m_s": self.velocity_unit_m_s,
-            "printed_length_unit_m": 0.02913,
-            "printed_time_unit_s": 0.027,
-        }
+        printed = {"printed_length_unit_m": 0.02913, "printed_time_unit_s": 0.027}
+        return {**asdict(self), "velocity_unit_m_s": self.velocity_unit_m_s, **printed}
 
 
 @one_blas_thread()

@@ -16,7 +16,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import checked
-from hopdata.maps.coordinates import monomials, number_of_free_terms, time_differences
+from hopdata.maps.coordinates import affordable_degree, monomials, time_differences
 from hopdata.maps.corrected.marker_noise import InputErrors, calibration
 
 # Curvature of a landing map that all schedules share, as terms beside the linear ones.
@@ -34,19 +34,6 @@ LANDINGS_PER_TERM = 4.0
 _OUTLYING = 5.0
 
 
-def affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
-    """Return the order of the terms that so many landings can bear: 3, 2, 1 or 0.
-
-    Three and two are those of all inputs. One has second-order terms of the contact instants only,
-    zero has none but the linear ones.
-    """
-    for degree in (3, 2):
-        if landings >= LANDINGS_PER_TERM * number_of_free_terms(n_inputs, n_feet, degree):
-            return degree
-    few = 1 + n_inputs + n_feet * (n_feet - 1)
-    return 1 if landings >= LANDINGS_PER_TERM * few else 0
-
-
 def mean_terms(x: FloatArray, slopes: FloatArray, degree: int, doubt: FloatArray) -> FloatArray:
     """Return the curved terms on average over what the inputs may be, (n, terms).
 
@@ -57,7 +44,8 @@ def mean_terms(x: FloatArray, slopes: FloatArray, degree: int, doubt: FloatArray
     slopes
         (p, feet) derivatives of the contact instants, in a unit in which they are about one.
     degree
-        See `affordable_degree`.
+        Three and two are those of all inputs. One has second-order terms of the contact instants
+        only, zero has none but the linear ones.
     doubt
         (p, p) covariance of the inputs given the measured ones.
     """
@@ -241,7 +229,8 @@ def curved_map(
     doubt = known.doubt / scale[:, None] / scale
     astray = (centred / scale - inputs, drift)
     fits = []
-    for degree in range(affordable_degree(len(x), x.shape[1], instants.shape[1]) + 1):
+    highest = affordable_degree(len(x), x.shape[1], instants.shape[1], LANDINGS_PER_TERM)
+    for degree in range(highest + 1):
         curved = mean_terms(moved, delays / unit, degree, doubt)
         slopes, se = _regress(moved, y - drift, curved, astray)
         fits.append(LinearMap(slopes, se, degree, known.removed))

@@ -15,16 +15,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
-from hopdata.maps.truth.maps import (
-    Entries,
-    entry,
-    input_root,
-    largest_difference,
-    relative_difference,
-)
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.maps.truth import maps as truth
 
 SPARE_LANDINGS = 2
 COLUMNS = (
@@ -99,16 +92,16 @@ _SHOWN = {
 }
 
 
-def score_scaling(table: pd.DataFrame) -> Entries:
+def score_scaling(table: pd.DataFrame) -> truth.Entries:
     """Say what the scaling study shows of each case."""
-    entries: Entries = {}
+    entries: truth.Entries = {}
     for case in dict.fromkeys(table["case"]):
         smallest = table[table["case"] == case].sort_values("scale").iloc[0]
         who = KINDS.get(case, f"the {case}") + _strength(smallest)
         at = f"at {smallest['scale']:g} of the spread, {who}"
         for name, (column, what) in _SHOWN.items():
             said = what.format(who=who, at=at)
-            entries[f"{name}_{case}"] = entry(float(smallest[column]), "1", said)
+            entries[f"{name}_{case}"] = truth.entry(float(smallest[column]), "1", said)
     return entries
 
 
@@ -129,7 +122,7 @@ def _counts(sample: Any) -> dict[str, Any]:
 
 
 def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
-    how = {"root": input_root(sample.x), "units": units}
+    how = {"root": truth.input_root(sample.x), "units": units}
     pooled, own = _fit(sample, np.arange(len(sample.x)), units), _fits(sample, units)
     variance, own_variance = _mean_square([pooled]), _mean_square(own)
     p, maps = sample.x.shape[1], np.array([slopes for slopes, *_ in own])
@@ -140,9 +133,9 @@ def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
         "pooled_rms": float(np.sqrt(variance)),
         "specialised_rms": float(np.sqrt(own_variance)),
         "pooled_over_specialised": float(variance / own_variance) if own else np.nan,
-        "map_difference": largest_difference(maps[..., :p], **how) if own else np.nan,
-        "exact_difference": largest_difference(exact, **how),
-        "map_error": relative_difference(pooled[0][:, :p], exact.mean(axis=0), **how),
+        "map_difference": truth.largest_difference(maps[..., :p], **how) if own else np.nan,
+        "exact_difference": truth.largest_difference(exact, **how),
+        "map_error": truth.relative_difference(pooled[0][:, :p], exact.mean(axis=0), **how),
     }
 
 
@@ -150,7 +143,7 @@ def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
 _Fit = tuple[FloatArray, float, int]
 
 
-def _fit(sample: Any, rows: NDArray[np.int64], units: FloatArray) -> _Fit:
+def _fit(sample: Any, rows: IntArray, units: FloatArray) -> _Fit:
     x, y = np.hstack([sample.x, sample.preloads_n])[rows], sample.y[rows]
     spread = x.std(axis=0)
     spread[spread == 0] = 1.0

@@ -114,7 +114,7 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
         If the inputs foretell less than `LEAST_FORETOLD` of them.
     """
     t = instants - instants.mean(axis=1, keepdims=True)
-    highest = coordinates.affordable_degree(len(x), x.shape[1], t.shape[1])
+    highest = max(1, coordinates.affordable_degree(len(x), x.shape[1], t.shape[1]))
     fitted, best, least = np.median(t, axis=0), t, np.inf
     scaled = (x - x.mean(axis=0)) / x.std(axis=0)
     for degree in range(1, highest + 1):  # a few terms first: wrong instants stand out more

@@ -9,18 +9,13 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hopdata.arrays import Shown, one_blas_thread
+from hopdata.arrays import BoolArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import named_generator
-from hopdata.maps.verdict.effect import (
-    EffectSize,
-    compared,
-    effect_size,
-    landings_needed,
-    squared_size,
-)
+from hopdata.maps.verdict import effect as sizing
+from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import section_landings
 from hopdata.maps.verdict.model import LEFT, fit_kinks
 from hopdata.recording import numbers
@@ -182,25 +177,23 @@ def judge(
         require(number > 0, key, "a number above 0", number)
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
     notes = _left_out(known)
-    asked: dict[str, Any] = {
-        "n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "confidence": confidence,
-        "margin": margin, "power": power, "flips": flips,
-    }  # fmt: skip
+    how: dict[str, Any] = {"confidence": confidence, "power": power, "flips": flips}
+    asked = how | {"n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "margin": margin}
     try:
         landings = section_landings(*(part[known] for part in parts))
-        *differences, what = compared(landings)
+        *differences, what = sizing.compared(landings)
         fit = fit_kinks(landings)
     except AnalysisError as error:
         note = {"what": "verdict", "reason": str(error)}
         said = f"These data cannot tell: {error}."
         return Verdict(CANNOT_TELL, said, "", "", n_window=0, notes=[*notes, note], **asked)
-    size = squared_size(fit, landings, *differences)
+    size = sizing.squared_size(fit, landings, *differences)
     draw = named_generator(seed, "verdict", "signs")
-    effect = effect_size(fit, size, generator=draw, confidence=confidence, power=power, flips=flips)
+    effect = sizing.effect_size(fit, size, generator=draw, **how)
     conclusion, needed = conclude(effect, margin), None
     if effect.allowed < ASKED:
         seen = effect.detectable, effect.allowed
-        needed = landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
+        needed = sizing.landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
     return Verdict(
         conclusion,
         sentence(conclusion, effect.sizes(), what, confidence, margin),
@@ -214,7 +207,7 @@ def judge(
     )
 
 
-def _left_out(known: NDArray[np.bool_]) -> Notes:
+def _left_out(known: BoolArray) -> Notes:
     unknown = int((~known).sum())
     reason = f"{unknown} of {len(known)} used lack a state or the contact instant of a foot"
     return [{"what": "touchdowns left out of the verdict", "reason": reason}] if unknown else []
