@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, Shown
 from hopdata.errors import ArgumentError, RecordingError, require_choice, told_call
@@ -77,7 +77,7 @@ class Recording(Shown):
     vertical_axis: str = "z"
     events: tuple[Event, ...] = ()
     remarks: tuple[str, ...] = ()
-    filled: NDArray[np.bool_] | None = None
+    filled: BoolArray | None = None
 
     def __post_init__(self) -> None:
         seen = (len(self.time), len(self.markers))

@@ -76,7 +76,7 @@ def test_without_landings_there_is_no_scene():
 
 def test_each_excluded_landing_has_its_plot():
     table = excluded_table(landings(), [falling()])
-    assert table.rows[0][1] == "foot 2 was not seen"
+    assert table.rows[0][1] == "heel was not seen"
     plot = table.rows[0][-1]
     assert len(re.findall("<g ", plot)) == 2
     assert plot.count('class="at"') == 1  # the other foot was not found

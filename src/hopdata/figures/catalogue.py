@@ -46,6 +46,11 @@ def _table(*names: str) -> tuple[str, ...]:
     return tuple(f"tables/{name}.csv" for name in names)
 
 
+def _beside(place: str, studies: tuple[str, str], names: tuple[str, ...]) -> Drawing:
+    files = tuple(f"{study}/{name}" for study in studies for name in names)
+    return Drawing(place, files, {"names": ("C1 hopper", "control, not C1")})
+
+
 def _run(experiment: str) -> Drawing:
     options = {"experiment": experiment}
     return Drawing("steering:steering_run_figure", _table("examples"), options)
@@ -105,25 +110,17 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "sides": {
-        "fig2_5_both_sides": Drawing(
+        "fig2_5_both_sides": _beside(
             "distances:both_sides_figure",
-            tuple(
-                f"{study}/{name}"
-                for study in ("thesis", "control")
-                for name in (*_table("distances", "distance_summary"), "verdict.json")
-            ),
-            {"names": ("C1 hopper", "control, not C1")},
+            ("thesis", "control"),
+            (*_table("distances", "distance_summary"), "verdict.json"),
         )
     },
     "pair": {
-        "verdicts": Drawing(
+        "verdicts": _beside(
             "verdict:verdicts_figure",
-            tuple(
-                f"{study}/{name}"
-                for study in ("sample", "sample_control")
-                for name in ("verdict.json", *_table("touchdowns"))
-            ),
-            {"names": ("C1 hopper", "control, not C1")},
+            ("sample", "sample_control"),
+            ("verdict.json", *_table("touchdowns")),
         )
     },
 }

@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.figures import style
 
 # The landing map as a picture: what is true, what was estimated, and the difference.
@@ -30,7 +30,6 @@ SURE, UNSURE = 2.0, "#d9d9d9"
 FIRST_VELOCITY = 5  # rows above are displacements, rows below come from velocities
 COLOURS = "RdBu_r"
 WHAT_IS_GREY = "grey: within two standard errors of zero"
-Matrix = NDArray[np.float64]
 
 
 @style.styled
@@ -90,7 +89,7 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
     return figure
 
 
-def _draw_matrix(axes: Axes, matrix: Matrix, limit: float) -> Any:
+def _draw_matrix(axes: Axes, matrix: FloatArray, limit: float) -> Any:
     colours = colormaps[COLOURS].with_extremes(bad=UNSURE)
     image = axes.imshow(matrix, cmap=colours, vmin=-limit, vmax=limit, aspect="auto")
     axes.set_xticks(range(len(INPUTS)), list(INPUTS.values()), rotation=90)
@@ -99,12 +98,12 @@ def _draw_matrix(axes: Axes, matrix: Matrix, limit: float) -> Any:
     return image
 
 
-def _sure(matrix: Matrix, error: Matrix) -> Matrix:
+def _sure(matrix: FloatArray, error: FloatArray) -> FloatArray:
     """Return the cells that noise alone does not explain; NaN in the others."""
     return np.where(np.abs(matrix) > SURE * error, matrix, np.nan)
 
 
-def _matrix(table: pd.DataFrame) -> tuple[Matrix, Matrix]:
+def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     """Return the outputs (11) by the inputs (8), and their standard errors, zero if there are none.
 
     Both are displacements, as the column ``standardised``.

@@ -7,8 +7,8 @@ import pandas as pd
 from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.figures import style
 
 # Figure 3.3: the frame change of a hop over boom angle and swing, and how sure it is.
@@ -86,7 +86,7 @@ def _draw(
     )  # fmt: skip
 
 
-def _edges(nodes: NDArray[np.float64]) -> tuple[float, float]:
+def _edges(nodes: FloatArray) -> tuple[float, float]:
     """Return the ends of the cells around even nodes."""
     half = (nodes[-1] - nodes[0]) / (len(nodes) - 1) / 2
     return float(nodes[0] - half), float(nodes[-1] + half)

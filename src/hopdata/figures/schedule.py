@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 
 from hopdata.figures import style
 
+Contacts = Mapping[str, tuple[float, float]]  # instant and standard error of each foot, ms
+
 ARROW = " → "
 LONGEST_IN_ONE_LINE = 4
 UNDETERMINED_MS = 15.0  # as UNDETERMINED_S of the contacts: an error that says that none was seen
@@ -73,7 +75,7 @@ def schedule_figure(example: pd.DataFrame, touchdown: Mapping[str, Any]) -> Figu
     return figure
 
 
-def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> dict[str, tuple[float, float]]:
+def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> Contacts:
     """Contact instant after the pre section and its standard error, ms; NaN if unknown."""
     t_pre, found = float(touchdown["t_pre_s"]), {}
     for foot in feet:
@@ -83,11 +85,7 @@ def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> dict[str, tu
 
 
 def _draw_signal(
-    axes: Axes,
-    example: pd.DataFrame,
-    feet: Sequence[str],
-    contacts: Mapping[str, tuple[float, float]],
-    column: str,
+    axes: Axes, example: pd.DataFrame, feet: Sequence[str], contacts: Contacts, column: str
 ) -> None:
     """Draw one quantity of every foot, and a plus where its contact was found."""
     scale = 1e3 if column == "height_m" else 1.0
@@ -121,10 +119,7 @@ def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) 
 
 
 def _draw_contacts(
-    axes: Axes,
-    feet: Sequence[str],
-    contacts: Mapping[str, tuple[float, float]],
-    touchdown: Mapping[str, Any],
+    axes: Axes, feet: Sequence[str], contacts: Contacts, touchdown: Mapping[str, Any]
 ) -> None:
     """Draw one row a foot, earliest contact on top, with an error bar of one standard error."""
     order = sorted(range(len(feet)), key=lambda i: np.nan_to_num(contacts[feet[i]][0], nan=np.inf))

@@ -12,16 +12,10 @@ import numpy as np
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
+from hopdata.recordings import raw as reading
 from hopdata.recordings.quality.orientation import choose_unit, speak_for_silent, unit_remarks
 from hopdata.recordings.quality.rigid import recorded_frames
-from hopdata.recordings.raw import (
-    METRES_PER_UNIT,
-    MOST_UNPACKED_MB,
-    PAUSE_S,
-    RATE_TOLERANCE,
-    RawRecording,
-    rotate_up,
-)
+from hopdata.recordings.raw import RawRecording, rotate_up
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw, suffixes
 from hopdata.recordings.readers.text import listed
 
@@ -69,7 +63,7 @@ def _check_alike(first_path: Path, first: RawRecording, path: Path, raw: RawReco
         ("vertical axis", first.stated_up, raw.stated_up),
         ("frame rate (Hz)", first.rate_hz, raw.rate_hz),
     ):
-        apart = abs(raw.rate_hz - first.rate_hz) > RATE_TOLERANCE * first.rate_hz
+        apart = abs(raw.rate_hz - first.rate_hz) > reading.RATE_TOLERANCE * first.rate_hz
         if apart if what.startswith("frame rate") else wanted != found:
             raise RecordingError(
                 f"{path}: {what}: expected {wanted} as in {first_path.name}, found {found}; "
@@ -88,7 +82,7 @@ def _starts(
     moved = []
     for path, raw in zip(paths[1:], raws[1:], strict=True):
         follows = raw.time[0] > end + 0.5 / raw.rate_hz
-        starts.append(float(raw.time[0]) if follows else end + PAUSE_S)
+        starts.append(float(raw.time[0]) if follows else end + reading.PAUSE_S)
         end = starts[-1] + float(raw.time[-1] - raw.time[0])
         if not follows:
             moved.append(path.name)
@@ -96,7 +90,7 @@ def _starts(
         return starts, ()
     return starts, (
         f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {', '.join(moved)} "
-        f"began: put {PAUSE_S:g} s after the file before",
+        f"began: put {reading.PAUSE_S:g} s after the file before",
     )
 
 
@@ -141,7 +135,7 @@ def import_recording(
     unit: str = "auto",
     vertical_axis: str = "z",
     rate_hz: float | None = None,
-    most_unpacked_mb: float = MOST_UNPACKED_MB,
+    most_unpacked_mb: float = reading.MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
     exclude: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[Recording, Truth | None]:
@@ -203,7 +197,7 @@ def import_recording(
     guessed = unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
     for first in range(0, len(positions), BLOCK):
         block = positions[first : first + BLOCK]
-        block *= METRES_PER_UNIT[taken]
+        block *= reading.METRES_PER_UNIT[taken]
         block[:] = rotate_up(block, vertical_axis)
     recording = Recording(
         name=name,

@@ -11,9 +11,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import RecordingError, chosen
 from hopdata.recording import Event
 
@@ -506,7 +505,7 @@ def events_outside(
 PAUSE_S = 1.0  # between files that do not say when they began; longer than any landing
 
 
-def is_pause(time: FloatArray, rate_hz: float) -> NDArray[np.bool_]:
+def is_pause(time: FloatArray, rate_hz: float) -> BoolArray:
     """Tell which steps of time stamps (N,), s, are pauses, (N - 1,): nothing was recorded then."""
-    pause: NDArray[np.bool_] = np.diff(time) > PAUSE_S - 0.5 / rate_hz
+    pause: BoolArray = np.diff(time) > PAUSE_S - 0.5 / rate_hz
     return pause

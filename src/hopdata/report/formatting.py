@@ -200,12 +200,16 @@ def table_of(
     return Table(title, tuple(columns), cells, text_columns, note) if cells else None
 
 
-def records(frame: pd.DataFrame | None, most: int | None = None) -> list[dict[Any, Any]]:
-    """Return the first rows of a table; of a missing one, none."""
-    return [] if frame is None else frame.iloc[:most].to_dict("records")
+def records(frame: pd.DataFrame | None) -> list[dict[Any, Any]]:
+    """Return the rows of a table; of a missing one, none."""
+    return [] if frame is None else frame.to_dict("records")
 
 
-def more(frame: pd.DataFrame | None, most: int, name: str) -> str:
-    """Say how many rows are not shown, and in which of the tables they are."""
+def first_rows(
+    title: str, frame: pd.DataFrame | None, columns: Columns, most: int, name: str, texts: int
+) -> Table | None:
+    """Make a table of the first rows; its note says how many more are in which of the tables."""
     left = 0 if frame is None else len(frame) - most
-    return f"{count(left)} more in tables/{name}.csv." if left > 0 else ""
+    note = f"{count(left)} more in tables/{name}.csv." if left > 0 else ""
+    rows = records(frame)[:most]
+    return table_of(title, rows, columns, text_columns=texts, note=note)

@@ -102,10 +102,7 @@ def _models(inputs: ReportInputs) -> dict[str, Any]:
 
 
 def _medians(
-    table: Any,
-    column: str,
-    names: Mapping[str, str],
-    shown: Callable[[Any], str] = show.significant,
+    table: Any, column: str, names: Mapping[str, str], shown: Callable[..., str] = show.significant
 ) -> dict[str, str | None]:
     found: dict[str, Any] = {}
     if table is not None:

@@ -83,7 +83,7 @@ def filled_table(
     left = len(gappy) - MOST_GAPPY
     rest = f"; {left} more in tables/filled.csv" if left > 0 else ""
     note = f"Of {missing} missing places {mended} were filled in{_resting(touchdowns)}{rest}."
-    rows = show.records(gappy, MOST_GAPPY)
+    rows = show.records(gappy)[:MOST_GAPPY]
     title = "Gaps and what was filled of them"
     return show.table_of(title, rows, columns, text_columns=3, note=note)
 
@@ -173,13 +173,11 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     reasons = out["reason"].replace("", "no reason given")
     names = [str(name) for name in dict.fromkeys(touchdowns["recording"])]
     shown = names if 1 < len(names) <= MOST_RECORDINGS else []
-    rows = []
-    for reason, total in reasons.value_counts().items():
-        of_reason = out.loc[reasons == reason, "recording"].astype(str)
-        each = tuple(show.count((of_reason == name).sum()) for name in shown)
-        rows.append((str(reason), *each, show.count(total)))
-    each = tuple(show.count((out["recording"].astype(str) == name).sum()) for name in shown)
-    rows.append(("all reasons", *each, show.count(len(out))))
+    recordings, rows = out["recording"].astype(str), []
+    parts = {str(reason): recordings[reasons == reason] for reason in reasons.value_counts().index}
+    for reason, part in (*parts.items(), ("all reasons", recordings)):
+        each = tuple(show.count((part == name).sum()) for name in shown)
+        rows.append((reason, *each, show.count(len(part))))
     return show.Table("Descents that are not used", ("reason", *shown, "descents"), tuple(rows))
 
 
@@ -369,10 +367,8 @@ def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
             row["external_s" if row["status"] == "missed" else "found_s"], 3
         ),
     }
-    return show.table_of(
-        "Contacts missed or invented", show.records(out, MOST_UNMATCHED), columns, text_columns=5,
-        note=show.more(out, MOST_UNMATCHED, "contact_overlay"),
-    )  # fmt: skip
+    title, file = "Contacts missed or invented", "contact_overlay"
+    return show.first_rows(title, out, columns, MOST_UNMATCHED, file, texts=5)
 
 
 def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
@@ -459,19 +455,15 @@ def faults_table(faults: pd.DataFrame | None) -> show.Table | None:
         "from (s)": show.decimals("start_s", 2),
         "to (s)": show.decimals("stop_s", 2),
     }
-    return show.table_of(
-        "Faults of the recordings", show.records(faults, MOST_FAULTS), columns, text_columns=4,
-        note=show.more(faults, MOST_FAULTS, "faults"),
-    )  # fmt: skip
+    title = "Faults of the recordings"
+    return show.first_rows(title, faults, columns, MOST_FAULTS, "faults", texts=4)
 
 
 def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
     """One row a remark on a recording: what was guessed or put right, the first thirty."""
     columns = {name: show.text(name) for name in ("recording", "remark")}
-    return show.table_of(
-        "Remarks on the recordings", show.records(remarks, MOST_FAULTS), columns, text_columns=2,
-        note=show.more(remarks, MOST_FAULTS, "remarks"),
-    )  # fmt: skip
+    title = "Remarks on the recordings"
+    return show.first_rows(title, remarks, columns, MOST_FAULTS, "remarks", texts=2)
 
 
 def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
@@ -504,7 +496,5 @@ def excluded_table(
         columns["feet, coloured as in 3-D, and when they touched"] = lambda row: Markup(
             small_plot(by_name.get(str(row["recording"])), row)
         )
-    return show.table_of(
-        "Every descent that is not used", show.records(out, MOST_EXCLUDED), columns,
-        text_columns=2, note=show.more(out, MOST_EXCLUDED, "touchdowns"),
-    )  # fmt: skip
+    title = "Every descent that is not used"
+    return show.first_rows(title, out, columns, MOST_EXCLUDED, "touchdowns", texts=2)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
@@ -130,11 +129,6 @@ class Inspection:
         return float(np.median(known)) if len(known) else float("nan")
 
     @property
-    def has_wrong_rate(self) -> bool:
-        """Whether the time stamps run at another rate than the one stated."""
-        return bool(abs(self.timing.rate_hz / self.rate_hz - 1) > RATE_TOLERANCE)
-
-    @property
     def n_problems(self) -> int:
         """Number of faults, those of the time stamps included."""
         return sum(1 for _ in self._faults())
@@ -169,7 +163,7 @@ class Inspection:
         for start, stop, first in self.faults.copies:
             frames = f"frames {start + 1} to {stop} are copies of {first + 1} to"
             yield "copy", (), start, stop, f"{frames} {first + stop - start}: cut them out"
-        if self.has_wrong_rate:
+        if abs(timing.rate_hz / self.rate_hz - 1) > RATE_TOLERANCE:
             found, stated = f"{timing.rate_hz:g} Hz", f"{self.rate_hz:g} Hz"
             text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
             yield "rate", (), 0, 1, text
@@ -276,7 +270,7 @@ def _told_elsewhere(
     copies: IntArray,
     frozen: tuple[stretches.Frozen, ...],
     markers: tuple[str, ...],
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Mask (N, M) of frames whose jumps come from the stamps, copies, or a marker that thaws."""
     mask = np.zeros(shape, dtype=bool)
     ends = (copies[:, :2] - 1).ravel()

@@ -58,11 +58,6 @@ class FreeFall:
         """Whether there is enough free fall, and much more than along any other direction."""
         return self.share >= LEAST_SHARE and self.share > FREE_FALL_CLEARER * self.next_share
 
-    @property
-    def tells_unit(self) -> bool:
-        """Whether it is clear, and much less would fall if the numbers were in another unit."""
-        return self.is_clear and self.share > UNIT_CLEARER * self.other_unit_share
-
 
 def accelerations(positions: FloatArray, rate_hz: float, *, metres: float) -> FloatArray:
     """Second derivative of (N, M, 3) positions by parabolas over 80 ms, (K, M, 3), per s².
@@ -293,7 +288,7 @@ def guess_unit_and_up(
 
 
 def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
-    if fall.tells_unit:
+    if fall.is_clear and fall.share > UNIT_CLEARER * fall.other_unit_share:
         told = f"in {100 * fall.share:.0f} % of the frames the markers fall at 9.81 m/s², if the "
         told += f"numbers are {fall.unit}"
         against = raw.unit_is_stated and fall.unit != raw.unit

@@ -223,9 +223,8 @@ def cut_off(body: FloatArray) -> float:
         return 0.0
     often, power = welch(apart, 1.0, nperseg=SEGMENT, axis=0, detrend="linear")
     often, power = often[2:-1], np.median(power[2:-1], axis=1)
-    last = int(
-        np.max(np.nonzero(power > ABOVE_FLOOR * np.median(power[often > 0.4]))[0], initial=0)
-    )
+    above = np.flatnonzero(power > ABOVE_FLOOR * np.median(power[often > 0.4]))
+    last = int(above.max(initial=0))
     if not last:
         return 0.0
     often, power = (x[last // SLOWER : last + 1, None] for x in (often, power))

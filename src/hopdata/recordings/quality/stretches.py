@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recording import scale_of
@@ -71,7 +70,7 @@ def frozen_markers(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Fro
     return tuple(found)
 
 
-def _too_long(stretches: IntArray, n_tests: int) -> NDArray[np.bool_]:
+def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
     """Which runs of repeats, (K,), are longer than the other runs let expect."""
     length = np.diff(stretches, axis=1)[:, 0]
     is_long = length >= LEAST_REPEATS
@@ -80,7 +79,7 @@ def _too_long(stretches: IntArray, n_tests: int) -> NDArray[np.bool_]:
     others, again = max(len(length) - 1, 1), np.sum(length > 1) - 1
     chance_again = np.clip(again / others, 1e-9, 1 - 1e-9)
     longest = 1 + np.log(CHANCE / n_tests) / np.log(chance_again)
-    result: NDArray[np.bool_] = is_long & (length > longest)
+    result: BoolArray = is_long & (length > longest)
     return result
 
 
@@ -151,7 +150,7 @@ class MarkerGaps:
         return self.missing / self.n_frames if self.n_frames else 0.0
 
 
-def seen(positions: FloatArray) -> NDArray[np.bool_]:
+def seen(positions: FloatArray) -> BoolArray:
     """Tell in which frames each marker of (N, M, 3) positions was seen, (N, M)."""
     x, y, z = np.moveaxis(np.isfinite(positions), 2, 0)  # faster than `all` along a short axis
     return np.asarray(x & y & z)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches
@@ -205,7 +204,7 @@ def _limit(off: FloatArray, least_m: float) -> float:
 
 
 def find_spikes(
-    missed: Surprises, *, explained: NDArray[np.bool_], heights: FloatArray
+    missed: Surprises, *, explained: BoolArray, heights: FloatArray
 ) -> tuple[Excursion, ...]:
     """List the spikes: markers that are elsewhere for up to three frames, and do not just land.
 
@@ -227,7 +226,7 @@ def _touches(spike: Excursion, heights: FloatArray, low_m: float) -> bool:
     return bool((np.abs(there - low_m) < some).all() and around.min() > there.max() + some)
 
 
-def find_jumps(missed: Surprises, *, explained: NDArray[np.bool_]) -> tuple[Excursion, ...]:
+def find_jumps(missed: Surprises, *, explained: BoolArray) -> tuple[Excursion, ...]:
     """List the jumps, to another place from a frame on, that no spike and no swap explains."""
     near_spike = missed.is_spike
     for _ in range(LONGEST_SPIKE):
@@ -332,15 +331,12 @@ def _cycles_at(
 
     taking = np.flatnonzero(is_taking)
     cost = _misses(frame, positions, taking, last)
-    _, columns = linear_sum_assignment(cost)
-    told = (taking[columns], np.take_along_axis(cost, columns[:, None], 1)[:, 0], np.diag(cost))
-    goes_to, miss, at_home = (
-        dict(zip(taking.tolist(), of_each.tolist(), strict=True)) for of_each in told
-    )
-    for cycle in _cycles(goes_to):
-        gross = all(at_home[m] > limit[m] for m in cycle)
-        if gross and sum(miss[m] for m in cycle) < BETTER * sum(at_home[m] for m in cycle):
-            yield cycle
+    rows, goes_to = linear_sum_assignment(cost)
+    miss, at_home = cost[rows, goes_to], np.diag(cost)
+    for cycle in _cycles(goes_to.tolist()):
+        gross = (at_home[cycle] > limit[taking[cycle]]).all()
+        if gross and miss[cycle].sum() < BETTER * at_home[cycle].sum():
+            yield tuple(taking[cycle].tolist())
 
 
 def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray) -> FloatArray:
@@ -373,9 +369,9 @@ def _common_move(positions: FloatArray, start: int, stop: int, without: IntArray
     return np.median(move, axis=0) if len(move) else np.zeros(3)
 
 
-def _cycles(goes_to: dict[int, int]) -> Iterator[tuple[int, ...]]:
+def _cycles(goes_to: list[int]) -> Iterator[list[int]]:
     """Yield the circles of a permutation that are longer than one."""
-    left = set(goes_to)
+    left = set(range(len(goes_to)))
     while left:
         first = min(left)
         cycle = [first]
@@ -383,7 +379,7 @@ def _cycles(goes_to: dict[int, int]) -> Iterator[tuple[int, ...]]:
             cycle.append(following)
         left -= set(cycle)
         if len(cycle) > 1:
-            yield tuple(cycle)
+            yield cycle
 
 
 CONTINUITY, DISTANCES = "continuity", "pair distances"

@@ -17,16 +17,8 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recording import Event
 from hopdata.recordings import raw
-from hopdata.recordings.readers.c3d_parameters import (
-    BLOCK,
-    C3dHeader,
-    Parameters,
-    count_frames,
-    first_frame,
-    parameter_start,
-    read_c3d_header,
-    read_parameters,
-)
+from hopdata.recordings.readers import c3d_parameters as head
+from hopdata.recordings.readers.c3d_parameters import BLOCK, C3dHeader, Parameters
 from hopdata.recordings.readers.text import listed, only_place, readable
 
 MOST_PARAMETER_BYTES = 255 * BLOCK
@@ -62,7 +54,7 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         )
     if not n_points:
         raise RecordingError.at(path, "markers", "none")
-    n_frames, remarks = count_frames(header, parameters, size - header.data_start)
+    n_frames, remarks = head.count_frames(header, parameters, size - header.data_start)
     markers, kept, more = _markers(parameters, n_points)
     numbers = _numbers(path, header, parameters, n_frames)
     if _all_invalid(numbers, header):
@@ -74,7 +66,7 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         f"{path}: header",
         (markers, more),
         _positions(header, numbers, kept),
-        number=first_frame(header, parameters) + np.arange(n_frames, dtype=float),
+        number=head.first_frame(header, parameters) + np.arange(n_frames, dtype=float),
         unit=(parameters.place("POINT", "UNITS"), "".join(parameters.texts("POINT", "UNITS")[:1])),
         rates_hz=(frame_rate(header, parameters), rate_hz),
         remarks=parameters.remarks + remarks + unread,
@@ -87,14 +79,14 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
     """Header, parameters and size of a file."""
     with readable(path) as file:
         block = file.read(BLOCK)
-        start = parameter_start(path, block)
+        start = head.parameter_start(path, block)
         file.seek(start)
         section = file.read(MOST_PARAMETER_BYTES)
         size = os.fstat(file.fileno()).st_size
     if len(section) > 3 and section[2]:
         section = section[: section[2] * BLOCK]
-    parameters = read_parameters(path, section, start)
-    header = read_c3d_header(block, parameters.processor)
+    parameters = head.read_parameters(path, section, start)
+    header = head.read_c3d_header(block, parameters.processor)
     if not BLOCK <= header.data_start <= size:
         raise RecordingError(
             f"{path}, byte 16: data: expected to start between byte {BLOCK} and the end of the "
@@ -261,7 +253,7 @@ def read_analogs(path: str | Path) -> Analogs:
             f"{parameters.place('ANALOG', 'USED')}: expected a divisor of the {header.n_analog} "
             f"analog numbers in each frame, found {n_channels}"
         )
-    n_frames, _ = count_frames(header, parameters, size - header.data_start)
+    n_frames, _ = head.count_frames(header, parameters, size - header.data_start)
     per_frame = header.n_analog // n_channels
     stored = _numbers(path, header, parameters, n_frames)[:, 4 * header.n_points :].astype(float)
     unsigned = (parameters.texts("ANALOG", "FORMAT") or [""])[0].upper() == "UNSIGNED"
@@ -271,7 +263,7 @@ def read_analogs(path: str | Path) -> Analogs:
     offset = _per_channel(parameters, "OFFSET", n_channels, default=0.0)
     scale = _per_channel(parameters, "SCALE", n_channels, default=1.0)
     general = parameters.number("ANALOG", "GEN_SCALE")
-    start = first_frame(header, parameters) - 1
+    start = head.first_frame(header, parameters) - 1
     samples = start * per_frame + np.arange(n_frames * per_frame)
     names, units = (_texts(parameters, key, n_channels) for key in ("LABELS", "UNITS"))
     time = samples / (frame_rate(header, parameters) * per_frame)

@@ -10,13 +10,8 @@ import numpy as np
 
 from hopdata.errors import RecordingError
 from hopdata.recording import SLOWEST_S
-from hopdata.recordings.raw import (
-    MOST_UNPACKED_MB,
-    RawRecording,
-    events_outside,
-    largest,
-    overrule_rate,
-)
+from hopdata.recordings import raw as reading
+from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.text import require_file
 
 LARGEST = 1e9  # mm or m: no camera sees so far
@@ -52,7 +47,7 @@ def read_raw(
     path: str | Path,
     *,
     rate_hz: float | None = None,
-    most_unpacked_mb: float = MOST_UNPACKED_MB,
+    most_unpacked_mb: float = reading.MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
 ) -> RawRecording:
     """Read all markers of a file, by the reader that its suffix calls for.
@@ -81,9 +76,9 @@ def read_raw(
         )
     require_file(path)
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
-    raw = overrule_rate(str(path), _read(path, rate_hz, **limits), rate_hz)
+    raw = reading.overrule_rate(str(path), _read(path, rate_hz, **limits), rate_hz)
     _check_numbers(path, raw)
-    more = events_outside(str(path), raw.events, raw.time, raw.rate_hz)
+    more = reading.events_outside(str(path), raw.events, raw.time, raw.rate_hz)
     return replace(raw, remarks=raw.remarks + more)
 
 
@@ -111,7 +106,7 @@ def _check_numbers(path: Path, raw: RawRecording) -> None:
             f"{path}: time: expected s, at most {SLOWEST_S} from frame to frame, found {step:g}; "
             "if these are ms divide them by 1000, or leave the time out and set input.rate_hz"
         )
-    if largest(raw.positions) > LARGEST:
+    if reading.largest(raw.positions) > LARGEST:
         absurd = np.abs(raw.positions) > LARGEST
         frame, marker, axis = np.argwhere(absurd)[0]
         raise RecordingError(

@@ -217,10 +217,7 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
 
 
 def read_qtm_mat(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    most_unpacked_mb: float = raw.MOST_UNPACKED_MB,
+    path: str | Path, *, rate_hz: float | None = None, most_unpacked_mb: float
 ) -> raw.RawRecording:
     """Read the labelled trajectories of a MAT file that QTM exported.
 

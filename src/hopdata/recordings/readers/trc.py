@@ -58,9 +58,7 @@ def _stated(path: Path, values: dict[str, str], key: str) -> float | None:
     return text.stated_number(f"{path}, line 3", key, values.get(key, ""))
 
 
-def _read_header(
-    path: Path,
-) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
+def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
     """Values by key, marker names, where the rows of numbers stand, and remarks."""
     lines: list[list[str]] = []
     offset = 0
