@@ -1,4 +1,4 @@
-"""Where to look for a contact: the last descent of each foot to its lowest level."""
+"""Where to look for a contact: the first descent of each foot to where it stands."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -158,21 +158,6 @@ def _crossing(t: FloatArray, h: FloatArray, index: int, level: float) -> float:
     return float(t[index] + share * (t[index + 1] - t[index]))
 
 
-def schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray, IntArray]:
-    """Find where a Schmitt trigger on `h` goes down (h <= low) and where up (h >= high)."""
-    level = (h >= high).astype(np.int8) - (h <= low)
-    decided = np.flatnonzero(level)
-    signs = level[decided]
-    turns = np.flatnonzero(np.diff(signs)) + 1
-    at, now = decided[turns], signs[turns]
-    return at[now < 0], at[now > 0]
-
-
-def last_at_or_before(candidates: IntArray, at: IntArray) -> IntArray:
-    """Last of some frames at or before each of others; there must be one."""
-    return candidates[np.searchsorted(candidates, at, side="right") - 1]
-
-
 # Landings while the body is hidden: seen by the feet alone, so that none is left out unlisted.
 
 CLEARLY_UP = 2.0  # times the height below which a foot is down
@@ -206,19 +191,14 @@ def find_hidden_landings(
     (H, 2) array
         From a frame in which all feet that are seen are up to the first in which all are down, s.
     """
-    found = time[np.column_stack(_all_up_to_all_down(feet, down_height_m))]
-    gap = longest_gaps(time[~np.isnan(body)], found)
-    return found[(gap > longest_gap_s(time)) & ~_have_a_descent(found, spans)]
-
-
-def _all_up_to_all_down(
-    feet: FloatArray, down_height_m: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Last frames with all feet up, and first frames with all of them down after these."""
     up = np.fmin.reduce(feet, axis=1) >= CLEARLY_UP * down_height_m
     down = np.fmax.reduce(feet, axis=1) <= down_height_m  # NaN, of no foot, is neither
-    ends, _ = schmitt_edges(up.astype(np.int8) - down, high=1, low=-1)
-    return (last_at_or_before(np.flatnonzero(up), ends) if len(ends) else ends), ends
+    state = up.astype(np.int8) - down
+    decided = np.flatnonzero(state)
+    falls = np.flatnonzero(np.diff(state[decided]) < 0)
+    found = time[np.column_stack([decided[falls], decided[falls + 1]])]
+    gap = longest_gaps(time[~np.isnan(body)], found)
+    return found[(gap > longest_gap_s(time)) & ~_have_a_descent(found, spans)]
 
 
 def longest_gap_s(time: FloatArray, pace: float = 1.0) -> float:
@@ -247,7 +227,7 @@ def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
     return have
 
 
-LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT = range(5)
+LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT, HOVERS = range(6)
 NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
 ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
 SETTLES = 0.5  # of the height below which a foot is down: what sinks by less has stood all along
@@ -330,7 +310,7 @@ def approaches(
     down_height_m: float,
     lead_s: float,
     trail_s: float,
-) -> tuple[FloatArray, FloatArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
     """Find roughly when each foot came down in each complete transition.
 
     Parameters
@@ -355,11 +335,13 @@ def approaches(
     earliest : (L, n) array
         When the foot was for the last time higher above where it then comes to stand than skin and
         a soft contact let it sink, s: it touched later.
+    rest : (L, n) array
+        Height at which it then comes to stand, m.
     status : (L, n) int array
         `LANDED`, `ALREADY_DOWN`, `NOT_LANDED` or, where gaps may hide which of them, `MISSING`.
     """
     shape = (len(transitions), heights.shape[1])
-    near, earliest = np.full(shape, np.nan), np.full(shape, np.nan)
+    near, earliest, rest = np.full((3, *shape), np.nan)
     status = np.full(shape, NOT_LANDED, dtype=np.int64)
     complete = np.flatnonzero(transitions.complete)
     longest = [GAP * _frame(time, one) for one in heights.T]
@@ -372,10 +354,10 @@ def approaches(
         ends = transitions.t_pre[rows], transitions.t_post[rows]
         for foot in range(shape[1] if len(rows) else 0):
             z = np.where(inside, heights[frames, foot], np.nan)
-            near[rows, foot], earliest[rows, foot], status[rows, foot] = _descents(
-                time[frames], z, ends, longest[foot], noise_m, down_height_m
-            )
-    return near, earliest, status
+            found = _descents(time[frames], z, ends, longest[foot], noise_m, down_height_m)
+            for all_of_it, one in zip((near, earliest, rest, status), found, strict=True):
+                all_of_it[rows, foot] = one
+    return near, earliest, rest, status
 
 
 def _frame(time: FloatArray, heights: FloatArray) -> float:
@@ -391,8 +373,8 @@ def _descents(
     longest: float,
     noise_m: float,
     down_height_m: float,
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Rough and earliest instants (R,) at which a foot came down in each window (R, W), and status.
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+    """Say of a foot in each window (R, W) what `approaches` does, each (R,).
 
     What is not seen cannot tell against a foot: that it was down before the pre section or not down
     by the post section (`ends`, each (R,)) is said only if no gap can hide the contrary. Frames
@@ -403,12 +385,15 @@ def _descents(
     t, z = np.take_along_axis(t, order, axis=1), np.take_along_axis(z, order, axis=1)
     rows, place = np.arange(len(z)), np.arange(z.shape[1])
     low_first = np.where(np.isnan(z), np.inf, z)
+    low = low_first.min(axis=1)
+    depth = np.where(np.isnan(z), -np.inf, z).max(axis=1, initial=-np.inf) - low
+    nearly = np.maximum(5 * noise_m, NEAR_FLOOR * depth)
+    above = z > (low + nearly)[:, None]
+    low_first = np.where(_has_left(z, above, low + 0.5 * nearly), np.inf, low_first)
     bottom = np.argmin(low_first, axis=1)
     low = low_first[rows, bottom]
-    depth = np.where(np.isnan(z), -np.inf, z).max(axis=1, initial=-np.inf) - low
     falling = place < bottom[:, None]
-    nearly = np.maximum(5 * noise_m, NEAR_FLOOR * depth)
-    last = _last(falling & (z > (low + nearly)[:, None]))
+    last = _last(falling & above)
     with np.errstate(invalid="ignore"):  # where nothing is seen, depth is not finite
         on_its_way = z > (low + ON_ITS_WAY * depth)[:, None]
     first = _last((place <= last[:, None]) & on_its_way)
@@ -429,19 +414,26 @@ def _descents(
     in_gap = (gap > longest) & (last > 0) & (fall > 0)  # its far end says nothing
     near = np.where(in_gap, early, near)
     landed = status == LANDED
-    earliest = np.where(landed, _last_above(t, z, falling, low_first, longest), np.nan)
-    return np.where(landed, np.maximum(near, earliest), np.nan), earliest, status
+    rest = np.sort(low_first, axis=1)[:, min(RESTING_FRAME, z.shape[1] - 1)]
+    earliest = np.where(landed, _last_above(t, z, falling, rest, longest), np.nan)
+    return np.where(landed, np.maximum(near, earliest), np.nan), earliest, rest, status
+
+
+def _has_left(z: FloatArray, above: BoolArray, stands_m: FloatArray) -> BoolArray:
+    """Mark the frames (R, W) from which on a foot that came down from above and stood is up again.
+
+    It may land twice in a descent, as a body crouches that lands and pushes off anew.
+    """
+    stands = np.logical_or.accumulate(above, axis=1) & (z <= stands_m[:, None])
+    stood = np.cumsum(stands, axis=1) > RESTING_FRAME
+    return np.asarray(np.logical_or.accumulate(stood & above, axis=1))
 
 
 def _last_above(
-    t: FloatArray, z: FloatArray, falling: BoolArray, seen: FloatArray, longest: float
+    t: FloatArray, z: FloatArray, falling: BoolArray, rest: FloatArray, longest: float
 ) -> FloatArray:
-    """Instants (R,) until which a foot is too high for its contact; -inf where it never is.
-
-    It comes to stand where no more than three frames (`seen`, inf where none) are lower.
-    """
+    """Instants (R,) until which a foot is too high for its contact; -inf where it never is."""
     rows, last_place = np.arange(len(z)), z.shape[1] - 1
-    rest = np.sort(seen, axis=1)[:, min(RESTING_FRAME, last_place)]
     step, rise = np.diff(t, axis=1), np.diff(z, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         down = np.where((step <= longest) & falling[:, 1:], -rise / step, 0.0)

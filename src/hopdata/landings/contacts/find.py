@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
@@ -218,7 +218,7 @@ def find_contacts(
     require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
     noise_m = descents.height_noise(heights)
     of, trail_s = (time, heights, transitions), window_after_s or SHORT_WINDOWS_S[1]
-    near, earliest, status = descents.approaches(
+    near, earliest, rest, status = descents.approaches(
         *of, noise_m=noise_m, down_height_m=down_height_m, lead_s=lead_s, trail_s=trail_s
     )
     if find is not None:
@@ -239,21 +239,21 @@ def find_contacts(
         alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
         feet, common = (short, own) if rolls else (feet, common)
         rises = ~rolls & (fits.n_after < FRAMES_AFTER)  # as toes do while their heel comes down
-        fits = _merged(fits, alone, np.asarray(rises | rolls))
+        fits = kink_law.merged(fits, alone, np.asarray(rises | rolls))
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
+    # A foot that slows above where it then comes to stand has not touched, or not to be seen.
+    sinks_m = np.exp(-2) * descents.SOFTEST_S * np.abs(fits.velocity)
+    after = fits.instant + descents.SOFTEST_S * np.arange(2, 5)[:, None, None]
+    frames = np.minimum(np.searchsorted(time, after), len(time) - 1)
+    stance = np.fmin.reduce(heights[frames, np.arange(heights.shape[1])])
+    hovers = stance > rest + descents.SKIN_M + 2 * noise_m + sinks_m
     risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
-    found = replace(found, se=np.hypot(found.se, risen_s))
-    frames = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
-    found = replace(found, se=found.se * descents.widening(correlation, *frames))
+    about = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
+    se = np.hypot(found.se, risen_s) * descents.widening(correlation, *about)
     # From the earliest instant on the foot only comes to stand, and that takes no longer.
     longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
-    return replace(found, se=np.minimum(found.se, longest), common=common)
-
-
-def _merged(fits: KinkFits, others: KinkFits, where: BoolArray) -> KinkFits:
-    """Return the fits (L, n), and the others where that is said."""
-    both = ((name, value, getattr(others, name)) for name, value in vars(fits).items())
-    return KinkFits(**{k: np.where(where.T, b.T, a.T).T for k, a, b in both})
+    status = np.where(hovers & (found.status == descents.LANDED), descents.HOVERS, found.status)
+    return replace(found, se=np.minimum(se, longest), status=status, common=common)
 
 
 METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {

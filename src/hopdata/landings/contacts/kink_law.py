@@ -331,12 +331,13 @@ def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity:
     best = _alone(feet, near, law)
     noise, spread = pooled_noise(best), np.ones(near.shape[1], dtype=bool)
     for foot in np.flatnonzero(_undetermined(best, near, noise) > UNDETERMINED_SHARE):
-        own = np.where(np.arange(near.shape[1]) == foot, near, np.nan)
+        its = np.full(near.shape, np.arange(near.shape[1]) == foot)
+        own = np.where(its, near, np.nan)
         laws = [replace(law, creeps=True, compliance_s=time_s) for time_s in SOFTER_S]
         found = [_alone(feet, own, laws[0])]
         if _undetermined(found[0], own, noise)[foot] > UNDETERMINED_SHARE:
             found += [_alone(feet, own, one) for one in laws[1:]]
-        best = _with_foot(best, _median_law(found, int(foot), noise), int(foot))
+        best = merged(best, _median_law(found, int(foot), noise), its)
         if len(found) > 1:
             spread[foot] = False
     law = replace(law, noise_m=noise, creeps=True)
@@ -387,12 +388,10 @@ def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFit
     return fits
 
 
-def _with_foot(fits: KinkFits, other: KinkFits, foot: int) -> KinkFits:
-    """Return fits with one foot's from others."""
-    mine = {name: values.copy() for name, values in vars(fits).items()}
-    for name, values in mine.items():
-        values[:, foot] = vars(other)[name][:, foot]
-    return KinkFits(**mine)
+def merged(fits: KinkFits, others: KinkFits, where: BoolArray) -> KinkFits:
+    """Return the fits (L, n), and the others where that is said, (L, n)."""
+    both = ((name, value, getattr(others, name)) for name, value in vars(fits).items())
+    return KinkFits(**{k: np.where(where.T, b.T, a.T).T for k, a, b in both})
 
 
 def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) -> Law:

@@ -206,8 +206,15 @@ def select_sections(
     held = _held(known / scale, pre / scale, post / scale, sections)
     moved = {name: held.pop(name) * scale for name in ("pre_height_m", "post_height_m")}
     found = {**held, **moved, "n_used": len(frames_used.body)}
-    _require_order(found["pre_height_m"], found["post_height_m"])
-    return replace(sections, **found)
+    sections = replace(sections, **found)
+    if not sections.pre_height_m > sections.post_height_m:
+        raise AnalysisError(
+            "sections: expected the pre section above the post section, found "
+            f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
+            "sections.pre_height_m and sections.post_height_m, or sections.frames to landings if "
+            "the body also stands on feet that are not followed"
+        )
+    return sections
 
 
 def _held(landings: FloatArray, pre: float, post: float, sections: Sections) -> dict[str, Any]:
@@ -258,16 +265,6 @@ def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) 
         raise AnalysisError(
             f"sections.{name}: expected a height that divides the frames, found "
             f"{threshold_m:.4f} m with all feet {state} in all {len(frames)} frames"
-        )
-
-
-def _require_order(pre_m: float, post_m: float) -> None:
-    """Raise an error unless the pre section is above the post section."""
-    if not pre_m > post_m:
-        raise AnalysisError(
-            f"sections: expected the pre section above the post section, found {pre_m:.4f} m "
-            f"and {post_m:.4f} m; set sections.pre_height_m and sections.post_height_m, or "
-            "sections.frames to landings if the body also stands on feet that are not followed"
         )
 
 
