@@ -170,7 +170,7 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     found |= {"members": list(rows), "conditions": []}
     try:
         if answered.empty:
-            raise AnalysisError("group: no subject has an answer")
+            raise AnalysisError(f"group: no subject has an answer, the first: {rows[0]['reason']}")
         effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
         return {"conclusion": "cannot tell", "sentence": f"{error}.", "effect": None, **found}

@@ -128,3 +128,12 @@ def test_forces_in_another_unit_are_pointed_out(plate, unit, weight_n, extent_m,
     (line,) = describe_external(entry, feet=["foot1"], span_s=(0.0, 1.0), extent_m=extent_m)
     assert said in line
     assert ("is forces.unit right?" in line) == bool(said)
+
+
+def test_of_a_group_the_first_member_is_checked(tmp_path, capsys):
+    table, config = tmp_path / "group.tsv", tmp_path / "group.yaml"
+    table.write_text("subject\tfile\ncat\t\ndog\t\n")
+    markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}"
+    config.write_text(f"study: all\nsamples: {table}\n{markers}\n")
+    assert main(["check", str(config)]) == 0
+    assert capsys.readouterr().out.startswith("study cat, the first of 2 of a group\n")

@@ -18,6 +18,7 @@ with reported(snakemake.log[0]):
     write_table(snakemake.output.table, table)
     write_json(snakemake.output.answer, group)
     save_figure(group_figure(group), Path(snakemake.output.figure).with_suffix(""), formats=["svg"])
-    figures = read_figures([snakemake.output.figure], [snakemake.input.captions])
+    drawn = [snakemake.output.figure] * any(not row["reason"] for row in rows)
+    figures = read_figures(drawn, [snakemake.input.captions])
     with whole_file(snakemake.output.page) as temporary:
         temporary.write_text(build_group_page(group, figures), encoding="utf-8")

@@ -21,14 +21,19 @@ if TYPE_CHECKING:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.consistency import feet_of, files_of, simulation_of
-    from hopdata.config.loading import load_config, place_of
+    from hopdata.config.loading import load_config, place_of, read_yaml
+    from hopdata.group import read_group
     from hopdata.landings.floor import moving
     from hopdata.recording import extent, require_distinct
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
 
-    config = load_config(options.config)
-    print(f"study {config['study']}")
+    content, of = read_yaml(options.config), ""
+    if isinstance(content, Mapping) and "samples" in content:
+        members = read_group(options.config)["members"].values()
+        content, of = next(iter(members))["config"], f", the first of {len(members)} of a group"
+    config = load_config(content if of else options.config, files=[options.config])
+    print(f"study {config['study']}{of}")
     mistakes: list[str] = []
     remarks: list[str] = []
     sound: list[Recording] = []
@@ -100,9 +105,8 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
         found = inspect(recording)
     told = f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"
     asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)
-    return [f"{recording.source}: {one}" for one in asked] + [told] * bool(
-        found.faults.count or len(found.timing.irregular)
-    )
+    faulty = bool(found.faults.count or len(found.timing.irregular))
+    return [f"{recording.source}: {one}" for one in asked] + [told] * faulty
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
@@ -112,15 +116,14 @@ def _summary(recording: Recording, config: dict[str, Any]) -> str:
     duration = recording.time[-1] - recording.time[0]
     seen = fraction_seen(recording)
     worst = int(seen.argmin())
-    lines = [
+    return "\n".join([
         f"{recording.name}: {recording.source}",
         f"  frames  {len(recording.time)} at {recording.rate_hz:g} Hz, {duration:.1f} s",
         *(f"  {key:6}  {', '.join(names)}" for key, names in config["markers"].items() if names),
         f"  height  body {body_over_feet(recording)[2]:.3f} m above the feet (median)",
         f"  seen    {_percent(seen.mean())} of all markers and frames; "
         f"least {recording.markers[worst]}, {_percent(seen[worst])}",
-    ]
-    return "\n".join(lines)
+    ])  # fmt: skip
 
 
 def _percent(share: float) -> str:

@@ -425,8 +425,7 @@ def _has_left(z: FloatArray, above: BoolArray, stands_m: FloatArray) -> BoolArra
     It may land twice in a descent, as a body crouches that lands and pushes off anew.
     """
     stands = np.logical_or.accumulate(above, axis=1) & (z <= stands_m[:, None])
-    stood = np.cumsum(stands, axis=1) > RESTING_FRAME
-    return np.asarray(np.logical_or.accumulate(stood & above, axis=1))
+    return np.logical_or.accumulate(above & (np.cumsum(stands, axis=1) > RESTING_FRAME), axis=1)
 
 
 def _last_above(

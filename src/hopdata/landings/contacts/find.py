@@ -110,8 +110,7 @@ def find_landings(
     options: Any = {"gravity": gravity, "maximum_misfit": maximum_misfit, "lead_s": 0.0}
     options |= {"window_before_s": before, "window_after_s": after, "down_height_m": down_m}
     options |= {"correlation": descents.noise_correlation(recording.body)}
-    contacts = find_contacts(time, seen, complete, **options)
-    contacts = _of_feet(contacts, [len(foot) for foot in parts])
+    contacts = _of_feet(find_contacts(time, seen, complete, **options), [len(x) for x in parts])
     if cut := low_pass(recording.body):
         late_s = FILTER_DELAYS / (cut * recording.rate_hz)
         contacts = replace(contacts, common=np.maximum(contacts.common, late_s))

@@ -205,8 +205,7 @@ def select_sections(
     known = np.concatenate([landing_heights(one, landings[one.name]) for one in recordings])
     held = _held(known / scale, pre / scale, post / scale, sections)
     moved = {name: held.pop(name) * scale for name in ("pre_height_m", "post_height_m")}
-    found = {**held, **moved, "n_used": len(frames_used.body)}
-    sections = replace(sections, **found)
+    sections = replace(sections, **held, **moved, n_used=len(frames_used.body))
     if not sections.pre_height_m > sections.post_height_m:
         raise AnalysisError(
             "sections: expected the pre section above the post section, found "
