@@ -242,8 +242,8 @@ def inspect_recording(
     )
     rate = guess_rate(raw, unit_guess.value, up=up_guess.value)
     rate = rate if rate_hz is None else Guess(f"{raw.rate_hz:g}", "as given")
-    part = positions[:, list(clusters[0].markers)] if clusters else positions
-    treated = rigid.treated(part, raw.rate_hz, scale=scale)
+    part = list(clusters[0].markers) if clusters else slice(None)
+    treated = rigid.treated(rigid.middle(positions)[:, part], raw.rate_hz, scale=scale)
     return Inspection(
         raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, rate, gaps,
         timing, pairs, clusters, noise, faults, raw.remarks, tuple(treated),

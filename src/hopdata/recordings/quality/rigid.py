@@ -149,7 +149,7 @@ SLOWER, NOISE_SLOPES, POLES = 5, (-2.5, 0.5), (2, 4)
 
 def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str]:
     """Say what was done to the markers (N, m, 3), m, of a rigid part since they were recorded."""
-    body = _middle(body)
+    body = middle(body)
     if pattern := frames_of_pattern(body):
         told = f"every {pattern:.3g} frames are alike, as if brought to {rate_hz:g} Hz from another"
         return [f"{told} rate: contacts come some ms early; give the frames as they were recorded"]
@@ -164,12 +164,13 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
 
 def low_pass(body: FloatArray) -> float:
     """Return the `cut_off` of markers (N, m, 3) of an animal of 1 m if they were filtered; or 0."""
-    body = _middle(body)
+    body = middle(body)
     quiet = quantiles(frame_noise(body)[:, None], [0.5])[0, 0] < NO_CAMERA_M
     return cut_off(body) if quiet else 0.0
 
 
-def _middle(body: FloatArray) -> FloatArray:
+def middle(body: FloatArray) -> FloatArray:
+    """Return the frames from which it is told what was done to all of them."""
     first = max(0, (len(body) - SPECTRUM_FRAMES) // 2)
     return body[first : first + SPECTRUM_FRAMES]
 
@@ -180,7 +181,7 @@ def recorded_frames(body: FloatArray) -> slice:
     Those have the more noise, and are no copies. Of other patterns too few frames fall on recorded
     ones.
     """
-    body = _middle(body[: len(body) // 2 * 2])
+    body = middle(body[: len(body) // 2 * 2])
     if round(frames_of_pattern(body), 2) != 2:
         return slice(None)
     moved = np.diff(body, axis=0, prepend=body[1:2]) != 0
