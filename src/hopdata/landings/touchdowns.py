@@ -45,7 +45,6 @@ def exclusion_reasons(
         (status == descents.NOT_LANDED, "foot {} not down by the post section"),
         (status == descents.ALREADY_DOWN, "foot {} down before the pre section"),
         (status == descents.POOR_FIT, "poor fit of foot {}"),
-        (status == descents.HOVERS, "contact of foot {} not determined"),
         (timed & np.isnan(instant), "no contact found for foot {}"),
         (timed & (instant < t_pre - continued_s), "foot {} down before the pre section"),
         (timed & (instant > t_post), "foot {} not down by the post section"),

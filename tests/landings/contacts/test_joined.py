@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
-from hopdata.landings.contacts.descents import ALREADY_DOWN, HOVERS, LANDED, MISSING, NOT_LANDED
+from hopdata.landings.contacts.descents import ALREADY_DOWN, LANDED, MISSING, NOT_LANDED
 from hopdata.landings.contacts.joined import first_of, join_feet, parts_of_feet
 from hopdata.landings.touchdowns import touchdown_table
 
@@ -59,8 +59,6 @@ def test_the_earliest_of_two_that_are_not_known_exactly():
         ((NOT_LANDED, NOT_LANDED), NOT_LANDED),
         ((LANDED, ALREADY_DOWN), ALREADY_DOWN),
         ((LANDED, MISSING), MISSING),
-        ((LANDED, HOVERS), LANDED),
-        ((HOVERS, LANDED), HOVERS),
     ],
 )
 def test_a_marker_that_may_have_been_first_leaves_the_contact_open(markers, foot):

@@ -227,7 +227,7 @@ def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
     return have
 
 
-LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT, HOVERS = range(6)
+LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT = range(5)
 NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
 ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
 SETTLES = 0.5  # of the height below which a foot is down: what sinks by less has stood all along
@@ -310,7 +310,7 @@ def approaches(
     down_height_m: float,
     lead_s: float,
     trail_s: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Find roughly when each foot came down in each complete transition.
 
     Parameters
@@ -335,13 +335,11 @@ def approaches(
     earliest : (L, n) array
         When the foot was for the last time higher above where it then comes to stand than skin and
         a soft contact let it sink, s: it touched later.
-    rest : (L, n) array
-        Height at which it then comes to stand, m.
     status : (L, n) int array
         `LANDED`, `ALREADY_DOWN`, `NOT_LANDED` or, where gaps may hide which of them, `MISSING`.
     """
     shape = (len(transitions), heights.shape[1])
-    near, earliest, rest = np.full((3, *shape), np.nan)
+    near, earliest = np.full((2, *shape), np.nan)
     status = np.full(shape, NOT_LANDED, dtype=np.int64)
     complete = np.flatnonzero(transitions.complete)
     longest = [GAP * _frame(time, one) for one in heights.T]
@@ -355,9 +353,9 @@ def approaches(
         for foot in range(shape[1] if len(rows) else 0):
             z = np.where(inside, heights[frames, foot], np.nan)
             found = _descents(time[frames], z, ends, longest[foot], noise_m, down_height_m)
-            for all_of_it, one in zip((near, earliest, rest, status), found, strict=True):
+            for all_of_it, one in zip((near, earliest, status), found, strict=True):
                 all_of_it[rows, foot] = one
-    return near, earliest, rest, status
+    return near, earliest, status
 
 
 def _frame(time: FloatArray, heights: FloatArray) -> float:
@@ -373,7 +371,7 @@ def _descents(
     longest: float,
     noise_m: float,
     down_height_m: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Say of a foot in each window (R, W) what `approaches` does, each (R,).
 
     What is not seen cannot tell against a foot: that it was down before the pre section or not down
@@ -416,7 +414,7 @@ def _descents(
     landed = status == LANDED
     rest = np.sort(low_first, axis=1)[:, min(RESTING_FRAME, z.shape[1] - 1)]
     earliest = np.where(landed, _last_above(t, z, falling, rest, longest), np.nan)
-    return np.where(landed, np.maximum(near, earliest), np.nan), earliest, rest, status
+    return np.where(landed, np.maximum(near, earliest), np.nan), earliest, status
 
 
 def _has_left(z: FloatArray, above: BoolArray, stands_m: FloatArray) -> BoolArray:

@@ -217,7 +217,7 @@ def find_contacts(
     require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
     noise_m = descents.height_noise(heights)
     of, trail_s = (time, heights, transitions), window_after_s or SHORT_WINDOWS_S[1]
-    near, earliest, rest, status = descents.approaches(
+    near, earliest, status = descents.approaches(
         *of, noise_m=noise_m, down_height_m=down_height_m, lead_s=lead_s, trail_s=trail_s
     )
     if find is not None:
@@ -240,19 +240,12 @@ def find_contacts(
         rises = ~rolls & (fits.n_after < FRAMES_AFTER)  # as toes do while their heel comes down
         fits = kink_law.merged(fits, alone, np.asarray(rises | rolls))
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
-    # A foot that slows above where it then comes to stand has not touched, or not to be seen.
-    sinks_m = np.exp(-2) * descents.SOFTEST_S * np.abs(fits.velocity)
-    after = fits.instant + descents.SOFTEST_S * np.arange(2, 5)[:, None, None]
-    frames = np.minimum(np.searchsorted(time, after), len(time) - 1)
-    stance = np.fmin.reduce(heights[frames, np.arange(heights.shape[1])])
-    hovers = stance > rest + descents.SKIN_M + 2 * noise_m + sinks_m
     risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
     about = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
     se = np.hypot(found.se, risen_s) * descents.widening(correlation, *about)
     # From the earliest instant on the foot only comes to stand, and that takes no longer.
     longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
-    status = np.where(hovers & (found.status == descents.LANDED), descents.HOVERS, found.status)
-    return replace(found, se=np.minimum(se, longest), status=status, common=common)
+    return replace(found, se=np.minimum(se, longest), common=common)
 
 
 METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.landings.contacts.descents import ALREADY_DOWN, HOVERS, LANDED, NOT_LANDED
+from hopdata.landings.contacts.descents import ALREADY_DOWN, LANDED, NOT_LANDED
 from hopdata.recording import Recording
 
 
@@ -70,16 +70,14 @@ def first_of(
     """Contacts (L,) of a foot from those of its p markers (L, p): the first of those that land.
 
     A marker that was down before makes the foot so; one that may have landed unseen, or fits badly,
-    or hovers no later than another lands, leaves it open. Instant and standard error, s, are mean
-    and deviation of the earliest of independent normals, taken two by two (Clark 1961).
+    leaves it open. Instant and standard error, s, are mean and deviation of the earliest of
+    independent normals, taken two by two (Clark 1961).
     """
     down, open_ = status == ALREADY_DOWN, ~np.isin(status, (LANDED, NOT_LANDED, ALREADY_DOWN))
-    landed = status == LANDED
-    first = np.where(landed, instant, np.inf).min(axis=1)
-    open_ &= (status != HOVERS) | (instant < first[:, None])
     worst = np.where(open_, status, -1).max(axis=1)
-    found = np.where(landed.any(axis=1), LANDED, NOT_LANDED)
+    found = np.where((status == LANDED).any(axis=1), LANDED, NOT_LANDED)
     found = np.where(down.any(axis=1), ALREADY_DOWN, np.where(worst >= 0, worst, found))
+    landed = status == LANDED
     mean, sd = np.full(len(status), np.nan), np.full(len(status), np.nan)
     for part in range(status.shape[1]):
         later, error = (np.where(landed[:, part], x[:, part], np.nan) for x in (instant, se))
