@@ -11,7 +11,7 @@ from kinked_landings import landings
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
-from hopdata.maps.verdict.judge import conclude, outlook
+from hopdata.maps.verdict.judge import CANNOT_TELL, conclude, outlook, sentence
 from hopdata.maps.verdict.model import LEFT
 
 OPTIONS = {"seed": 3, "flips": 199}
@@ -305,3 +305,9 @@ def test_memory_does_not_grow_with_the_square_of_the_landings():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 4000**2 * 8 / 1.5
+
+
+def test_a_bound_that_rounds_to_the_margin_is_said_to_be_above_it():
+    said = [sentence(CANNOT_TELL, (0, 0, 0, b), "two orders", 0.95, 0.2) for b in (0.2004, 0.21)]
+    assert "of up to just over 20 % of the map cannot be excluded, and 20 % was wanted" in said[0]
+    assert "of up to 21 % of the map" in said[1]

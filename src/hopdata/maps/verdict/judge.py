@@ -98,12 +98,11 @@ def sentence(
 ) -> str:
     """Say a conclusion in one sentence; `sizes` are estimate, low, high and upper bound."""
     require_choice("conclusion", conclusion, CONCLUSIONS)
-    sure, (size, low, high, bound) = f"{100 * confidence:g} %", map(_percent, sizes)
+    size, low, high, bound, wanted = map(_percent, [*sizes, margin])
+    sure, more = f"{100 * confidence:g} %", "just over " * (bound == wanted)
     if conclusion == DIFFERENT:
-        return (
-            f"The maps of {compared} are different: by {size} of the map ({sure} interval {low} to "
-            f"{high})."
-        )
+        interval = f"({sure} interval {low} to {high})"
+        return f"The maps of {compared} are different: by {size} of the map {interval}."
     if conclusion == NO_DIFFERENCE:
         return (
             f"No difference between the maps of {compared} larger than {bound} of the map, "
@@ -111,7 +110,7 @@ def sentence(
         )
     return (
         f"These data cannot tell: no difference between the maps of {compared} was found, but one "
-        f"of up to {bound} of the map cannot be excluded, and {_percent(margin)} was wanted."
+        f"of up to {more}{bound} of the map cannot be excluded, and {wanted} was wanted."
     )
 
 
