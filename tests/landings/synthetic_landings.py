@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from hopdata.recording import Recording
@@ -65,52 +66,58 @@ def simulate(
     q[:, 1:] = rng.normal(0, 0.01, (landings, 2))
     v = np.zeros((landings, 3))
     v[:, 1:] = rng.normal(0, tilt_rate, (landings, 2))
-    scale = 3.0 / feet
-    inverse = np.array([1 / MASS, 1 / INERTIA, 1 / INERTIA])
-    down = np.zeros((landings, feet), bool)
-    landed = np.zeros(landings, bool)
-    touched = np.full((landings, feet), np.nan)
-    lifted = np.full((landings, feet), np.nan)
-    frames_q = np.full((landings, n_frames, 3), np.nan)
-    frames_v = np.full((landings, n_frames, 3), np.nan)
-    frames_foot = np.full((landings, n_frames, feet), np.nan)
-
-    def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
-        gap, rate = q @ lever.T, v @ lever.T
-        force = scale * np.where(down, PRELOAD - STIFFNESS * gap - DAMPING * rate, 0.0)
-        out = (force @ lever) * inverse
-        out[:, 0] -= GRAVITY
-        return out
-
-    for step in range(n_frames * sub + sub):
-        t = step * dt
-        due = (step - phase) % sub == 0
-        k = (step - phase) // sub
-        use = np.flatnonzero(due & (k >= 0) & (k < n_frames))
-        gap = q @ lever.T
-        since = np.clip(np.nan_to_num(t - lifted), 0, RETRACT_S) / RETRACT_S
-        leg = np.where(np.isnan(lifted), 0.0, EXTENSION * (1 - since**2 * (3 - 2 * since)))
-        frames_q[use, k[use]], frames_v[use, k[use]] = q[use], v[use]
-        frames_foot[use, k[use]] = np.where(down, 0.0, gap - leg)[use]
-        a = acceleration(q, v)
-        v_mid, q_mid = v + 0.5 * dt * a, q + 0.5 * dt * v
-        a_mid = acceleration(q_mid, v_mid)
-        q_new, v_new = q + dt * v_mid, v + dt * a_mid
-        gap_new = q_new @ lever.T
-        hit = ~down & (gap > 0) & (gap_new <= 0) & np.isnan(lifted)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            touched = np.where(hit, t + dt * gap / (gap - gap_new), touched)
-        down |= hit
-        landed |= down.all(axis=1)
-        off = down & (gap_new >= np.where(landed, EXTENSION, 0.0)[:, None]) & ~hit
-        lifted = np.where(off, t + dt, lifted)
-        down &= ~off
-        q, v = q_new, v_new
-
+    frames_q, frames_v, frames_foot, touched = _fall(q, v, phase, lever, n_frames, sub, dt)
     return _observe(
         frames_q, frames_v, frames_foot, touched - phase[:, None] * dt, foot_xy, body_xy,
         rate_hz=rate_hz, noise_m=noise_m, rng=rng, name=name,
     )  # fmt: skip
+
+
+@njit(cache=True)
+def _fall(q, v, phase, lever, n_frames, sub, dt):
+    """Return states and feet of each landing at the frames, and when each foot touched, from step 0."""
+    landings, feet = len(q), len(lever)
+    weights = np.array([1 / MASS, 1 / INERTIA, 1 / INERTIA]) * 3.0 / feet
+    frames_q, frames_v = np.empty((landings, n_frames, 3)), np.empty((landings, n_frames, 3))
+    frames_foot = np.empty((landings, n_frames, feet))
+    touched = np.full((landings, feet), np.nan)
+    for one in range(landings):
+        down, lifted = np.zeros(feet, np.bool_), np.full(feet, np.nan)
+        landed = False
+        now, speed = q[one].copy(), v[one].copy()
+        gap = lever @ now
+        for step in range(phase[one] + n_frames * sub):
+            t = step * dt
+            k, rest = divmod(step - phase[one], sub)
+            if rest == 0 and k >= 0:
+                frames_q[one, k], frames_v[one, k] = now, speed
+                for f in range(feet):
+                    since = min(t - lifted[f], RETRACT_S) / RETRACT_S
+                    leg = EXTENSION * (1 - since**2 * (3 - 2 * since)) if lifted[f] > 0 else 0.0
+                    frames_foot[one, k, f] = 0.0 if down[f] else gap[f] - leg
+            speed_mid = speed + 0.5 * dt * _acceleration(gap, lever @ speed, down, lever, weights)
+            gap_mid = lever @ (now + 0.5 * dt * speed)
+            now = now + dt * speed_mid
+            speed = speed + dt * _acceleration(gap_mid, lever @ speed_mid, down, lever, weights)
+            gap_new = lever @ now
+            hit = ~down & (gap > 0) & (gap_new <= 0) & np.isnan(lifted)
+            for f in np.flatnonzero(hit):
+                touched[one, f] = t + dt * gap[f] / (gap[f] - gap_new[f])
+            down |= hit
+            landed |= down.all()
+            off = down & (gap_new >= (EXTENSION if landed else 0.0)) & ~hit
+            lifted[off] = t + dt
+            down &= ~off
+            gap = gap_new
+    return frames_q, frames_v, frames_foot, touched
+
+
+@njit(cache=True)
+def _acceleration(gap, rate, down, lever, weights):
+    force = np.where(down, PRELOAD - STIFFNESS * gap - DAMPING * rate, 0.0)
+    out = (force @ lever) * weights
+    out[0] -= GRAVITY
+    return out
 
 
 def _observe(
