@@ -75,7 +75,7 @@ def simulate(
 
 @njit(cache=True)
 def _fall(q, v, phase, lever, n_frames, sub, dt):
-    """Return states and feet of each landing at the frames, and when each foot touched, from step 0."""
+    """Return states and heights of feet at each landing's frames, and when each foot touched."""
     landings, feet = len(q), len(lever)
     weights = np.array([1 / MASS, 1 / INERTIA, 1 / INERTIA]) * 3.0 / feet
     frames_q, frames_v = np.empty((landings, n_frames, 3)), np.empty((landings, n_frames, 3))

@@ -64,12 +64,13 @@ def test_interval_and_bound_hold_the_size(size, shift):
     assert share(size <= effect.upper_bound for effect in found) >= 0.9
 
 
-def test_upper_ends_hold_what_one_landing_has_beside_the_mean_of_all():
+def test_both_ends_hold_what_one_landing_has_beside_the_mean_of_all():
     """Of large differences a share of theirs, of small ones what smooth terms hide."""
     share_changed = 2 * (0.4 / OF_FOURTH) ** (2 / 3)
     expected = [HIDDEN * 0.4, 10 * (1 + share_changed)]
     assert upper_ends([0.0, 10.0], 0.4) == pytest.approx(expected, rel=1e-3)
     assert share(effect.upper_bound >= 1.0 for effect in sizes(0.85, count=40)) >= 0.9
+    assert share(effect.low <= 1.0 for effect in sizes(1.25, count=40)) >= 0.9
 
 
 def test_the_detectable_size_is_found_as_often_as_said():

@@ -27,7 +27,7 @@ from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, contact_orders, halves
-from hopdata.maps.verdict.model import KinkFit, symmetric_root, upper_ends
+from hopdata.maps.verdict.model import KinkFit, one_landing, symmetric_root, upper_ends
 
 _AT_ONCE = 8_000_000  # signs in memory
 _BISECTIONS = 50
@@ -214,7 +214,8 @@ def effect_size(
     """Return the size of the kinks and all that follows from its distribution.
 
     The interval holds the sizes from which T as found is not a rare draw, less `allowed` at its low
-    end and with `upper_ends`: what smooth terms leave lies along a difference or against it. Below
+    end and with `upper_ends`: what smooth terms leave lies along a difference or against it, and
+    the simultaneous contact is `one_landing` of all that show. Below
     the size at which a statistic as small as the median with `allowed` becomes rare, only large
     draws count as rare: so the interval begins above zero exactly if the test, of level
     1 - confidence, finds more than `allowed`. For `high` and the bound a statistic below the
@@ -254,7 +255,7 @@ def effect_size(
     squared = statistic - float(np.sum((fit.scores @ root.T) ** 2))
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
-        low=max(0.0, low - fit.allowed) if p_value < level else 0.0,
+        low=max(0.0, low - fit.allowed) / (1.0 + one_landing(fit.allowed)) * (p_value < level),
         high=high,
         upper_bound=bound,
         detectable=_detectable(draws.null, fit.allowed, level, power),

@@ -21,7 +21,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, sentence
-from hopdata.maps.verdict.model import upper_ends
+from hopdata.maps.verdict.model import one_landing, upper_ends
 
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
 
@@ -142,8 +142,10 @@ def judge_group(
     found = combine(squared, np.full(len(squared), of_mean))
     near, up = found.error * t.isf([(1.0 - confidence) / 2.0, 1.0 - confidence], found.n - 1)
     estimate, *ends = np.sqrt(max(0.0, found.mean) + np.array([0.0, near, up])).tolist()
+    allowed = float(members["allowed"].mean())
     low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - members["left"].mean())
-    high, bound = upper_ends(ends, float(members["allowed"].mean()))
+    low /= 1.0 + one_landing(allowed)
+    high, bound = upper_ends(ends, allowed)
     sizes = (estimate, low, high, bound)
     conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if sizes[3] <= margin else CANNOT_TELL
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)

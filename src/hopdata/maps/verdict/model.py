@@ -169,14 +169,21 @@ class _Smooth:
         return np.asarray(scale @ slopes)
 
 
+def one_landing(allowed: float) -> float:
+    """Return the share by which a difference at one landing may lie off the mean, which shows.
+
+    As the derivative does, it changes over the landings by the share c.
+    """
+    return float(_ONE_LANDING * (allowed / OF_FOURTH) ** (2 / 3))
+
+
 def upper_ends(sizes: list[float], allowed: float) -> list[float]:
     """Return how large differences may be at the simultaneous contact that show as these `sizes`.
 
-    Smooth terms hide some of them. And by the share c by which the derivative changes over the
-    landings a difference does, too: at one of them it may lie `_ONE_LANDING` times as far off.
+    Smooth terms hide some of them, and that contact is one landing.
     """
-    changed = _ONE_LANDING * (allowed / OF_FOURTH) ** (2 / 3)
-    return [size + float(np.hypot(HIDDEN * allowed, changed * size)) for size in sizes]
+    off = one_landing(allowed)
+    return [size + float(np.hypot(HIDDEN * allowed, off * size)) for size in sizes]
 
 
 def symmetric_root(covariance: FloatArray) -> FloatArray:
