@@ -150,7 +150,7 @@ def test_version_and_help():
     assert "CONFIG" in result.stdout
 
 
-@pytest.mark.parametrize("arguments", [[], ["chekc", "x"], ["check"], ["check", "a", "b"]])
+@pytest.mark.parametrize("arguments", [[], ["chekc", "x"], ["check"], ["run", "--cores", "0"]])
 def test_a_wrong_command_line_is_exit_code_2(arguments):
     result = hopdata(*arguments)
     assert result.returncode == 2

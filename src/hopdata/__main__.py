@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -118,8 +119,7 @@ def _view_options(command: argparse.ArgumentParser) -> None:
 
 def _init_options(command: argparse.ArgumentParser) -> None:
     _add_file(command)
-    what = "file to write; else config/FILE.yaml"
-    command.add_argument("-o", "--out", type=Path, metavar="CONFIG", help=what)
+    command.add_argument("-o", "--out", type=Path, metavar="CONFIG", help="else config/FILE.yaml")
     command.add_argument("--force", action="store_true", help="replace CONFIG if it is there")
 
 
@@ -134,7 +134,7 @@ def _run_options(command: argparse.ArgumentParser) -> None:
     )
     what = "such as config/monday.yaml; else that of the bundled sample"
     command.add_argument("config", nargs="?", type=Path, metavar="CONFIG", help=what)
-    command.add_argument("--cores", default="2", metavar="N", help="or all; %(default)s")
+    command.add_argument("--cores", type=_cores, default="2", metavar="N", help="or all; 2")
     what = "make the study of this provenance.json again, and compare"
     command.add_argument("--from", dest="provenance", type=Path, metavar="FILE", help=what)
     command.add_argument("--dry-run", action="store_true", help="only say what would be done")
@@ -318,21 +318,23 @@ def completion(_options: argparse.Namespace) -> int:
 
 
 def _point(text: str) -> tuple[float, ...]:
-    try:
+    with suppress(ValueError):
         x, y = map(float, text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected X,Y, found '{text}'") from None
-    return x, y
+        return x, y
+    raise argparse.ArgumentTypeError(f"expected X,Y, found '{text}'")
 
 
 def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"expected a number above 0, found '{text}'")
-    return value
+    with suppress(ValueError):
+        if 0 < (value := float(text)) < float("inf"):
+            return value
+    raise argparse.ArgumentTypeError(f"expected a number above 0, found '{text}'")
+
+
+def _cores(text: str) -> str:
+    if text != "all" and not (text.isdecimal() and int(text)):  # with 0 Snakemake waits for ever
+        raise argparse.ArgumentTypeError(f"expected a whole number above 0, or all, found '{text}'")
+    return text
 
 
 if __name__ == "__main__":

@@ -88,7 +88,7 @@ def read_yaml(path: str | Path) -> Any:
             + nearest_file(path) * isinstance(error, FileNotFoundError)
         ) from None
     except UnicodeDecodeError:
-        raise ConfigError.at(path, "YAML in UTF-8", "other bytes") from None
+        raise ConfigError.at(path, "YAML in UTF-8", "other bytes (a recording? use init)") from None
     loader = None
     try:
         loader = _loader()(text)

@@ -61,6 +61,13 @@ def test_no_window_reaches_far_beyond_a_kick(rate_hz):
     assert rms_error(tracks, speed) < 0.004
 
 
+def test_a_stance_that_changes_soon_gets_a_short_window():
+    tracks, _ = falls(lambda tau, _: 500 * np.maximum(tau - 0.045, 0) ** 2, rate_hz=500.0)
+    stance = replace(tracks, contact=tracks.near - 0.006, flight=False)
+    assert all(window <= 0.05 for _, window in widest(stance, (3, 5)))
+    assert [degree for degree, _ in widest(stance, (3, 5))] == [3, 5]
+
+
 def test_tracks_that_bend_get_a_narrower_window_or_a_higher_degree():
     def swing(tau, rng):
         return 0.003 * np.sin(14 * tau + rng.uniform(0, 6, (len(tau), 1)))

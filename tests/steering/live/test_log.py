@@ -99,10 +99,11 @@ def test_a_log_that_cannot_be_written_holds_up_nobody(tmp_path, caplog):
     assert "the log could not be written" in caplog.text
 
 
-@pytest.mark.parametrize("content", [None, b"text"])
-def test_what_is_no_log_is_refused(tmp_path, content):
+@pytest.mark.parametrize(("content", "found"), [(None, "no file"), (b"text", "another file")])
+def test_what_is_no_log_is_refused(tmp_path, content, found):
     path = tmp_path / "drive.h5"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(RecordingError, match=r"drive.h5: expected the log of a drive, found"):
+    message = f"drive.h5: expected the log of a drive .*, found {found}"
+    with pytest.raises(RecordingError, match=message):
         read_log(path)

@@ -16,7 +16,7 @@ from hopdata.landings.states.tracks import LOOK_AT, Moments, Windows, evenly, jo
 
 BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06
 NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as ballistic
-WINDOWS_S = (0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)
+WINDOWS_S = (0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)
 FLIGHT_DEGREES, STANCE_DEGREES, ALONE_DEGREE = (2, 3), (3, 5), 3
 LEAST_FRAMES, LEAST_CLOSE, LEAST_LANDINGS = 6, 3, 30
 LARGEST_MISFIT = 0.25  # in units of the variance that a further coefficient would cost
@@ -142,7 +142,9 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
     `hopdata.landings.states.coefficients`). Each degree gets the widest window in which it fits; of
     these the one that expects the smallest errors of velocities is taken.
     """
-    found = (_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s))
+    degrees = FLIGHT_DEGREES if tracks.flight else STANCE_DEGREES
+    choices = widest(tracks, degrees) if window_s is None else [(d, window_s) for d in degrees]
+    found = (_drawn(tracks, *choice) for choice in choices)
     best = min(filter(None, found), key=lambda each: each[0], default=None)
     return alone(tracks, window_s) if best is None else best[1]
 
@@ -174,12 +176,6 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
             yield part.lower(degree), fit
 
     return expected / window_s**2, parts
-
-
-def _choices(tracks: Tracks, window_s: float | None) -> list[tuple[int, float]]:
-    """Degrees and windows, s, that are worth a fit."""
-    degrees = FLIGHT_DEGREES if tracks.flight else STANCE_DEGREES
-    return widest(tracks, degrees) if window_s is None else [(d, window_s) for d in degrees]
 
 
 def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:

@@ -177,7 +177,7 @@ def read_log(path: str | Path) -> LoggedDrive:
     try:
         with h5py.File(path, "r", libver="latest", swmr=True, locking=False) as file:
             if file.attrs["format"] != FORMAT:
-                raise ValueError(f"its format is {file.attrs['format']!r}")
+                raise ValueError
             names = ("decisions", "events", "counts")
             return LoggedDrive(
                 json.loads(file.attrs["setup"]),
@@ -185,8 +185,9 @@ def read_log(path: str | Path) -> LoggedDrive:
                 file["frames"][:],
                 *(_table(file[name][:]) for name in names),
             )
-    except (OSError, KeyError, ValueError) as error:
-        raise RecordingError(f"{path}: expected the log of a drive, found: {error}") from None
+    except (OSError, KeyError, ValueError):
+        found = "another file" if Path(path).exists() else "no file"
+        raise RecordingError.at(path, f"the log of a drive ({FORMAT})", found) from None
 
 
 def _table(rows: NDArray[Any]) -> pd.DataFrame:
