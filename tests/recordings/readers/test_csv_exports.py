@@ -84,6 +84,14 @@ def test_keypoints_state_no_rate(tmp_path):
         read(tmp_path, anipose(track(), NAMES, np.ones((30, 3))))
 
 
+def test_a_clock_among_further_columns_is_the_time(tmp_path):
+    rows = anipose(track(), NAMES, np.ones((30, 3))).splitlines()
+    clock = ["Time (s)", *(f"{7 + k / 40:.3f}" for k in range(30))]
+    found = read(tmp_path, "\n".join(f",{c},{row}" for c, row in zip(clock, rows, strict=True)))
+    np.testing.assert_allclose(found.time, 7 + np.arange(30) / 40)
+    np.testing.assert_allclose(found.positions, track())
+
+
 def test_one_camera_s_plane_is_refused(tmp_path):
     lines = deeplabcut(track(), NAMES).splitlines()
     plane = [",".join(c for k, c in enumerate(x.split(",")) if k % 3 or not k) for x in lines]

@@ -108,8 +108,7 @@ def read_export(
         raise RecordingError(
             f"{path}, line 1: expected an export of Motive (Format Version), Vicon Nexus (a "
             "section Trajectories), DeepLabCut (scorer) or Anipose, or a table (columns <name>_x, "
-            f"_y, _z), "
-            f"found '{','.join(first)[:40]}'"
+            f"_y, _z), found '{','.join(first)[:40]}'"
         )
     (numbers,) = sheet.below(at).numbers(places)
     return keypoints(path, columns, numbers, rate_hz, least_score)

@@ -1,6 +1,6 @@
 """Keypoints from video in three dimensions: tables of DeepLabCut, Anipose, JARVIS; CSV or HDF5.
 
-They state neither rate nor unit, but how sure each point is. In HDF5 they are tables of pandas: one
+They state no unit, seldom a clock, but how sure each point is. In HDF5 they are tables of pandas: one
 of rows with the names of its columns pickled beside it, or arrays of blocks with their names.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
-from hopdata.recordings.readers import hdf5
+from hopdata.recordings.readers import hdf5, qtm
 from hopdata.recordings.readers.text import blank_unseen
 
 AXES = ("x", "y", "z")
@@ -54,6 +54,7 @@ def keypoints(
         c[0].rpartition("_")[::2] if len(c) == 1 else (" ".join(c[1:-1]), c[-1]) for c in columns
     ]
     at = {part: k for k, part in reversed(list(enumerate(split)))}
+    clock = next((k for k, (n, end) in enumerate(split) if qtm.counter(n + end) == "Time"), None)
     names = [n for n, axis in split if axis == "x" and all((n, other) in at for other in AXES)]
     if not names:
         found = "one camera's plane" if ("x" in {axis for _, axis in split}) else "none"
@@ -70,14 +71,14 @@ def keypoints(
         sure = values[:, scores] >= least_score
         unsure = ~sure & np.isfinite(positions[:, places, 0])
         positions[:, places] = np.where(sure[..., None], positions[:, places], np.nan)
-        if unsure.any():
-            told = f"{unsure.sum()} of {unsure.size} places have a score below {least_score:g}"
-            remarks = [f"{path}: {told} (input.least_score) and count as unseen"]
+        told = f"{unsure.sum()} of {unsure.size} places have a score below {least_score:g}"
+        remarks = [f"{path}: {told} (input.least_score) and count as unseen"] * bool(unsure.any())
     return raw.assembled(
         str(path),
         raw.distinct_names(str(path), names, may_lack=True),
         positions,
         number=np.arange(1.0, len(values) + 1),
+        stamps=None if clock is None else values[:, clock],
         rates_hz=(None, rate_hz),
         remarks=tuple(remarks),
     )

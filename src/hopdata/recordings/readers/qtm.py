@@ -138,7 +138,7 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
     if header.columns and _units(fields):
         header.unit = (_units(fields) - _SECONDS).pop()
     elif is_column_row(fields):
-        header.columns = [_counter(name) or name for name in text.trimmed(fields)]
+        header.columns = [counter(name) or name for name in text.trimmed(fields)]
     elif key == "EVENT":
         event, frame = _event(header, fields[1:])
         header.events.append(event)
@@ -171,7 +171,7 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
 
 def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
     """Counters and names of markers of a row of columns; None if the others are no coordinates."""
-    counters = list(filter(None, map(_counter, fields[: len(COUNTERS)])))
+    counters = list(filter(None, map(counter, fields[: len(COUNTERS)])))
     return counters, coordinate_stems(text.trimmed(fields)[len(counters) :])
 
 
@@ -184,10 +184,10 @@ def is_known(fields: list[str]) -> bool:
 
 def is_column_row(fields: list[str]) -> bool:
     """Tell whether a row names counters or coordinates."""
-    return bool(_counter(fields[0])) or coordinate_stems(fields[:3]) is not None
+    return bool(counter(fields[0])) or coordinate_stems(fields[:3]) is not None
 
 
-def _counter(column: str) -> str:
+def counter(column: str) -> str:
     """Return Frame or Time if a column is that, as ``time`` and ``Time [s]`` are; else nothing."""
     name = _IN_SECONDS.sub("", column).title()
     return name if name in COUNTERS else ""
