@@ -1,7 +1,7 @@
 """Keypoints from video in three dimensions: tables of DeepLabCut, Anipose, JARVIS; CSV or HDF5.
 
-They state no unit, seldom a clock, but how sure each point is. In HDF5 they are tables of pandas: one
-of rows with the names of its columns pickled beside it, or arrays of blocks with their names.
+They state no unit, seldom a clock, but how sure each point is. In HDF5 they are tables of pandas:
+one of rows with the names of its columns pickled beside it, or arrays of blocks with their names.
 """
 
 from __future__ import annotations
