@@ -116,6 +116,15 @@ def test_a_foot_that_only_drags_is_to_be_left_out():
     assert changes == ["b is hardly ever seen to land: take it off markers.feet"]
 
 
+def test_feet_that_never_come_down_to_the_floor_are_told():
+    columns = {"reason": "no foot landed", "excluded": True, "contact_a_s": np.nan}
+    found = forecast.Forecast(pd.DataFrame(columns, index=range(9)), 1.0, stops=True)
+    config = {"markers": {"body": ["hip"], "feet": ["a"]}, "verdict": {"margin": 0.2}, "feet": []}
+    changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
+    assert len(changes) == 1
+    assert "touchdowns.down_height_m" in changes[0]
+
+
 def test_without_a_landing_no_share_of_them_is_timed():
     none = pd.DataFrame({"reason": ["no foot landed"], "contact_toe_s": [np.nan]})
     assert forecast.Forecast(none, 1.0, stops=True).timed("toe") == 0.0

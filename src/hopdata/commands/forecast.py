@@ -49,6 +49,7 @@ CHANGES = {
     "later or not at all take it off markers.feet; else " + _OTHERWISE.format(side="post"),
     "down before the pre section": "{foot} is down too early: if it stays on the floor take it off "
     "markers.feet; else " + _OTHERWISE.format(side="pre"),
+    "rises where it should touch": "is {foot} swapped, or loose (hopdata inspect)?",
     "poor fit of foot": "{foot} does not fall and stand as a foot does: is it swapped, loose or "
     "filtered (hopdata inspect)? if it is sound raise touchdowns.maximum_misfit",
     "not determined": "{foot} slows without a kink: put a marker where it touches",
@@ -182,8 +183,7 @@ def told(
     forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
 ) -> list[str]:
     """Say a forecast in lines: landings and feet, what is left out, the verdict, what to change."""
-    feet = feet_of(config)
-    about = "about " if forecast.frames_share < 1 else ""
+    feet, about = feet_of(config), "about " * (forecast.frames_share < 1)
     timed = ", ".join(f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet)
     out = [
         f"{re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)}: {count}"
@@ -196,8 +196,7 @@ def told(
         *([f"  left out  {'; '.join(out)}"] if out else []),
         f"  verdict   {_reach(forecast, config)}",
     ]
-    changes = list(_changes(forecast, config, recordings))
-    return lines + [f"  change    {change}" for change in changes]
+    return lines + [f"  change    {change}" for change in _changes(forecast, config, recordings)]
 
 
 def _reach(forecast: Forecast, config: Mapping[str, Any]) -> str:
@@ -222,21 +221,25 @@ def _changes(
     idle = [foot for foot in feet if forecast.timed(foot) < LEAST_SHARE]
     if idle and len(feet) - len(idle) >= MIN_FEET:
         return [f"{foot} is hardly ever seen to land: take it off markers.feet" for foot in idle]
-    seen = {
-        name: float(np.mean([fraction_seen(r)[r.markers.index(name)] for r in recordings]))
-        for name in body
-    }
+    if not forecast.landings and len(forecast.touchdowns):
+        return [
+            "no foot comes down to z = 0: raise touchdowns.down_height_m above where they stand"
+        ]
+    hidden = min(
+        body,
+        default="",
+        key=lambda x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings),
+    )
     changes = []
     for reason, count in forecast.left_out().items():
-        number = re.search(FOOT, reason)
-        foot = feet[int(number[1]) - 1] if number else ""
+        foot = "".join(feet[int(number) - 1] for number in re.findall(FOOT, reason))
         texts = [text for key, text in CHANGES.items() if key in reason]
         if texts and count >= LEAST_SHARE * forecast.landings:
             or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
-            hidden = min(seen, key=lambda name: seen[name])
-            change = texts[0].format(foot=foot, body=hidden, or_else=or_else)
-            done = config["sections"]["frames"] == "landings"
-            changes.append(change.removesuffix(_FRAMES) if done else change)
+            done = _FRAMES * (config["sections"]["frames"] == "landings")
+            changes.append(
+                texts[0].format(foot=foot, body=hidden, or_else=or_else).removesuffix(done)
+            )
     if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
         below = config["touchdowns"]["ambiguous_below"]
         share, foot = min((forecast.unsure_without(foot, feet, below), foot) for foot in feet)

@@ -42,9 +42,7 @@ def _notes(
             notes.append(f"{name} rests above the floor in {told}, left out")
     found, wanted = degrees
     if found != wanted:
-        notes.append(
-            f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"
-        )
+        notes.append(f"feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m")
     columns = np.column_stack([np.ones(len(ground)), ground[:, :2]])
     plane = np.linalg.lstsq(columns, ground[:, 2], rcond=None)[0]
     slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
@@ -198,11 +196,7 @@ def fit_floor(
     scaled = (rest.points[:, :2] - centre) / scale
     share = min(1.0, n_steps / len(rest.foot))
     by: Any = {"degree": degree, "largest_error_m": largest_error_m, "independent_share": share}
-
-    def regress(near: BoolArray) -> floor_surface.FloorRegression:
-        return floor_surface.regress_floor(rest, scaled, near, **by)
-
-    first = regress(np.full(len(rest.foot), True))
+    first = floor_surface.regress_floor(rest, scaled, np.full(len(rest.foot), True), **by)
     columns = floor_surface.floor_columns(rest, scaled, first.terms)
     raised = raised_rests(rest.points[:, 2], columns, rest_band_m, recording.scale)
     raised &= n_steps >= LEAST_STEPS * len(first.offsets_m)
@@ -210,10 +204,10 @@ def fit_floor(
     if not used.any():
         raise AnalysisError(
             f"{recording.name}: floor: expected feet at rest within {rest_band_m:.3g} m of a "
-            "floor, found them at different heights (on a box? or does the floor move?); raise "
-            "floor.rest_band_m, or set floor.enabled to false"
+            "floor, found them at different heights (on a box, or never still? or does the floor "
+            "move?); raise floor.rest_band_m, or set floor.enabled to false"
         )
-    fit = regress(used)
+    fit = floor_surface.regress_floor(rest, scaled, used, **by)
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= floor_surface.BIWEIGHT * rms)
@@ -233,7 +227,8 @@ _SPAN_S, _REST_S = 0.3, 0.06  # a foot's rest is one point a span; a shorter one
 _LEAST_RESTS = 10  # of a foot: two jumps on a soft sole do not tell
 _LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # a box is higher
 _SELDOM, _FAR = 5.0, 0.9  # of the range of nine in ten rests; feet that roll alike differ there
-_MOVE_PER_APART = 8.0  # of feet that rest one after the other: chance alone makes it 3.5
+# Of feet that rest one after the other: chance makes it 3.5, a hand that lifts slowly 8, decks 50.
+_MOVE_PER_APART = 12.0
 
 
 def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray]:

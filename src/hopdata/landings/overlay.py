@@ -167,23 +167,16 @@ def compare_contacts(
             row |= {"status": MISSED, **_descent_at(touchdowns, instant)}
         rows.append(row)
     for i in np.setdiff1d(np.arange(len(found)), shown[of]):
-        row = of_ours[i]
-        if known[i]:
-            row["status"] = NOT_COMPARED if row["excluded"] else INVENTED
-        else:
-            row |= {"status": NOT_COMPARED, "reason": "outside the external data"}
-        rows.append(row)
+        status = {"status": NOT_COMPARED if of_ours[i]["excluded"] else INVENTED}
+        outside = {"status": NOT_COMPARED, "reason": "outside the external data"}
+        rows.append(of_ours[i] | (status if known[i] else outside))
     table = pd.DataFrame(rows, columns=list(COLUMNS[4:]))
     table["index"] = table["index"].astype("Int64")
     table["difference_s"] = table["found_s"] - table["external_s"]
     by_time = table["external_s"].fillna(table["found_s"]).sort_values(kind="stable").index
     table = table.loc[by_time].reset_index(drop=True)
-    return table.assign(
-        recording=recording.name,
-        source=external.source,
-        column=external.column.name,
-        feet=" ".join(external.column.feet),
-    )[list(COLUMNS)]
+    same = recording.name, external.source, external.column.name, " ".join(external.column.feet)
+    return table.assign(**dict(zip(COLUMNS[:4], same, strict=True)))[list(COLUMNS)]
 
 
 def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:

@@ -153,10 +153,9 @@ def section_stability(
     for kind, variant, part, changed in _variants(recordings, sections):
         try:
             found = select_sections(part, landings=landings, **{**options, **changed})
+            rows.append(_row(kind, variant, found))
         except AnalysisError as error:
             rows.append((kind, variant, float("nan"), float("nan"), float("nan"), str(error)))
-        else:
-            rows.append(_row(kind, variant, found))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -165,8 +164,12 @@ def _variants(
 ) -> Iterator[tuple[str, str, Sequence[Recording], dict[str, float]]]:
     bandwidth = sections.min_foot_mode.bandwidth_m
     for factor in BANDWIDTH_FACTORS:
-        changed = {"bandwidth_m": factor * bandwidth}
-        yield "bandwidth", f"bandwidth × {factor:g}", recordings, changed
+        yield (
+            "bandwidth",
+            f"bandwidth × {factor:g}",
+            recordings,
+            {"bandwidth_m": factor * bandwidth},
+        )
     for number, frame in dict.fromkeys(_farthest_frames(recordings, sections)):
         with _without_second(recordings, number, frame) as (told, parts):
             yield "second", told, parts, {}

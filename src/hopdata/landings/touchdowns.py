@@ -40,33 +40,29 @@ def exclusion_reasons(
     t_pre, t_post = transitions.t_pre[:, None], transitions.t_post[:, None]
     status, instant, se = contacts.status, contacts.instant, contacts.se
     timed = status == descents.LANDED
+    # None of the feet that are seen landed, and these are half of them or more: another leg's.
+    idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
+    none = (idle | (status == descents.MISSING)).all(axis=1) & (idle.mean(axis=1) >= 0.5)
     failures = (
+        (none[:, None], NO_FOOT_LANDED),
+        (transitions.gap_pre[:, None] > longest_gap_s, HIDDEN_PRE),
+        (transitions.gap_post[:, None] > longest_gap_s, "frames missing at the post section"),
+        (~transitions.complete[:, None], "post section never reached"),
         (status == descents.MISSING, "frames missing at the contact of foot {}"),
         (status == descents.NOT_LANDED, "foot {} not down by the post section"),
         (status == descents.ALREADY_DOWN, "foot {} down before the pre section"),
         (status == descents.POOR_FIT, "poor fit of foot {}"),
+        (status == descents.RISES, "foot {} rises where it should touch"),
         (timed & np.isnan(instant), "no contact found for foot {}"),
         (timed & (instant < t_pre - continued_s), "foot {} down before the pre section"),
         (timed & (instant > t_post), "foot {} not down by the post section"),
         # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
         (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
     )
-    # None of the feet that are seen landed, and these are half of them or more: another leg's.
-    idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
-    none = (idle | (status == descents.MISSING)).all(axis=1) & (idle.mean(axis=1) >= 0.5)
-    of_body = (
-        (none, NO_FOOT_LANDED),
-        (transitions.gap_pre > longest_gap_s, HIDDEN_PRE),
-        (transitions.gap_post > longest_gap_s, "frames missing at the post section"),
-        (~transitions.complete, "post section never reached"),
-    )
     reasons = [""] * len(transitions)
     for failed, text in reversed(failures):
         for row in np.flatnonzero(failed.any(axis=1)):
             reasons[row] = text.format(int(np.argmax(failed[row])) + 1)
-    for failed, text in reversed(of_body):
-        for row in np.flatnonzero(failed):
-            reasons[row] = text
     return reasons
 
 
@@ -142,8 +138,7 @@ def touchdown_table(
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
     tops = np.interp(spans[:, 0], *_seen(recording))
     low = (tops < pre_height_m) & (table["reason"] != HIDDEN_PRE)
-    table.loc[low, "reason"] = LOW_FLIGHT
-    table.loc[low, "excluded"] = True
+    table.loc[low, ["reason", "excluded"]] = LOW_FLIGHT, True
     # A sway on feet that stay down is no landing, nor is what ends above the sections.
     through = (tops >= pre_height_m) & np.isfinite(transitions.t_pre)
     landed = (contacts.status == descents.LANDED).any(axis=1) | landings["hidden"].to_numpy(bool)
@@ -219,8 +214,7 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
             chosen = inside & out  # what the rest of the body did not carry
         else:
             chosen, told = inside & ~out, f"by hand: {entry['reason']}"
-        table.loc[chosen, "reason"] = told
-        table.loc[chosen, "excluded"] = True
+        table.loc[chosen, ["reason", "excluded"]] = told, True
     return table
 
 

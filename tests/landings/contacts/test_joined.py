@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
-from hopdata.landings.contacts.descents import ALREADY_DOWN, LANDED, MISSING, NOT_LANDED
+from hopdata.landings.contacts.descents import (
+    ALREADY_DOWN,
+    LANDED,
+    MISSING,
+    NOT_LANDED,
+    POOR_FIT,
+    RISES,
+)
 from hopdata.landings.contacts.joined import first_of, join_feet, parts_of_feet
 from hopdata.landings.touchdowns import touchdown_table
 
@@ -47,7 +54,7 @@ def test_the_earliest_of_two_that_are_not_known_exactly():
     rng = np.random.default_rng(1)
     means, sds = np.array([[0.0, 0.5], [0.0, 9.0], [0.3, 0.3]]), np.array([[1.0, 0.5]] * 3)
     drawn = (means + sds * rng.standard_normal((200_000, 1, 2))).min(axis=2)
-    mean, sd, _ = first_of(means, sds, np.full((3, 2), LANDED))
+    mean, sd, _ = first_of(means, sds, np.full((3, 2), LANDED), np.full((3, 2), -np.inf))
     np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=0.01)
     np.testing.assert_allclose(sd, drawn.std(axis=0), atol=0.01)
 
@@ -63,7 +70,13 @@ def test_the_earliest_of_two_that_are_not_known_exactly():
 )
 def test_a_marker_that_may_have_been_first_leaves_the_contact_open(markers, foot):
     instant, se, status = first_of(
-        np.array([[1.0, 2.0]]), np.array([[0.1, 0.1]]), np.array([markers])
+        np.array([[1.0, 2.0]]), np.array([[0.1, 0.1]]), np.array([markers]), np.array([[0.8, 0.9]])
     )
     assert status[0] == foot
     assert np.isfinite(instant[0]) == np.isfinite(se[0]) == (foot == LANDED)
+
+
+@pytest.mark.parametrize("heel", [MISSING, POOR_FIT, RISES])
+def test_a_marker_that_was_too_high_to_be_first_leaves_it_alone(heel):
+    found = first_of(*(np.array([x]) for x in ([1.0, 2.0], [0.1, 0.1], [LANDED, heel], [0.8, 1.4])))
+    np.testing.assert_array_equal(found, [[1.0], [0.1], [LANDED]])

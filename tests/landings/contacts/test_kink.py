@@ -1,5 +1,7 @@
 """The kink fit against its statistical limit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -94,6 +96,26 @@ def pushed_pairs(landings, push, jerk, seed=0):
     second = np.where(s < gap, fall - at_contact, 0.0)
     heights = np.column_stack([first, second]) + rng.normal(0, NOISE, (len(time), 2))
     return time, heights, np.column_stack([base, base + later])
+
+
+def test_a_rigid_foot_turns_about_the_marker_that_touches_first():
+    rng = np.random.default_rng(4)
+    time, landings = np.arange(40 * 50) / RATE, 40
+    toe = 0.25 + 0.5 * np.arange(landings) + rng.uniform(0, 1 / RATE, landings)
+    heel = toe + rng.uniform(0.03, 0.06, landings)
+    s, left = (time - np.repeat(at, 50) for at in (toe, heel))
+    turns = np.where(s < 0, 1.5 * s, 0.0)  # the heel slows by 1.5 m/s as the toes touch
+    heights = np.column_stack([np.where(s < 0, -2.5 * s, 0.0), np.where(left < 0, -1.5 * left, 0)])
+    heights[:, 1] -= turns
+    heights += rng.normal(0, NOISE, heights.shape)
+    contact = np.column_stack([toe, heel])
+    found = fit(
+        time, heights, contact + 0.002, earlier=contact, priors=replace(prior(2), foot_of=(0, 0))
+    )
+    error = (found.instant - contact) / (NOISE * found.unit_se)
+    np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=0)), 1.0, atol=0.25)
+    assert np.median(found.flight[:, 1, 2]) == pytest.approx(1.5, abs=0.1)
+    assert np.median(found.velocity[:, 1]) == pytest.approx(-1.5, abs=0.1)
 
 
 def test_the_push_of_an_earlier_foot_is_learned_and_taken_into_account():

@@ -42,6 +42,8 @@ class Contacts:
     common : (n,) array
         How far all instants of a foot may be off alike, s, since its contact may be softer or
         harder than it looks; not in `se`, and empty for the printed methods.
+    earliest : (L, n) array
+        When the foot was last too high for its contact, s; empty for the printed methods.
     """
 
     instant: FloatArray
@@ -49,6 +51,7 @@ class Contacts:
     status: IntArray
     noise_m: float
     common: FloatArray = field(default_factory=lambda: np.empty(0))
+    earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
 @one_blas_thread()
@@ -110,7 +113,8 @@ def find_landings(
     options: Any = {"gravity": gravity, "maximum_misfit": maximum_misfit, "lead_s": 0.0}
     options |= {"window_before_s": before, "window_after_s": after, "down_height_m": down_m}
     options |= {"correlation": descents.noise_correlation(recording.body)}
-    contacts = _of_feet(find_contacts(time, seen, complete, **options), [len(x) for x in parts])
+    options["foot_of"] = tuple(foot for foot, own in enumerate(parts) for _ in own)
+    contacts = _of_feet(find_contacts(time, seen, complete, **options), options["foot_of"])
     if cut := low_pass(recording.body):
         late_s = FILTER_DELAYS / (cut * recording.rate_hz)
         contacts = replace(contacts, common=np.maximum(contacts.common, late_s))
@@ -126,15 +130,16 @@ def find_landings(
     return pd.DataFrame({k: v * pace if k.endswith("_s") else v for k, v in columns.items()})
 
 
-def _of_feet(contacts: Contacts, sizes: list[int]) -> Contacts:
-    """Return the contacts of feet that have so many markers each."""
-    if max(sizes) == 1:
+def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
+    """Return the contacts of feet from those of their markers, each of the foot of that number."""
+    if len(set(foot_of)) == len(foot_of):
         return contacts
     found, common = [], []
-    for stop, size in zip(np.cumsum(sizes), sizes, strict=True):
-        own = slice(stop - size, stop)
-        instant = contacts.instant[:, own]
-        found.append(joined.first_of(instant, contacts.se[:, own], contacts.status[:, own]))
+    for foot in sorted(set(foot_of)):
+        own = np.flatnonzero(np.equal(foot_of, foot))
+        one: Any = (contacts.instant, contacts.se, contacts.status, contacts.earliest)
+        instant, *rest = (part[:, own] for part in one)
+        found.append(joined.first_of(instant, *rest))
         earliest = np.where(np.isfinite(instant), instant, np.inf).argmin(axis=1)
         usual = np.bincount(earliest, minlength=1).argmax()
         common.append(contacts.common[own][usual])
@@ -174,6 +179,7 @@ def find_contacts(
     window_after_s: float | None = None,
     maximum_misfit: float = 5.0,
     correlation: float = 0.0,
+    foot_of: tuple[int, ...] = (),
 ) -> Contacts:
     """Find when each foot touched in each transition.
 
@@ -203,6 +209,8 @@ def find_contacts(
         Largest ratio of a kink fit's rms residual to that of the whole recording.
     correlation : float
         Of the noise in a frame with that in the next (`descents.noise_correlation`).
+    foot_of : tuple of int, optional
+        Number of the rigid foot of each of the n, where several are markers of one.
 
     Returns
     -------
@@ -228,7 +236,7 @@ def find_contacts(
         return Contacts(instant, se, status, noise_m)
     asked = (window_before_s, window_after_s)
     seen = time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest
-    feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m)
+    feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m, foot_of=foot_of)
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
     rolls = 2 * stands.sum() <= stands.size or kink_law.pooled_noise(fits) > REFUTED * noise_m
@@ -245,7 +253,7 @@ def find_contacts(
     se = np.hypot(found.se, risen_s) * descents.widening(correlation, *about)
     # From the earliest instant on the foot only comes to stand, and that takes no longer.
     longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
-    return replace(found, se=np.minimum(se, longest), common=common)
+    return replace(found, se=np.minimum(se, longest), common=common, earliest=earliest)
 
 
 METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
@@ -269,9 +277,9 @@ def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: fl
     thin = (fits.n_before < FRAMES_BEFORE) | (fits.n_after < FRAMES_AFTER) | (fits.dof <= 0)
     thin |= ~np.isfinite(fits.unit_se)
     ratio = np.sqrt(fits.misfit / np.maximum(fits.dof, 1.0)) / noise_m
-    poor = (ratio > maximum_misfit) | ~(fits.velocity < 0)
     landed = status == descents.LANDED
-    status = np.where(landed & poor, descents.POOR_FIT, status)
+    status = np.where(landed & (ratio > maximum_misfit), descents.POOR_FIT, status)
+    status = np.where(landed & ~(fits.velocity < 0), descents.RISES, status)
     status = np.where(landed & thin, descents.MISSING, status)
     # A misfit beyond three standard deviations of its chance value is no chance: Birge's ratio.
     chance = 1 + 3 / np.sqrt(2 * np.maximum(fits.dof, 1.0))

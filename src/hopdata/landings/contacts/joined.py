@@ -65,19 +65,20 @@ def parts_of_feet(recording: Recording) -> list[list[int]]:
 
 
 def first_of(
-    instant: FloatArray, se: FloatArray, status: IntArray
+    instant: FloatArray, se: FloatArray, status: IntArray, earliest: FloatArray
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Contacts (L,) of a foot from those of its p markers (L, p): the first of those that land.
 
     A marker that was down before makes the foot so; one that may have landed unseen, or fits badly,
-    leaves it open. Instant and standard error, s, are mean and deviation of the earliest of
-    independent normals, taken two by two (Clark 1961).
+    leaves it open, unless it was too high then (until `earliest`, s). Instant and standard error,
+    s, are mean and deviation of the earliest of independent normals, taken two by two (Clark 1961).
     """
-    down, open_ = status == ALREADY_DOWN, ~np.isin(status, (LANDED, NOT_LANDED, ALREADY_DOWN))
+    down, landed = status == ALREADY_DOWN, status == LANDED
+    first = np.where(landed, instant, np.inf).min(axis=1, keepdims=True)
+    open_ = ~(np.isin(status, (LANDED, NOT_LANDED, ALREADY_DOWN)) | (earliest > first))
     worst = np.where(open_, status, -1).max(axis=1)
-    found = np.where((status == LANDED).any(axis=1), LANDED, NOT_LANDED)
+    found = np.where(landed.any(axis=1), LANDED, NOT_LANDED)
     found = np.where(down.any(axis=1), ALREADY_DOWN, np.where(worst >= 0, worst, found))
-    landed = status == LANDED
     mean, sd = np.full(len(status), np.nan), np.full(len(status), np.nan)
     for part in range(status.shape[1]):
         later, error = (np.where(landed[:, part], x[:, part], np.nan) for x in (instant, se))

@@ -7,7 +7,9 @@ With s = t - tau, the height of foot i about its contact at tau is modelled as
 
 with d_jk(t) = ((t - tau_j)_+^k - (tau - tau_j)^k) / k! - s (tau - tau_j)^(k-1) / (k - 1)! for the
 feet j that touched earlier: their springy legs push the body, so the acceleration of a foot still
-in flight changes by a_j and its jerk by s_j while its velocity is continuous. T is the compliance
+in flight changes by a_j and its jerk by s_j while its velocity is continuous. Where j is a marker
+of the same rigid foot, which then turns about it, s_j d_j1 takes the place of s_j d_j3: there the
+velocity changes. T is the compliance
 of the contact, the same in all landings (0: the foot stops at once), and r the creep of a foot that
 stands. Frames that are missing are absent from the likelihood, and the coefficients are integrated
 out: at its largest over them alone, a late contact could hide behind the pushes. Normal priors
@@ -19,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray
 
 BLOCK = 10_000  # fits whose frames are cut out together
 GRID_FRAMES, GRID_S = 0.5, 2e-3  # steps of the search: so many frames, and no less than so long
@@ -33,12 +35,22 @@ class FlightPriors:
     ----------
     mean, sd : (n, 2n) array
         Row i holds foot i's own acceleration, m/s^2; then for each other foot, in order, by how
-        much the acceleration, m/s^2, and the jerk, m/s^3, of foot i change when that foot touches;
-        and last the creep of foot i when it stands, m/s.
+        much the acceleration, m/s^2, and the jerk, m/s^3, of foot i change when that foot touches
+        (of markers of one foot acceleration and velocity, m/s); and last the creep of foot i when
+        it stands, m/s.
+    foot_of : tuple of int
+        Number of the foot of each, where several are markers of one rigid foot.
     """
 
     mean: FloatArray
     sd: FloatArray
+    foot_of: tuple[int, ...] = ()
+
+    @property
+    def hinged(self) -> BoolArray:
+        """Tell which of the others, in order, are markers of the same foot, (n, n - 1)."""
+        feet = np.array(self.foot_of or range(len(self.mean)))
+        return np.stack([np.delete(feet, i) == foot for i, foot in enumerate(feet)])
 
 
 @dataclass(frozen=True)
@@ -134,17 +146,21 @@ def kink_fits(
     before_s = windows_s[0]
     contact, columns = _other_contacts(earlier, wanted, n)
     contact = (contact - centre[:, None]) / before_s
+    hinged = np.take_along_axis(priors.hinged[wanted % n], columns[:, 1:-1:2] // 2, axis=1)
+    others = np.stack([contact, hinged], axis=2)
     reach = search_s / before_s
     bounds = np.full(len(wanted), -np.inf)
     if earliest is not None:
         bounds = np.minimum((earliest.ravel()[wanted] - centre) / before_s, 0.9 * reach)
-    units = _column_units(n, before_s)
+    seconds = np.tile([0, 1, 2, *[2, 3] * (n - 1), 1], (n, 1))
+    seconds[:, 4:-1:2] -= 2 * priors.hinged
+    units = before_s ** -seconds.astype(float)  # from the kernel's coefficients to SI
     foot = np.arange(len(wanted))[:, None], columns
-    rows = np.full((len(wanted), 7 + 2 * len(units)), np.nan)
+    rows = np.full((len(wanted), 7 + 2 * units.shape[1]), np.nan)
     frame_s = float(np.median(np.diff(time)))
     step_s = max(GRID_FRAMES * frame_s, GRID_S)
-    means = (priors.mean / units[2:])[wanted % n][foot]
-    weights = ((noise_m / priors.sd * units[2:]) ** 2)[wanted % n][foot]
+    means = (priors.mean / units[:, 2:])[wanted % n][foot]
+    weights = ((noise_m / priors.sd * units[:, 2:]) ** 2)[wanted % n][foot]
     for first in range(0, len(wanted), BLOCK):
         part = slice(first, first + BLOCK)
         seen_s = before_s, windows_s[1] + 2 * frame_s
@@ -157,7 +173,7 @@ def kink_fits(
             reach,
             max(int(np.ceil(2 * search_s / step_s)), 2),
             (contact[part] < reach).sum(axis=1),
-            contact[part],
+            others[part],
             compliance_s / before_s,
             creeps,
             means[part],
@@ -209,12 +225,6 @@ def _other_contacts(
     return np.take_along_axis(contact, order, axis=1), columns
 
 
-def _column_units(n: int, scale: float) -> FloatArray:
-    """Factors from the kernel's coefficients (heights, time in `scale`) to SI units, (2n + 2,)."""
-    pushes = [1 / scale**2, 1 / scale**3] * (n - 1)
-    return np.array([1.0, 1 / scale, 1 / scale**2, *pushes, 1 / scale])
-
-
 def _unpack(
     rows: FloatArray,
     wanted: IntArray,
@@ -224,11 +234,11 @@ def _unpack(
     centre: FloatArray,
 ) -> KinkFits:
     """Name the kernel's columns, put them in the order of the feet and bring them to SI units."""
-    size = len(units)
+    size = units.shape[1]
     own = np.concatenate([np.tile([0, 1], (len(wanted), 1)), 2 + columns], axis=1)
     for part in (slice(7, 7 + size), slice(7 + size, None)):
         np.put_along_axis(rows[:, part], own, rows[:, part].copy(), axis=1)
-    rows[:, 0] = centre + rows[:, 0] / units[1]
+    rows[:, 0] = centre + rows[:, 0] / units[0, 1]
     flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
     flat[wanted] = rows
     out = flat.reshape(*shape, rows.shape[1])
@@ -237,5 +247,5 @@ def _unpack(
     se = np.sqrt(np.maximum(out[:, :, 7 + size :], 0.0)) * units
     floor, velocity, law = value[:, :, 0], value[:, :, 1], (value[:, :, 2:], se[:, :, 2:])
     counts = (np.nan_to_num(frames).astype(np.int64) for frames in (before, after))
-    unit_se = np.sqrt(variance) / units[1]
+    unit_se = np.sqrt(variance) / units[0, 1]
     return KinkFits(instant, unit_se, floor, velocity, *law, misfit, evidence, dof, *counts)

@@ -1,8 +1,9 @@
 """Compiled core of the kink fit: the contact instant of largest marginal likelihood.
 
 A problem is n frames (t, z) in order of time, with times in units of the window, the instants of m
-other feet's contacts, and a prior (mean, weight) of each coefficient but the first two. The
-coefficients are floor, velocity, own acceleration, change of acceleration and of jerk at each other
+other feet's contacts (with 1 beside those of markers of the same foot, else 0), and a prior (mean,
+weight) of each coefficient but the first two. The coefficients are floor, velocity, own
+acceleration, change of acceleration and of jerk (of the same foot, of velocity) at each other
 contact, and the creep of the foot that stands. The code is plain loops with one call site for each
 function, since Numba compiles it on a user's first run.
 """
@@ -33,9 +34,11 @@ def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyp
     row[1] = s
     row[2] = 0.5 * s * s
     for j in range(m):
-        top, now = max(tau - others[j], 0.0), max(t - others[j], 0.0)
+        top, now = max(tau - others[j, 0], 0.0), max(t - others[j, 0], 0.0)
         row[3 + 2 * j] = (now * now - top * top) / 2 - s * top
         row[4 + 2 * j] = (now * now * now - top * top * top) / 6 - s * top * top / 2
+        if others[j, 1] > 0.0:
+            row[4 + 2 * j] = now - top - (s if top > 0.0 else 0.0)
     if size > 3 + 2 * m:
         row[3 + 2 * m] = 0.0
 
@@ -192,7 +195,8 @@ def _summary(  # type: ignore[no-untyped-def]
     for a in range(size):
         cross[a] = 0.0
     for j in range(m):
-        push += right[3 + 2 * j] + right[4 + 2 * j] * max(tau - others[j], 0.0)
+        since = max(tau - others[j, 0], 0.0)
+        push += right[3 + 2 * j] + right[4 + 2 * j] * since * (1.0 - others[j, 1])
     creep = right[3 + 2 * m] if size > 3 + 2 * m else 0.0
     for i in range(n):
         s = t[i] - tau
@@ -239,7 +243,8 @@ def fit_all(  # type: ignore[no-untyped-def]
     steps : int
         Steps of the grid.
     contacts : (P,) int array
-        How many of `others` (P, (F - 4) / 2), the instants of other contacts, to take.
+        How many of `others` (P, (F - 4) / 2, 2) to take: instants of other contacts, and 1 where
+        they are of the same foot.
     soft : float
         Time in which a contact takes up the foot's velocity; 0 for a hard one.
     creeps : bool

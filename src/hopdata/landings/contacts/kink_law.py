@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -71,28 +72,24 @@ def learn(
     first = np.where(np.isnan(fits.instant), np.inf, fits.instant).argmin(axis=1)
     not_first = first[:, None] != np.arange(len(prior.mean))
     variance[:, :, 0] = np.where(not_first | (not own), np.inf, variance[:, :, 0])
-    mean, sd = prior.mean.copy(), prior.sd.copy()
-    last = mean.shape[1] - 1
-    for columns in ([0], range(1, last, 2), range(2, last, 2), [last]):  # own, change, jerk, creep
-        pushes = 0 < columns[0] < last
-        entries = [(i, j) for i in range(len(mean)) for j in columns]
-        parts = [
-            (value[:, i, j], variance[:, i, j], prior.mean[i, j], prior.sd[i, j])
-            for i, j in entries
-        ]
+    mean, sd, n = prior.mean.copy(), prior.sd.copy(), len(prior.mean)
+    kinds = np.tile([0, *[1, 2] * (n - 1), 5], (n, 1))  # own, changes, jerks, creep;
+    kinds[:, 1:-1] += 2 * np.repeat(prior.hinged, 2, axis=1)  # 3, 4: of the same foot
+    for kind in np.unique(kinds):
+        pushes, entries = 0 < kind < 5, np.argwhere(kinds == kind).tolist()
+        known: Any = (value, variance, prior.mean, prior.sd)
+        parts = [tuple(one[..., i, j] for one in known) for i, j in entries]
         found = _mixtures(parts) if pushes and not sharpen else _likeliest(parts, wider=pushes)
         for (i, j), behind in zip(entries, found, strict=True):
             if behind:
                 mean[i, j], sd[i, j] = behind[0], max(behind[1], LEAST_SHARE * prior.sd[i, j])
-    return FlightPriors(mean, sd)
+    return FlightPriors(mean, sd, prior.foot_of)
 
 
 def _mixtures(parts: list[Part]) -> list[Distribution]:
     """One step of expectation maximisation for each entry of a kind: mixtures of posteriors."""
-    telling = []
-    for value, variance, _, sd in parts:
-        use = (variance < TELLING * sd**2) & np.isfinite(value)
-        telling.append((value[use], variance[use]))
+    use = [(variance < TELLING * sd**2) & np.isfinite(value) for value, variance, _, sd in parts]
+    telling = [(part[0][known], part[1][known]) for part, known in zip(parts, use, strict=True)]
     pooled = _mixture(*(np.concatenate(part) for part in zip(*telling, strict=True)))
     return [_mixture(*part) or pooled for part in telling]
 
@@ -144,7 +141,7 @@ FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as know
 # Mean and standard deviation of a foot's acceleration before the recording has been asked, m/s^2.
 GRAVITIES = {"learned": (0.0, FLAT_SD), "free": (0.0, FLAT_SD), "known": (-GRAVITY_M_S2, SHARP_SD)}
 # m/s^2, m/s^3, m/s: pushes and creep that are not yet learned.
-WEAK_CHANGE_SD, WEAK_JERK_SD, WEAK_CREEP_SD = 30.0, 500.0, 0.1
+WEAK_CHANGE_SD, WEAK_JERK_SD, WEAK_CREEP_SD, WEAK_KINK_SD = 30.0, 500.0, 0.1, 3.0
 LEARNING_STEPS = 6
 Softly = tuple[KinkFits, FloatArray]  # fits, and the common errors of the feet, s
 # Evenly spaced, of flight and stance; more would sharpen no prior that matters.
@@ -165,7 +162,8 @@ LEAST_STEP_S = 3e-4  # between compliances that are tried, s
 # The likelihood takes the law that was learned for known, and so is too sure of the compliance by
 # this factor; and no foot stops exactly as an exponential, which the other share of it allows for.
 OVERSURE, SHAPE_SHARE = 1.3, 0.03
-MISFIT_HIDES = 2.0  # so many times as long as the foot takes to fall by the misfit
+# So many times as long as the foot takes to fall by the misfit, and by its way after the contact.
+MISFIT_HIDES, TURN_HIDES = 2.0, 0.5
 JUMP_S = 1e-3  # an instant that moves by more than the compliance explains is in a gap, and unsure
 SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
 
@@ -209,6 +207,7 @@ class FootHeights:
     windows_s: tuple[float, float]
     earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     leaves_m: float = np.inf
+    foot_of: tuple[int, ...] = ()
 
     def search_s(self) -> tuple[float, float]:
         """Half widths of the first and of the later searches for an instant, s."""
@@ -248,7 +247,7 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     gravity : {"learned", "free", "known"}
         See `hopdata.landings.contacts.find.find_contacts`.
     """
-    law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m)
+    law = Law(weak_priors(feet.heights.shape[1], gravity, feet.foot_of), noise_m)
     instant = feet.fits(near, replace(law, pushes=False), widely=True).instant
     law = learned_law(feet, instant, law, own=gravity == "learned")
     instant = feet.fits(instant, law, widely=True).instant  # of all else one is held at a time
@@ -256,8 +255,10 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     # What the law leaves beyond the noise is alike in all landings.
     left_m = np.sqrt(max(law.noise_m**2 - noise_m**2, 0.0))
     falls = np.abs(fits.velocity[np.isfinite(fits.instant)])
-    misfit = MISFIT_HIDES * left_m / np.median(falls) if len(falls) else 0.0
-    return fits, np.hypot(common, misfit)
+    # A foot that turns about its toes creeps unevenly: some of its way may be a contact's softness.
+    turns_m_s = np.abs(law.priors.mean[:, -1]) * (law.creeps & law.priors.hinged.any(axis=1))
+    hidden_m = np.hypot(MISFIT_HIDES * left_m, TURN_HIDES * turns_m_s * feet.windows_s[1])
+    return fits, np.hypot(common, hidden_m / np.median(falls) if len(falls) else 0.0)
 
 
 def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) -> Softly:
@@ -457,11 +458,8 @@ def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
         return law
     for shares in ((0.7, 1.0, 1.4), (0.9, 1.0, 1.1)):
         trials = [law.compliance_s * share for share in shares]
-        totals = [
-            float(np.nansum(_log_likelihood(feet, instant, replace(law, compliance_s=trial))))
-            for trial in trials
-        ]
-        law = replace(law, compliance_s=_vertex(trials, totals))
+        found = [_log_likelihood(feet, instant, replace(law, compliance_s=x)) for x in trials]
+        law = replace(law, compliance_s=_vertex(trials, [float(np.nansum(x)) for x in found]))
     return law
 
 
@@ -484,10 +482,12 @@ def _vertex(trials: Sequence[float], totals: Sequence[float]) -> float:
     return float(np.clip(vertex, x[middle - 1], x[middle + 1]))
 
 
-def weak_priors(n: int, gravity: str) -> FlightPriors:
+def weak_priors(n: int, gravity: str, foot_of: tuple[int, ...] = ()) -> FlightPriors:
     """Priors of n feet before the recording has been asked: see `find_contacts` for `gravity`."""
     mean = np.zeros((n, 2 * n))
     pushes = [WEAK_CHANGE_SD, WEAK_JERK_SD] * (n - 1)
     mean[:, 0], acceleration_sd = chosen("touchdowns.gravity", gravity, GRAVITIES)
     sd = np.tile([acceleration_sd, *pushes, WEAK_CREEP_SD], (n, 1))
-    return FlightPriors(mean, sd)
+    weak = FlightPriors(mean, sd, foot_of)
+    sd[:, 2:-1:2][weak.hinged] = WEAK_KINK_SD
+    return weak

@@ -302,8 +302,7 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
     whole = (contacts.status == LANDED).all(axis=1) & np.isfinite(contacts.instant).all(axis=1)
     instant, spans = contacts.instant[whole], landings[["begin_s", "end_s"]].to_numpy(float)[whole]
     first = instant.min(axis=1) + CONTINUED_S * recording.pace
-    ends = np.column_stack([first, instant.max(axis=1)])
-    ends = np.clip(ends, spans[:, :1], spans[:, 1:])
+    ends = np.clip(np.column_stack([first, instant.max(axis=1)]), spans[:, :1], spans[:, 1:])
     at = np.insert(spans, 1, ends.T, axis=1)
     seen = np.isfinite(recording.body_height)
     time, height = recording.time[seen], recording.body_height[seen]

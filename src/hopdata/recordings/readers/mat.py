@@ -272,8 +272,8 @@ def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]
     for name, value in variables.items():
         if isinstance(value, dict) and "Trajectories" in value:
             return name, value
-    found = ", ".join(variables) or "none"
-    raise RecordingError.at(path, "a struct with the field Trajectories", f"the variables {found}")
+    found = f"the variables {', '.join(variables) or 'none'}; Recording.from_arrays takes these"
+    raise RecordingError.at(path, "a struct with the field Trajectories", found)
 
 
 def _field(struct: Any, name: str, place: str) -> Any:
