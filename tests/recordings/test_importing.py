@@ -218,12 +218,12 @@ MISTAKES = {
     "mm taken for m": lambda f: (
         good(f),
         {"unit": "m"},
-        ["scale", "0.015 to 12 m", "found 603 m", "input.unit: mm"],
+        ["scale", "0.003 to 12 m", "found 603 m", "input.unit: mm"],
     ),
     "m taken for mm": lambda f: (
         write(f, qtm_text(standing(scale=1.0))),
         {"unit": "mm"},
-        ["scale", "0.015 to 12 m", "input.unit: m"],
+        ["scale", "0.003 to 12 m", "input.unit: m"],
     ),
     "y up, not told": lambda f: (
         write(f, qtm_text(standing()[..., [1, 2, 0]])),

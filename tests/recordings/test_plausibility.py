@@ -37,7 +37,7 @@ def refused(faulty):
 
 
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 2000.0])
-@pytest.mark.parametrize("size", [0.05, 1.0, 5.0])
+@pytest.mark.parametrize("size", [0.006, 0.05, 1.0, 5.0])
 def test_a_sound_recording_passes_without_notes(rate_hz, size):
     sound = recording(rate_hz=rate_hz)
     sound = replace(sound, positions=size * sound.positions)

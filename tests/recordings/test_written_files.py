@@ -146,7 +146,7 @@ MISTAKES = {
     ),
     "metres for mm.mat": (
         lambda path: write_mat5(path, qtm_struct(standing(scale=1e6), NAMES)),
-        ["scale", "0.015 to 12 m", "603"],
+        ["scale", "0.003 to 12 m", "603"],
     ),
     "markers lost.h5": (
         hdf5(lambda file: file.attrs.__delitem__("markers")),

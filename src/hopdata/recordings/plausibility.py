@@ -16,6 +16,7 @@ from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 MIN_BODY_MARKERS = 3
 MIN_FEET = 2
 TILT_LIMIT = 5.0  # body further from the feet along another axis by this factor: wrong axis
+SMALLEST_M = 0.003  # of what metres taken for millimetres are told from: 3 m then
 STEP_TOLERANCE = 0.02  # of a frame
 LARGEST_BODY_STRAIN = 0.05
 NOISE_MARGIN = 2.0  # in a short recording a distance may vary by so much more (squared) by chance
@@ -134,7 +135,7 @@ def check_positions(recording: Recording) -> None:
 def check_scale(recording: Recording) -> None:
     """Require a size that an animal or a robot can have; millimetres taken for metres do not."""
     size = extent(recording.positions)
-    low, high = PLAUSIBLE_EXTENT_M
+    low, high = SMALLEST_M, PLAUSIBLE_EXTENT_M[1]
     if np.isnan(size) or low <= size <= high or _falls(recording).is_clear:
         return
     looks = ""
@@ -275,19 +276,16 @@ def rounded_to(positions: FloatArray) -> float | None:
         return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
 
     parts = (sampled(positions), positions)  # most are told apart by few
-    rounded = (s for s in ROUNDED_TO_M if all(all_multiples(part, s) for part in parts))
-    return next(rounded, None)
+    return next((s for s in ROUNDED_TO_M if all(all_multiples(p, s) for p in parts)), None)
 
 
 def _rounding(recording: Recording) -> list[str]:
     """Say how coarsely the file's coordinates are rounded, and what noise that is."""
-    step = rounded_to(recording.positions)
-    if step is None:
+    if not (step_mm := 1e3 * (rounded_to(recording.positions) or 0.0)):
         return []
-    noise_mm = 1e3 * step / np.sqrt(12)
     return [
-        f"coordinates are rounded to {1e3 * step:g} mm, which adds noise of {noise_mm:.2g} mm "
-        "(standard deviation) to each; export more digits"
+        f"coordinates are rounded to {step_mm:g} mm, which adds noise of "
+        f"{step_mm / np.sqrt(12):.2g} mm (standard deviation) to each; export more digits"
     ]
 
 
@@ -298,10 +296,8 @@ def _missing_times(recording: Recording) -> list[str]:
     pauses = steps[pause]
     whole = steps * recording.rate_hz
     dropped = int(np.sum(np.round(whole[(whole > 1.5) & lasting(whole) & ~pause]) - 1))
-    remarks = []
-    if dropped:
-        frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
-        remarks.append(f"{frames} missing between the time stamps")
+    frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
+    remarks = [f"{frames} missing between the time stamps"] * bool(dropped)
     if len(pauses):
         several = len(pauses) > 1
         told = f"{len(pauses)} pause{'s' * several} of {pauses.sum():.6g} s{' in all' * several}"
