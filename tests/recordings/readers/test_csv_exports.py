@@ -92,6 +92,16 @@ def test_a_clock_among_further_columns_is_the_time(tmp_path):
     np.testing.assert_allclose(found.positions, track())
 
 
+@pytest.mark.parametrize("clock", [False, True])
+def test_comments_above_a_table_are_passed_over(tmp_path, clock):
+    names = [f"{name}_{axis}" for name in NAMES for axis in "xyz"]
+    rows = [names, *([f"{x:.6f}" for x in row] for row in track().reshape(30, 9))]
+    first = ["time", *(f"{k / 50:.2f}" for k in range(30))]
+    lines = [",".join([f, *row] if clock else row) for f, row in zip(first, rows, strict=True)]
+    found = read(tmp_path, "\n".join(["# by Ada, at noon", *lines]), rate_hz=50.0)
+    np.testing.assert_allclose(found.positions, track(), atol=1e-6)
+
+
 def test_one_camera_s_plane_is_refused(tmp_path):
     lines = deeplabcut(track(), NAMES).splitlines()
     plane = [",".join(c for k, c in enumerate(x.split(",")) if k % 3 or not k) for x in lines]

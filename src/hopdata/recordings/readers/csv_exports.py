@@ -4,6 +4,7 @@ The suffix says little, so the first lines decide: Motive begins with its format
 the name of a section, DeepLabCut with three rows from its scorer on, Anipose names columns of
 coordinates; the rest is for the reader of QTM's exports and of plain tables. What stands between
 the cells may be a comma, a semicolon or a tab; then a comma is one of decimals.
+Lines above that begin with # are comments.
 """
 
 import codecs
@@ -85,7 +86,7 @@ def read_export(
     mark = text.mark_between([text.decoded(line) for line in lines[:5]])
     sheet = _Sheet(path, lines, mark)
     rows = sheet.rows
-    first = next(iter(rows), [""])
+    first = next((row for row in rows if not row[0].startswith("#")), [""])
     if first[0] == "Format Version":
         return _motive(sheet, rate_hz)
     if first[0].lower() in (_TRAJECTORIES, *map(str.lower, _SECTIONS)):
@@ -101,7 +102,7 @@ def read_export(
         qtm.columns_of(first)[1] is None
         and sum(name.endswith(("_x", "_y", "_z")) for name in first) >= 3
     ):
-        at, places, columns = 0, list(range(len(first))), [(c,) for c in first]
+        at, places, columns = rows.index(first), list(range(len(first))), [(c,) for c in first]
     elif path.suffix.lower() != ".csv" or qtm.is_known(first):
         return qtm.read_qtm_tsv(path, rate_hz=rate_hz)
     else:

@@ -104,7 +104,7 @@ def _check_numbers(path: Path, raw: RawRecording) -> None:
     if step > SLOWEST_S:
         raise RecordingError(
             f"{path}: time: expected s, at most {SLOWEST_S} from frame to frame, found {step:g}; "
-            "if these are ms divide them by 1000, or leave the time out and set input.rate_hz"
+            "if these are ms or µs divide them, or leave the time out and set input.rate_hz"
         )
     if reading.largest(raw.positions) > LARGEST:
         absurd = np.abs(raw.positions) > LARGEST

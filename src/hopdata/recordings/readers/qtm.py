@@ -99,7 +99,7 @@ def read_header(path: Path) -> QtmHeader:
 
 def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     """Tell whether this row is the first of the numbers."""
-    if fields == [""]:
+    if fields == [""] or fields[0].startswith("#"):
         return False
     first = next((f for f in fields if f not in text.TEXT_TABLE_MISSING), None)
     if first is None or text.is_number(text.pointed(first)):
