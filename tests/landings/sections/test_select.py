@@ -7,6 +7,7 @@ import pytest
 from section_fakes import hopper, true_sections
 
 from hopdata.errors import AnalysisError
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.frames import descents, landing_frames
 from hopdata.landings.sections.select import (
@@ -185,10 +186,8 @@ def test_a_bare_threshold_would_miss_by_centimetres(sample):
 
 def test_sections_do_not_depend_on_the_bandwidth(sample, fake_sections):
     for recording in (sample[0], fake_sections.recording):
-        found = [
-            select_sections([recording], bandwidth_m=width, tail_fraction=TAIL)
-            for width in BANDWIDTHS
-        ]
+        options = {"landings": {recording.name: find_landings(recording)}, "tail_fraction": TAIL}
+        found = [select_sections([recording], bandwidth_m=x, **options) for x in BANDWIDTHS]
         assert np.ptp([s.pre_height_m for s in found]) < 5e-4
         assert np.ptp([s.post_height_m for s in found]) < 5e-4
 
