@@ -186,7 +186,7 @@ def read_log(path: str | Path) -> LoggedDrive:
                 *(_table(file[name][:]) for name in names),
             )
     except (OSError, KeyError, ValueError):
-        found = "another file" if Path(path).exists() else "no file"
+        found = "another file, or a damaged one" if Path(path).exists() else "no file"
         raise RecordingError.at(path, f"the log of a drive ({FORMAT})", found) from None
 
 
