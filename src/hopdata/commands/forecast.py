@@ -222,9 +222,8 @@ def _changes(
     if idle and len(feet) - len(idle) >= MIN_FEET:
         return [f"{foot} is hardly ever seen to land: take it off markers.feet" for foot in idle]
     if not forecast.landings and len(forecast.touchdowns):
-        return [
-            "no foot comes down to z = 0: raise touchdowns.down_height_m above where they stand"
-        ]
+        raise_it = "raise touchdowns.down_height_m above where they stand"
+        return [f"no foot comes down to z = 0: {raise_it}"]
     hidden = min(
         body,
         default="",
@@ -236,10 +235,9 @@ def _changes(
         texts = [text for key, text in CHANGES.items() if key in reason]
         if texts and count >= LEAST_SHARE * forecast.landings:
             or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
+            change = texts[0].format(foot=foot, body=hidden, or_else=or_else)
             done = _FRAMES * (config["sections"]["frames"] == "landings")
-            changes.append(
-                texts[0].format(foot=foot, body=hidden, or_else=or_else).removesuffix(done)
-            )
+            changes.append(change.removesuffix(done))
     if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
         below = config["touchdowns"]["ambiguous_below"]
         share, foot = min((forecast.unsure_without(foot, feet, below), foot) for foot in feet)

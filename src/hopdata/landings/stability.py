@@ -164,12 +164,8 @@ def _variants(
 ) -> Iterator[tuple[str, str, Sequence[Recording], dict[str, float]]]:
     bandwidth = sections.min_foot_mode.bandwidth_m
     for factor in BANDWIDTH_FACTORS:
-        yield (
-            "bandwidth",
-            f"bandwidth × {factor:g}",
-            recordings,
-            {"bandwidth_m": factor * bandwidth},
-        )
+        changed = {"bandwidth_m": factor * bandwidth}
+        yield "bandwidth", f"bandwidth × {factor:g}", recordings, changed
     for number, frame in dict.fromkeys(_farthest_frames(recordings, sections)):
         with _without_second(recordings, number, frame) as (told, parts):
             yield "second", told, parts, {}
