@@ -3,6 +3,7 @@
 import argparse
 import os
 import sys
+import tomllib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
@@ -17,6 +18,10 @@ from hopdata.errors import HopdataError, did_you_mean
 # The commands themselves are in `hopdata.commands`, each imported when it runs, so that
 # ``hopdata --help`` is there at once.
 
+#: Of each command where it stands, a line on it, what it does, and examples.
+COMMANDS: dict[str, dict[str, str]] = tomllib.loads(
+    Path(__file__).with_name("commands").joinpath("commands.toml").read_text(encoding="utf-8")
+)
 EXIT_CODES = """\
 exit codes:
   0    all is well
@@ -92,16 +97,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"hopdata {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name, (place, summary, description, examples, add_options) in COMMANDS.items():
+    for name, told in COMMANDS.items():
         command = commands.add_parser(
             name,
-            help=summary,
-            description=description,
-            epilog=f"examples:\n{examples}\n{EXIT_CODES}",
+            help=told["summary"],
+            description=told["description"],
+            epilog=f"examples:\n{told['examples']}\n{EXIT_CODES}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        command.set_defaults(run=place)
-        add_options(command)
+        command.set_defaults(run=told["run"])
+        if name in OPTIONS:
+            OPTIONS[name](command)
     return parser
 
 
@@ -200,114 +206,17 @@ def _add_file(command: argparse.ArgumentParser) -> None:
     add("--most-unpacked-mb", type=_positive, metavar="MB", default=2000.0, help=what)
 
 
-# Command: where it stands, a line on it, what it does, examples, and what adds its options.
-COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser], None]]] = {
-    "inspect": (
-        "hopdata.commands.inspect:inspect",
-        "say what is in a recording, and what looks wrong",
-        "Say what is in a recording: markers, rate, gaps, unit and vertical axis, rigid clusters,\n"
-        "noise; and what looks wrong: swaps, spikes, jumps, frozen markers, dropped frames,\n"
-        "irregular time stamps. Exit code 1 if anything does; gaps alone do not count.",
-        "  hopdata inspect data/sample/hopper.h5\n"
-        "  hopdata inspect monday.tsv --html monday.html\n"
-        "  hopdata inspect monday.tsv --rate 250        a file that does not state its rate\n",
-        _inspect_options,
-    ),
-    "view": (
-        "hopdata.commands.inspect:view",
-        "turn a recording in 3-D, in a browser",
-        "Write a page that shows the markers of a recording in 3-D, to be turned by hand and\n"
-        "scrubbed in time, and open it. It needs no network.",
-        "  hopdata view data/sample/hopper.h5\n"
-        "  hopdata view monday.tsv --vertical-axis=y -o monday.html --no-browser\n",
-        _view_options,
-    ),
-    "init": (
-        "hopdata.commands.init:init",
-        "write a first configuration for a recording",
-        "Write a configuration, the roles of the markers guessed from motion and names, each with\n"
-        "its reason. Exit code 1 if something must be filled in by hand.",
-        "  hopdata init data/sample/hopper.h5           writes config/hopper.yaml\n"
-        "  hopdata init monday.tsv -o config/mine.yaml\n",
-        _init_options,
-    ),
-    "check": (
-        "hopdata.commands.check:check",
-        "check a configuration and its recordings",
-        "Read a configuration and its recordings, and say what a study will find: landings used,\n"
-        "whether the verdict is in reach, what to change. Exit code 1 if anything is wrong.",
-        "  hopdata check config/config.yaml\n",
-        _check_options,
-    ),
-    "run": (
-        "hopdata.commands.run:run",
-        "run a study, from its recordings to its report",
-        "Run the workflow of this installation on a study, a group of them (a configuration with\n"
-        "samples), or the bundled sample. Results go to results/ in the current folder, what\n"
-        "Snakemake says to results/STUDY/logs/run.log. In a clone, `snakemake` does the same.",
-        "  hopdata run                                  the bundled sample\n"
-        "  hopdata run config/monday.yaml --cores 4\n"
-        "  hopdata run config/group.yaml --dry-run\n"
-        "  hopdata run config/monday.yaml -- --keep-going   Snakemake's own options\n",
-        _run_options,
-    ),
-    "plan": (
-        "hopdata.commands.run:plan",
-        "say how many landings show which difference",
-        "Say how many landings a study takes to show a difference, from the verdict on a pilot: a\n"
-        "short recording of the same kind, or a study simulated as its configuration says.\n"
-        "Errors fall with the root of the number of landings.",
-        "  hopdata plan results/sample/verdict.json\n"
-        "  hopdata plan config/quadruped.yaml --difference 0.08 --figure plan.svg\n",
-        _plan_options,
-    ),
-    "drive": (
-        "hopdata.commands.drive:drive",
-        "steer a hopper live, simulated or seen by cameras",
-        "Steer a hopper from stance to stance: the simulated one, or a robot that a Qualisys\n"
-        "system sees. Never tried on hardware: docs/live.md says what to do the first time.\n"
-        "The boom rests when anything is wrong, at Enter, Ctrl-C and SIGTERM.",
-        "  hopdata drive                                simulated\n"
-        "  hopdata drive --host 10.0.0.2 --model results/monday/steering/seeds/1 --dry-run\n",
-        _drive_options,
-    ),
-    "replay": (
-        "hopdata.commands.drive:replay",
-        "play the log of a drive into the same controller",
-        "Play the frames of a log into the same observer and controller, and compare the plans.\n"
-        "Exit code 1 if one is not the same to the bit. Nothing is sent.",
-        "  hopdata replay drive.h5\n",
-        _replay_options,
-    ),
-    "clean": (
-        "hopdata.commands.run:clean",
-        "remove the results of a study",
-        "Remove results/STUDY of a configuration, or with --all results and .snakemake of this\n"
-        "folder. Refused while a run holds the folder.",
-        "  hopdata clean config/monday.yaml\n  hopdata clean --all --dry-run\n",
-        _clean_options,
-    ),
-    "doctor": (
-        "hopdata.commands.run:doctor",
-        "say what this installation has, and what it lacks",
-        "Versions, cores, memory, workflow, compiled code, space. Exit code 1 if anything lacks.",
-        "  hopdata doctor\n",
-        lambda _: None,
-    ),
-    "completion": (
-        "hopdata.__main__:completion",
-        "print what makes a shell complete the commands",
-        "Print a line for bash, or for zsh after bashcompinit.",
-        '  eval "$(hopdata completion)"      in ~/.bashrc\n',
-        lambda _: None,
-    ),
-    "config-docs": (
-        "hopdata.commands.init:config_docs",
-        "describe the configuration's keys",
-        "Write the page on all keys of the configuration, as Markdown.",
-        "  hopdata config-docs --out docs/configuration.md\n",
-        _config_docs_options,
-    ),
+OPTIONS: dict[str, Callable[[argparse.ArgumentParser], None]] = {
+    "inspect": _inspect_options,
+    "view": _view_options,
+    "init": _init_options,
+    "check": _check_options,
+    "run": _run_options,
+    "plan": _plan_options,
+    "drive": _drive_options,
+    "replay": _replay_options,
+    "clean": _clean_options,
+    "config-docs": _config_docs_options,
 }
 
 

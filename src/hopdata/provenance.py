@@ -12,7 +12,7 @@ from typing import Any
 from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
-ASSETS = {".css", ".j2", ".mplstyle", ".yaml"}
+ASSETS = {".css", ".j2", ".mplstyle", ".toml", ".yaml"}
 REPORTED_PACKAGES = [
     *("hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba", "snakemake")
 ]
@@ -121,7 +121,8 @@ def provenance(
 def package_digest() -> str:
     """Digest of all sources of the package: what a version number does not tell apart."""
     digest = hashlib.sha256()
-    for source in sorted(_sources()):
+    assets = (one for folder in sorted(PACKAGE.glob("*/__init__.py")) for one in _assets(folder))
+    for source in sorted(_sources().union(assets)):
         digest.update(str(source.relative_to(PACKAGE)).encode())
         digest.update(source.read_bytes())
     return digest.hexdigest()
