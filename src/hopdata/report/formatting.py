@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from hopdata.arrays import pd
@@ -15,19 +17,9 @@ MINUS = "−"
 NARROW_SPACE = "\u202f"
 NO_BREAK_SPACE = "\u00a0"
 
-# Suffix of a key in SI, and what it is shown in: unit and factor. Longer suffixes first.
-SHOWN_UNITS: tuple[tuple[str, str, float], ...] = (
-    ("_per_m", "1/m", 1.0),
-    ("_m_s", "m/s", 1.0),
-    ("_rad_s", "rad/s", 1.0),
-    ("_mm", "mm", 1.0),
-    ("_ms", "ms", 1.0),
-    ("_hz", "Hz", 1.0),
-    ("_rad", "rad", 1.0),
-    ("_deg", "°", 1.0),
-    ("_kg", "kg", 1.0),
-    ("_m", "mm", 1000.0),
-    ("_s", "s", 1.0),
+#: What the reader sees in place of names.
+WORDS: dict[str, Any] = tomllib.loads(
+    Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
 )
 
 
@@ -97,7 +89,7 @@ def plain(value: Any) -> str:
 
 def labelled(key: str, value: Any) -> tuple[str, str, str]:
     """Turn a key in SI into words, value and shown unit: ``pre_height_m`` to mm."""
-    for suffix, unit, factor in SHOWN_UNITS:
+    for suffix, unit, factor in WORDS["units"]:
         if key.endswith(suffix) and isinstance(value, int | float) and not isinstance(value, bool):
             return key.removesuffix(suffix).replace("_", " "), significant(value * factor), unit
     counted = key.rpartition(" ")[2].startswith("n_") and isinstance(value, int)

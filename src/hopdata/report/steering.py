@@ -12,17 +12,7 @@ from hopdata.report.inputs import Picture, SteeringInputs, as_yaml, picture_of, 
 
 # Tables of the steering study: outcomes, what was observed, how well the model predicts.
 
-CONTROLLERS = {
-    "printed": "printed", "planner": "planner", "adaptive": "goes on learning",
-    "random": "random swings", "none": "boom at rest",
-    "ceiling": "knows the true map",
-}  # fmt: skip
-EXPERIMENTS = {
-    "origin": "origin, free",
-    "turn": "half turn, free",
-    "origin_board": "origin, board in the way",
-    "turn_board": "half turn, board in the way",
-}
+CONTROLLERS, EXPERIMENTS = show.WORDS["controllers"], show.WORDS["experiments"]
 
 
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:

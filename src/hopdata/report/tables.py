@@ -15,32 +15,7 @@ from hopdata.report.scene import small_plot
 
 # Recordings, floor, sections and touchdowns.
 
-SECTION_NAMES = {
-    "min_foot_threshold_m": "threshold of the minimum foot height",
-    "max_foot_threshold_m": "threshold of the maximum foot height",
-    "pre_height_m": "pre section",
-    "post_height_m": "post section",
-}
-DECIDED_BY = {
-    "config": " (from the configuration)",
-    "contacts": " (moved, so as to hold the landings)",
-}
-DETAIL_NAMES = {
-    "ground_m": "ground mode of all feet",
-    "min_foot_mode height_m": "ground mode of the minimum foot height",
-    "min_foot_mode sigma_m": "its scatter",
-    "min_foot_mode bandwidth_m": "bandwidth that it was found with",
-    "max_foot_mode height_m": "ground mode of the maximum foot height",
-    "max_foot_mode sigma_m": "its scatter",
-    "max_foot_mode bandwidth_m": "bandwidth that it was found with",
-    "threshold_sigmas": "scatters from a mode to its threshold",
-    "tail_fraction": "tail on the wrong side of a section",
-    "held pre": "share of the landings that the pre section holds",
-    "held post": "share of the landings that the post section holds",
-    "frames": "kind of frames used",
-    "n_frames": "frames in which all markers are seen",
-    "n_used": "frames that the sections are made from",
-}
+SECTION_NAMES, DETAIL_NAMES = show.WORDS["sections"], show.WORDS["details"]
 MOST_SCHEDULES = 24
 MOST_RECORDINGS = 6
 MOST_GAPPY = 24
@@ -124,7 +99,7 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     decided = sections.get("decided") or {}
     rows = [
         (
-            f"{name}{DECIDED_BY.get(decided.get(key, 'data'), '')}",
+            f"{name}{show.WORDS['decided'].get(decided.get(key, 'data'), '')}",
             show.fixed(show.scaled(sections.get(key), 1e3), 2),
             "mm",
         )
@@ -199,22 +174,7 @@ def excluded(touchdowns: pd.DataFrame) -> pd.Series:
 
 # Tables of prediction, distances, accuracy and time.
 
-MODEL_NAMES = {
-    "specialised": "affine (specialised)",
-    "near": "affine (near)",
-    "all": "affine (all)",
-    "far": "affine (far)",
-    "specialised_mean": "mean (specialised)",
-    "mean": "mean (all)",
-}
-KIND_NAMES = {
-    "in_class": "in-class",
-    "cross_class": "cross-class",
-    "noised_identity": "noise alone",
-    "random": "random",
-}
-
-
+MODEL_NAMES, KIND_NAMES = show.WORDS["models"], show.WORDS["kinds"]
 COUNTED = ("landings", "touchdowns")
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
