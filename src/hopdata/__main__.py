@@ -21,7 +21,7 @@ from hopdata.errors import HopdataError, did_you_mean
 
 #: Of each command where it stands, its texts and options.
 COMMANDS: dict[str, dict[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("commands").joinpath("commands.toml").read_text(encoding="utf-8")
+    Path(__file__).with_name("commands.toml").read_text("utf-8")
 )
 READING = COMMANDS.pop("reading")["options"]
 EXIT_CODES = """\

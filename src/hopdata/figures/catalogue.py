@@ -48,7 +48,7 @@ _FILE = Path(__file__).with_suffix(".toml")
 #: The jobs that draw, and by its name each figure that they draw.
 FIGURES: dict[str, dict[str, Drawing]] = {
     job: {name: Drawing(**drawing) for name, drawing in drawings.items()}
-    for job, drawings in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()
+    for job, drawings in tomllib.loads(_FILE.read_text("utf-8")).items()
 }
 
 

@@ -18,9 +18,8 @@ NARROW_SPACE = "\u202f"
 NO_BREAK_SPACE = "\u00a0"
 
 #: What the reader sees in place of names.
-WORDS: dict[str, Any] = tomllib.loads(
-    Path(__file__).with_name("words.toml").read_text(encoding="utf-8")
-)
+WORDS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
+NOTES: dict[str, str] = WORDS["notes"]
 
 
 def is_missing(value: Any) -> bool:

@@ -150,19 +150,7 @@ def _shown(value: Any, factor: float, unit: str, *, decimals: int | None = None)
 
 
 GAPS = "recording_gaps"
-# The figures that have a section of their own; any other stands at the end.
-PLACES = {
-    "verdict": "verdict",
-    "fig2_2_sections": "sections",
-    "fig2_3_schedule": "touchdowns",
-    "fig2_4_prediction": "prediction",
-    "fig2_5_distances": "distances",
-    "contact_overlay": "overlay",
-    "map_matrices": "prediction",
-    "stability": "quality",
-    GAPS: "quality",
-    "scaling_study": "truth",
-}
+PLACES: dict[str, str] = show.WORDS["places"]
 
 
 def build_report(inputs: ReportInputs) -> str:

@@ -30,15 +30,9 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
         "touched the board": show.counted("touched"),
         "met": show.text("met"),
     }
-    note = (
-        "All runs are simulated. Of each seed (an excitation, a model, starts and chance of its "
-        "own) the runs that succeeded; with a board only runs that touched it can. Hops: median "
-        "over the runs that succeeded, and as a multiple of those of the planner that knows the "
-        "true map (no bound: a learned one may be quicker). Asked of the planner: 27 of 30 in the "
-        "worst seed, at most 1.3 times those hops."
-    )
     rows = show.records(outcomes)
-    return show.table_of("Outcomes of the experiments", rows, columns, text_columns=2, note=note)
+    note, title = show.NOTES["outcomes"], "Outcomes of the experiments"
+    return show.table_of(title, rows, columns, text_columns=2, note=note)
 
 
 def _of_seed(name: str) -> show.Cell:
@@ -104,27 +98,11 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
         "hops learned": show.counted("training_hops"),
         "hops tested": show.counted("test_hops"),
     }
-    note = (
-        "On the hops that were not learned from; chance at each hop is part of the error. Each "
-        "seed has an excitation and a model of its own."
-    )
-    title = "How well the model predicts a hop"
+    title, note = "How well the model predicts a hop", show.NOTES["model"]
     return show.table_of(title, show.records(scores), columns, note=note)
 
 
-NO_EXPERIMENT = (
-    "No experiment was made: the frame changes are those of a recorded robot, and there is no "
-    "simulation of it to steer."
-)
-# The figures that have a section of their own; any other stands with the model.
-EXPERIMENT_FIGURES = (
-    "steering_outcomes",
-    "fig3_5_origin",
-    "fig3_6_turn",
-    "fig3_8_origin_board",
-    "fig3_9_turn_board",
-    "steering_film",
-)
+NO_EXPERIMENT = show.NOTES["no_experiment"]
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
@@ -138,7 +116,7 @@ def build_steering_report(inputs: SteeringInputs) -> str:
     record, facts = inputs.provenance or {}, steering_facts(inputs)
     pictures: dict[str, list[Picture]] = {"experiments": [], "model": []}
     for figure in inputs.figures:
-        place = "experiments" if figure.name in EXPERIMENT_FIGURES else "model"
+        place = show.WORDS["steering_places"].get(figure.name, "model")
         pictures[place].append(picture_of(figure, facts))
     return rendered(
         "steering.html.j2",

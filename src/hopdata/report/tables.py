@@ -197,12 +197,7 @@ def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
         "worst position (mm)": show.decimals("worst_position_mm", 1),
         "worst velocity (m/s)": show.decimals("worst_velocity_m_s", 3),
     }
-    note = (
-        f"Quantiles over the bootstraps of the combined MSE, in {power}units². Worst position and "
-        f"velocity: {show.percent(97.5)} of the bootstraps keep below these with the rms error of "
-        "the coordinate of a marker that they predict worst. Classes: groups of touchdowns with a "
-        "model of their own; train and test: touchdowns in each bootstrap."
-    )
+    note = show.NOTES["prediction"].format(power=power)
     note += " A dash: not fitted, too few touchdowns." if len(found) < len(MODEL_NAMES) else ""
     rows = [{**found.get(m, {}), "model": m} for m in dict.fromkeys((*MODEL_NAMES, *found))]
     return show.table_of("Prediction errors", rows, columns, note=note)
@@ -303,12 +298,7 @@ AGREEMENT: show.Columns = {
 
 def agreement_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
     """One row a column and recording: counts, bias with its interval, scatter."""
-    note = (
-        "Contact found less contact known: the median, and the deviation by the median absolute "
-        "deviation. All counts are of contacts; those excluded are of descents that are not used. "
-        "Of feet that share a column the first contact of each landing is compared."
-    )
-    rows = show.records(overlay.get("contact_overlay_summary"))
+    rows, note = show.records(overlay.get("contact_overlay_summary")), show.NOTES["agreement"]
     return show.table_of("Agreement of the contacts", rows, AGREEMENT, text_columns=3, note=note)
 
 

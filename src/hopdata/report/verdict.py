@@ -10,10 +10,7 @@ from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
 
-MEANING = (
-    "A jump of the derivative at the simultaneous contact, curvature allowed for. It cannot see a "
-    "difference in second derivatives, which a C1 map may have."
-)
+MEANING: str = show.NOTES["meaning"]
 
 
 def verdict_facts(

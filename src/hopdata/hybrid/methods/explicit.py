@@ -183,8 +183,7 @@ def compose(name: str, arguments: str, body: list[str], known: dict[str, Any]) -
 
 # The methods themselves: numbers in a file, with their sources.
 
-_FILE = Path(__file__).with_name("coefficients.toml")
-_COEFFICIENTS = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+_COEFFICIENTS = tomllib.loads(Path(__file__).with_name("coefficients.toml").read_text("utf-8"))
 
 
 def coefficients(method: str) -> dict[str, Any]:

@@ -10,8 +10,10 @@ The error of a map is a relative difference of predictions for the study's true 
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ from hopdata.rigid import OUTPUT_NAMES, kabsch
 
 Entry = dict[str, Any]
 Entries = dict[str, Entry]
+TOLD: dict[str, Any] = tomllib.loads(Path(__file__).with_name("entries.toml").read_text("utf-8"))
 
 
 def entry(value: float | int | bool, unit: str, what: str) -> Entry:
@@ -271,12 +274,8 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
         return {}
     row = errors.iloc[0]
     inside = bool(row["low"] <= row["true_effect"] <= row["high"])
-    named = {
-        "true_effect": "True relative difference of the maps of the contact orders",
-        "effect": "Relative difference of these maps that the verdict found",
-        "p_value": "p-value of the verdict's test of the kinks",
-    }
     numbers = row.rename({"estimate": "effect"})
     covers = entry(inside, "yes/no", "Whether the verdict's interval holds the true difference")
-    found = {f"verdict_{k}": entry(float(numbers[k]), "1", what) for k, what in named.items()}
+    told = TOLD["verdict"].items()
+    found = {f"verdict_{k}": entry(float(numbers[k]), "1", what) for k, what in told}
     return {**found, "verdict_interval_covers": covers}

@@ -25,12 +25,6 @@ COLUMNS = (
     *("spread_ms", "pooled_rms", "specialised_rms", "pooled_over_specialised"),
     *("map_difference", "exact_difference", "map_error", "slope"),
 )
-KINDS = {
-    "coupling": "coupled forces",
-    "impulse": "partly rigid impulses",
-    "delay": "contact by velocity",
-    "study": "the study's own control",
-}
 
 
 @one_blas_thread()
@@ -70,36 +64,14 @@ def scaling_table(samples: Iterable[Any]) -> pd.DataFrame:
     return table
 
 
-# Entry, and the column that it takes of the smallest scale, in words.
-_SHOWN = {
-    "scaling_slope": ("slope", "Slope of log pooled error over log scale, {who}"),
-    "scaling_pooled_over_specialised": (
-        "pooled_over_specialised",
-        "Noise-free MSE of one map over that of one a schedule {at}",
-    ),
-    "scaling_map_difference": (
-        "map_difference",
-        "Largest relative difference between the fitted maps of two schedules {at}",
-    ),
-    "exact_map_difference": (
-        "exact_difference",
-        "Largest relative difference between the exact maps of two schedules, {who}",
-    ),
-    "scaling_map_error": (
-        "map_error",
-        "Relative error of the noise-free pooled map against the exact one {at}",
-    ),
-}
-
-
 def score_scaling(table: pd.DataFrame) -> truth.Entries:
     """Say what the scaling study shows of each case."""
     entries: truth.Entries = {}
     for case in dict.fromkeys(table["case"]):
         smallest = table[table["case"] == case].sort_values("scale").iloc[0]
-        who = KINDS.get(case, f"the {case}") + _strength(smallest)
+        who = truth.TOLD["cases"].get(case, f"the {case}") + _strength(smallest)
         at = f"at {smallest['scale']:g} of the spread, {who}"
-        for name, (column, what) in _SHOWN.items():
+        for name, (column, what) in truth.TOLD["scaling"].items():
             said = what.format(who=who, at=at)
             entries[f"{name}_{case}"] = truth.entry(float(smallest[column]), "1", said)
     return entries

@@ -18,7 +18,8 @@ from hopdata.landings.schedules import AMBIGUOUS, schedule_names
 from hopdata.landings.sections.frames import landing_frames
 from hopdata.landings.sections.select import FRAMES
 from hopdata.maps.coordinates import split_states
-from hopdata.maps.truth.maps import Entries, entry, mean, quantile, score_estimates, score_verdict
+from hopdata.maps.truth import maps
+from hopdata.maps.truth.maps import Entries, entry, mean, quantile
 from hopdata.maps.truth.scaling import score_scaling
 
 if TYPE_CHECKING:
@@ -66,18 +67,6 @@ def _mean_instant(instants: FloatArray) -> FloatArray:
     return np.divide(total, count, out=np.full(len(instants), np.nan), where=count > 0)
 
 
-# Entries on contacts: unit, and what each is.
-_OF_CONTACTS = {
-    "labels_right": ("1", "Share of right mode schedules among the touchdowns used"),
-    "labels_right_unambiguous": ("1", "The same share among those not ambiguous"),
-    "labels_right_of_all": ("1", "Right mode schedules over all true landings"),
-    "contact_rms": ("ms", "Rms error of the contact instants after the common bias"),
-    "contact_bias": ("ms", "Mean of found minus true contact instants"),
-    "landings_not_used": ("landings", "True landings excluded or missed"),
-    "unmatched": ("touchdowns", "Touchdowns used without a true landing"),
-}
-
-
 def score_contacts(
     known: Mapping[str, Truth], table: pd.DataFrame, *, feet: Sequence[str], method: str
 ) -> Entries:
@@ -113,10 +102,10 @@ def score_contacts(
     of_all = right.sum() / n_landings if n_landings else float("nan")
     who = f"{method.replace('_', ' ')} method"
     values = (mean(right), mean(right[sure]), of_all, 1e3 * rms, 1e3 * bias)
-    counts = (n_landings - matched, len(usable) - matched)
+    counts, told = (n_landings - matched, len(usable) - matched), maps.TOLD["contacts"]
     return {
         f"{name}_{method}": entry(value, unit, f"{what}, {who}")
-        for (name, (unit, what)), value in zip(_OF_CONTACTS.items(), values + counts, strict=True)
+        for (name, (unit, what)), value in zip(told.items(), values + counts, strict=True)
     }
 
 
@@ -320,7 +309,7 @@ def score(
     """
     if not known:
         return {}
-    entries: Entries = score_verdict(exact["verdict_errors"]) if exact else {}
+    entries: Entries = maps.score_verdict(exact["verdict_errors"]) if exact else {}
     for method, table in tables.items():
         entries |= score_contacts(known, table, feet=feet, method=method)
     entries |= score_sections(known, sections)
@@ -330,7 +319,7 @@ def score(
     if exact:
         entries |= score_states(exact["state_errors"])
         entries |= score_scaling(exact["scaling_study"])
-        entries |= score_estimates(exact["estimate_errors"])
+        entries |= maps.score_estimates(exact["estimate_errors"])
     return entries
 
 
