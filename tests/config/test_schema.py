@@ -32,6 +32,6 @@ def test_a_row_tells_meaning_unit_default_and_range():
 def test_a_new_key_appears_by_itself():
     key = {"type": "integer", "description": "Of note | and bar.", "default": 3, "maximum": 9}
     section = {"type": "object", "description": "A section.", "properties": {"new_key": key}}
-    page = configuration_page({"properties": {"part": section}, "required": []})
+    page = configuration_page({"description": "", "properties": {"part": section}, "required": []})
     assert "## `part`\n\nA section.\n" in page
     assert "| `new_key` | Of note \\| and bar. |  | `3` | a whole number at most 9 |" in page

@@ -114,15 +114,6 @@ def _items_in_words(schema: dict[str, Any]) -> str:
 
 # The page of documentation that the schema makes.
 
-INTRODUCTION = """\
-# Configuration
-
-A study is one YAML file, such as `config/config.yaml`. Keys that it leaves out take the defaults
-below. `hopdata check FILE` tells whether a configuration and its recordings are sound.
-
-This page is made from `src/hopdata/config/schema.yaml`; change it there, then run
-`hopdata config-docs --out docs/configuration.md`.
-"""
 HEAD = "| key | meaning | unit | default | value |\n|---|---|---|---|---|\n"
 
 
@@ -142,7 +133,7 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
     schema = schema or _schema_of_all_scenes()
     single = {k: s for k, s in schema["properties"].items() if not _is_section(s)}
     rows = [_row(k, s, k in schema["required"]) for k, s in single.items() if "items" not in s]
-    parts = [INTRODUCTION, HEAD + "".join(rows)]
+    parts = [schema["description"], HEAD + "".join(rows)]
     for key, section in schema["properties"].items():
         if _is_section(section) or "items" in section:
             parts += _sections(key, section)

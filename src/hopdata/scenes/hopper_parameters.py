@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -67,7 +67,9 @@ class HopperParameters(Scene):
     controls: ClassVar[tuple[str, ...]] = ("coupling", "impulse", "delay_s")
     has_boom: ClassVar[bool] = True
 
+    # The scalars of the vector, in its order.
     n_legs: int = 3
+    gravity_m_s2: float = 9.81
     mass_kg: float = 2.3
     counterweight_mass_kg: float = 0.4
     inertia_x_kg_m2: float = 0.08
@@ -75,12 +77,10 @@ class HopperParameters(Scene):
     inertia_z_kg_m2: float = 0.11
     stiffness_n_m: float = 90.0
     damping_n_s_m: float = 4.8
-    preload_n: float = 22.0
-    foot_radius_m: float = 0.38
-    leg_length_m: float = 0.27
     friction: float = 0.4
     slip_velocity_m_s: float = 0.17
     release_extension_m: float = 0.125
+    leg_length_m: float = 0.27
     boom_radius_m: float = 0.25
     boom_offset_m: float = 0.25
     boom_height_m: float = -0.03
@@ -89,7 +89,9 @@ class HopperParameters(Scene):
     boom_start_s: float = 0.0
     boom_duration_s: float = 0.15
     tilt_limit_rad: float = 1.0
-    gravity_m_s2: float = 9.81
+    # What its legs are made from.
+    preload_n: float = 22.0
+    foot_radius_m: float = 0.38
 
     @property
     def total_mass_kg(self) -> float:
@@ -117,7 +119,7 @@ class HopperParameters(Scene):
         legs = np.empty((self.n_legs, LEG_STRIDE))
         legs[:, 0] = self.preload_n if preloads_n is None else preloads_n
         legs[:, 1:] = self.rest_feet()[:, :2]
-        scalars = [float(getattr(self, name)) for name in _SCALARS]
+        scalars = [float(getattr(self, one.name)) for one in fields(self)[:LEGS]]
         return np.array([*scalars, *legs.ravel(), *(variant.numbers if variant else ())])
 
     def vectors(
@@ -158,13 +160,3 @@ class HopperParameters(Scene):
         from hopdata.scenes.hopper import boom_angle  # which builds on this module
 
         return np.asarray(boom_angle.py_func(times_s, self.vector())[0])
-
-
-_SCALARS = (
-    *("n_legs", "gravity_m_s2", "mass_kg", "counterweight_mass_kg"),
-    *("inertia_x_kg_m2", "inertia_y_kg_m2", "inertia_z_kg_m2"),
-    *("stiffness_n_m", "damping_n_s_m", "friction", "slip_velocity_m_s"),
-    *("release_extension_m", "leg_length_m"),
-    *("boom_radius_m", "boom_offset_m", "boom_height_m", "boom_angle_rad"),
-    *("boom_swing_rad", "boom_start_s", "boom_duration_s", "tilt_limit_rad"),
-)
