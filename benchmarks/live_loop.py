@@ -478,7 +478,7 @@ class Rehearsal:
 
     def _arrivals(self) -> Iterator[tuple[float, int, float, np.ndarray]]:
         """Yield when each frame arrives, its number, its camera time and its markers."""
-        number, last = 0, np.zeros((4, 3))
+        number, shown_s, last = 0, 0.0, (0, 0.0, np.zeros((4, 3)))
         for true_s, markers in self.hopper:
             number += 1
             fault, arrival_s = self.fault, true_s + DELAY_S
@@ -490,15 +490,15 @@ class Rehearsal:
                 self._caused(fault, fault.begin_s + DELAY_S)
                 continue
             if kind == "frames repeated":
-                self._caused(fault, fault.begin_s + DELAY_S + LIMITS.pose_age_s)
+                self._caused(fault, shown_s + LIMITS.pose_age_s)
                 yield arrival_s, *last
                 continue
             if kind == "frames held up":
-                self._caused(fault, fault.begin_s + DELAY_S + LIMITS.pose_age_s)
+                self._caused(fault, shown_s + LIMITS.pose_age_s)
                 arrival_s = fault.end_s + DELAY_S
             if kind:
                 markers = self._shown(kind, fault, markers, arrival_s)
-            last = (number, true_s + self.shift_s, markers)
+            last, shown_s = (number, true_s + self.shift_s, markers), arrival_s
             yield arrival_s, *last
 
     def _shown(self, kind: str, fault: Fault, markers: np.ndarray, now_s: float) -> np.ndarray:

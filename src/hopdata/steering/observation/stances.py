@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -103,12 +105,14 @@ class Bottom:
     bridged: bool = False
 
 
-def find_bottom(time: FloatArray, height: FloatArray, lowest: int, frame_s: float) -> Bottom | str:
+def find_bottom(
+    time: FloatArray, height: FloatArray, lowest: int, frame_s: float, below_m: float
+) -> Bottom | str:
     """Find the lowest point near the lowest frame, or say why it is none.
 
     It is the minimum of a cubic through the frames there. If too many of these are missing, it is
-    where the speed passes zero, on a line from its value before the hole to that after it. Either
-    way the acceleration must be half of g at least.
+    the `turning_point` of the heights and speeds beside the hole. Either way the acceleration must
+    be half of g at least.
 
     Parameters
     ----------
@@ -118,20 +122,22 @@ def find_bottom(time: FloatArray, height: FloatArray, lowest: int, frame_s: floa
         Number of the lowest one.
     frame_s : float
         Time between frames, s.
+    below_m : float
+        Height that every stance falls below.
     """
     begin, end = time[lowest] - BOTTOM_S, time[lowest] + BOTTOM_S
     first, last = np.searchsorted(time, [begin - 1e-9, end + 1e-9])
     waits = np.diff(np.concatenate([[begin], time[first:last], [end]]))
     fit = local_fit(time, height, begin, end, degree=3)
     if fit is None or waits.max() > WIDEST_HOLE_FRAMES * frame_s:
-        return _bridged(time, height, lowest)
+        return _bridged(time, height, lowest, below_m)
     instant = fit.lowest()
     if instant is None or fit.at(instant, 2) < LEAST_BEND_M_S2:
         return NO_BOUNCE
     return Bottom(instant, float(fit.at(instant)))
 
 
-def _bridged(time: FloatArray, height: FloatArray, lowest: int) -> Bottom | str:
+def _bridged(time: FloatArray, height: FloatArray, lowest: int, below_m: float) -> Bottom | str:
     """Find the lowest point in the widest hole beside the lowest frame."""
     if lowest == 0 or lowest == len(time) - 1:
         return BOTTOM_UNSEEN
@@ -146,8 +152,36 @@ def _bridged(time: FloatArray, height: FloatArray, lowest: int) -> Bottom | str:
         return BOTTOM_UNSEEN
     if (rise - fall) / (in_s - out_s) < LEAST_BEND_M_S2:
         return NO_BOUNCE
-    after = (in_s - out_s) * fall / (fall - rise)
-    return Bottom(float(out_s + after), float(height[before] + 0.5 * fall * after), bridged=True)
+    falling = (float(out_s), float(height[before]), fall)
+    rising = (float(in_s), float(height[before + 1]), rise)
+    return Bottom(*turning_point(falling, rising, below_m), True)
+
+
+Motion: TypeAlias = tuple[float, float, float]  # time, s; height, m; speed, m/s
+
+
+def turning_point(falling: Motion, rising: Motion, below_m: float) -> tuple[float, float]:
+    """Instant and height of the lowest point between a fall and a rise.
+
+    Above `below_m` it flies. Below, what rises as it fell passes each height at the same time from
+    its lowest point, which lies halfway between the two, but for the time in which the lower one's
+    height is reached from the other's, at the mean of the speeds.
+    """
+    (out_s, out_m, fall), (in_s, in_m, rise) = _flown(falling, below_m), _flown(rising, below_m)
+    lowest_s = 0.5 * (out_s + in_s) + (out_m - in_m) / (rise - fall)
+    lowest_s = min(max(lowest_s, falling[0]), rising[0])
+    after = lowest_s < 0.5 * (out_s + in_s)
+    when, height_m, speed = (out_s, out_m, fall) if after else (in_s, in_m, rise)
+    return lowest_s, height_m + 0.5 * speed * (lowest_s - when)
+
+
+def _flown(motion: Motion, to_m: float) -> Motion:
+    """Where free flight through a height leads to a lower one, after it in a fall, else before."""
+    time_s, height_m, speed = motion
+    if height_m <= to_m:
+        return motion
+    there = math.copysign(math.sqrt(speed**2 + 2 * GRAVITY_M_S2 * (height_m - to_m)), speed)
+    return time_s + (speed - there) / GRAVITY_M_S2, to_m, there
 
 
 def side_speeds(time: FloatArray, height: FloatArray, before: int) -> tuple[float, float]:
@@ -313,7 +347,7 @@ def find_stances(
     t, z = time[frames], height[frames]
     visits = find_visits(t, z, below, above)
     frame_s = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    bottoms = [_bottom(t, z, visits, k, frame_s) for k in range(len(visits.lowest))]
+    bottoms = [_bottom(t, z, visits, k, frame_s, below) for k in range(len(visits.lowest))]
     links = [_link(t, z, visits, bottoms, k, above) for k in range(len(bottoms) - 1)]
     found = [bottom for bottom in bottoms if isinstance(bottom, Bottom)]
     number = np.cumsum([isinstance(bottom, Bottom) for bottom in bottoms]) - 1
@@ -330,9 +364,11 @@ def find_stances(
     )
 
 
-def _bottom(t: FloatArray, z: FloatArray, visits: Visits, k: int, frame_s: float) -> Bottom | str:
+def _bottom(
+    t: FloatArray, z: FloatArray, visits: Visits, k: int, frame_s: float, below: float
+) -> Bottom | str:
     """Return the lowest point of a visit, which must lie in it, or why it has none."""
-    found = find_bottom(t, z, int(visits.lowest[k]), frame_s)
+    found = find_bottom(t, z, int(visits.lowest[k]), frame_s, below)
     first, last = max(visits.first[k] - 1, 0), min(visits.last[k] + 1, len(t) - 1)
     if isinstance(found, Bottom) and not t[first] < found.time_s < t[last]:
         return BOTTOM_UNSEEN
@@ -411,7 +447,7 @@ class StanceDetector:
 
     _frames: deque[tuple[float, float]]
     _stray: tuple[float, float] | None
-    _falling: tuple[float, float] | None
+    _falling: Motion | None
     _armed: bool
 
     def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
@@ -441,13 +477,14 @@ class StanceDetector:
         self._lowest_m = min(self._lowest_m, height_m)
         if slope < 0 and self._armed:
             self._turned = False
-            self._falling = (time_s, slope) if slope < -SIGMAS * noise else self._falling
+            if slope < -SIGMAS * noise:
+                self._falling = (time_s, height_m, slope)
         if not self._armed or slope <= SIGMAS * noise or self._falling is None:
             return None
         if not self._turned:
             self._turned = True
             return None
-        return self._told(time_s, slope, bend)
+        return self._told((time_s, height_m, slope), bend)
 
     def _forget(self) -> None:
         """Begin as if nothing had been seen."""
@@ -509,13 +546,13 @@ class StanceDetector:
         bend = 2 * (h * p + (b * c - n * d) * q + (n * c - b * b) * r) / whole
         return slope, bend, self.noise_m * np.sqrt((n * e - c * c) / whole)
 
-    def _told(self, time_s: float, slope: float, bend: float) -> Stance | None:
+    def _told(self, rising: Motion, bend: float) -> Stance | None:
         """Return the stance that is behind a rise, if it was low, bent enough and not long ago."""
         assert self._falling is not None
-        before, fall = self._falling
+        (before, _, fall), (time_s, _, slope) = self._falling, rising
         bridged = bool(time_s - before > self.window_s)
-        if bridged:  # where the speed passes zero, on a line from the fall to the rise
-            lowest_s = before + (time_s - before) * fall / (fall - slope)
+        if bridged:
+            lowest_s, _ = turning_point(self._falling, rising, self.geometry.stance_below_m)
             bend = (slope - fall) / (time_s - before)
         else:
             lowest_s = time_s - slope / bend if bend > 0 else before
