@@ -160,8 +160,8 @@ def relative(start: ArrayLike, end: ArrayLike) -> FloatArray:
 
 
 def _parts(pose: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, y, heading = np.moveaxis(np.asarray(pose, dtype=float), -1, 0)
-    return x, y, heading
+    whole = np.asarray(pose, dtype=float)
+    return whole[..., 0], whole[..., 1], whole[..., 2]
 
 
 _ALIGNMENTS = 20
