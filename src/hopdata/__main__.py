@@ -19,27 +19,9 @@ from hopdata.errors import HopdataError, did_you_mean
 # The commands themselves are in `hopdata.commands`, each imported when it runs, so that
 # ``hopdata --help`` is there at once.
 
-#: Of each command where it stands, its texts and options.
-COMMANDS: dict[str, dict[str, Any]] = tomllib.loads(
-    Path(__file__).with_name("commands.toml").read_text("utf-8")
-)
-READING = COMMANDS.pop("reading")["options"]
-EXIT_CODES = """\
-exit codes:
-  0    all is well
-  1    a problem in the configuration or the data, told on stderr or in the listing
-  2    a wrong command line
-  130  interrupted
-"""
-OVERVIEW = f"""\
-from a file to a report:
-  hopdata inspect monday.tsv                what is in it, and what looks wrong
-  hopdata view monday.tsv                   turn it in 3-D
-  hopdata init monday.tsv                   write config/monday.yaml, roles guessed
-  hopdata check config/monday.yaml          does it all fit?
-  hopdata run config/monday.yaml            results/monday/report.html
-
-{EXIT_CODES}"""
+#: What stands in the table of the command line.
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text("utf-8"))
+COMMANDS: dict[str, dict[str, Any]] = TABLE["commands"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -93,8 +75,8 @@ class _Parser(argparse.ArgumentParser):
 def _parser() -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = _Parser(
         prog="hopdata",
-        description="Is landing on several feet one smooth map? From motion capture to figures.",
-        epilog=OVERVIEW,
+        description=TABLE["description"],
+        epilog=TABLE["overview"] + TABLE["exit_codes"],
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"hopdata {__version__}")
@@ -105,11 +87,14 @@ def _parser() -> argparse.ArgumentParser:
             usage=told.get("usage"),
             help=told["summary"],
             description=told["description"],
-            epilog=f"examples:\n{told['examples']}\n{EXIT_CODES}",
+            epilog=f"examples:\n{told['examples']}\n{TABLE['exit_codes']}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         command.set_defaults(run=told["run"])
-        for option in (*(READING if told.get("reads_file") else ()), *told.get("options", ())):
+        for option in (
+            *TABLE["recording"] * told.get("reads_file", False),
+            *told.get("options", ()),
+        ):
             given = {**option, "type": TYPES[option["type"]]} if "type" in option else dict(option)
             command.add_argument(*given.pop("flags"), **given)
     return parser

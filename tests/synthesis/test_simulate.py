@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hopdata.errors import ConfigError
+from hopdata.errors import HopdataError
 from hopdata.synthesis import simulate_recording
 
 CLEAN = {"noise_m": 0.0, "resolution_m": 0.0, "floor": {"bowl_depth_m": 0.0, "waves": 0}}
@@ -120,12 +120,12 @@ def test_other_numbers_of_legs_and_body_markers():
 @pytest.mark.parametrize(
     ("simulation", "camera", "message"),
     [
-        ({"hop": 3}, {}, r"simulation\.hop: .*did you mean 'hops'"),
-        ({"hopper": {"mass": 2.0}}, {}, r"simulation\.hopper\.mass: .*'mass_kg'"),
+        ({"hop": 3}, {}, r"Simulation: .*'hop'; did you mean 'hops'"),
+        ({"hopper": {"mass": 2.0}}, {}, r"HopperParameters: .*'mass'; did you mean 'mass_kg'"),
         ({"hopper": {"preload_n": 18.0}}, {}, "cannot lift off"),
-        ({}, {"floor": {"depth": 1}}, r"motion_capture\.floor\.depth"),
+        ({}, {"floor": {"depth": 1}}, r"FloorOptions: .*'depth'"),
     ],
 )
 def test_a_wrong_key_or_value_is_refused_by_name(simulation, camera, message):
-    with pytest.raises(ConfigError, match=message):
+    with pytest.raises(HopdataError, match=message):
         simulate_recording(simulation, camera, seed=1)

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from hopdata.errors import ConfigError
+from hopdata.errors import ArgumentError
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.hops import level_state
 from hopdata.synthesis.simulate import first_contacts
@@ -128,12 +128,12 @@ def test_the_same_generator_gives_the_same_trial():
 
 
 def test_given_keys_replace_defaults_and_lists_become_tuples():
-    markers = from_mapping(MarkerOptions, {"boom_m": [0.0, 0.0, 0.1]}, "markers")
+    markers = from_mapping(MarkerOptions, {"boom_m": [0.0, 0.0, 0.1]})
     assert markers.boom_m == (0.0, 0.0, 0.1)
     assert markers.retraction_s == MarkerOptions().retraction_s
-    assert from_mapping(Kicks, None, "kicks") == Kicks()
+    assert from_mapping(Kicks, None) == Kicks()
 
 
 def test_a_misspelt_key_is_answered_with_the_nearest():
-    with pytest.raises(ConfigError, match=r"kicks\.velocity_ms: .*did you mean 'velocity_m_s'"):
-        from_mapping(Kicks, {"velocity_ms": 0.1}, "kicks")
+    with pytest.raises(ArgumentError, match=r"Kicks: .*'velocity_ms'; did you mean 'velocity_m_s'"):
+        from_mapping(Kicks, {"velocity_ms": 0.1})

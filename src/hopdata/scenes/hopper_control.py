@@ -19,7 +19,6 @@ from functools import cache
 from numba import njit
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import ConfigError
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.body import cross, rotation_entries
@@ -147,10 +146,6 @@ class HopperDrag:
     drag_n: float
     direction: tuple[float, float]
     front_m: float
-
-    def __post_init__(self) -> None:
-        if not self.drag_n >= 0:
-            raise ConfigError(f"obstacle.drag_n: expected >= 0, found {self.drag_n}")
 
     @property
     def numbers(self) -> tuple[float, ...]:

@@ -267,7 +267,7 @@ def robot_of(options: Options, camera: MotionCapture) -> SteeredHopper:
         standard,
         hopper=replace(standard.hopper, **options["hopper"]),
         preload_shares=tuple(options["preload_shares"]),
-        kicks=from_mapping(Kicks, options["kicks"], "steering.robot.kicks"),
+        kicks=from_mapping(Kicks, options["kicks"]),
         markers=camera.markers,
         **{key: options[key] for key in ("swing_limit_rad", "release_height_m", "hop_limit_s")},
     )
@@ -275,4 +275,4 @@ def robot_of(options: Options, camera: MotionCapture) -> SteeredHopper:
 
 def camera_of(options: Options) -> MotionCapture:
     """Return the camera of the block ``motion_capture``."""
-    return from_mapping(MotionCapture, options, "motion_capture")
+    return from_mapping(MotionCapture, options)

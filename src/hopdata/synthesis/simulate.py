@@ -61,16 +61,13 @@ class Simulation:
 
         Raises
         ------
-        ConfigError
+        HopdataError
             If a key or the scene is unknown, or a value out of range.
         """
         given = dict(values or {})
-        name = given.get("scene", STANDARD)
-        kind, others = scene_class(name), ("hops", "duration_s", "kicks", "operator", "control")
-        trials.refuse_unknown(given, ["scene", name, *others], "simulation")
-        scene = trials.from_mapping(kind, given.get(name), f"simulation.{name}")
-        rest = {key: given[key] for key in others if key in given}
-        return replace(trials.from_mapping(cls, rest, "simulation"), name=name, scene=scene)
+        name = given.pop("scene", STANDARD)
+        scene = trials.from_mapping(scene_class(name), given.pop(name, None))
+        return replace(trials.from_mapping(cls, given), name=name, scene=scene)
 
     def said(self) -> dict[str, Any]:
         """Return the block as plain data; a control, and another scene, only if there is one."""
@@ -104,11 +101,11 @@ def simulate_recording(
 
     Raises
     ------
-    ConfigError
+    HopdataError
         If a key is unknown or a value out of range.
     """
     simulated = Simulation.of(simulation)
-    camera = trials.from_mapping(cameras.MotionCapture, motion_capture, "motion_capture")
+    camera = trials.from_mapping(cameras.MotionCapture, motion_capture)
     scene, control = simulated.scene, simulated.control
     streams = np.random.SeedSequence(seed).spawn(4)
     kicks_rng, floor_rng, *camera_rngs = map(np.random.default_rng, streams)

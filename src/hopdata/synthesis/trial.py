@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.errors import ConfigError, did_you_mean
+from hopdata.errors import told_call
 from hopdata.scenes.body import N_STATES
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.hops import Hop, control_hop, fly_hop, level_state, pose_rate
@@ -119,30 +119,20 @@ class MarkerOptions:
     retraction_s: float = 0.15
 
 
-def from_mapping(kind: type[Options], values: Mapping[str, Any] | None, where: str) -> Options:
+def from_mapping(kind: type[Options], values: Mapping[str, Any] | None) -> Options:
     """Build options, and those within them, from a mapping of some fields; others keep defaults.
 
     Raises
     ------
-    ConfigError
+    ArgumentError
         If a key is not a field of `kind`.
     """
     known: dict[str, Any] = {one.name: one.default_factory for one in fields(kind)}  # type: ignore[arg-type]
-    refuse_unknown(values or {}, known, where)
     built = {
-        key: from_mapping(known[key], value, f"{where}.{key}")
-        if is_dataclass(known[key])
-        else _frozen(value)
+        key: from_mapping(known[key], value) if is_dataclass(known.get(key)) else _frozen(value)
         for key, value in (values or {}).items()
     }
-    return kind(**built)
-
-
-def refuse_unknown(values: Iterable[str], known: Iterable[str], where: str) -> None:
-    """Raise a ConfigError that names the first key that is not known."""
-    for key in values:
-        if key not in known:
-            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, known)}")
+    return told_call(kind)(**built)
 
 
 def _frozen(value: Any) -> Any:
