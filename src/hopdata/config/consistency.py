@@ -57,15 +57,11 @@ def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
                 if foot not in feet:
                     yield _unknown(f"{key}.columns[{k}].feet", "feet of markers.feet", foot, feet)
         if block.get("label_column") is not None and block["time_column"] is None:
-            yield (
-                f"{key}.time_column: expected the column of the instants beside label_column, "
-                "found null (nothing)"
-            )
+            wanted = "the column of the instants beside label_column"
+            yield mismatch(f"{key}.time_column", wanted, "null (nothing)")
         if block.get("threshold_n") is not None and block["unit"] == "body_weight":
-            yield (
-                f"{key}.threshold_n: expected threshold_share where forces are in body weights, "
-                f"found {block['threshold_n']:g} N"
-            )
+            wanted = "threshold_share where forces are in body weights"
+            yield mismatch(f"{key}.threshold_n", wanted, f"{block['threshold_n']:g} N")
 
 
 # What the configuration says of one recording.
@@ -177,10 +173,8 @@ def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
             yield _unknown(f"steering.recordings[{i}]", "one of the recordings", name, known)
     if len(config["markers"]["boom"]) != 1:
         found = ", ".join(config["markers"]["boom"]) or "none"
-        yield (
-            "steering.recordings: expected one marker on the boom (markers.boom), on whose angle "
-            f"the frame changes depend, found {found}"
-        )
+        wanted = "one marker on the boom (markers.boom), on whose angle the frame changes depend"
+        yield mismatch("steering.recordings", wanted, found)
 
 
 def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
@@ -188,17 +182,15 @@ def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
     angles, steps, repeats = (excitation[key] for key in ("n_angles", "n_steps", "repeats"))
     limit, largest = steering["robot"]["swing_limit_rad"], 2 * pi * steps / angles
     if largest > limit + ROUNDING:
-        yield (
-            f"steering.excitation.n_steps: expected swings within steering.robot.swing_limit_rad "
-            f"({limit:.4g} rad), found {steps} steps of {2 * pi / angles:.4g} rad"
-        )
-    hops, wanted = angles * (2 * steps + 1) * repeats, steering["model"]["training_hops"]
+        wanted = f"swings within steering.robot.swing_limit_rad ({limit:.4g} rad)"
+        found = f"{steps} steps of {2 * pi / angles:.4g} rad"
+        yield mismatch("steering.excitation.n_steps", wanted, found)
+    hops, asked = angles * (2 * steps + 1) * repeats, steering["model"]["training_hops"]
     # The first stance ends no hop, and a test takes two.
-    if wanted > hops - 3:
-        yield (
-            f"steering.model.training_hops: expected at most {max(0, hops - 3)} of the {hops} hops "
-            f"of the excitation, so that some are left to test with, found {wanted}"
-        )
+    if asked > hops - 3:
+        most = f"at most {max(0, hops - 3)} of the {hops} hops of the excitation"
+        left = f"{most}, so that some are left to test with"
+        yield mismatch("steering.model.training_hops", left, asked)
 
 
 RESERVED_STUDIES = ("benchmarks", "both_sides")  # whose results have these folders already
@@ -287,10 +279,8 @@ def _in_order(config: dict[str, Any]) -> Iterator[str]:
 def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
     for one, following in pairwise(config["scaling_study"]["scales"]):
         if not following < one:
-            yield (
-                f"scaling_study.scales: expected the largest first and each smaller than the one "
-                f"before, found {following:g} after {one:g}"
-            )
+            wanted = "the largest first and each smaller than the one before"
+            yield mismatch("scaling_study.scales", wanted, f"{following:g} after {one:g}")
             return
 
 
@@ -337,20 +327,16 @@ def _braces(config: dict[str, Any]) -> Iterator[str]:
 def _reserved_study(config: dict[str, Any]) -> Iterator[str]:
     """Yield a study whose folder is that of the project's own results."""
     if config["study"] in RESERVED_STUDIES:
-        yield (
-            f"study: expected another name than {' and '.join(RESERVED_STUDIES)}, whose folders "
-            f"under results/ are taken, found '{config['study']}'"
-        )
+        taken = f"{' and '.join(RESERVED_STUDIES)}, whose folders under results/ are taken"
+        yield mismatch("study", f"another name than {taken}", f"'{config['study']}'")
 
 
 def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
     """Yield a number of sign flips with which no p-value can be small enough."""
     flips, confidence = (config["verdict"][key] for key in ("flips", "confidence"))
     if (1 + flips) * (1 - confidence) <= 1:
-        yield (
-            f"verdict.flips: expected more than {1 / (1 - confidence) - 1:.0f}, with fewer no "
-            f"p-value is below {1 - confidence:.3g}, found {flips}"
-        )
+        small = f"with fewer no p-value is below {1 - confidence:.3g}"
+        yield mismatch("verdict.flips", f"more than {1 / (1 - confidence) - 1:.0f}, {small}", flips)
 
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [

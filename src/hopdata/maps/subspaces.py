@@ -118,9 +118,8 @@ class SubspaceStudy:
     Attributes
     ----------
     bases
-        Schedule -> (bootstraps, D, k) orthonormal bases of the leading components.
-    frame
-        (12B, D) orthonormal components of the pooled pairs, in which they stand.
+        Schedule -> (bootstraps, D, k) orthonormal bases of the leading components, in axes along
+        those of the pooled pairs: see `pooled_frame`.
     shape
         (D, k) of the bases, known even where no class has any.
     notes
@@ -128,7 +127,6 @@ class SubspaceStudy:
     """
 
     bases: dict[str, FloatArray]
-    frame: FloatArray
     shape: tuple[int, int]
     notes: Notes
 
@@ -188,9 +186,8 @@ def bootstrap_subspaces(
         there = f"{unknown.size} others, the first in row {unknown[0]}" if unknown.size else len(x)
         raise AnalysisError.at("subspaces", "at least 2 landings, all finite", there)
     names = np.asarray(schedule, str)
-    frame = pooled_frame(x, y)
+    pairs = np.hstack([x, y]) @ pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
-    pairs = np.hstack([x, y]) @ frame
     bases: dict[str, FloatArray] = {}
     notes, rare = _fewer_components(k, x.shape[1] - 1, components, samples), {}
     for name in sorted(set(names.tolist()) - {""}):
@@ -210,7 +207,7 @@ def bootstrap_subspaces(
         if reason:
             notes.append({"what": f"subspaces of schedule {name}", "reason": reason})
     notes += rare_notes("subspaces", rare, f"{samples} distinct ones wanted in each draw")
-    return SubspaceStudy(bases, frame, (pairs.shape[1], k), notes)
+    return SubspaceStudy(bases, (pairs.shape[1], k), notes)
 
 
 def leading_subspaces(

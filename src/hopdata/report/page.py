@@ -53,23 +53,16 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
     names = {str(item.get("name")) for item in inputs.recordings}
     frames = [item["n_frames"] for item in inputs.recordings if item.get("n_frames")]
     table = inputs.touchdowns
-    counts: dict[str, Any] = dict.fromkeys(COUNTS)
+    counts: dict[str, Any] = dict.fromkeys((*COUNTS, "spread"))
     if table is not None:
         used = table[~tables.excluded(table)]
         landings = int((table["reason"] != NO_FOOT_LANDED).sum())
         names |= set(table["recording"].astype(str))
-        counts = {
-            "n_descents": len(table),
-            "n_landings": landings,
-            "n_not_landed": len(table) - landings,
-            "n_used": len(used),
-            "n_excluded": landings - len(used),
-            "n_schedules": int(used["schedule"].replace("", None).nunique()),
-            "spread": _shown(used["spread_s"].median() if len(used) else None, 1e3, "ms"),
-        }
-    return {
-        "n_recordings": len(names), "n_frames": sum(frames) or None, "spread": None, **counts
-    }  # fmt: skip
+        orders = int(used["schedule"].replace("", None).nunique())
+        others = len(table) - landings, len(used), landings - len(used), orders
+        counts |= zip(COUNTS, (len(table), landings, *others), strict=True)
+        counts["spread"] = _shown(used["spread_s"].median() if len(used) else None, 1e3, "ms")
+    return {"n_recordings": len(names), "n_frames": sum(frames) or None, **counts}
 
 
 def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:

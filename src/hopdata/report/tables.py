@@ -349,12 +349,7 @@ STATUS = {
     for status, sign in {"good": "●", "look": "◐", "poor": "○", "not known": "–"}.items()
 }
 WORSE = ("good", "not known", "look", "poor")
-# The lights of the first screen: how the names of the checks begin that each stands for.
-LIGHTS = {
-    "Recordings": ("frames seen", "swaps", "noise"),
-    "Landings": ("touchdowns", "error of a contact", "orders"),
-    "Stability": ("sections move", "drift"),
-}
+LIGHTS: dict[str, list[str]] = show.WORDS["lights"]
 MOST_FAULTS = 30
 MOST_EXCLUDED = 500
 
@@ -420,7 +415,7 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
     """Return name, worst status and remark of each of `LIGHTS` that has checks."""
     shown = []
     for name, words in LIGHTS.items():
-        own = [check for check in checks or () if str(check["what"]).startswith(words)]
+        own = [check for check in checks or () if str(check["what"]).startswith(tuple(words))]
         if own:
             worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
             told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])

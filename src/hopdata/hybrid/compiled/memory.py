@@ -177,14 +177,17 @@ def lower_array(
     return array._getvalue()
 
 
-@intrinsic
-def _row(typing: Any, table: Any, index: Any) -> Any:
-    """Return a row of a table of floats as an array, for the user's functions."""
+def _from_row_on(ndim: int) -> Any:
+    """Return a function that makes an array of a row of a table, or a square of that and others."""
 
-    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return lower_array(context, builder, sign.args[0], *values)
+    @intrinsic
+    def make(typing: Any, table: Any, index: Any) -> Any:
+        def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+            return lower_array(context, builder, sign.args[0], *values, ndim)
 
-    return types.Array(table.dtype, 1, "C")(table, INDEX), generate
+        return types.Array(table.dtype, ndim, "C")(table, INDEX), generate
+
+    return make
 
 
 @intrinsic
@@ -198,16 +201,6 @@ def _array_of(typing: Any, vector: Any) -> Any:
 
 
 @intrinsic
-def _square(typing: Any, table: Any, index: Any) -> Any:
-    """Return as many rows of a table as they are long, from a row on, as a matrix."""
-
-    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return lower_array(context, builder, sign.args[0], values[0], values[1], 2)
-
-    return types.Array(table.dtype, 2, "C")(table, INDEX), generate
-
-
-@intrinsic
 def _address_of(typing: Any, owner: Any) -> Any:
     """Return the address of what a view shows."""
 
@@ -217,9 +210,8 @@ def _address_of(typing: Any, owner: Any) -> Any:
     return INDEX(owner), generate
 
 
-row: Any = _row
+row, square = _from_row_on(1), _from_row_on(2)
 array_of: Any = _array_of
-square: Any = _square
 address_of: Any = _address_of
 
 
