@@ -2,7 +2,6 @@
 
 import argparse
 import filecmp
-import json
 import os
 import platform
 import re
@@ -18,6 +17,7 @@ from typing import Any
 from hopdata.analysis import SNAKEFILE, planned
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.errors import ConfigError, counted
+from hopdata.jobs import read_json
 from hopdata.provenance import MISSING, REPORTED_PACKAGES, package_digest, version_of
 from hopdata.report.tables import quality_summary
 
@@ -56,9 +56,9 @@ def run(options: argparse.Namespace) -> int:
     if run_workflow(config, study, "--cores", options.cores, *passed, snakefile=snakefile):
         return PROBLEM
     if page.exists() and answer.exists() and not _DRY & set(passed):
-        print(json.loads(answer.read_text(encoding="utf-8"))["sentence"])
+        print(read_json(answer)["sentence"])
         if (checks := answer.with_name("quality.json")).exists():
-            good, others = quality_summary(json.loads(checks.read_text(encoding="utf-8")))
+            good, others = quality_summary(read_json(checks))
             print(f"quality of the data: {good}{others and f'; {others}'}")
         print(page)
     return OK
@@ -88,7 +88,7 @@ def _run_again(options: argparse.Namespace) -> int:
     if run_workflow(copy, again, "--cores", options.cores, *options.passed_on):
         return PROBLEM
     old, new = place.parent, copy.parent
-    if json.loads((new / place.name).read_text(encoding="utf-8"))["inputs"] != inputs:
+    if read_json(new / place.name)["inputs"] != inputs:
         raise ConfigError.at(place, "the recordings that it names", "other content")
     names = ["verdict.json", *(f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv")))]
     same, *others = filecmp.cmpfiles(old, new, names, shallow=False)
@@ -101,7 +101,7 @@ def _run_again(options: argparse.Namespace) -> int:
 def _values(file: Path, name: str, *keys: str) -> list[Any]:
     """Return values of a JSON file that a study left."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = read_json(file)
         return [content[key] for key in keys]
     except OSError as error:
         raise ConfigError(f"{file}: {error.strerror}") from None
@@ -285,7 +285,7 @@ def clean(options: argparse.Namespace) -> int:
             raise ConfigError.at(f"{options.config}: study", "a name", f"'{study}'")
         found = [Path("results", study)]
         record = found[0] / "provenance.json"  # another study may have the same name by mistake
-        known = json.loads(record.read_text(encoding="utf-8"))["config"] if record.exists() else {}
+        known = read_json(record)["config"] if record.exists() else {}
         files = ([str(x.get("file")) for x in y.get("recordings") or ()] for y in (config, known))
         own, others = map(", ".join, files)
         if others and own != others:
