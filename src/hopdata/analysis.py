@@ -285,10 +285,8 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] | None = None) -> 
 
     verdict = getattr(pilot, "verdict", pilot)
     if not isinstance(verdict, Verdict):
-        raise ArgumentError(
-            f"pilot: expected a study or its verdict, found {pilot!r}; a verdict.json goes through "
-            "the command hopdata plan"
-        )
+        found = f"{pilot!r}; a verdict.json goes through the command hopdata plan"
+        raise ArgumentError.at("pilot", "a study or its verdict", found)
     if verdict.effect is None:
         raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
     known = (verdict.n_landings, verdict.effect.detectable, allowed := verdict.effect.allowed)

@@ -79,10 +79,8 @@ def read_group(config: str | Path) -> dict[str, Any]:
     folded = [name.casefold() for name in members]
     for name in members:
         if not re.fullmatch(NAME, name) or folded.count(name.casefold()) > 1:
-            raise ConfigError(
-                f"{file}: subject, condition: expected names of letters, digits, _ and -, no two "
-                f"alike but for case, found '{name}'"
-            )
+            wanted = "names of letters, digits, _ and -, no two alike but for case"
+            raise ConfigError.at(f"{file}: subject, condition", wanted, f"'{name}'")
     return {
         "study": whole["study"],
         "seed": whole["seed"],
@@ -106,11 +104,9 @@ def _rows(file: Path) -> list[dict[str, str]]:
         ) from None
     missing = [name for name in NEEDED if name not in table]
     if missing or table.empty:
-        found = ", ".join(map(str, table.columns)) or "nothing"
-        raise ConfigError(
-            f"samples: {file}: expected a row for each file with the columns "
-            f"{', '.join(NEEDED)}, found {len(table)} rows of {found}"
-        )
+        found = f"{len(table)} rows of {', '.join(map(str, table.columns)) or 'nothing'}"
+        wanted = f"a row for each file with the columns {', '.join(NEEDED)}"
+        raise ConfigError.at(f"samples: {file}", wanted, found)
     return [{str(k): str(v).strip() for k, v in row.items()} for row in table.to_dict("records")]
 
 

@@ -81,10 +81,8 @@ def inspected(options: argparse.Namespace) -> Inspection:
         likely = choose_unit(raw.positions, unit="auto", nominal=options.unit or raw.unit)
         if likely != (options.unit or likely):
             size = METRES_PER_UNIT[likely] * extent(raw.positions)
-            raise RecordingError(
-                f"{options.file}: --unit: expected {likely}, in which the markers span "
-                f"{size:.3g} m, found {options.unit}"
-            )
+            wanted = f"{likely}, in which the markers span {size:.3g} m"
+            raise RecordingError.at(f"{options.file}: --unit", wanted, options.unit)
         guessed = {"unit": options.unit, "up": options.vertical_axis, "rate_hz": options.rate}
         return inspect_recording(raw, **guessed, progress=progress)
 

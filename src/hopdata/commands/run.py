@@ -75,10 +75,9 @@ def _run_again(options: argparse.Namespace) -> int:
     config, inputs, versions = _values(place, "provenance.json", *keys)
     version = versions["hopdata"]
     if version != __version__:
-        raise ConfigError(
-            f"{place}: expected results of hopdata {__version__}, found those of {version}; to "
-            f"make them again: pip install hopdata=={version}"
-        )
+        again = f"to make them again: pip install hopdata=={version}"
+        found = f"those of {version}; {again}"
+        raise ConfigError.at(place, f"results of hopdata {__version__}", found)
     if _values(place, place.name, "code_sha256") != [package_digest()]:
         print(f"note: {place}: made by other code of version {version}", file=sys.stderr)
     again = f"{config['study'][:94]}_again"
@@ -272,10 +271,8 @@ def clean(options: argparse.Namespace) -> int:
     if options.config is None and not options.all:
         raise ConfigError.at("hopdata clean", "a CONFIG, or --all for every study", "none")
     if any(Path(".snakemake/locks").glob("*")):
-        raise ConfigError(
-            ".snakemake/locks: expected no run in this folder, found the lock of one; if none is "
-            "at work: rm -r .snakemake/locks"
-        )
+        lock = "the lock of one; if none is at work: rm -r .snakemake/locks"
+        raise ConfigError.at(".snakemake/locks", "no run in this folder", lock)
     if options.all:
         found = [Path("results"), Path(".snakemake")]
     else:
@@ -289,10 +286,8 @@ def clean(options: argparse.Namespace) -> int:
         files = ([str(x.get("file")) for x in y.get("recordings") or ()] for y in (config, known))
         own, others = map(", ".join, files)
         if others and own != others:
-            raise ConfigError(
-                f"{options.config}: expected the recordings of {found[0]} ({others}), found {own}; "
-                f"to remove it all the same: rm -r {found[0]}"
-            )
+            own += f"; to remove it all the same: rm -r {found[0]}"
+            raise ConfigError.at(options.config, f"the recordings of {found[0]} ({others})", own)
     for folder in (one for one in found if one.is_dir()):
         print(f"{folder}: " + ("would be removed" if options.dry_run else "removed"))
         if not options.dry_run:

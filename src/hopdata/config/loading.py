@@ -96,10 +96,8 @@ def read_yaml(path: str | Path) -> Any:
         if node is None:
             return None
         if (size := _expanded(node, {})) > MOST_ENTRIES:
-            raise ConfigError(
-                f"{path}: expected at most {MOST_ENTRIES} entries, found {size} once the aliases "
-                "(*name) stand for what they repeat; write out what is needed"
-            )
+            once = "once the aliases (*name) stand for what they repeat; write out what is needed"
+            raise ConfigError.at(path, f"at most {MOST_ENTRIES} entries", f"{size} {once}")
         return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark

@@ -140,10 +140,9 @@ class Scene(ABC):
         push = self.preload_n - self.stiffness_n_m * self.release_extension_m
         share = self.total_mass_kg * self.gravity_m_s2 / self.n_legs
         if not push > share:
-            raise ConfigError(
-                f"{key}: expected preload_n - stiffness_n_m release_extension_m > {share:.2f} N, "
-                f"the weight per leg, found {push:.2f} N: it cannot lift off"
-            )
+            wanted = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"
+            found = f"{push:.2f} N: it cannot lift off"
+            raise ConfigError.at(key, f"{wanted}, the weight per leg", found)
 
     # What a boom does from hop to hop; by default there is none.
 

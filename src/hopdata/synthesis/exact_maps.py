@@ -102,10 +102,8 @@ def simultaneous_landing(
         missing = apart - slope @ (apex[FREE] - mean)
         weights = np.linalg.lstsq(slope @ wide @ slope.T, missing, rcond=1e-10)[0]
         apex[FREE] = mean - wide @ slope.T @ weights
-    raise AnalysisError(
-        f"simultaneous contact: expected one near the mean landing, found instants "
-        f"{1e3 * np.ptp(instants):.3g} ms apart after {MOST_STEPS} corrections"
-    )
+    found = f"instants {1e3 * np.ptp(instants):.3g} ms apart after {MOST_STEPS} corrections"
+    raise AnalysisError.at("simultaneous contact", "one near the mean landing", found)
 
 
 def _contact(
@@ -202,10 +200,8 @@ def section_jacobians(
         scene, control, landing.apex_state[None], preloads, sections, rtol=RTOL, workers=1
     )
     if not fall.pre_time_s[0] < landing.contact_time_s:
-        raise AnalysisError(
-            f"sections: expected a simultaneous contact below the pre section ({sections.pre_m:.4g}"
-            " m), found it above"
-        )
+        wanted = f"a simultaneous contact below the pre section ({sections.pre_m:.4g} m)"
+        raise AnalysisError.at("sections", wanted, "it above")
     pre, centre = fall.pre_state[0], sections.centre_m
     system, vector = scene.system(control), scene.vector(variant=control)
     flight = _flown(system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre)
