@@ -183,7 +183,7 @@ def _from_row_on(ndim: int) -> Any:
     @intrinsic
     def make(typing: Any, table: Any, index: Any) -> Any:
         def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-            return lower_array(context, builder, sign.args[0], *values, ndim)
+            return lower_array(context, builder, sign.args[0], values[0], values[1], ndim)
 
         return types.Array(table.dtype, ndim, "C")(table, INDEX), generate
 
