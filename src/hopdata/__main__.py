@@ -20,7 +20,8 @@ from hopdata.errors import HopdataError, did_you_mean
 # ``hopdata --help`` is there at once.
 
 #: What stands in the table of the command line.
-TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("commands.toml").read_text("utf-8"))
+_FILE = Path(__file__).parent / "commands" / "commands.toml"
+TABLE: dict[str, Any] = tomllib.loads(_FILE.read_text("utf-8"))
 COMMANDS: dict[str, dict[str, Any]] = TABLE["commands"]
 
 
