@@ -125,6 +125,26 @@ def test_feet_that_never_come_down_to_the_floor_are_told():
     assert "touchdowns.down_height_m" in changes[0]
 
 
+def test_where_no_height_holds_the_landings_none_is_to_be_set():
+    table = pd.DataFrame(
+        {"reason": "post section never reached", "excluded": True, "class": "", "schedule": "1>2>3"}
+        | {f"contact_{foot}_s": 0.0 for foot in "abc"},
+        index=range(9),
+    )
+    config = {
+        "markers": {"body": [], "feet": ["a", "b", "c"]}, "verdict": {"margin": 0.2}, "feet": [],
+        "sections": {"frames": "all"},
+    }  # fmt: skip
+    for share, advice in (
+        (0.05, "at no height are all feet down in more than 5 % of the landings: take off"),
+        (0.9, "set sections.post_height_m"),
+    ):
+        found = forecast.Forecast(table, 1.0, stops=True, best={"post": share})
+        told = [line.strip() for line in forecast.told(found, config, [])]
+        (change,) = (x for x in starting(told, "change") if x.startswith("the body does not sink"))
+        assert advice in change
+
+
 def test_without_a_landing_no_share_of_them_is_timed():
     none = pd.DataFrame({"reason": ["no foot landed"], "contact_toe_s": [np.nan]})
     assert forecast.Forecast(none, 1.0, stops=True).timed("toe") == 0.0

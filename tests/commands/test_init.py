@@ -9,8 +9,11 @@ from made_up_hopper import MARKERS, hopping, with_spike
 from made_up_jumps import STYLES, jumping
 
 from hopdata.__main__ import main
-from hopdata.commands.init import Draft, draft_config, scalar, study_name
+from hopdata.commands.init import Draft, draft_config, guessed_roles, scalar, study_name
 from hopdata.config.loading import load_config
+from hopdata.recordings.quality.inspection import inspect_recording
+from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.raw import RawRecording
 
 
 @pytest.fixture
@@ -48,6 +51,16 @@ def test_feet_are_found_on_a_slope(folder, capsys):
     assert "; on a floor that slopes" in capsys.readouterr().out
     for name in ("level", "slope"):
         assert load_config(f"config/{name}.yaml")["markers"]["feet"] == ["toe1", "toe2", "toe3"]
+
+
+@pytest.mark.parametrize("names", [MARKERS, tuple("abcdefg")], ids=["named", "nameless"])
+@pytest.mark.parametrize("seed", [1, 3, 5])
+def test_the_foot_that_stands_highest_on_a_slope_is_no_less_a_foot(names, seed):
+    time, positions = hopping(seed)
+    positions[:, :6, 2] += np.tan(np.deg2rad(6)) * positions[:, :6, seed % 2]
+    inspection = inspect_recording(RawRecording(names, time, positions, 100.0, "m"))
+    assert len(guess_roles(inspection).feet) < 3
+    assert guessed_roles(inspection).feet == names[3:6]
 
 
 def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):

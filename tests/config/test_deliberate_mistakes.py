@@ -45,7 +45,7 @@ ADDED = {
     ),
     "verdict: a percent sign": (
         "verdict:\n  margin: 20 %",
-        "9: verdict.margin: expected a number above 0.1 and at most 10, found '20 %'; "
+        "9: verdict.margin: expected a number above 0.1 and at most 1, found '20 %'; "
         "write 0.2 for 20 %",
     ),
     "verdict: half a flip": (
@@ -151,7 +151,7 @@ ADDED = {
     ),
     "no strain at all": (
         "quality: {largest_body_strain: 0}",
-        "8: quality.largest_body_strain: expected a number above 0 and at most 10, found 0",
+        "8: quality.largest_body_strain: expected a number above 0 and at most 1, found 0",
     ),
 }
 SIMULATION = {

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
 MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
+LEFT_BY_BEST = 0.5  # of the landings: a section that holds no more at any height cannot be mended
 MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
 MOST_UNSURE = 0.5  # of the orders, beyond which they tell little
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
@@ -39,6 +41,19 @@ _HIDDEN_BODY = (
     "{body} is hidden as the body passes a section: with four body markers or more gaps are filled "
     "from the others (filling.longest_s){or_else}"
 )
+_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
+LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
+LEFT_BY_BEST = 0.5  # of the landings: a section that holds no more at any height cannot be mended
+MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
+MOST_UNSURE = 0.5  # of the orders, beyond which they tell little
+#: The bound of a study without a difference is some 0.75 to 1 of what it detects.
+BOUND_SHARE = 0.75
+
+_HIDDEN_BODY = (
+    "{body} is hidden as the body passes a section: with four body markers or more gaps are filled "
+    "from the others (filling.longest_s){or_else}"
+)
+_LATE = "take feet that touch first or last off markers.feet, or vary less how high the body hops"
 _FRAMES = ", or sections.frames to landings"
 _OTHERWISE = "set sections.{side}_height_m" + _FRAMES
 #: What to change where a reason costs landings.
@@ -82,6 +97,8 @@ class Forecast:
         Why it can tell nothing; empty if it can.
     stops
         Whether the study has too few touchdowns even to run to its end.
+    best
+        Share of the landings that the best height holds, of a section that loses many.
     """
 
     touchdowns: pd.DataFrame
@@ -90,6 +107,7 @@ class Forecast:
     allowed: float = LEFT
     reason: str = ""
     stops: bool = False
+    best: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def landings(self) -> int:
@@ -155,17 +173,19 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     numbered = any(e.get("landings") for r in config["recordings"] for e in r["exclude"])
     parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
     study = Study(config, tuple(parts))
-    looked_at = study.candidates
+    looked_at, made = study.candidates, study.sections
+    moved = [side for side in made.held if made.decided[f"{side}_height_m"] == "contacts"]
+    some = partial(Forecast, frames_share=share, best={side: made.held[side] for side in moved})
     try:
         touchdowns = study.touchdowns
     except AnalysisError as error:
-        return Forecast(looked_at, share, reason=str(error), stops=True)
+        return some(looked_at, reason=str(error), stops=True)
     verdict = study.verdict
     if verdict.effect is None:
-        return Forecast(touchdowns, share, reason=verdict.notes[-1]["reason"])
+        return some(touchdowns, reason=verdict.notes[-1]["reason"])
     allowed = verdict.effect.allowed
     seen = allowed + max(0.0, verdict.effect.detectable - allowed) * float(np.sqrt(share))
-    return Forecast(touchdowns, share, seen, allowed)
+    return some(touchdowns, detectable=seen, allowed=allowed)
 
 
 def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording], float]:
@@ -237,7 +257,13 @@ def _changes(
             or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
             change = texts[0].format(foot=foot, body=hidden, or_else=or_else)
             done = _FRAMES * (config["sections"]["frames"] == "landings")
-            changes.append(change.removesuffix(done))
+            change = change.removesuffix(done)
+            for side, state, last in (("pre", "up", "first"), ("post", "down", "last")):
+                if (share := forecast.best.get(side, 1.0)) < LEFT_BY_BEST:
+                    none = f"at no height are all feet {state} in more than {100 * share:.0f} % of "
+                    none += f"the landings: take off markers.feet those that touch {last}"
+                    change = re.sub(f"set sections.{side}_height_m.*", none, change)
+            changes.append(change)
     if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
         below = config["touchdowns"]["ambiguous_below"]
         share, foot = min((forecast.unsure_without(foot, feet, below), foot) for foot in feet)
@@ -247,7 +273,7 @@ def _changes(
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
     known = forecast.used, forecast.detectable or 0.0, forecast.allowed, margin, len(feet)
-    if margin <= forecast.allowed:
+    if margin <= forecast.allowed < 1:
         changes.append(f"ask verdict.margin for more than {forecast.allowed:.2g}: see its notes")
     elif (needed := landings_needed(*known)) > forecast.used and not enough:
         changes.append(

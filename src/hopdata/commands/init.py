@@ -174,6 +174,7 @@ def _comment(text: str, *, indent: str = "") -> list[str]:
 
 
 READABLE_UNITS = ("mm", "m")
+ROUGH = 0.005  # of the scale: how sure a sloping floor must be on its rim to tell feet
 
 
 def init(options: argparse.Namespace) -> int:
@@ -185,7 +186,7 @@ def init(options: argparse.Namespace) -> int:
         raise HopdataError(f"{out}: expected no such file yet, found one; --force replaces it")
     inspection = inspected(options)
     check_order(str(options.file), inspection.time)
-    roles = _roles(inspection)
+    roles = guessed_roles(inspection)
     asked = [
         f"markers.{key}: {', '.join(getattr(roles, key))}, or {other}?"
         for key, other in roles.unsure.items()
@@ -211,27 +212,29 @@ def init(options: argparse.Namespace) -> int:
     return terminal.OK
 
 
-def _roles(inspection: Inspection) -> Roles:
-    """Guess the roles, if no feet are found, once more on a floor that may slope."""
+def guessed_roles(inspection: Inspection) -> Roles:
+    """Guess the roles; where feet may be lacking, again on the floor of these, if that slopes."""
     from hopdata.landings.floor import fit_floor, level
     from hopdata.recording import Recording
     from hopdata.recordings.quality.roles import guess_roles, part_by_name
 
-    roles, names = guess_roles(inspection), inspection.markers
-    feet = [name for name in names if part_by_name(name) == "foot"]
-    others = [name for name in names if name not in feet]
-    if len(roles.feet) > 1 or len(feet) < 2 or not others:
-        return roles
-    whole = (inspection.time, inspection.positions, names)
-    recording = Recording.from_arrays(*whole, feet=feet, body=others)
-    try:
-        flat = level(recording, fit_floor(recording)).positions
-    except AnalysisError:
-        return roles
-    found = guess_roles(replace(inspection, positions=flat))
-    if found.problems:
-        return roles
-    found.reasons["feet"] += "; on a floor that slopes"
+    found, names = guess_roles(inspection), inspection.markers
+    named = [name for name in names if part_by_name(name) == "foot"]
+    feet = named if len(named) > 1 else [*found.feet]
+    while feet and len(feet) < len(names) and ({*feet} - {*found.feet} or found.reasons["unused"]):
+        others = [name for name in names if name not in feet]
+        whole = (inspection.time, inspection.positions, names)
+        recording = Recording.from_arrays(*whole, feet=feet, body=others)
+        try:
+            floor = fit_floor(recording, degree=1, largest_error_m=ROUGH * recording.scale)
+        except AnalysisError:
+            break
+        plane = replace(floor, rim_m=1e3 * floor.rim_m)  # goes on beyond the feet that are known
+        roles = guess_roles(replace(inspection, positions=level(recording, plane).positions))
+        if "slopes" not in floor.note or roles.problems or not {*found.feet} < {*roles.feet}:
+            break
+        roles.reasons["feet"] += "; on a floor that slopes"
+        found, feet = roles, [*roles.feet]
     return found
 
 

@@ -39,12 +39,12 @@ def view(options: argparse.Namespace) -> int:
     import webbrowser
     from pathlib import Path
 
+    from hopdata.commands.init import guessed_roles
     from hopdata.recording import Recording
-    from hopdata.recordings.quality.roles import guess_roles
     from hopdata.report.scene import recording_scene
 
     inspection = inspected(options)
-    roles = guess_roles(inspection)
+    roles = guessed_roles(inspection)
     of = {"feet": roles.feet, "body": roles.body}
     shown = Recording.from_arrays(
         inspection.time, inspection.positions, inspection.markers, **of, name=options.file.name
