@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from csv_files import motive, nexus
 from keypoint_files import anipose, columns, deeplabcut, pandas_blocks, pandas_rows, table
@@ -157,3 +158,88 @@ def test_a_pickle_that_is_more_than_names_is_refused(tmp_path, monkeypatch):
 def test_faults_are_named(tmp_path, spoil, said):
     with pytest.raises(RecordingError, match=said):
         read(tmp_path, spoil(motive(track(), NAMES)))
+
+
+HEADS = ("{} ({})", "{}[{}]", "{} {}", "{}-{}", "{}.{}.", "{}:{}", "{}_{}_mm", "{} {} [mm]")
+
+
+@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("first", ["Time", "Frame", "", "other"])
+@pytest.mark.parametrize("axes", ["xyz", "XYZ", "zyx"])
+def test_columns_name_their_axes_in_many_ways(tmp_path, head, first, axes):
+    counts = {"Time": np.arange(30) / 100, "Frame": np.arange(1, 31)}.get(first, np.full(30, 7))
+    places = ["xyz".index(axis) for axis in axes.lower()]
+    rows = np.column_stack([counts, track()[:, :, places].reshape(30, -1)])
+    names = [first, *(head.format(name, axis) for name in NAMES for axis in axes)]
+    found = read(tmp_path, pd.DataFrame(rows, columns=names).to_csv(index=False), rate_hz=100.0)
+    assert found.markers == NAMES
+    np.testing.assert_array_equal(found.positions, track())
+    np.testing.assert_allclose(found.time, np.arange(30) / 100, atol=1e-12)
+    assert found.unit_is_stated == ("mm" in head)
+
+
+def test_a_unit_behind_the_names_is_taken(tmp_path):
+    head = [f"{name}_{axis} (m)" for name in NAMES for axis in "xyz"]
+    rows = pd.DataFrame(track().reshape(30, -1) / 1e3, columns=head)
+    found = read(tmp_path, rows.to_csv(index=False), rate_hz=100.0)
+    assert (found.unit, found.unit_is_stated) == ("m", True)
+    with pytest.raises(RecordingError, match="expected one unit of length, found m, mm"):
+        read(tmp_path, rows.rename(columns={head[0]: "hip_x (mm)"}).to_csv(), rate_hz=100.0)
+
+
+def wide(index="", axes="xyz", columns=(None, None)):
+    by = pd.MultiIndex.from_product([NAMES, list(axes)], names=columns)
+    return pd.DataFrame(
+        track().reshape(30, -1), columns=by, index=pd.RangeIndex(5, 35, name=index or None)
+    )
+
+
+@pytest.mark.parametrize("index", ["", "frame"])
+@pytest.mark.parametrize("columns", [(None, None), ("marker", "axis")])
+@pytest.mark.parametrize("axes", ["xyz", "XYZ"])
+def test_names_may_stand_above_axes(tmp_path, index, columns, axes):
+    found = read(tmp_path, wide(index, axes, columns).to_csv(), rate_hz=100.0)
+    assert found.markers == NAMES
+    np.testing.assert_array_equal(found.positions, track())
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_rows_that_pandas_dropped_are_missing_frames(tmp_path, step):
+    kept = wide()[::step].drop(index=[5 + 4 * step, 5 + 9 * step])
+    found = read(tmp_path, kept.to_csv(), rate_hz=100.0)
+    np.testing.assert_allclose(100 * found.time, np.delete(np.arange(30 // step), [4, 9]))
+
+
+def test_names_may_stand_once_above_their_axes_after_frame_and_time(tmp_path):
+    rows = np.column_stack([np.arange(30) + 3, np.arange(30) / 50, track().reshape(30, -1)])
+    kept = np.delete(rows, 10, axis=0)
+    text = pd.DataFrame(kept).to_csv(index=False, header=False)
+    head = "Frame,Time," + ",,,".join(NAMES) + ",,\n" + ",," + ",".join("XYZ" * 3) + "\n"
+    found = read(tmp_path, head + text)
+    assert (found.markers, found.rate_hz) == (NAMES, 50.0)
+    np.testing.assert_allclose(found.time, np.delete(np.arange(30) / 50, 10), atol=1e-12)
+    found = read(tmp_path, head.replace("Time", "sync") + text, rate_hz=50.0)
+    np.testing.assert_allclose(found.time, np.delete(np.arange(30) / 50, 10), atol=1e-12)
+
+
+def test_a_long_table_is_told_how_to_become_a_wide_one(tmp_path):
+    frames, markers = np.repeat(np.arange(30), 3), np.tile(NAMES, 30)
+    places = dict(zip("xyz", track().reshape(-1, 3).T, strict=True))
+    table = pd.DataFrame({"frame": frames, "marker": markers} | places)
+    with pytest.raises(RecordingError, match="found one for each marker; in pandas ") as told:
+        read(tmp_path, table.to_csv(index=False))
+    recipe = ".pivot(index='frame', columns='marker', values=['x', 'y', 'z']).swaplevel(axis=1)"
+    assert recipe in str(told.value)
+    arranged = table.pivot(index="frame", columns="marker", values=["x", "y", "z"])  # noqa: PD010
+    found = read(tmp_path, arranged.swaplevel(axis=1).to_csv(), rate_hz=100.0)
+    assert found.markers == NAMES
+    np.testing.assert_array_equal(found.positions, track())
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path):
+    text = wide().to_csv().replace("knee", "hip")
+    with pytest.raises(RecordingError, match="Vicon Nexus"):
+        read(tmp_path, text, rate_hz=100.0)
+    one = pd.DataFrame(track().reshape(30, -1), columns=[f"a_{axis}" for axis in "xyz" * 3])
+    with pytest.raises(RecordingError, match="names of columns that differ, found 'a' twice"):
+        read(tmp_path, one.to_csv(), rate_hz=100.0)

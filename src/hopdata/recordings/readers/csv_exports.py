@@ -11,18 +11,18 @@ import codecs
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
+from itertools import accumulate, islice
 from pathlib import Path
 
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
 from hopdata.recordings.readers import bids, qtm, text
-from hopdata.recordings.readers.keypoints import AXES, Columns, keypoints
+from hopdata.recordings.readers.keypoints import AXES, SCORES, Columns, keypoints
 
 _KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 _TRAJECTORIES = "trajectories"
 _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of Nexus, not read
-_MOST_HEADER_LINES = 40
+_MOST_HEADER_LINES, _MOST_NAME_LINES = 40, 8
 
 Row = list[str]
 
@@ -87,6 +87,8 @@ def read_export(
     sheet = _Sheet(path, lines, mark)
     rows = sheet.rows
     first = next((row for row in rows if not row[0].startswith("#")), [""])
+    split: Columns = [qtm.coordinate(name) for name in first]
+    has_odd_clock = first[0].lower().startswith("time") and not qtm.counter(first[0])
     if first[0] == "Format Version":
         return _motive(sheet, rate_hz)
     if first[0].lower() in (_TRAJECTORIES, *map(str.lower, _SECTIONS)):
@@ -95,14 +97,21 @@ def read_export(
         at = _row_that(sheet, "coords", lambda row: row[0] == "coords")
         places = [k for k in range(1, len(rows[at])) if rows[at][k]]
         columns: Columns = [tuple(_at(row, k) for row in rows[: at + 1]) for k in places]
-    elif len(rows) > 1 and rows[1][:3] == list(AXES):  # JARVIS: names above, coordinates below
-        at, places = 1, list(range(len(rows[1])))
-        columns = [("", _at(first, k), axis) for k, axis in enumerate(rows[1])]
+    elif (found := _names_over_axes(rows)) is not None:
+        at, columns = found
+        places = list(range(len(columns)))
     elif (
         qtm.columns_of(first)[1] is None
-        and sum(name.endswith(("_x", "_y", "_z")) for name in first) >= 3
+        and sum(len(name) > 1 for name in split) >= 3
+        and not has_odd_clock
     ):
-        at, places, columns = rows.index(first), list(range(len(first))), [(c,) for c in first]
+        at, places, columns = rows.index(first), list(range(len(first))), split
+    elif {*AXES} <= {*map(str.lower, first)}:
+        raise RecordingError(
+            f"{path}, line 1: expected a row for each frame, found one for each marker; in pandas "
+            "table.pivot(index='frame', columns='marker', values=['x', 'y', 'z'])"
+            ".swaplevel(axis=1) arranges them, with the table's own names"
+        )
     elif path.suffix.lower() != ".csv" or qtm.is_known(first):
         return qtm.read_qtm_tsv(path, rate_hz=rate_hz)
     else:
@@ -112,7 +121,30 @@ def read_export(
             f"_y, _z), found '{','.join(first)[:40]}'"
         )
     (numbers,) = sheet.below(at).numbers(places)
-    return keypoints(path, columns, numbers, rate_hz, least_score)
+    unit = qtm.unit_of(str(path), first)
+    return keypoints(path, columns, numbers, rate_hz, least_score, unit)
+
+
+def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
+    """Find a row of axes below one that names each three of them: its place, and the columns.
+
+    JARVIS writes so, Visual3D, and pandas, which may name the index in a row below.
+    """
+    for at, row in enumerate(rows[:_MOST_NAME_LINES]):
+        axes = [cell.lower() for cell in row]
+        start = axes.index("x") if "x" in axes else 0
+        if axes.count("x") < 2 or not {*axes[start:]} <= {*AXES, *SCORES, ""}:
+            continue
+        for above in reversed(rows[:at]):
+            padded = [_at(above, k) for k in range(len(axes))]
+            names = list(accumulate(padded[start:], lambda last, name: name or last))
+            if len({*names}) == axes.count("x"):
+                columns: Columns = [(padded[k] or row[k],) for k in range(start)]
+                columns += [("", *both) for both in zip(names, axes[start:], strict=True)]
+                if at + 1 < len(rows) and start and not any(rows[at + 1][start:]):
+                    return at + 1, [tuple(rows[at + 1][:start]), *columns[start:]]
+                return at, columns
+    return None
 
 
 def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:

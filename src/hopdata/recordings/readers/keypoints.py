@@ -21,14 +21,15 @@ from hopdata.recordings.readers import hdf5, qtm
 from hopdata.recordings.readers.text import blank_unseen
 
 AXES = ("x", "y", "z")
-SCORES = ("likelihood", "score", "confidence")
+SCORES = ("likelihood", "score", "confidence", "visibility")
 
 Columns = list[tuple[str, ...]]
 
 
 def keypoints(
-    path: Path, columns: Columns, values: FloatArray, rate_hz: float | None, least_score: float
-) -> raw.RawRecording:
+    path: Path, columns: Columns, values: FloatArray, rate_hz: float | None, least_score: float,
+    unit: str = "",
+) -> raw.RawRecording:  # fmt: skip
     """Make a recording of named columns.
 
     Parameters
@@ -39,22 +40,25 @@ def keypoints(
         The K names: of DeepLabCut the scorer, perhaps the individual, the body part and the
         coordinate; of Anipose one name such as ``toe_x``.
     values : (N, K) array
-        NaN where missing; in an unknown unit, taken for mm.
+        NaN where missing.
     rate_hz : float or None
         ``input.rate_hz``, which the file does not state.
     least_score : float
         Points with a smaller likelihood or score count as unseen.
+    unit : str
+        Of the values, taken for mm if it is empty.
 
     Raises
     ------
     RecordingError
-        If there is no rate, or no point has three coordinates.
+        If there is no rate, a name is there twice, or no point has three coordinates.
     """
     split = [
         c[0].rpartition("_")[::2] if len(c) == 1 else (" ".join(c[1:-1]), c[-1]) for c in columns
     ]
     at = {part: k for k, part in reversed(list(enumerate(split)))}
-    clock = next((k for k, (n, end) in enumerate(split) if qtm.counter(n + end) == "Time"), None)
+    counters = {qtm.counter(n + end): k for k, (n, end) in reversed(list(enumerate(split)))}
+    clock, frame = counters.get("Time"), counters.get("Frame", 0 if columns[0] == ("",) else None)
     names = [n for n, axis in split if axis == "x" and all((n, other) in at for other in AXES)]
     if not names:
         found = "one camera's plane" if ("x" in {axis for _, axis in split}) else "none"
@@ -62,6 +66,8 @@ def keypoints(
             f"{path}: expected keypoints with coordinates x, y and z, found {found}; triangulate "
             "the cameras first (Anipose, or DeepLabCut's 3-D project)"
         )
+    if twice := {n for n in names if names.count(n) > 1}:
+        raise RecordingError.at(path, "names of columns that differ", f"'{min(twice)}' twice")
     positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
     blank_unseen(positions)
     scored = [(m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at]
@@ -73,12 +79,17 @@ def keypoints(
         positions[:, places] = np.where(sure[..., None], positions[:, places], np.nan)
         told = f"{unsure.sum()} of {unsure.size} places have a score below {least_score:g}"
         remarks = [f"{path}: {told} (input.least_score) and count as unseen"] * bool(unsure.any())
+    number = np.arange(1.0, len(values) + 1)
+    steps = np.diff(number if frame is None else values[:, frame])
+    if steps.min(initial=1.0) > 0 and not (steps % 1).any():  # rows may have been dropped
+        number[1:] += np.cumsum(steps / steps.min(initial=np.inf) - 1)
     return raw.assembled(
         str(path),
         raw.distinct_names(str(path), names, may_lack=True),
         positions,
-        number=np.arange(1.0, len(values) + 1),
+        number=number,
         stamps=None if clock is None else values[:, clock],
+        unit=(str(path), unit),
         rates_hz=(None, rate_hz),
         remarks=tuple(remarks),
     )

@@ -29,6 +29,10 @@ KEYS = (
 _DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
 _SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
 _IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
+# `toe_x`, `toe (x)`, `toe.X [mm]`
+_AXIS = re.compile(
+    r"(.*[^ ._:/\[(-]|)[ ._:/-]*[ ._:/\[(-]([xyz])[\])]?\.?([ _]?[\[( _](mm|cm|m|in)[\])]?)?", re.I
+)
 COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
@@ -139,6 +143,7 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
         header.unit = (_units(fields) - _SECONDS).pop()
     elif is_column_row(fields):
         header.columns = [counter(name) or name for name in text.trimmed(fields)]
+        header.unit = unit_of(f"{header.path}, line {header.n_lines}", header.columns)
     elif key == "EVENT":
         event, frame = _event(header, fields[1:])
         header.events.append(event)
@@ -193,23 +198,38 @@ def counter(column: str) -> str:
     return name if name in COUNTERS else ""
 
 
+def coordinate(column: str) -> tuple[str, ...]:
+    """Return nothing, marker and axis of a column's name where these are apart; else the name."""
+    found = _AXIS.fullmatch(column)
+    return ("", found[1].strip(), found[2].lower()) if found else (column,)
+
+
+def unit_of(place: str, columns: list[str]) -> str:
+    """Return the unit of length behind names of coordinates; empty if there is none.
+
+    Raises
+    ------
+    RecordingError
+        If there are several.
+    """
+    units = {found[4].lower() for found in map(_AXIS.fullmatch, columns) if found and found[4]}
+    if len(units) > 1:
+        raise RecordingError.at(place, "one unit of length", ", ".join(sorted(units)))
+    return units.pop() if units else ""
+
+
 def coordinate_stems(columns: list[str]) -> list[str] | None:
     """Marker names of columns that come in threes of ``<name> X``, ``Y``, ``Z``, else None.
 
-    Axes may be small letters. Between name and axis may stand a space, a point, an underscore or
-    nothing. Spaces about a name are none of its letters, as in the row of marker names.
+    Axes may be small letters. Between name and axis may stand what `coordinate` takes, or nothing.
     """
-    stems = []
-    for i in range(0, len(columns) - 2, 3):
-        x, y, z = columns[i : i + 3]
+    stems, names = [], [" ".join(coordinate(column)[-2:]) for column in columns]
+    for i in range(0, len(names) - 2, 3):
+        x, y, z = names[i : i + 3]
         if x[-1:] + y[-1:] + z[-1:] not in ("XYZ", "xyz") or not x[:-1] == y[:-1] == z[:-1]:
             return None
-        stems.append(x[:-1])
-    if not stems or len(columns) % 3:
-        return None
-    ends = {stem[-1:] for stem in stems}
-    separated = len(ends) == 1 and ends <= set(" ._")
-    return [(stem[:-1] if separated else stem).strip() for stem in stems]
+        stems.append(x[:-1].strip())
+    return stems if stems and len(columns) % 3 == 0 else None
 
 
 # Which column of a QTM export holds what.

@@ -21,7 +21,7 @@ MARKS = "\t;,"  # what may stand between fields, the likelier first
 # Programs print what is missing as nothing, in words, or as their C library prints a NaN.
 _NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 TEXT_TABLE_MISSING = (
-    *("", "NULL", "Null", "null", "n/a", "N/A", *_NAN, *(f"-{nan}" for nan in _NAN)),
+    *("", "NULL", "Null", "null", "n/a", "N/A", "NA", "<NA>", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
 CUT = "; the file ends here, was it cut short? export it again, or delete the last line"
