@@ -62,7 +62,7 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     columns = {"schedule": orders * 15, "class": orders * 15, "excluded": False, "reason": ""}
     touchdowns = pd.DataFrame(columns | {f"contact_{foot}_s": 0.0 for foot in "abc"})
     markers, verdict = {"body": [], "feet": ["a", "b", "c"]}, {"margin": 0.2}
-    config = {"markers": markers, "verdict": verdict, "feet": []}
+    config = {"markers": markers, "verdict": verdict, "feet": [], "sections": {"frames": "all"}}
     found = forecast.Forecast(touchdowns, 1.0, reason="contact orders: expected 2, found 0")
     lines = forecast.told(found, config, [])
     assert found.vain == "its verdict is out of reach"
@@ -84,6 +84,7 @@ def test_the_foot_that_makes_orders_unsure_is_named():
     assert shares == [0.0, 0.0, 1.0]
     config = {
         "markers": {"body": [], "feet": feet}, "verdict": {"margin": 0.2}, "feet": [],
+        "sections": {"frames": "all"},
         "touchdowns": {"ambiguous_below": 0.9},
     }  # fmt: skip
     changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
@@ -105,12 +106,13 @@ def test_a_foot_that_is_hidden_where_it_lands_is_named(check):
 
 
 def test_a_foot_that_only_drags_is_to_be_left_out():
-    reason = f"body stayed {forecast.LOW_FLIGHT}"
+    reason = "body stayed below the pre section"
     columns = {"schedule": "1>2>3", "class": "1>2>3", "excluded": True, "reason": reason}
     instants = {"contact_a_s": 0.0, "contact_b_s": np.nan, "contact_c_s": 0.02}
     found = forecast.Forecast(pd.DataFrame(columns | instants, index=range(30)), 1.0, stops=True)
     config = {
         "markers": {"body": [], "feet": ["a", "b", "c"]}, "verdict": {"margin": 0.2}, "feet": [],
+        "sections": {"frames": "all"},
     }  # fmt: skip
     changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
     assert changes == ["b is hardly ever seen to land: take it off markers.feet"]
@@ -119,7 +121,12 @@ def test_a_foot_that_only_drags_is_to_be_left_out():
 def test_feet_that_never_come_down_to_the_floor_are_told():
     columns = {"reason": "no foot landed", "excluded": True, "contact_a_s": np.nan}
     found = forecast.Forecast(pd.DataFrame(columns, index=range(9)), 1.0, stops=True)
-    config = {"markers": {"body": ["hip"], "feet": ["a"]}, "verdict": {"margin": 0.2}, "feet": []}
+    config = {
+        "markers": {"body": ["hip"], "feet": ["a"]},
+        "verdict": {"margin": 0.2},
+        "sections": {"frames": "all"},
+        "feet": [],
+    }
     changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
     assert len(changes) == 1
     assert "touchdowns.down_height_m" in changes[0]

@@ -19,14 +19,13 @@ from hopdata.analysis import Study
 from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
-from hopdata.landings.filling import TOO_MUCH_FILLED
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
-from hopdata.landings.states.assemble import STATELESS
-from hopdata.landings.touchdowns import HIDDEN_PRE, LOW_FLIGHT, NO_FOOT_LANDED
+from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import landings_needed
 from hopdata.maps.verdict.model import LEFT
 from hopdata.recording import Recording, fraction_seen
 from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
+from hopdata.report.formatting import WORDS
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
 MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
@@ -36,46 +35,8 @@ MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of t
 MOST_UNSURE = 0.5  # of the orders, beyond which they tell little
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
 BOUND_SHARE = 0.75
-
-_HIDDEN_BODY = (
-    "{body} is hidden as the body passes a section: with four body markers or more gaps are filled "
-    "from the others (filling.longest_s){or_else}"
-)
-_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
-LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
-LEFT_BY_BEST = 0.5  # of the landings: a section that holds no more at any height cannot be mended
-MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
-MOST_UNSURE = 0.5  # of the orders, beyond which they tell little
-#: The bound of a study without a difference is some 0.75 to 1 of what it detects.
-BOUND_SHARE = 0.75
-
-_HIDDEN_BODY = (
-    "{body} is hidden as the body passes a section: with four body markers or more gaps are filled "
-    "from the others (filling.longest_s){or_else}"
-)
-_LATE = "take feet that touch first or last off markers.feet, or vary less how high the body hops"
-_FRAMES = ", or sections.frames to landings"
-_OTHERWISE = "set sections.{side}_height_m" + _FRAMES
 #: What to change where a reason costs landings.
-CHANGES = {
-    "frames missing at the contact of foot": "{foot} is hidden where it lands: point more cameras "
-    "at the floor, or take it off markers.feet",
-    "not down by the post section": "{foot} is not down when the others are: if it often lands "
-    "later or not at all take it off markers.feet; else " + _OTHERWISE.format(side="post"),
-    "down before the pre section": "{foot} is down too early: if it stays on the floor take it off "
-    "markers.feet; else " + _OTHERWISE.format(side="pre"),
-    "rises where it should touch": "is {foot} swapped, or loose (hopdata inspect)?",
-    "poor fit of foot": "{foot} does not fall and stand as a foot does: is it swapped, loose or "
-    "filtered (hopdata inspect)? if it is sound raise touchdowns.maximum_misfit",
-    "not determined": "{foot} slows without a kink: put a marker where it touches",
-    HIDDEN_PRE: _HIDDEN_BODY,
-    "frames missing at the post section": _HIDDEN_BODY,
-    "post section never reached": "the body does not sink to the post section: "
-    + _OTHERWISE.format(side="post"),
-    LOW_FLIGHT: "these hops are lower than the others: lower sections.pre_height_m",
-    TOO_MUCH_FILLED: "raise filling.largest_share, or see the body better",
-    STATELESS: "see the body in every frame, or record more frames a second",
-}
+CHANGES: dict[str, str] = WORDS["changes"]
 
 
 @dataclass(frozen=True)
@@ -175,7 +136,9 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     study = Study(config, tuple(parts))
     looked_at, made = study.candidates, study.sections
     moved = [side for side in made.held if made.decided[f"{side}_height_m"] == "contacts"]
-    some = partial(Forecast, frames_share=share, best={side: made.held[side] for side in moved})
+    some = partial(
+        Forecast, frames_share=share, best={side: made.held[side] or 0.0 for side in moved}
+    )
     try:
         touchdowns = study.touchdowns
     except AnalysisError as error:
@@ -249,21 +212,19 @@ def _changes(
         default="",
         key=lambda x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings),
     )
-    changes = []
+    by_landings = ", or sections.frames to landings" * (config["sections"]["frames"] == "all")
+    sections, changes = {}, []
+    for side, state, last in (("pre", "up", "first"), ("post", "down", "last")):
+        sections[side] = f"set sections.{side}_height_m{by_landings}"
+        if (share := forecast.best.get(side, 1.0)) < LEFT_BY_BEST:
+            most = f"in more than {100 * share:.0f} % of the landings: take off markers.feet those"
+            sections[side] = f"at no height are all feet {state} {most} that touch {last}"
     for reason, count in forecast.left_out().items():
         foot = "".join(feet[int(number) - 1] for number in re.findall(FOOT, reason))
         texts = [text for key, text in CHANGES.items() if key in reason]
         if texts and count >= LEAST_SHARE * forecast.landings:
             or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
-            change = texts[0].format(foot=foot, body=hidden, or_else=or_else)
-            done = _FRAMES * (config["sections"]["frames"] == "landings")
-            change = change.removesuffix(done)
-            for side, state, last in (("pre", "up", "first"), ("post", "down", "last")):
-                if (share := forecast.best.get(side, 1.0)) < LEFT_BY_BEST:
-                    none = f"at no height are all feet {state} in more than {100 * share:.0f} % of "
-                    none += f"the landings: take off markers.feet those that touch {last}"
-                    change = re.sub(f"set sections.{side}_height_m.*", none, change)
-            changes.append(change)
+            changes.append(texts[0].format(foot=foot, body=hidden, or_else=or_else, **sections))
     if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
         below = config["touchdowns"]["ambiguous_below"]
         share, foot = min((forecast.unsure_without(foot, feet, below), foot) for foot in feet)

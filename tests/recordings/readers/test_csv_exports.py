@@ -183,7 +183,7 @@ def test_a_unit_behind_the_names_is_taken(tmp_path):
     rows = pd.DataFrame(track().reshape(30, -1) / 1e3, columns=head)
     found = read(tmp_path, rows.to_csv(index=False), rate_hz=100.0)
     assert (found.unit, found.unit_is_stated) == ("m", True)
-    with pytest.raises(RecordingError, match="expected one unit of length, found m, mm"):
+    with pytest.raises(RecordingError, match="found 'm, mm'"):
         read(tmp_path, rows.rename(columns={head[0]: "hip_x (mm)"}).to_csv(), rate_hz=100.0)
 
 

@@ -23,6 +23,14 @@ _KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 _TRAJECTORIES = "trajectories"
 _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of Nexus, not read
 _MOST_HEADER_LINES, _MOST_NAME_LINES = 40, 8
+_KNOWN = (
+    "an export of Motive (Format Version), Vicon Nexus (a section Trajectories), DeepLabCut "
+    "(scorer) or Anipose, or a table (columns <name>_x, _y, _z)"
+)
+_LONG = (
+    "one for each marker; in pandas table.pivot(index='frame', columns='marker', "
+    "values=['x', 'y', 'z']).swaplevel(axis=1) arranges them, with the table's own names"
+)
 
 Row = list[str]
 
@@ -87,8 +95,8 @@ def read_export(
     sheet = _Sheet(path, lines, mark)
     rows = sheet.rows
     first = next((row for row in rows if not row[0].startswith("#")), [""])
-    split: Columns = [qtm.coordinate(name) for name in first]
     has_odd_clock = first[0].lower().startswith("time") and not qtm.counter(first[0])
+    split: Columns = [qtm.coordinate(name) for name in first if not has_odd_clock]
     if first[0] == "Format Version":
         return _motive(sheet, rate_hz)
     if first[0].lower() in (_TRAJECTORIES, *map(str.lower, _SECTIONS)):
@@ -100,29 +108,16 @@ def read_export(
     elif (found := _names_over_axes(rows)) is not None:
         at, columns = found
         places = list(range(len(columns)))
-    elif (
-        qtm.columns_of(first)[1] is None
-        and sum(len(name) > 1 for name in split) >= 3
-        and not has_odd_clock
-    ):
+    elif qtm.columns_of(first)[1] is None and sum(len(name) > 1 for name in split) >= 3:
         at, places, columns = rows.index(first), list(range(len(first))), split
     elif {*AXES} <= {*map(str.lower, first)}:
-        raise RecordingError(
-            f"{path}, line 1: expected a row for each frame, found one for each marker; in pandas "
-            "table.pivot(index='frame', columns='marker', values=['x', 'y', 'z'])"
-            ".swaplevel(axis=1) arranges them, with the table's own names"
-        )
+        raise RecordingError.at(f"{path}, line 1", "a row for each frame", _LONG)
     elif path.suffix.lower() != ".csv" or qtm.is_known(first):
         return qtm.read_qtm_tsv(path, rate_hz=rate_hz)
     else:
-        raise RecordingError(
-            f"{path}, line 1: expected an export of Motive (Format Version), Vicon Nexus (a "
-            "section Trajectories), DeepLabCut (scorer) or Anipose, or a table (columns <name>_x, "
-            f"_y, _z), found '{','.join(first)[:40]}'"
-        )
+        raise RecordingError.at(f"{path}, line 1", _KNOWN, f"'{','.join(first)[:40]}'")
     (numbers,) = sheet.below(at).numbers(places)
-    unit = qtm.unit_of(str(path), first)
-    return keypoints(path, columns, numbers, rate_hz, least_score, unit)
+    return keypoints(path, columns, numbers, rate_hz, least_score, qtm.unit_of(first))
 
 
 def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
@@ -137,7 +132,7 @@ def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
             continue
         for above in reversed(rows[:at]):
             padded = [_at(above, k) for k in range(len(axes))]
-            names = list(accumulate(padded[start:], lambda last, name: name or last))
+            names: Row = list(accumulate(padded[start:], _last_named))
             if len({*names}) == axes.count("x"):
                 columns: Columns = [(padded[k] or row[k],) for k in range(start)]
                 columns += [("", *both) for both in zip(names, axes[start:], strict=True)]
@@ -145,6 +140,10 @@ def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
                     return at + 1, [tuple(rows[at + 1][:start]), *columns[start:]]
                 return at, columns
     return None
+
+
+def _last_named(last: str, name: str) -> str:
+    return name or last
 
 
 def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:

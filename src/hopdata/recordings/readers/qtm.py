@@ -143,7 +143,7 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
         header.unit = (_units(fields) - _SECONDS).pop()
     elif is_column_row(fields):
         header.columns = [counter(name) or name for name in text.trimmed(fields)]
-        header.unit = unit_of(f"{header.path}, line {header.n_lines}", header.columns)
+        header.unit = unit_of(header.columns)
     elif key == "EVENT":
         event, frame = _event(header, fields[1:])
         header.events.append(event)
@@ -204,18 +204,10 @@ def coordinate(column: str) -> tuple[str, ...]:
     return ("", found[1].strip(), found[2].lower()) if found else (column,)
 
 
-def unit_of(place: str, columns: list[str]) -> str:
-    """Return the unit of length behind names of coordinates; empty if there is none.
-
-    Raises
-    ------
-    RecordingError
-        If there are several.
-    """
+def unit_of(columns: list[str]) -> str:
+    """Return the unit of length behind names of coordinates; of several all, which is none."""
     units = {found[4].lower() for found in map(_AXIS.fullmatch, columns) if found and found[4]}
-    if len(units) > 1:
-        raise RecordingError.at(place, "one unit of length", ", ".join(sorted(units)))
-    return units.pop() if units else ""
+    return ", ".join(sorted(units))
 
 
 def coordinate_stems(columns: list[str]) -> list[str] | None:
