@@ -203,6 +203,13 @@ def test_names_may_stand_above_axes(tmp_path, index, columns, axes):
     np.testing.assert_array_equal(found.positions, track())
 
 
+def test_a_first_frame_that_shows_nothing_is_no_row_of_names(tmp_path):
+    blind = wide("frame")
+    blind.iloc[0] = np.nan
+    for text in (blind.to_csv(), blind.rename_axis(None).to_csv()):
+        assert len(read(tmp_path, text, rate_hz=100.0).positions) == 30
+
+
 @pytest.mark.parametrize("step", [1, 2])
 def test_rows_that_pandas_dropped_are_missing_frames(tmp_path, step):
     kept = wide()[::step].drop(index=[5 + 4 * step, 5 + 9 * step])

@@ -11,7 +11,7 @@ import codecs
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import accumulate, islice
+from itertools import islice
 from pathlib import Path
 
 from hopdata.errors import RecordingError
@@ -132,18 +132,16 @@ def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
             continue
         for above in reversed(rows[:at]):
             padded = [_at(above, k) for k in range(len(axes))]
-            names: Row = list(accumulate(padded[start:], _last_named))
+            names = padded[start:]
+            names = [name or next(filter(None, names[k::-1]), "") for k, name in enumerate(names)]
             if len({*names}) == axes.count("x"):
                 columns: Columns = [(padded[k] or row[k],) for k in range(start)]
                 columns += [("", *both) for both in zip(names, axes[start:], strict=True)]
-                if at + 1 < len(rows) and start and not any(rows[at + 1][start:]):
-                    return at + 1, [tuple(rows[at + 1][:start]), *columns[start:]]
-                return at, columns
+                index = rows[at + 1] if at + 1 < len(rows) else ["0"]
+                if any(index[start:]) or text.is_number(index[0]):
+                    return at, columns
+                return at + 1, [(cell,) for cell in index[:start]] + columns[start:]
     return None
-
-
-def _last_named(last: str, name: str) -> str:
-    return name or last
 
 
 def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
