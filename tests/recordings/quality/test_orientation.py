@@ -102,6 +102,8 @@ def test_the_rate_is_asked_for_with_what_free_fall_says(seed, rate_hz):
     assert twice.other == f"{rate_hz:g}"
     half = guess_rate(raw(positions, rate_hz=rate_hz / 2), "m")
     assert (half.is_sure, half.other) == (False, f"{rate_hz:g}")
+    near = guess_rate(raw(positions, rate_hz=rate_hz / 1.2), "m")  # 83 or 167: not a half
+    assert (near.is_sure, near.other) == (False, f"{rate_hz:g}")
     asked = guess_rate(raw(positions, rate_hz=100.0), "m", is_stated=False)
     assert not asked.is_sure
     assert asked.value == f"{rate_hz:g}"

@@ -161,8 +161,11 @@ class Inspection:
             text = f"{one.marker} repeats one position in {one.stop - one.start} frames"
             yield "frozen", (one.marker,), one.start, one.stop, text
         for start, stop, first in self.faults.copies:
-            frames = f"frames {start + 1} to {stop} are copies of {first + 1} to"
-            yield "copy", (), start, stop, f"{frames} {first + stop - start}: cut them out"
+            text = f"frames {start + 1} to {stop} are copies of {first + 1} to"
+            text += f" {first + stop - start}: cut them out"
+            if first == start - 1:
+                text = f"frame {start} stands here {stop - start + 1} times: keep one"
+            yield "copy", (), start, stop, text
         if abs(timing.rate_hz / self.rate_hz - 1) > RATE_TOLERANCE:
             found, stated = f"{timing.rate_hz:g} Hz", f"{self.rate_hz:g} Hz"
             text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
@@ -228,7 +231,8 @@ def inspect_recording(
     missed = swaps.surprises(positions, scale=scale)
     known: dict[str, Any] = {"missed": missed, "pairs": pairs, "clusters": clusters}
     exchanged = swaps.find_swaps(positions, raw.markers, rate_hz=raw.rate_hz * scale**0.5, **known)
-    frozen = stretches.frozen_markers(raw.positions, raw.markers)
+    steps = {(e.start, e.marker) for e in missed.steps}
+    frozen = stretches.frozen_markers(raw.positions, raw.markers, steps)
     timing = stretches.check_stamps(raw.time)
     explained = swaps.explained_frames(exchanged, raw.markers, len(positions))
     copies = stretches.copied_frames(raw.positions)

@@ -312,6 +312,8 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
 LIVELY_M_S2 = (5.0, 100.0)
 RATES_HZ = (25, 30, 50, 60, 100, 120, 150, 200, 240, 250, 300, 400, 500, 1000)
 OTHER_RATE = 0.02  # relative
+# Times the stated rate, and so many times the share that falls freely there belies the stated one.
+OTHER_RATES = ((0.5, 1.0), (1 / 1.2, UNIT_CLEARER), (1.2, UNIT_CLEARER), (2.0, 1.0))
 FALLING = (0.7, 1.3)  # g that pull a body down which leaves the ground, at the right rate
 SOME_CLEARER = 1.5  # so many times what falls along the next best direction
 
@@ -346,23 +348,31 @@ def guess_rate(raw: RawRecording, unit: str, *, up: str = "z", is_stated: bool =
         told = f"as stated, but the time stamps run at {by_stamps:g} Hz"
         return Guess(f"{own:g}", told, is_sure=False, other=f"{by_stamps:g}")
     if not is_stated:
-        falls = {f"{r:g}": free_fall(raw.positions, r, units=units).share for r in RATES_HZ}
-        best, following = sorted(falls, key=lambda rate: -falls[rate])[:2]
-        if falls[best] < LEAST_SHARE:
+        (best, share), (following, _) = _falls_by_rate(raw, units)
+        if share < LEAST_SHARE:
             return Guess("", "nothing falls freely that would show it", False, following)
-        told = f"{100 * falls[best]:.0f} % of the frames are free fall if the rate is {best} Hz"
+        told = f"{100 * share:.0f} % of the frames are free fall if the rate is {best} Hz"
         return Guess(best, told, is_sure=False, other=following)
     pull = _pull_down(raw, up, units[unit])
     low, high = FALLING
     fall = free_fall(raw.positions, own, units=units)
-    others = (free_fall(raw.positions, f * own, units=units).share for f in (0.5, 2.0))
+    others = (free_fall(raw.positions, f * own, units=units).share / c for f, c in OTHER_RATES)
     falls_clearly = fall.share >= LEAST_SHARE and fall.share > SOME_CLEARER * fall.next_share
     if falls_clearly and fall.share > max(others) and low <= pull <= high:
         return Guess(f"{own:g}", "as stated, and with it the markers fall at 9.81 m/s²")
     told = f"as stated, but nothing falls freely and {pull:.2g} g is the most that pulls down"
     if pull > high:
         told = f"as stated, but with it the markers would be pulled down by {pull:.2g} g"
-    return Guess(f"{own:g}", told, False, f"{own / 2 if pull > high else 2 * own:g}")
+    (best, share), (_, next_share) = _falls_by_rate(raw, units)
+    if share < max(LEAST_SHARE, FREE_FALL_CLEARER * next_share):
+        best = f"{own / 2 if pull > high else 2 * own:g}"
+    return Guess(f"{own:g}", told, False, best)
+
+
+def _falls_by_rate(raw: RawRecording, units: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return the two usual rates, Hz, with which most frames fall freely, and what share does."""
+    shares = ((f"{r:g}", free_fall(raw.positions, r, units=units).share) for r in RATES_HZ)
+    return sorted(shares, key=lambda found: -found[1])[:2]
 
 
 def _pull_down(raw: RawRecording, up: str, metres: float) -> float:

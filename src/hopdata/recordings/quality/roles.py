@@ -165,10 +165,10 @@ def guess_roles(inspection: Inspection) -> Roles:
     body_names = tuple(markers[m] for m in body)
     unsure = {"body": other_body} if body and other_body else {}
     rested = min((len(runs(rests[:, m])) for m in group), default=0)
-    if feet and (doubt := _doubt(feet, markers, rested)):
+    if feet and (doubt := _doubt(feet, markers, rested) or _high(group, taken, inspection)):
         unsure["feet"] = " or ".join([doubt, *(", ".join(other) for other in rivals)])
     if body and rested < LEAST_RESTS and "body" not in unsure:
-        unsure["body"] = "parts that bend, in a recording too short to show it"
+        unsure["body"] = "parts that bend, where too little lands to show it"
     spare = [m for m in range(len(markers)) if markers[m] not in {*feet, *body_names, *boom}]
     reasons["unused"] = _spare([m for m in spare if m not in others], inspection, rests)
     told = (reasons, tuple(rivals), tuple(problems), unsure, _joined(sorted(group), inspection))
@@ -235,6 +235,16 @@ def _doubt(feet: tuple[str, ...], markers: tuple[str, ...], rested: int) -> str:
     named = [name for name in markers if part_by_name(name) == "foot"]
     strangers = [name for name in feet if name not in named]
     return f"those named so: {', '.join(named)}" if named and strangers else ""
+
+
+def _high(feet: list[int], taken: set[int], inspection: Inspection) -> str:
+    """Say which markers are named as the feet are but for a number, and stay higher than they."""
+    stems = [re.sub(r"\d+", "", name) for name in inspection.markers]
+    alike = {stems[m] for m in feet if part_by_name(stems[m]) == "foot"}
+    high = [m for m, stem in enumerate(stems) if stem in alike and m not in taken]
+    above = lowest(inspection.positions[:, :, 2]) - lowest(inspection.positions[:, feet, 2]).min()
+    told = (f"{inspection.markers[m]}, which stays {1e3 * above[m]:.0f} mm above" for m in high)
+    return " and ".join(told)
 
 
 def _fixed(positions: FloatArray) -> BoolArray:

@@ -1,6 +1,6 @@
 """Markers that come to rest at their lowest again and again, as feet do."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -48,8 +48,10 @@ class Frozen:
     stop: int
 
 
-def frozen_markers(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Frozen, ...]:
-    """Find stretches of exact repeats that are too long to be chance.
+def frozen_markers(
+    positions: FloatArray, markers: tuple[str, ...], steps: Collection[tuple[int, int]] = ()
+) -> tuple[Frozen, ...]:
+    """Find stretches of exact repeats that are too long to be chance, or that a jump ends.
 
     A coarse file repeats positions by chance while a foot rests. How often a repeat is followed by
     another is therefore estimated from all other runs of repeats of the same marker.
@@ -60,13 +62,17 @@ def frozen_markers(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Fro
         As in the file, not smoothed.
     markers : tuple of str
         The M names.
+    steps : collection of (frame, marker)
+        Gross steps from the frame before.
     """
     n_tests = max(len(positions) - 1, 0) * len(markers)
     found = []
     for m, name in enumerate(markers):
         stretches = runs(np.all(np.diff(positions[:, m], axis=0) == 0, axis=1))
-        for start, stop in stretches[_too_long(stretches, n_tests)]:
-            found.append(Frozen(name, int(start), int(stop) + 1))
+        long = stretches[_too_long(stretches, n_tests)].tolist()
+        for start, stop in stretches[np.diff(stretches)[:, 0] >= LEAST_REPEATS].tolist():
+            if [start, stop] in long or (start, m) in steps or (stop + 1, m) in steps:
+                found.append(Frozen(name, start, stop + 1))
     return tuple(found)
 
 
@@ -84,6 +90,8 @@ def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
 
 
 LEAST_COPIED = 5  # frames in a row, and frames after those that they repeat
+MOST_HELD = 0.1  # of the frames repeat the one before them; of more it is how the file was made
+ALL_MOVE = 0.9  # of the coordinates: nothing rests before and after a frame that is held
 
 
 def copied_frames(positions: FloatArray) -> IntArray:
@@ -105,6 +113,14 @@ def copied_frames(positions: FloatArray) -> IntArray:
         for start, stop in runs(lag >= LEAST_COPIED)
         if stop - start >= LEAST_COPIED and np.ptp(lag[start:stop]) == 0
     ]
+    held = [
+        (start, stop, start - 1)
+        for start, stop in runs(lag == 1)
+        if start > 1
+        and stop < len(lag)
+        and np.mean(positions[[start - 1, stop]] != positions[[start - 2, stop - 1]]) > ALL_MOVE
+    ]
+    found += held if len(held) < MOST_HELD * len(lag) else []
     return np.array(found, dtype=np.int64).reshape(-1, 3)
 
 

@@ -24,6 +24,7 @@ TEXT_TABLE_MISSING = (
     *("", "NULL", "Null", "null", "n/a", "N/A", "NA", "<NA>", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
+UNSEEN_FROM = 9999.0  # what programs write three times for a marker that was not seen, and more
 CUT = "; the file ends here, was it cut short? export it again, or delete the last line"
 HELD = "\x1f"  # in place of a mark that belongs to its field
 
@@ -343,11 +344,13 @@ class Rows:
 def blank_unseen(positions: FloatArray) -> None:
     """Set markers (in place) to NaN in the frames in which the file says they were not seen.
 
-    Those are frames in which a coordinate is missing, or all three are 0.
+    Those are frames in which a coordinate is missing, or all three are 0 or one number as large
+    as 9999 (-9999, 9999.99, 99999).
     """
     for track in np.moveaxis(positions, 1, 0):
         x, y, z = track.T
-        track[((x == 0) & (y == 0) & (z == 0)) | np.isnan(x + y + z)] = np.nan
+        filled = (x == y) & (y == z) & ((x == 0) | (np.abs(x) >= UNSEEN_FROM))
+        track[filled | np.isnan(x + y + z)] = np.nan
 
 
 # Named columns of a text table, as other devices and programs export them.
