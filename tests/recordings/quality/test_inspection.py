@@ -179,6 +179,29 @@ def test_a_frozen_marker_is_found_with_its_frames(marker):
     assert found.count == 1
 
 
+def test_gaps_that_were_filled_with_the_last_position_are_all_frozen():
+    positions = hopping(8)[1]
+    for start in range(100, 1900, 60):
+        positions = with_frozen(positions, "hip1", start, start + 10)
+    found = faults(positions)
+    assert len(found.frozen) == found.count == 29  # one is where it hardly moves
+
+
+def test_frames_that_are_held_are_told_one_by_one():
+    positions = hopping(9)[1]
+    often = np.ones(len(positions), dtype=np.int64)
+    often[100::100] = 2
+    often[300] = 3
+    held = np.repeat(positions, often, axis=0)
+    inspection = inspect_recording(
+        RawRecording(MARKERS, np.arange(len(held)) / 100, held, 100.0, "m")
+    )
+    told = [one.text for one in inspection.suspects() if one.kind == "copy"]
+    assert (len(told), told[0]) == (19, "frame 101 stands here 2 times: keep one")
+    assert told[2].endswith("3 times: keep one")
+    assert faults(np.repeat(positions, 2, axis=0)).copies == ()  # so was the file made
+
+
 def test_repeats_by_rounding_are_no_frozen_marker():
     """In a file of whole millimetres a resting foot repeats its place again and again."""
     positions = np.round(hopping(9, noise_m=2e-4)[1], 3)

@@ -311,6 +311,12 @@ def test_a_second_rigid_part_makes_the_body_unsure_where_names_say_nothing():
     assert found.unsure == {"body": "m7, m8, m9"}
 
 
+def test_a_marker_named_as_the_feet_that_stays_higher_makes_them_unsure():
+    positions = hopping(1)[1]
+    positions[:, MARKERS.index("toe1"), 2] += 0.09  # it sits on the shank
+    assert "toe1, which stays 9" in roles(positions).unsure["feet"]
+
+
 def test_feet_that_land_once_are_not_sure():
     found = roles(hopping(1)[1][:100])
     assert set(found.unsure) == {"body", "feet"}

@@ -205,9 +205,12 @@ def test_three_zeros_are_missing_and_one_zero_is_a_coordinate(tmp_path):
     positions[2, 1] = 0.0
     positions[4, 3, 2] = 0.0
     positions[5, 0, :2] = 0.0
+    positions[6, 2] = -9999.0  # what other programs write
+    positions[7, 2, 1:] = 9999.99
     raw = read(tmp_path, qtm_text(positions))
     assert np.isnan(raw.positions[2, 1]).all()
-    assert np.isnan(raw.positions).sum() == 3
+    assert np.isnan(raw.positions[6, 2]).all()
+    assert np.isnan(raw.positions).sum() == 6
     assert raw.positions[4, 3, 2] == 0
     assert (raw.positions[5, 0, :2] == 0).all()
 

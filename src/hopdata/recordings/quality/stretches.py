@@ -118,7 +118,8 @@ def copied_frames(positions: FloatArray) -> IntArray:
         for start, stop in runs(lag == 1)
         if start > 1
         and stop < len(lag)
-        and np.mean(positions[[start - 1, stop]] != positions[[start - 2, stop - 1]]) > ALL_MOVE
+        and np.isfinite(positions[start]).any()
+        and np.mean(positions[[start - 1, stop]] != positions[[start - 2, start]]) > ALL_MOVE
     ]
     found += held if len(held) < MOST_HELD * len(lag) else []
     return np.array(found, dtype=np.int64).reshape(-1, 3)
