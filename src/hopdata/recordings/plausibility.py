@@ -96,7 +96,8 @@ def check_order(place: str, time: FloatArray) -> None:
         i = int(bad[0])
         raise RecordingError(
             f"{place}: frame {i + 2}: expected a time after {time[i]:.6g} s, "
-            f"found {time[i + 1]:.6g} s; if frames are there twice, cut them out of the file"
+            f"found {time[i + 1]:.6g} s; if frames are there twice, cut them out of the file; if "
+            "times have too few digits, leave the column out and give input.rate_hz"
         )
 
 

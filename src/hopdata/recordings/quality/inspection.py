@@ -170,20 +170,19 @@ class Inspection:
             found, stated = f"{timing.rate_hz:g} Hz", f"{self.rate_hz:g} Hz"
             text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
             yield "rate", (), 0, 1, text
-        jitters = len(timing.irregular) > MOST_IRREGULAR
-        if jitters:
-            text = f"{len(timing.irregular)} steps of the time stamps are irregular: if the cameras"
-            text += " ran evenly, leave the times out of the file and give input.rate_hz"
-            yield "jitter", (), int(timing.irregular[0]), int(timing.irregular[-1]) + 2, text
-        stamps = [
-            *(("dropped", k, f"{counted(n, 'frame')} dropped after this one")
-              for k, n in timing.drops.tolist()),
-            *(("irregular", k, "irregular step of the time stamps after this one")
-              for k in timing.irregular if not jitters),
-            *(("backward", k, "the next time stamp is not later") for k in timing.backward),
-        ]  # fmt: skip
-        for kind, frame, text in stamps:
-            yield kind, (), int(frame), int(frame) + 1, text
+        for k, n in timing.drops.tolist():
+            yield "dropped", (), k, k + 1, f"{counted(n, 'frame')} dropped after this one"
+        uneven = [(k, "irregular", "irregular step of the time stamps after this one")
+                  for k in timing.irregular.tolist()]  # fmt: skip
+        uneven += [(k, "backward", "the next time stamp is not later")
+                   for k in timing.backward.tolist()]  # fmt: skip
+        if len(uneven) > MOST_IRREGULAR:
+            text = f"{len(uneven)} steps of the time stamps are irregular: if the cameras ran"
+            text += " evenly, leave the times out of the file and give input.rate_hz"
+            uneven, (first, *_, last) = [], sorted(k for k, *_ in uneven)
+            yield "jitter", (), first, last + 2, text
+        for k, kind, text in uneven:
+            yield kind, (), k, k + 1, text
 
 
 @one_blas_thread()

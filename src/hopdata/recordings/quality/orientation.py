@@ -216,7 +216,9 @@ def unit_remarks(
         found = f"expected {raw.unit} as stated, found markers that would span {size:.3g} m in it"
         faults.append((stating, found))
     return tuple(
-        f"{_listed(named)}: unit: {found}; {_guess(raw, taken)}" for named, found in faults
+        f"{named[0]}{f' and {len(named) - 1} more' * (len(named) > 1)}: unit: {found}; "
+        f"{_guess(raw, taken)}"
+        for named, found in faults
     )
 
 
@@ -234,11 +236,6 @@ def _fits(size_m: float) -> bool:
     """Whether an animal or a robot can have this size."""
     low, high = PLAUSIBLE_EXTENT_M
     return low <= size_m <= high
-
-
-def _listed(files: Sequence[str]) -> str:
-    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
-    return f"{files[0]}{more}"
 
 
 @dataclass(frozen=True)
@@ -296,7 +293,8 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
     unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
     size, metres, of = extent(raw.positions), UNITS_IN_M[unit], (raw.positions, raw.rate_hz)
     moves = {u: m * liveliness(*of, metres=m) for u, m in UNITS_IN_M.items()}
-    lively = {u for u, m in UNITS_IN_M.items() if _fits(size * m) and _is_lively(moves[u])}
+    low, high = LIVELY_M_S2
+    lively = {u for u, m in UNITS_IN_M.items() if _fits(size * m) and low <= moves[u] <= high}
     own = "the format's own unit" if raw.unit_is_stated else "usual, the file states none"
     why = own if unit == raw.unit else f"in {raw.unit} the size would be absurd"
     told = f"{why}; the markers span {size * metres:.2f} m"
@@ -323,10 +321,6 @@ def liveliness(positions: FloatArray, rate_hz: float, *, metres: float) -> float
     size: FloatArray = np.linalg.norm(accelerations(positions, rate_hz, metres=metres), axis=2)
     of_seen = size[:, np.isfinite(size).any(axis=0)]
     return float(np.median(np.nanquantile(of_seen, 0.9, axis=0))) if of_seen.size else np.nan
-
-
-def _is_lively(moves_m_s2: float) -> bool:
-    return LIVELY_M_S2[0] <= moves_m_s2 <= LIVELY_M_S2[1]
 
 
 def guess_rate(raw: RawRecording, unit: str, *, up: str = "z", is_stated: bool = True) -> Guess:
@@ -400,7 +394,7 @@ def _rate_by_stamps(raw: RawRecording) -> float:
     """Rate of the time stamps, Hz, where it is clearly another than the one stated; else that."""
     steps = np.diff(raw.time)
     step = float(np.median(steps)) if len(steps) else 0.0
-    apart = step > 0 and abs(step * raw.rate_hz - 1) > OTHER_RATE
+    apart = np.mean(steps > 0) > 0.9 and abs(step * raw.rate_hz - 1) > OTHER_RATE
     return float(f"{1 / step:.4g}") if apart else raw.rate_hz
 
 
