@@ -277,9 +277,8 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
                     + ANOTHER_SESSION * set(asked).isdisjoint(raw.markers)
                 )
             if marker in chosen:
-                raise RecordingError(
-                    f"markers.{key}: expected each marker once, found '{marker}' twice"
-                )
+                once = "expected each marker once"
+                raise RecordingError(f"markers.{key}: {once}, found '{marker}' twice")
             chosen.append(marker)
     order = [raw.markers.index(marker) for marker in chosen]
     return replace(raw, markers=tuple(chosen), positions=_only(raw.positions, order), roles=())
@@ -307,8 +306,7 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
         return None
     from hopdata.recordings.readers.hdf5 import read_truth
 
-    truth = read_truth(path)
-    if truth is None:
+    if (truth := read_truth(path)) is None:
         return None
     expected = (len(recording.time), len(stated["foot"]))
     if truth.foot_down.shape != expected:

@@ -67,10 +67,8 @@ def check_markers(recording: Recording) -> None:
     for role, what, least in wanted:
         names = recording.names(role)
         if len(names) < least:
-            raise RecordingError(
-                f"{recording.place}: {what}: expected at least {least}, "
-                f"found {len(names)} ({', '.join(names) or 'none'})"
-            )
+            found = f"{len(names)} ({', '.join(names) or 'none'})"
+            raise RecordingError.at(f"{recording.place}: {what}", f"at least {least}", found)
 
 
 def check_time(recording: Recording) -> None:
@@ -110,18 +108,14 @@ def check_positions(recording: Recording) -> None:
     seen = fraction_seen(recording)
     tracks = np.moveaxis(recording.positions, 1, 0)
     for name, fraction, positions in zip(recording.markers, seen, tracks, strict=True):
+        own, n = f"{place}: marker '{name}'", len(recording.time)
         if fraction == 0:
-            raise RecordingError(
-                f"{place}: marker '{name}': expected to be seen, found in none of "
-                f"{len(recording.time)} frames"
-            )
+            raise RecordingError.at(own, "to be seen", f"in none of {n} frames")
         known = positions[~np.isnan(positions).any(axis=1)]
         if len(known) > 1 and not np.ptp(known, axis=0).any():
             where = ", ".join(f"{x:.4g}" for x in known[0])
-            raise RecordingError(
-                f"{place}: marker '{name}': expected to move, found it at ({where}) m in all of "
-                f"{len(known)} frames"
-            )
+            found = f"it at ({where}) m in all of {len(known)} frames"
+            raise RecordingError.at(own, "to move", found)
     frames = sampled(recording.positions)
     for i, name in enumerate(recording.markers):
         for j in range(i):
@@ -186,9 +180,9 @@ def _falls(recording: Recording) -> FreeFall:
 def _up_by_fall(recording: Recording) -> str:
     """Direction of the file that is up, if that is clearly against an axis of the recording."""
     fall = _falls(recording)
-    if not fall.is_clear or not fall.up.startswith("-"):
-        return ""
-    return opposite(FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[1])])
+    against = fall.is_clear and fall.up.startswith("-")
+    axis = FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[-1])]
+    return opposite(axis) if against else ""
 
 
 def check_fall(recording: Recording) -> None:
@@ -253,13 +247,10 @@ def notes(recording: Recording) -> list[str]:
         for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
         if 1 - fraction > MISSING_NOTE_FRACTION
     ]
-    heights, feet = recording.feet[:, :, 2], recording.names("foot")
-    high = HIGH_FOOT * body_over_feet(recording)[2]
-    more += [
-        f"{one}; does it touch the ground, or does the floor slope?"
-        for one in high_feet(heights, feet, above_m=high)
-    ]
-    more += [f"{one}; is one a copy of the other?" for one in feet_as_one(heights, feet)]
+    feet = recording.feet[:, :, 2], recording.names("foot")
+    high = high_feet(*feet, above_m=HIGH_FOOT * body_over_feet(recording)[2])
+    more += [f"{one}; does it touch the ground, or does the floor slope?" for one in high]
+    more += [f"{one}; is one a copy of the other?" for one in feet_as_one(*feet)]
     more += [*_rounding(recording), *_missing_times(recording)]
     more += treated(recording.body, recording.rate_hz, scale=recording.scale)
     return [*recording.remarks, *(f"{recording.place}: {remark}" for remark in more)]
@@ -284,9 +275,9 @@ def _rounding(recording: Recording) -> list[str]:
     """Say how coarsely the file's coordinates are rounded, and what noise that is."""
     if not (step_mm := 1e3 * (rounded_to(recording.positions) or 0.0)):
         return []
+    noise = f"noise of {step_mm / np.sqrt(12):.2g} mm (standard deviation)"
     return [
-        f"coordinates are rounded to {step_mm:g} mm, which adds noise of "
-        f"{step_mm / np.sqrt(12):.2g} mm (standard deviation) to each; export more digits"
+        f"coordinates are rounded to {step_mm:g} mm, which adds {noise} to each; export more digits"
     ]
 
 
@@ -294,8 +285,7 @@ def _missing_times(recording: Recording) -> list[str]:
     """Say how many frames are missing, and how often and how long nothing was recorded."""
     steps = np.diff(recording.time)
     pause = is_pause(recording.time, recording.rate_hz)
-    pauses = steps[pause]
-    whole = steps * recording.rate_hz
+    pauses, whole = steps[pause], steps * recording.rate_hz
     dropped = int(np.sum(np.round(whole[(whole > 1.5) & lasting(whole) & ~pause]) - 1))
     frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
     remarks = [f"{frames} missing between the time stamps"] * bool(dropped)

@@ -107,8 +107,8 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
         if rate is not None and not 0 < rate < math.inf:
             raise RecordingError(f"{where}: expected more than 0 Hz, found {rate:g} Hz")
     if stated is not None and stated > FASTEST_HZ:
-        at_most = f"expected at most {FASTEST_HZ:g} Hz, found {stated:g} Hz"
-        raise RecordingError(f"{place}: frame rate: {at_most}")
+        fastest = f"at most {FASTEST_HZ:g} Hz"
+        raise RecordingError.at(f"{place}: frame rate", fastest, f"{stated:g} Hz")
     rate = given if stated is None else stated
     if rate is None:
         raise RateUnknownError(
@@ -145,15 +145,10 @@ def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawReco
                 f"{place}: frame rate: expected {own:.4g} Hz as its time stamps run, found "
                 f"input.rate_hz: {given:g}; leave that key out, or correct the time in the export"
             )
-        return replace(raw, rate_hz=given, remarks=(*raw.remarks, told))
-    longer = raw.rate_hz / given
-    return replace(
-        raw,
-        time=raw.time * longer,
-        rate_hz=given,
-        events=tuple(Event(event.label, event.time_s * longer) for event in raw.events),
-        remarks=(*raw.remarks, told),
-    )
+    longer = 1.0 if raw.has_stamps else raw.rate_hz / given
+    events = tuple(Event(event.label, event.time_s * longer) for event in raw.events)
+    raw = replace(raw, time=raw.time * longer, rate_hz=given, events=events)
+    return replace(raw, remarks=(*raw.remarks, told))
 
 
 def metric(place: str, stated: str) -> tuple[str, float]:
@@ -226,7 +221,6 @@ def distinct_names(
     RecordingError
         If a name holds control characters, or is empty and may not be.
     """
-    n_nameless = sum(not name for name in names)
     for i, name in enumerate(names):
         if not name and not may_lack:
             raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
@@ -236,7 +230,7 @@ def distinct_names(
             )
     distinct = [name or f"unnamed {i + 1}" for i, name in enumerate(names)]
     remarks = []
-    if n_nameless:
+    if n_nameless := sum(not name for name in names):
         remarks.append(
             f"{place}: {n_nameless} of {len(names)} markers have no name, called 'unnamed <number>'"
         )
@@ -331,13 +325,9 @@ def frame_count(place: str, key: str, stated: float | None, n_rows: int) -> tupl
 # an axis they are exchanged in a circle; against one, the first and the last of these are mirrored
 # as well. So all are proper rotations, which keep right from left.
 FILE_AXES = {
-    "x": ("y", "z", "x"),
-    "y": ("z", "x", "y"),
-    "z": ("x", "y", "z"),
-    "-x": ("-y", "z", "-x"),
-    "-y": ("-z", "x", "-y"),
-    "-z": ("-x", "y", "-z"),
-}
+    "x": ("y", "z", "x"), "y": ("z", "x", "y"), "z": ("x", "y", "z"),
+    "-x": ("-y", "z", "-x"), "-y": ("-z", "x", "-y"), "-z": ("-x", "y", "-z"),
+}  # fmt: skip
 
 
 def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
@@ -403,9 +393,8 @@ def settle(
     if fitting is not None:
         return fitting, ()
     own = rate_of(stamps, number, whole=False)
-    if own is None or abs(own - rate_hz) > RATE_TOLERANCE * rate_hz:
-        return stamps, ()
-    if _fitting_grid(stamps, number, own) is None:
+    near = own is not None and abs(own - rate_hz) <= RATE_TOLERANCE * rate_hz
+    if own is None or not near or _fitting_grid(stamps, number, own) is None:
         return stamps, ()
     grid: FloatArray = stamps[0] + (number - number[0]) / rate_hz
     return grid, (
@@ -493,8 +482,7 @@ def events_outside(
     if not len(time):
         return ()
     begin, end = time[0] - 1 / rate_hz, time[-1] + 1 / rate_hz
-    outside = sum(not begin <= event.time_s <= end for event in events)
-    if not outside:
+    if not (outside := sum(not begin <= event.time_s <= end for event in events)):
         return ()
     return (
         f"{place}: {outside} of {len(events)} events lie outside the recording "
@@ -507,5 +495,4 @@ PAUSE_S = 1.0  # between files that do not say when they began; longer than any 
 
 def is_pause(time: FloatArray, rate_hz: float) -> BoolArray:
     """Tell which steps of time stamps (N,), s, are pauses, (N - 1,): nothing was recorded then."""
-    pause: BoolArray = np.diff(time) > PAUSE_S - 0.5 / rate_hz
-    return pause
+    return np.asarray(np.diff(time) > PAUSE_S - 0.5 / rate_hz)

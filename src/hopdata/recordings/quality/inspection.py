@@ -295,11 +295,9 @@ COLUMNS = {
 }
 
 
-def inspect(recording: Recording) -> Inspection:
+def inspect(known: Recording) -> Inspection:
     """Inspect a recording whose unit and vertical axis are settled."""
-    raw = RawRecording(
-        recording.markers, recording.time, recording.positions, recording.rate_hz, unit="m"
-    )
+    raw = RawRecording(known.markers, known.time, known.positions, known.rate_hz, unit="m")
     return inspect_recording(raw, unit="m", up="z")
 
 

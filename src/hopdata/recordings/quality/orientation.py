@@ -234,8 +234,7 @@ def _guess(raw: RawRecording, taken: str) -> str:
 
 def _fits(size_m: float) -> bool:
     """Whether an animal or a robot can have this size."""
-    low, high = PLAUSIBLE_EXTENT_M
-    return low <= size_m <= high
+    return PLAUSIBLE_EXTENT_M[0] <= size_m <= PLAUSIBLE_EXTENT_M[1]
 
 
 @dataclass(frozen=True)
@@ -394,7 +393,8 @@ def _rate_by_stamps(raw: RawRecording) -> float:
     """Rate of the time stamps, Hz, where it is clearly another than the one stated; else that."""
     steps = np.diff(raw.time)
     step = float(np.median(steps)) if len(steps) else 0.0
-    apart = np.mean(steps > 0) > 0.9 and abs(step * raw.rate_hz - 1) > OTHER_RATE
+    onward = np.count_nonzero(steps > 0) > 0.9 * len(steps)  # else they have too few digits
+    apart = onward and abs(step * raw.rate_hz - 1) > OTHER_RATE
     return float(f"{1 / step:.4g}") if apart else raw.rate_hz
 
 
@@ -409,6 +409,6 @@ def _up(raw: RawRecording, fall: FreeFall) -> Guess:
         return Guess(direction, rest)
     if raw.stated_up:
         return Guess(raw.stated_up, "the file says so; nothing falls freely that would show it")
-    likely, other = ("y", "z") if direction == "y" else ("z", "y")  # both are usual
+    likely, other = "yz" if direction == "y" else "zy"  # both are usual
     usual = f"nothing clearly falls or steps on a floor again and again: only usual, as is {other}"
     return Guess(likely, f"{usual}; input.vertical_axis settles it", is_sure=False, other=other)

@@ -244,7 +244,7 @@ def cut_off(body: FloatArray) -> float:
 OFF = 6.0  # spreads: a distance further off is not the marker's own
 FITS = 3.0  # spreads, rms: exchanged distances further off are not the other's either
 EXACT = 1e-12  # m: no spread is smaller
-MOST_REFERENCES = 12
+MOST_REFERENCES = 12  # markers of a cluster by which places are known, evenly spaced
 EXCHANGED_DISTANCES_LEAST_FRAMES = 2
 NEAR = 3  # frames within which both markers must jump, or be unseen, where a stretch ends
 
@@ -272,7 +272,7 @@ def exchanged_stretches(
     edges = near[:-1] | near[1:]  # frames that may be the first of a stretch or its last
     for cluster in clusters:
         inside = set(cluster.markers)
-        known = _references(cluster)
+        known = list(cluster.markers[:: -(-len(cluster.markers) // MOST_REFERENCES)])
         away = [_away(positions, pairs, known, m, np.flatnonzero(e)) for m, e in enumerate(edges.T)]
         for a, b in combinations(range(len(away)), 2):
             first, second = (b, a) if b in inside and a not in inside else (a, b)
@@ -287,12 +287,6 @@ def exchanged_stretches(
             mask[here] = _exchanged(positions[here], pairs, inside, known, first, second)
             for start, stop in _stretches(mask, breaks[:, [a, b]]):
                 yield a, b, start, stop
-
-
-def _references(cluster: Cluster) -> list[int]:
-    """Markers of a cluster by which places are known: of many, so many evenly spaced ones."""
-    stride = -(-len(cluster.markers) // MOST_REFERENCES)
-    return list(cluster.markers[::stride])
 
 
 def _near_breaks(breaks: BoolArray) -> BoolArray:

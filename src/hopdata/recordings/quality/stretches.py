@@ -108,20 +108,17 @@ def copied_frames(positions: FloatArray) -> IntArray:
     same = np.flatnonzero(np.diff(digest[order]) == 0)
     lag = np.zeros(len(digest), dtype=np.int64)
     lag[order[same + 1]] = order[same + 1] - order[same]
-    found = [
-        (start, stop, start - lag[start])
-        for start, stop in runs(lag >= LEAST_COPIED)
-        if stop - start >= LEAST_COPIED and np.ptp(lag[start:stop]) == 0
+    later, again = runs(lag >= LEAST_COPIED), runs(lag == 1)
+    copied = [
+        (a, b, a - lag[a]) for a, b in later if b - a >= LEAST_COPIED and not np.ptp(lag[a:b])
     ]
     held = [
-        (start, stop, start - 1)
-        for start, stop in runs(lag == 1)
-        if start > 1
-        and stop < len(lag)
-        and np.isfinite(positions[start]).any()
-        and np.mean(positions[[start - 1, stop]] != positions[[start - 2, start]]) > ALL_MOVE
+        (a, b, a - 1)
+        for a, b in again[(again[:, 0] > 1) & (again[:, 1] < len(lag))]
+        if np.isfinite(positions[a]).any()
+        and np.mean(positions[[a - 1, b]] != positions[[a - 2, a]]) > ALL_MOVE
     ]
-    found += held if len(held) < MOST_HELD * len(lag) else []
+    found = copied + held * (len(held) < MOST_HELD * len(lag))
     return np.array(found, dtype=np.int64).reshape(-1, 3)
 
 
@@ -304,8 +301,9 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
             comes &= _times_down(sign * positions[:, :, axis], low, high) >= LEAST_TIMES_DOWN
             with np.errstate(invalid="ignore", divide="ignore"):
                 flatness = np.sort(((tenth - low) / (high - low))[comes])
-            direction = name if sign > 0 else f"-{name}"
-            found[direction] = float(flatness[1]) if len(flatness) > 1 else np.inf
+            found[name if sign > 0 else f"-{name}"] = (
+                float(flatness[1]) if len(flatness) > 1 else np.inf
+            )
     best, following = sorted(found, key=lambda d: found[d])[:2]
     return best, found[best], found[following]
 
