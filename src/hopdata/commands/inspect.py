@@ -13,7 +13,7 @@ from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.commands import terminal
 from hopdata.errors import RecordingError, counted
-from hopdata.report.formatting import Table
+from hopdata.report.formatting import NOTES, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 if TYPE_CHECKING:
@@ -89,18 +89,12 @@ def inspected(options: argparse.Namespace) -> Inspection:
 
 # An inspection as one self-contained page.
 
-CAPTION = (
-    "# Where each marker was seen\n\n"
-    "One bar a marker; white is where it was not seen. A gap too short to see is drawn a little "
-    "wider than it is. Signs mark what looks wrong, dotted lines dropped frames."
-)
-
 
 def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
     found = inspection.suspects()
     image, ends = _timeline(inspection, found)
-    figure = ReportFigure("seen", image, "image/svg+xml", CAPTION)
+    figure = ReportFigure("seen", image, "image/svg+xml", NOTES["seen"])
     return rendered(
         "inspection.html.j2",
         version=__version__,
