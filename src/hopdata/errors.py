@@ -110,7 +110,7 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
             except TypeError as error:
                 near = [did_you_mean(name, names) for name in named if name not in names]
                 wanted = f"the arguments {', '.join(names)}" if names else "no arguments"
-                found = f"{error}{''.join(near)}"
+                found = f"{str(error).removeprefix('got ')}{''.join(near)}"
                 raise ArgumentError.at(title, wanted, found) from None
             raise
 

@@ -105,7 +105,7 @@ def _rows(file: Path) -> list[dict[str, str]]:
     missing = [name for name in NEEDED if name not in table]
     if missing or table.empty:
         found = f"{len(table)} rows of {', '.join(map(str, table.columns)) or 'nothing'}"
-        wanted = f"a row for each file with the columns {', '.join(NEEDED)}"
+        wanted = f"a row for each file with the columns {', '.join(NEEDED)}, parted by tabs"
         raise ConfigError.at(f"samples: {file}", wanted, found)
     return [{str(k): str(v).strip() for k, v in row.items()} for row in table.to_dict("records")]
 
