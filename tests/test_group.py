@@ -66,7 +66,10 @@ def test_a_subject_more_leaves_the_others_alone(group):
 @pytest.mark.parametrize(
     ("table", "told"),
     [
-        ("subject\tpath\nanna\ta.h5\n", "columns subject, file, parted by tabs, found 1 rows of subject, path"),
+        (
+            "subject\tpath\nanna\ta.h5\n",
+            "columns subject, file, parted by tabs, found 1 rows of subject, path",
+        ),
         ("subject\tfile\n", "found 0 rows"),
         ("subject\tfile\n\ta.h5\n", "line 2: subject: expected a name"),
         ("subject\tfile\nan na\ta.h5\n", "found 'an na'"),

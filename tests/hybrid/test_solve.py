@@ -200,7 +200,10 @@ def test_the_initial_state_is_not_changed():
         ({"jacobian": np.eye(2)}, "jacobian: expected True or False"),
         ({"jacobian": None}, "jacobian"),
         ({"method": "dopri"}, "did you mean 'dopri5'"),
-        ({"rtoll": 1e-3}, "solve: expected the arguments system, .* found an unexpected .* did you mean 'rtol'"),
+        (
+            {"rtoll": 1e-3},
+            "solve: expected the arguments system, .* found an unexpected .* did you mean 'rtol'",
+        ),
     ],
 )
 def test_wrong_arguments_are_named(change, message):
