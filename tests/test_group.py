@@ -20,6 +20,7 @@ import yaml
 from hopdata.__main__ import main
 from hopdata.errors import ConfigError
 from hopdata.group import put_together, read_group
+from hopdata.report.verdict import build_group_page
 
 ROOT = Path(__file__).parents[1]
 CONFIG = {
@@ -106,6 +107,18 @@ def test_those_without_an_answer_are_listed_and_not_counted():
     assert found["effect"]["combined"]["n"] == 5
     assert found["conclusion"] == "different"
     assert len(found["members"]) == 6
+
+
+def test_the_page_says_how_many_landings_a_subject_lacks():
+    sizes = {"estimate": 0.1, "low": 0.0, "high": 0.4, "conclusion": "cannot tell", "landings": 300}
+    sizes["name"] = "a"
+    rows = [row("a", 0.1) | sizes | {"name": "a", "landings_needed": 1234}]
+    rows += [
+        row("b", 0.1) | sizes | {"name": "b", "landings_needed": needed} for needed in (None, 9)
+    ]
+    page = build_group_page(put_together(rows, GROUP), [])
+    assert page.count('<td class="number">300 of 1') == 1
+    assert page.count('<td class="number">300</td>') == 2
 
 
 @pytest.mark.parametrize("rows", [[], [row("a", 0.1), row("b", 0.1)]])

@@ -136,6 +136,7 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
         study.report(folder / "report.html", drawn=drawn)
         checks = study.quality.to_dict("records")
         row |= {"conclusion": verdict.conclusion, "landings": verdict.n_landings}
+        row["landings_needed"] = verdict.landings_needed
         row["quality"] = [[check["what"], check["status"]] for check in checks]
     except (OSError, MemoryError):
         raise

@@ -127,8 +127,10 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     checks = row.get("quality", [])
     statuses = Counter(status for _, status in checks)
     poor = [what for what, status in checks if status == "poor"]
+    needed = row.get("landings_needed") or 0
     return {
         **row,
+        "needed": show.count(needed) if needed > row.get("landings", 0) else "",
         "size": None if row["reason"] else _percent(row["estimate"]),
         "ends": "" if row["reason"] else f"{_percent(row['low'])} to {_percent(row['high'])}",
         "checks": ", ".join(
