@@ -131,11 +131,10 @@ def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
         if axes.count("x") < 2 or not {*axes[start:]} <= {*AXES, *SCORES, ""}:
             continue
         for above in reversed(rows[:at]):
-            padded = [_at(above, k) for k in range(len(axes))]
-            names = padded[start:]
+            names = [_at(above, k) for k in range(start, len(axes))]
             names = [name or next(filter(None, names[k::-1]), "") for k, name in enumerate(names)]
             if len({*names}) == axes.count("x"):
-                columns: Columns = [(padded[k] or row[k],) for k in range(start)]
+                columns: Columns = [(_at(above, k) or row[k],) for k in range(start)]
                 columns += [("", *both) for both in zip(names, axes[start:], strict=True)]
                 index = rows[at + 1] if at + 1 < len(rows) else ["0"]
                 if any(index[start:]) or text.is_number(index[0]):
