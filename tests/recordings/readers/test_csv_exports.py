@@ -229,6 +229,18 @@ def test_names_may_stand_once_above_their_axes_after_frame_and_time(tmp_path):
     np.testing.assert_allclose(found.time, np.delete(np.arange(30) / 50, 10), atol=1e-12)
 
 
+def test_an_empty_line_below_the_axes_moves_no_column(tmp_path):
+    rows = np.column_stack([np.arange(30), np.arange(30) / 50, track().reshape(30, -1)])
+    text = pd.DataFrame(rows).to_csv(index=False, header=False)
+    head = "Frame,Time," + ",,,".join(NAMES) + ",,\n" + ",," + ",".join("XYZ" * 3) + "\n"
+    for line in ("\n", "," * 10 + "\n", "frame" + "," * 10 + "\n"):
+        try:
+            found = read(tmp_path, head + line + text, rate_hz=50.0)
+        except RecordingError:
+            continue
+        np.testing.assert_array_equal(found.positions, track())
+
+
 def test_a_long_table_is_told_how_to_become_a_wide_one(tmp_path):
     frames, markers = np.repeat(np.arange(30), 3), np.tile(NAMES, 30)
     places = dict(zip("xyz", track().reshape(-1, 3).T, strict=True))

@@ -137,9 +137,9 @@ def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
                 columns: Columns = [(_at(above, k) or row[k],) for k in range(start)]
                 columns += [("", *both) for both in zip(names, axes[start:], strict=True)]
                 index = rows[at + 1] if at + 1 < len(rows) else ["0"]
-                if any(index[start:]) or text.is_number(index[0]):
+                if any(index[start:]) or not index[0] or text.is_number(index[0]):
                     return at, columns
-                return at + 1, [(cell,) for cell in index[:start]] + columns[start:]
+                return at + 1, [(_at(index, k),) for k in range(start)] + columns[start:]
     return None
 
 
