@@ -28,7 +28,7 @@ WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
 KINDS = {
     "frozen": "frozen marker", "dropped": "dropout", "rate": "wrong frame rate",
     "irregular": "irregular time stamp", "backward": "backward time stamp",
-    "jitter": "clock that jitters", "copy": "copied stretch",
+    "jitter": "clock that jitters", "copy": "copied part",
 }  # fmt: skip
 LONG_UNSEEN = 0.2  # of the frames
 HEIGHTS, PARTLY, UNSEEN = "▁▂▃▄▅▆▇█", "▒", "·"
