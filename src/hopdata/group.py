@@ -160,7 +160,7 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
         ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason in the
         sentence), ``conditions`` (rows of `compare_conditions`) and ``members``.
     """
-    from hopdata.maps.verdict.group import compare_conditions, judge_group
+    from hopdata.maps.verdict.group import compare_conditions, judge_group, told_apart
 
     answered = pd.DataFrame([row for row in rows if not row["reason"]])
     found: dict[str, Any] = {"study": group["study"], "margin": group["verdict"]["margin"]}
@@ -172,6 +172,7 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     except AnalysisError as error:
         return {"conclusion": "cannot tell", "sentence": f"{error}.", "effect": None, **found}
     sure = group["verdict"]["confidence"]
-    found["conditions"] = compare_conditions(answered, confidence=sure).to_dict("records")
-    told = {"conclusion": effect.conclusion, "sentence": effect.sentence}
-    return {**told, "effect": asdict(effect), **found}
+    conditions = compare_conditions(answered, confidence=sure)
+    found["conditions"] = conditions.to_dict("records")
+    said = effect.sentence + told_apart(conditions, confidence=sure)
+    return {"conclusion": effect.conclusion, "sentence": said, "effect": asdict(effect), **found}

@@ -67,8 +67,8 @@ CONDITIONS: show.Columns = {
     "difference of squares (%²)": show.decimals("difference", 1, 1e4),
     "from (%²)": show.decimals("low", 1, 1e4),
     "to (%²)": show.decimals("high", 1, 1e4),
-    "p": show.decimals("p_value", 3),
-    "p after Holm": show.decimals("p_holm", 3),
+    "p": lambda row: show.significant(row["p_value"], 2),
+    "p after Holm": lambda row: show.significant(row["p_holm"], 2),
 }
 
 

@@ -1,11 +1,13 @@
 """The random-effects model of squared sizes, on made-up verdicts whose truth is known."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.verdict.group import combine, compare_conditions, judge_group
+from hopdata.maps.verdict.group import combine, compare_conditions, judge_group, told_apart
 from hopdata.maps.verdict.model import LEFT
 
 NOISE, ALONG = 0.15, 0.1
@@ -90,8 +92,11 @@ def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
     found = compare_conditions(pd.concat(rows)).iloc[0]
     assert found["p_value"] < 0.05
     assert found["low"] < 0 < found["high"]
+    assert not told_apart(compare_conditions(pd.concat(rows)))
     rows[1] = studies(np.full(30, 0.5), 2, "b")
-    assert compare_conditions(pd.concat(rows)).iloc[0]["high"] < 0
+    apart = compare_conditions(pd.concat(rows))
+    assert apart.iloc[0]["high"] < 0
+    assert re.fullmatch(r" Conditions differ: a \(\d+ %\) and b \(\d+ %\)\.", told_apart(apart))
 
 
 def test_conditions_that_few_subjects_share_are_not_compared():

@@ -20,7 +20,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, sentence
+from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, percent, sentence
 from hopdata.maps.verdict.model import one_landing, upper_ends
 
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
@@ -187,3 +187,13 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
     table = pd.DataFrame(rows, columns=[*names, "p_value"])
     holm = multipletests(table["p_value"], method="holm")[1] if rows else []
     return table.assign(p_holm=holm)
+
+
+def told_apart(conditions: pd.DataFrame, *, confidence: float = 0.95) -> str:
+    """Say which conditions of `compare_conditions` differ, with their sizes; empty if none do."""
+    sure = (conditions["low"] * conditions["high"] > 0) & (conditions["p_holm"] < 1 - confidence)
+    pairs = [
+        f"{row.condition_a} ({percent(row.size_a)}) and {row.condition_b} ({percent(row.size_b)})"
+        for row in conditions[sure].itertuples()
+    ]
+    return f" Conditions differ: {'; '.join(pairs)}." if pairs else ""

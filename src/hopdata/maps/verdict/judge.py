@@ -98,7 +98,7 @@ def sentence(
 ) -> str:
     """Say a conclusion in one sentence; `sizes` are estimate, low, high and upper bound."""
     require_choice("conclusion", conclusion, CONCLUSIONS)
-    size, low, high, bound, wanted = map(_percent, [*sizes, margin])
+    size, low, high, bound, wanted = map(percent, [*sizes, margin])
     sure, more = f"{100 * confidence:g} %", "just over " * (bound == wanted)
     if conclusion == DIFFERENT:
         interval = f"({sure} interval {low} to {high})"
@@ -119,13 +119,13 @@ def outlook(effect: EffectSize, needed: int | None, power: float) -> str:
     seen = (
         "Nothing could have been seen here: a difference would have to be larger than the map"
         if effect.detectable > 1.0
-        else f"A difference that shows as {_percent(effect.detectable)} would be found in "
+        else f"A difference that shows as {percent(effect.detectable)} would be found in "
         f"{100 * power:g} % of such studies"
     )
     if needed is None:
-        return f"{seen}; {_percent(ASKED)} cannot be seen with any number of landings."
+        return f"{seen}; {percent(ASKED)} cannot be seen with any number of landings."
     number = f"{int(float(f'{needed:.1e}')):,}"
-    return f"{seen}; to see {_percent(ASKED)} you would need about {number} landings."
+    return f"{seen}; to see {percent(ASKED)} you would need about {number} landings."
 
 
 @told_call
@@ -213,10 +213,10 @@ def _left_out(known: BoolArray) -> Notes:
 
 
 def _far_apart(allowed: float) -> Notes:
-    reason = f"a C1 map may look different by up to {_percent(allowed)}: no less is evidence"
+    reason = f"a C1 map may look different by up to {percent(allowed)}: no less is evidence"
     return [{"what": "contacts far apart", "reason": reason}] if allowed > LEFT else []
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
     """Write a share in per cent, to two digits."""
     return f"{float(f'{100 * share:.2g}'):g} %"
