@@ -201,6 +201,8 @@ class Recording(Shown):
     @property
     def place(self) -> str:
         """Where it comes from, as a message names it."""
+        if more := self.source_sha256.count(","):
+            return f"{self.source.partition(', ')[0]} and {more} more"
         return self.source or f"recording '{self.name}'"
 
     def part(self, frames: slice) -> Recording:

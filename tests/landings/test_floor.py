@@ -380,6 +380,24 @@ def test_feet_that_roll_alike_are_no_floor_that_moves(bent):
     assert moving(replace(bent, positions=rolled)) == ""
 
 
+def test_feet_that_are_held_and_let_go_are_no_floor_that_moves():
+    rng = np.random.default_rng(np.random.SeedSequence(8))
+    second, height = np.linspace(0.0, 1.0, 100, endpoint=False), [np.zeros(100)]
+    for held_m in rng.uniform(0.06, 0.14, 30):  # lifted slowly, held, let go, and stands
+        fall = held_m - 0.5 * 9.81 * second**2
+        height += [held_m * second, np.full(100, held_m), np.maximum(fall, 0.0)]
+    z = np.concatenate(height)
+    positions = rng.normal(scale=5e-4, size=(len(z), 6, 3)) + z[:, None, None] * [0.0, 0.0, 1.0]
+    positions += [*([0.3 * k, 0.2 * k**2, 0.0] for k in range(3)), *([[0.1, 0.1, 0.4]] * 3)]
+    names = ["a", "b", "c", "d", "e", "f"]
+    time = 0.01 * np.arange(len(z))
+    held = Recording.from_arrays(time, positions, names, feet=names[:3], body=names[3:])
+    rest = rest_points(held)
+    assert rest.let_go.any()
+    assert (rest.above_mode[rest.let_go] > 0.01).all()
+    assert moving(held) == ""
+
+
 @pytest.mark.parametrize("kind", ["series", "series, soft 8 ms"])
 def test_soles_that_give_are_no_floor_that_moves(kind):
     assert "moves" not in floor_of_jumps(kind, 3, 200.0, jumps=11).note

@@ -101,12 +101,12 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
     """Say in a line what looks wrong with the study's markers, and ask for a rate not given."""
     from hopdata.recordings.quality.inspection import inspect
 
-    with terminal.progress_line(f"looking for faults in {recording.source}"):
+    with terminal.progress_line(f"looking for faults in {recording.place}"):
         found = inspect(recording)
-    told = f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"
+    told = f"{recording.place}: {terminal.answer(found)} 'hopdata inspect' lists them"
     asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)
     faulty = bool(found.faults.count or len(found.timing.irregular))
-    return [f"{recording.source}: {one}" for one in asked] + [told] * faulty
+    return [f"{recording.place}: {one}" for one in asked] + [told] * faulty
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
@@ -117,7 +117,7 @@ def _summary(recording: Recording, config: dict[str, Any]) -> str:
     seen = fraction_seen(recording)
     worst = int(seen.argmin())
     return "\n".join([
-        f"{recording.name}: {recording.source}",
+        f"{recording.name}: {recording.place}",
         f"  frames  {len(recording.time)} at {recording.rate_hz:g} Hz, {duration:.1f} s",
         *(f"  {key:6}  {', '.join(names)}" for key, names in config["markers"].items() if names),
         f"  height  body {body_over_feet(recording)[2]:.3f} m above the feet (median)",

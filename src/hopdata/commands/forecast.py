@@ -33,6 +33,7 @@ LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a cha
 LEFT_BY_BEST = 0.5  # of the landings: a section that holds no more at any height cannot be mended
 MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
 MOST_UNSURE = 0.5  # of the orders, beyond which they tell little
+FEW_LANDINGS = 10  # in a recording, from which contacts are learned less well
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
 BOUND_SHARE = 0.75
 #: What to change where a reason costs landings.
@@ -231,6 +232,12 @@ def _changes(
         if share < forecast.unsure / 2:
             left = f"of the others' orders {100 * share:.0f} % are unsure"
             changes.append(f"take {foot} off markers.feet: {left}")
+    few = forecast.landings < FEW_LANDINGS * len(recordings)
+    if forecast.unsure > MOST_UNSURE and few and len(recordings) > 1:
+        changes.append(
+            "give the files of one day as one recording (file: a list, in the order of time): of a "
+            "few landings contacts are less sure"
+        )
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
     known = forecast.used, forecast.detectable or 0.0, forecast.allowed, margin, len(feet)

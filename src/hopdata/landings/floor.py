@@ -239,7 +239,7 @@ def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray
     5 mm of each other, or the feet do not agree.
     """
     still, n_feet = (np.zeros(1), np.zeros(1)), len(rest.start_m)
-    rest = rest.take(np.abs(rest.above_mode) <= _FOLLOWED_M * rest.scale)
+    rest = rest.take((np.abs(rest.above_mode) <= _FOLLOWED_M * rest.scale) & ~rest.let_go)
     steps = _settled(rest) if len(rest.foot) else rest
     if n_feet < 2 or min(len(steps.foot), rest.n_steps) < _LEAST_RESTS * n_feet:
         return still

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -22,6 +22,7 @@ BIWEIGHT = 4.685  # deviations at which Tukey's weight, 95 % efficient, ends
 REST_SPEED_M_S, REST_WINDOW_S, REST_BAND_M = 0.05, 0.04, 0.02
 _PAUSE_S = 0.1
 _LEVEL_M = 0.06  # heights of a foot at rest on one floor, uneven as it may be
+_LET_GO_S, _LET_GO_M = 0.15, 0.02  # whatever sinks so fast by so much at the end of a rest fell
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class RestPoints:
         When, s.
     start_m : (n,) array
         The ground mode of each foot's resting heights, m; NaN for a foot that never rests.
+    let_go : (P,) bool array
+        Whether the foot fell when its rest was over: it was held, or stood on something.
     scale : float
         That of the recording.
     """
@@ -46,6 +49,7 @@ class RestPoints:
     foot: NDArray[np.int8]
     time: FloatArray
     start_m: FloatArray
+    let_go: NDArray[np.bool_]
     scale: float = 1.0
 
     @property
@@ -62,7 +66,8 @@ class RestPoints:
 
     def take(self, keep: NDArray[Any] | slice) -> RestPoints:
         """Return the points that `keep` selects."""
-        return replace(self, points=self.points[keep], foot=self.foot[keep], time=self.time[keep])
+        per_point = ("points", "foot", "time", "let_go")
+        return replace(self, **{name: getattr(self, name)[keep] for name in per_point})
 
 
 def rest_points(
@@ -91,7 +96,7 @@ def rest_points(
     speed_m_s = speed_m_s or REST_SPEED_M_S * recording.pace
     lag = max(1, round(0.5 * (window_s or REST_WINDOW_S * recording.pace) * recording.rate_hz))
     n_feet = recording.feet.shape[1]
-    frames, start = [], np.full(n_feet, np.nan)
+    frames, let_go, start = [], [np.empty(0, dtype=bool)], np.full(n_feet, np.nan)
     for foot in range(n_feet):
         height = recording.feet[:, foot, 2]
         speed = np.abs(vertical_speed(recording.time, height, lag=lag))
@@ -105,10 +110,22 @@ def rest_points(
             start[foot] = _ground_of(recording.time[slow], height[slow], recording.scale)
         else:
             frames[foot] = slow[:0]
+        let_go.append(_let_go(recording, height, frames[foot]))
     foot_of = np.repeat(np.arange(n_feet, dtype=np.int8), [len(f) for f in frames])
     frame_of = np.concatenate([np.empty(0, dtype=np.int64), *frames])
     points = recording.feet[frame_of, foot_of]
-    return RestPoints(points, foot_of, recording.time[frame_of], start, recording.scale)
+    own = (points, foot_of, recording.time[frame_of], start, np.concatenate(let_go))
+    return RestPoints(*own, recording.scale)
+
+
+def _let_go(recording: Recording, height: FloatArray, slow: IntArray) -> NDArray[np.bool_]:
+    """Tell of the frames in which a foot is slow, (K,), whether it falls when that rest is over."""
+    long = np.diff(recording.time[slow], append=np.inf) > _PAUSE_S * recording.pace
+    ends = slow[long]
+    ahead = np.arange(1 + round(_LET_GO_S * recording.pace * recording.rate_hz))
+    after = height[np.minimum(ends[:, None] + ahead, len(height) - 1)]
+    fell = np.fmin.reduce(after, axis=1) < height[ends] - _LET_GO_M * recording.scale
+    return np.asarray(np.repeat(fell, np.diff(np.flatnonzero(long), prepend=-1)))
 
 
 def _ground_of(time: FloatArray, heights: FloatArray, scale: float) -> float:

@@ -88,9 +88,10 @@ def _starts(
             moved.append(path.name)
     if not moved:
         return starts, ()
+    which = ", ".join(moved) if len(moved) < 4 else f"{len(moved)} of them"
     return starts, (
-        f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {', '.join(moved)} "
-        f"began: put {reading.PAUSE_S:g} s after the file before",
+        f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {which} began: put "
+        f"{reading.PAUSE_S:g} s after the file before",
     )
 
 

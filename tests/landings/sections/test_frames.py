@@ -46,6 +46,13 @@ def test_a_long_gap_may_hide_turns():
     assert descents(wave, longest=10) == [(0, 50), (100, 134), (300, 329)]
 
 
+def test_a_pause_is_no_descent():
+    wave = np.cos(2 * np.pi * np.arange(0, 2.0, 0.01))
+    time = 0.01 * np.arange(200) + np.where(np.arange(200) < 110, 0.0, 1.0)
+    assert descents(wave, time) == [(0, 50), (100, 150)]
+    assert descents(wave, time, longest=0.1) == [(0, 50), (110, 150)]
+
+
 @pytest.mark.parametrize("body", [np.empty(0), np.full(9, np.nan), np.ones(9)])
 def test_nothing_descends_in_nothing(body):
     assert descents(body) == []

@@ -17,14 +17,17 @@ _SWING = 0.3  # least swing of a descent, as a share of the body's range from 2 
 #: A foot may touch so long before the pre section, s: the flight is continued to it.
 CONTINUED_S = 0.01
 HIDDEN_S = 0.1  # a longer gap of the body may hide a turn of it
+_NOTHING_S = 0.5  # without any frame: a pause, or another file
 
 
-def descents(body: FloatArray, *, longest: float = np.inf) -> list[tuple[int, int]]:
+def descents(
+    body: FloatArray, time: FloatArray | None = None, *, longest: float = np.inf
+) -> list[tuple[int, int]]:
     """Descents of the body as (frame of the apex, frame of the nadir after it).
 
     A turning point counts if the body moves away from it by 30 % of its usual range, so that
     neither noise nor a shudder makes one. The recording may begin and end in a descent, and so may
-    what is seen before and after a gap of more than `longest` frames.
+    what is seen before and after a gap of more than `longest`, s, or without `time`, frames.
     """
     seen = np.flatnonzero(np.isfinite(body))
     if len(seen) == 0:
@@ -34,7 +37,8 @@ def descents(body: FloatArray, *, longest: float = np.inf) -> list[tuple[int, in
     if swing <= 0:
         return []
     found: list[tuple[int, int]] = []
-    for part in np.split(seen, np.flatnonzero(np.diff(seen) > longest) + 1):
+    waits = np.diff(seen if time is None else time[seen])
+    for part in np.split(seen, np.flatnonzero(waits > longest * (1 + 1e-9)) + 1):
         apex: int | None = None
         turn, falling = int(part[0]), False  # the highest (lowest) frame since the last turn
         for frame, height in _one_by_one(part, body):
@@ -198,7 +202,8 @@ def find_hidden_landings(
     falls = np.flatnonzero(np.diff(state[decided]) < 0)
     found = time[np.column_stack([decided[falls], decided[falls + 1]])]
     gap = longest_gaps(time[~np.isnan(body)], found)
-    return found[(gap > longest_gap_s(time)) & ~_have_a_descent(found, spans)]
+    lost = longest_gaps(time, found) > _NOTHING_S  # it may have been moved meanwhile
+    return found[(gap > longest_gap_s(time)) & ~lost & ~_have_a_descent(found, spans)]
 
 
 def longest_gap_s(time: FloatArray, pace: float = 1.0) -> float:

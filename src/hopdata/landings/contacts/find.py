@@ -99,9 +99,8 @@ def find_landings(
     down_m, recording = down_height_m and down_height_m / pace**2, recording.of_1_m()
     time, heights, body = recording.time, recording.feet[:, :, 2], recording.body_height
     parts = joined.parts_of_feet(recording)
-    longest = descents.HIDDEN_S * recording.rate_hz
-    falls = np.array(descents.descents(body, longest=longest), dtype=np.int64)
-    spans = time[falls.reshape(-1, 2)]
+    falls = descents.descents(body, time, longest=descents.HIDDEN_S)
+    spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
     down_m = down_m or usual_down_height(recording, spans)
     hidden = descents.find_hidden_landings(time, heights, body, spans, down_height_m=down_m)
     spans = np.concatenate([spans, hidden])

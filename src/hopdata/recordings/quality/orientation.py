@@ -357,7 +357,7 @@ def guess_rate(raw: RawRecording, unit: str, *, up: str = "z", is_stated: bool =
     if pull > high:
         told = f"as stated, but with it the markers would be pulled down by {pull:.2g} g"
     (best, share), (_, next_share) = _falls_by_rate(raw, units)
-    if share < max(LEAST_SHARE, FREE_FALL_CLEARER * next_share):
+    if best == f"{own:g}" or share < max(LEAST_SHARE, FREE_FALL_CLEARER * next_share):
         best = f"{own / 2 if pull > high else 2 * own:g}"
     return Guess(f"{own:g}", told, False, best)
 
