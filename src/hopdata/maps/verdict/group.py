@@ -193,7 +193,7 @@ def told_apart(conditions: pd.DataFrame, *, confidence: float = 0.95) -> str:
     """Say which conditions of `compare_conditions` differ, with their sizes; empty if none do."""
     sure = (conditions["low"] * conditions["high"] > 0) & (conditions["p_holm"] < 1 - confidence)
     pairs = [
-        f"{row.condition_a} ({percent(row.size_a)}) and {row.condition_b} ({percent(row.size_b)})"
-        for row in conditions[sure].itertuples()
+        " and ".join(f"{row[f'condition_{one}']} ({percent(row[f'size_{one}'])})" for one in "ab")
+        for row in conditions[sure].to_dict("records")
     ]
     return f" Conditions differ: {'; '.join(pairs)}." if pairs else ""
