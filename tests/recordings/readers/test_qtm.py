@@ -10,7 +10,7 @@ from qtm_files import NAMES, columns, data_rows, qtm_text, standing, write
 
 from hopdata.errors import RecordingError
 from hopdata.recordings.readers.formats import read_raw
-from hopdata.recordings.readers.qtm import read_qtm_tsv
+from hopdata.recordings.readers.qtm import coordinate_stems, read_qtm_tsv
 from hopdata.recordings.readers.text import TEXT_TABLE_MISSING
 
 EVENTS = (("heel strike", 0.04), ("Ferse auf ü", 0.08))
@@ -570,3 +570,8 @@ def test_time_stamps_rounded_to_a_millisecond_go_back_to_the_grid(tmp_path):
     rows = ["\t".join([r[0], f"{i / 150:.3f}", *r[2:]]) for i, r in enumerate(rows)]
     raw = read(tmp_path, qtm_text(POSITIONS, rows=rows, frequency="150"))
     np.testing.assert_allclose(raw.time, np.arange(12) / 150, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["/", "a/", "b-", "to (e", "a_x", "L:toe"])
+def test_columns_as_qtm_names_them_keep_the_name(name):
+    assert coordinate_stems([f"{name} {axis}" for axis in "XYZ"]) == [name]

@@ -29,6 +29,7 @@ KEYS = (
 _DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
 _SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
 _IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
+_PLAIN = re.compile("(.*) ([xyz])", re.I)  # `toe X`, as QTM writes it, whatever the name ends with
 # `toe_x`, `toe (x)`, `toe.X [mm]`
 _AXIS = re.compile(
     r"(.*[^ ._:/\[(-]|)[ ._:/-]*[ ._:/\[(-]([xyz])[\])]?\.?([ _]?[\[( _](mm|cm|m|in)[\])]?)?", re.I
@@ -200,7 +201,7 @@ def counter(column: str) -> str:
 
 def coordinate(column: str) -> tuple[str, ...]:
     """Return nothing, marker and axis of a column's name where these are apart; else the name."""
-    found = _AXIS.fullmatch(column)
+    found = _PLAIN.fullmatch(column) or _AXIS.fullmatch(column)
     return ("", found[1].strip(), found[2].lower()) if found else (column,)
 
 
