@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from steered_hopper import as_landings, heights, steered, true_pairs
 
@@ -140,6 +140,7 @@ def test_holes_anywhere_invent_no_pair(seed, share):
         st.one_of(st.floats(0, 1), st.floats(allow_nan=True, allow_infinity=True)), max_size=60
     )
 )
+@example(height=[0.0] * 8 + [3.7541862203838216e154, 1.0, 0.0, 1.0])
 def test_whatever_comes_the_answer_is_consistent(height):
     z = np.array(height)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -180,7 +180,8 @@ def _flown(motion: Motion, to_m: float) -> Motion:
     time_s, height_m, speed = motion
     if height_m <= to_m:
         return motion
-    there = math.copysign(math.sqrt(speed**2 + 2 * GRAVITY_M_S2 * (height_m - to_m)), speed)
+    gained = math.sqrt(2 * GRAVITY_M_S2 * (height_m - to_m))
+    there = math.copysign(math.hypot(speed, gained), speed)
     return time_s + (speed - there) / GRAVITY_M_S2, to_m, there
 
 
