@@ -22,6 +22,7 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import landings_needed
+from hopdata.maps.verdict.judge import TWO_KINDS
 from hopdata.maps.verdict.model import LEFT
 from hopdata.recording import Recording, fraction_seen
 from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
@@ -61,6 +62,8 @@ class Forecast:
         Whether the study has too few touchdowns even to run to its end.
     best
         Share of the landings that the best height holds, of a section that loses many.
+    kinds
+        By what the landings are of two kinds; empty if they are of one.
     """
 
     touchdowns: pd.DataFrame
@@ -70,6 +73,7 @@ class Forecast:
     reason: str = ""
     stops: bool = False
     best: Mapping[str, float] = field(default_factory=dict)
+    kinds: str = ""
 
     @property
     def landings(self) -> int:
@@ -149,7 +153,8 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
         return some(touchdowns, reason=verdict.notes[-1]["reason"])
     allowed = verdict.effect.allowed
     seen = allowed + max(0.0, verdict.effect.detectable - allowed) * float(np.sqrt(share))
-    return some(touchdowns, detectable=seen, allowed=allowed)
+    kinds = "".join(note["reason"] for note in verdict.notes if note["what"] == TWO_KINDS)
+    return some(touchdowns, detectable=seen, allowed=allowed, kinds=kinds)
 
 
 def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording], float]:
@@ -178,6 +183,7 @@ def told(
         f"  landings  {about}{forecast.used} of {forecast.landings} will be used, "
         f"{100 * forecast.unsure:.0f} % of their orders unsure; contacts timed: {timed}",
         *([f"  left out  {'; '.join(out)}"] if out else []),
+        *([f"  note      {TWO_KINDS} {forecast.kinds}"] if forecast.kinds else []),
         f"  verdict   {_reach(forecast, config)}",
     ]
     return lines + [f"  change    {change}" for change in _changes(forecast, config, recordings)]

@@ -131,8 +131,7 @@ def study_name(text: str) -> str:
     Accents go, so that ``müde`` becomes ``mude``.
     """
     plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
-    name = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")
-    return name[:100] or "study"
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:100] or "study"
 
 
 def scalar(value: object) -> str:

@@ -70,8 +70,7 @@ def _run_again(options: argparse.Namespace) -> int:
 
     from hopdata import __version__
 
-    place = options.provenance
-    keys = ("config", "inputs", "versions")
+    place, keys = options.provenance, ("config", "inputs", "versions")
     config, inputs, versions = _values(place, "provenance.json", *keys)
     version = versions["hopdata"]
     if version != __version__:
@@ -100,8 +99,7 @@ def _run_again(options: argparse.Namespace) -> int:
 def _values(file: Path, name: str, *keys: str) -> list[Any]:
     """Return values of a JSON file that a study left."""
     try:
-        content = read_json(file)
-        return [content[key] for key in keys]
+        return list(map(read_json(file).__getitem__, keys))
     except OSError as error:
         raise ConfigError(f"{file}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):

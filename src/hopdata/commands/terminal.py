@@ -158,8 +158,7 @@ def _bar(gaps: MarkerGaps, level: FloatArray, n_columns: int) -> str:
 
 
 def _suspects(inspection: Inspection) -> list[str]:
-    found = inspection.suspects()
-    lines = [f"  {answer(inspection)}"]
+    found, lines = inspection.suspects(), [f"  {answer(inspection)}"]
     for suspect in found[:MOST_SUSPECTS]:
         where = f"frame {suspect.start + 1} ({suspect.time_s:.3f} s)"
         lines.append(f"    {suspect.kind:8} {where:24} {suspect.text}")

@@ -235,9 +235,8 @@ def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
     if isinstance(value, str) and "number" in schema.get("type", ()) and _POWER.fullmatch(value):
         value = float(value)  # YAML 1.1 takes 1e-3 for text, 1.0e-3 for a number
     is_whole = "integer" in schema.get("type", ()) and "number" not in schema.get("type", ())
-    if isinstance(value, float) and value.is_integer() and is_whole:
-        return int(value)  # the schema takes 1000.0 for a whole number, Python does not
-    return value
+    # The schema takes 1000.0 for a whole number, Python does not.
+    return int(value) if isinstance(value, float) and value.is_integer() and is_whole else value
 
 
 def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str]:

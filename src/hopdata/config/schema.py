@@ -168,8 +168,7 @@ def _row(key: str, schema: dict[str, Any], required: bool) -> str:
 
 
 def _is_section(schema: dict[str, Any]) -> bool:
-    entries = schema.get("items", {})
-    return schema.get("type") == "object" or entries.get("type") == "object"
+    return "object" in (schema.get("type"), schema.get("items", {}).get("type"))
 
 
 # What a user probably meant by a value that the schema rejects.
@@ -269,8 +268,8 @@ def describe(errors: Iterable[ValidationError], schema: dict[str, Any]) -> list[
     schema : dict
         The whole schema; an unknown key is looked for elsewhere in it.
     """
-    lines = [line for error in errors for line in _lines(error, schema)]
-    return list(dict.fromkeys(lines))  # 3.5 breaks both type and range of a whole number
+    # Each line once: 3.5 breaks both type and range of a whole number.
+    return list(dict.fromkeys(line for error in errors for line in _lines(error, schema)))
 
 
 def _lines(error: ValidationError, schema: dict[str, Any]) -> list[str]:

@@ -119,9 +119,7 @@ def _moving(above: Any, side: Any) -> dict[str, Any]:
 def _board_ends(stances: pd.DataFrame, width: float) -> Any:
     """Return direction and half width vector of the board, None without one."""
     way = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
-    if not np.isfinite(way).all():
-        return None
-    return way, np.array([-way[1], way[0]]) * width / 2
+    return (way, np.array([-way[1], way[0]]) * width / 2) if np.isfinite(way).all() else None
 
 
 def _move(moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFrame) -> None:

@@ -59,8 +59,7 @@ def name_rows(axes: Axes, labels: Sequence[str]) -> None:
 
 def interval(middle: float, low: float, high: float) -> list[list[float]] | None:
     """Return the error bar from `low` to `high`, none where they are not known."""
-    known = isfinite(low) and isfinite(high)
-    return [[middle - low], [high - middle]] if known else None
+    return [[middle - low], [high - middle]] if isfinite(low) and isfinite(high) else None
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any) -> None:

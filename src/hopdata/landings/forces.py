@@ -50,8 +50,7 @@ def force_onsets(
     """
     t, f = np.asarray(time, float), np.asarray(force, float)
     last = _last_unloaded(t, f, least_n, sure_n)
-    share = (least_n - f[last]) / (f[last + 1] - f[last])
-    return t[last] + share * (t[last + 1] - t[last])
+    return t[last] + (least_n - f[last]) / (f[last + 1] - f[last]) * (t[last + 1] - t[last])
 
 
 def _last_unloaded(t: FloatArray, f: FloatArray, least_n: float, sure_n: float) -> IntArray:
@@ -172,8 +171,7 @@ def example_landing(
     same = overlay[(overlay["index"] == row["index"]) & (overlay["status"] == MATCHED)]
     origin = float(same["external_s"].min())
     known = recording.names("foot")
-    told = f" {' '.join(same['feet'])} "
-    pieces = []
+    told, pieces = f" {' '.join(same['feet'])} ", []
 
     def add(kind: str, name: str, unit: str, time_s: Any, value: Any) -> None:
         columns = (recording.name, np.atleast_1d(time_s) - origin, kind, name, value, unit)

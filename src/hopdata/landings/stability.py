@@ -204,8 +204,7 @@ def _without_second(
     bad = recordings[number]
     time = bad.time[frame]
     unseen = np.abs(bad.time - time) <= HALF_A_SECOND
-    kept = bad.positions[unseen]
-    parts = list(recordings)
+    kept, parts = bad.positions[unseen], list(recordings)
     parts[number] = replace(bad)  # which keeps no heights of before
     of_which = f" of {bad.name}" if len(recordings) > 1 else ""
     bad.positions[unseen] = np.nan

@@ -111,9 +111,7 @@ def common_scale(values: Sequence[float | None]) -> tuple[float, str]:
 
 def words(items: Sequence[str]) -> str:
     """Join words as a sentence does: ``a``, ``a and b``, ``a, b and c``."""
-    if len(items) < 2:
-        return "".join(items)
-    return ", ".join(items[:-1]) + " and " + items[-1]
+    return " and ".join([part for part in (", ".join(items[:-1]), *items[-1:]) if part])
 
 
 # A table of the report: cells of text under a title.

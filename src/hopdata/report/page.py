@@ -164,8 +164,7 @@ def build_report(inputs: ReportInputs) -> str:
     ConfigError
         If a caption names a fact that does not exist.
     """
-    facts = study_facts(inputs)
-    all_seen = _all_seen(inputs)
+    facts, all_seen = study_facts(inputs), _all_seen(inputs)
     shown = [f for f in inputs.figures if not (all_seen and f.name == GAPS)]
     return rendered(
         "report.html.j2",

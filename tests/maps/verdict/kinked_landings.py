@@ -22,12 +22,21 @@ class Landings:
 
 
 def landings(
-    n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3, constant=None, cubic=0.0
+    n=900,
+    strength=0.0,
+    noise=0.02,
+    curvature=0.1,
+    seed=1,
+    feet=3,
+    constant=None,
+    cubic=0.0,
+    faster=0.0,
+    of_these=0.5,
 ):
     """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
 
     `cubic` those of the cube of how much later the first foot comes than the mean. The input of the
-    number `constant` does not vary.
+    number `constant` does not vary. A part `of_these` is `faster` by so many standard deviations.
     """
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(99)  # one map for all seeds
@@ -39,6 +48,7 @@ def landings(
     x = rng.standard_normal((n, 8))
     if constant is not None:
         x[:, constant] = 0.0
+    x[: int(of_these * n), 2:4] += faster / np.sqrt(2)
     instants = x @ onto
     y = x @ linear + np.einsum("ni,nj,ijk->nk", x, x, square)
     y += strength * kinks(instants / SPREAD_S) @ bends

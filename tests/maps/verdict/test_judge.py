@@ -11,7 +11,8 @@ from kinked_landings import landings
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
-from hopdata.maps.verdict.judge import CANNOT_TELL, conclude, outlook, sentence
+from hopdata.maps.verdict.inputs import two_kinds
+from hopdata.maps.verdict.judge import CANNOT_TELL, TWO_KINDS, conclude, outlook, sentence
 from hopdata.maps.verdict.model import LEFT
 
 OPTIONS = {"seed": 3, "flips": 199}
@@ -61,6 +62,21 @@ def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n)
     wider = farther.effect.upper_bound - far.effect.upper_bound
     assert wider > 0.4 * (allowed[1] - allowed[0])
     assert farther.landings_needed is None
+
+
+@pytest.mark.parametrize("of_these", [0.5, 0.2])
+def test_landings_of_two_speeds_are_told(of_these):
+    """They dilute a difference: it counts against all that varies, also from kind to kind."""
+    one, two = (verdict(landings(strength=0.3, faster=f, of_these=of_these)) for f in (0.0, 8.0))
+    assert one.notes == []
+    assert [(note["what"], note["reason"][:20]) for note in two.notes] == [
+        (TWO_KINDS, "by their velocity be")
+    ]
+    assert two.effect.estimate < 0.85 * one.effect.estimate
+    for seed in range(5):  # even values, and a few that lie far off, are of one kind
+        inputs = np.random.default_rng(seed).uniform(-1, 1, (300, 8))
+        inputs[:20, 4] += 30.0
+        assert two_kinds(inputs - inputs.mean(axis=0)) == ""
 
 
 def test_the_answer_follows_from_the_interval_alone():

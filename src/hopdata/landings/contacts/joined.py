@@ -102,5 +102,4 @@ def _earlier(
     mean = a * first + b * (1 - first) - density
     away_a, away_b = a - mean, b - mean  # second moments about the mean itself, to lose no digits
     square = (away_a**2 + sd_a**2) * first + (away_b**2 + sd_b**2) * (1 - first)
-    variance = square - (away_a + away_b) * density
-    return mean, np.sqrt(np.maximum(variance, 0.0))
+    return mean, np.sqrt(np.maximum(square - (away_a + away_b) * density, 0.0))

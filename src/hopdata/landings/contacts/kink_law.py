@@ -343,8 +343,8 @@ def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity:
             spread[foot] = False
     law = replace(law, noise_m=noise, creeps=True)
     softly, common = _with_softness(feet, best, law, alike=False)
-    error = np.where(spread, softly.unit_se, best.unit_se)  # that of a median has the spread
-    return replace(best, unit_se=error), common
+    # The error of a median has the spread.
+    return replace(best, unit_se=np.where(spread, softly.unit_se, best.unit_se)), common
 
 
 def _alone(feet: FootHeights, near: FloatArray, law: Law) -> KinkFits:

@@ -217,9 +217,7 @@ def _left_flank(values: FloatArray, place: float) -> float:
     """Robust deviation of what lies below `place`, taken as half of a normal, m."""
     least = max(_FINEST_M, 0.5 * _printed_step(values, place))
     below = values[: np.searchsorted(values, place)]
-    if below.size == 0:
-        return least
-    return max(float(place - np.median(below)) / NORMAL_MEDIAN, least)
+    return max(float(place - np.median(below)) / NORMAL_MEDIAN, least) if below.size else least
 
 
 def _printed_step(values: FloatArray, place: float) -> float:

@@ -25,6 +25,11 @@ LEAST_CLASS = 20
 POSITIONS = 5
 #: Share of the mean square of contact instants that the states before them have to foretell.
 LEAST_FORETOLD = 0.1
+#: What a landing starts from: columns of the inputs.
+STATES = {"tilt": slice(0, 2), "velocity": slice(2, 5), "spin": slice(5, 8)}
+#: Landings are of two kinds if two parts explain so much of how a state varies (of normal ones they
+#: explain 0.64, of even ones 0.75) and the smaller is at least such a share of all.
+_APART, _LEAST_PART = 0.8, 0.1
 _OUTLYING = 5.0
 _FLAT = 1e-9
 _SAME = 6  # decimals
@@ -93,6 +98,21 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
         raise AnalysisError("the states before the landing do not vary in all their coordinates")
     expected = expected_contacts(inputs, instants / spread)
     return SectionLandings(inputs - inputs.mean(axis=0), outputs - outputs.mean(axis=0), expected)
+
+
+def two_kinds(inputs: FloatArray) -> str:
+    """Name the state by which landings are of two kinds; empty if they are of one.
+
+    As of two speeds, or of drops from two heights. `inputs` (N, 8) have mean zero.
+    """
+    n = len(inputs)
+    first = np.arange(round(_LEAST_PART * n), n - round(_LEAST_PART * n) + 1)
+    for name, columns in STATES.items():
+        ways = np.linalg.svd(inputs[:, columns], full_matrices=False)[0]  # of sum 0, of squares 1
+        sums = np.cumsum(np.sort(ways, axis=0), axis=0)[first - 1]
+        if np.max(np.max(sums**2, axis=1) * n / (first * (n - first))) > _APART:
+            return name
+    return ""
 
 
 def least_landings(feet: int) -> int:

@@ -16,13 +16,14 @@ from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict.effect import EffectSize
-from hopdata.maps.verdict.inputs import section_landings
+from hopdata.maps.verdict.inputs import section_landings, two_kinds
 from hopdata.maps.verdict.model import LEFT, fit_kinks
 from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
 #: Difference of which every verdict says how many landings would show it.
 ASKED = 0.2
+TWO_KINDS = "landings are of two kinds"
 
 Notes = list[dict[str, str]]
 
@@ -201,7 +202,7 @@ def judge(
         n_window=len(fit.rows),
         effect=effect,
         landings_needed=needed,
-        notes=notes + _far_apart(effect.allowed),
+        notes=notes + _far_apart(effect.allowed) + _of_two_kinds(two_kinds(landings.inputs)),
         **asked,
     )
 
@@ -215,6 +216,14 @@ def _left_out(known: BoolArray) -> Notes:
 def _far_apart(allowed: float) -> Notes:
     reason = f"a C1 map may look different by up to {percent(allowed)}: no less is evidence"
     return [{"what": "contacts far apart", "reason": reason}] if allowed > LEFT else []
+
+
+def _of_two_kinds(state: str) -> Notes:
+    reason = (
+        f"by their {state} before, as of two speeds or heights: a size is a share of what both "
+    )
+    reason += "together vary, and may be larger within one of them: judge each alone, too"
+    return [{"what": TWO_KINDS, "reason": reason}] if state else []
 
 
 def percent(share: float) -> str:

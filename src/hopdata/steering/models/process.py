@@ -354,9 +354,7 @@ def _kernel(options: ProcessOptions, n_inputs: int) -> Any:
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
     def bounds(value: float | None, free: tuple[float, float]) -> Any:
-        if value is not None:
-            return "fixed"
-        return free if options.standardised else UNSCALED
+        return "fixed" if value is not None else free if options.standardised else UNSCALED
 
     length = options.length_scale or 1.0
     lengths = np.full(n_inputs, length) if options.own_scales else length
