@@ -80,6 +80,8 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, word
     ]
     assert seen == pytest.approx(100 * EFFECTS[conclusion][-1])
     assert axes.get_xlabel().startswith(ASKED)
+    told = any("counts as none" in text for text in texts(axes))
+    assert told == (conclusion != "different"), "an estimate below the margin may be a difference"
 
 
 def test_the_two_commonest_orders_are_drawn_with_their_maps():

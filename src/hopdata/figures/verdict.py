@@ -133,14 +133,15 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     if end > top:
         axes.plot(top, 1.2, ">", color=colour, markersize=9, clip_on=False)
     if low > 0:
-        found = 100.0 * effect["estimate"]
-        axes.plot(found, 1.2, "|", color="white", markersize=7, markeredgewidth=2)
+        axes.plot(100.0 * effect["estimate"], 1.2, "|", color="white", ms=7, mew=2)
     words = f"{sure} interval" if low > 0 else f"not excluded by this study\n(at {sure} confidence)"
     is_short = max(end, margin) < 0.4 * top  # there is no room above the bar
     place = (max(end, margin), -7) if is_short and low <= 0 else (low, 7)
     _write(axes, words, (place[0], 1.2), place[1], colour, top)
-    axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
-    _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.8), -3, style.INK, top)
+    if low <= 0:  # one that was found is none of those that count as none
+        axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        none = f"smaller than {margin:g} %\ncounts as none"
+        _write(axes, none, (margin, 1.8), -3, style.INK, top)
     words = "nothing could have been seen"
     if seen < top:
         words = f"from here on, {power} of\nsuch studies find a difference"
