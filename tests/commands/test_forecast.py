@@ -69,6 +69,11 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     unsure = forecast.Forecast(touchdowns.assign(**{"class": "ambiguous"}), 1.0, 0.1)
     assert unsure.vain == "100 % of its contact orders are unsure"
     assert forecast.Forecast(touchdowns, 1.0, 0.1).vain == ""
+    mixed = forecast.Forecast(touchdowns, 1.0, 0.1, kinds="by their velocity")
+    assert "  note      landings are of two kinds by their velocity" in forecast.told(
+        mixed, config, []
+    )
+    assert not any("two kinds" in line for line in lines)
     changes = starting([line.strip() for line in lines], "change")
     assert sum(one.startswith("vary how the body lands") for one in changes) == varies
 

@@ -35,8 +35,7 @@ def landings_scene(recordings: Sequence[Recording], touchdowns: pd.DataFrame | N
     if touchdowns is None or not recordings:
         return ""
     by_name = {recording.name: recording for recording in recordings}
-    used = touchdowns[~touchdowns["excluded"].astype(bool)]
-    parts = []
+    used, parts = touchdowns[~touchdowns["excluded"].astype(bool)], []
     for order in used["schedule"].value_counts().index[:MOST_ORDERS]:
         same = used[used["schedule"] == order].sort_values("spread_s", kind="stable")
         row = same.iloc[len(same) // 2].to_dict()
