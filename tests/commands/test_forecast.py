@@ -61,7 +61,7 @@ def test_few_landings_are_counted_and_more_are_asked_for(check):
 def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     columns = {"schedule": orders * 15, "class": orders * 15, "excluded": False, "reason": ""}
     touchdowns = pd.DataFrame(columns | {f"contact_{foot}_s": 0.0 for foot in "abc"})
-    markers, verdict = {"body": [], "feet": ["a", "b", "c"]}, {"margin": 0.2}
+    markers, verdict = {"body": [], "feet": ["a", "b", "c"]}, {"margin": 0.2, "power": 0.8}
     config = {"markers": markers, "verdict": verdict, "feet": [], "sections": {"frames": "all"}}
     found = forecast.Forecast(touchdowns, 1.0, reason="contact orders: expected 2, found 0")
     lines = forecast.told(found, config, [])
