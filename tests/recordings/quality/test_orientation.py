@@ -69,6 +69,7 @@ def test_without_free_fall_the_floor_tells_and_the_size():
     assert "rest" in up.reason
     assert found.value == "m"
     assert "the format's own unit" in found.reason
+    assert "nothing falls freely, as in a walk: at most " in guess_rate(raw(walking()), "m").reason
     found, up = guess_unit_and_up(raw(walking()[..., [1, 2, 0]] * 1000, "mm"))
     assert (found.value, up.value) == ("mm", "y")
 

@@ -353,7 +353,7 @@ def guess_rate(raw: RawRecording, unit: str, *, up: str = "z", is_stated: bool =
     falls_clearly = fall.share >= LEAST_SHARE and fall.share > SOME_CLEARER * fall.next_share
     if falls_clearly and fall.share > max(others) and low <= pull <= high:
         return Guess(f"{own:g}", "as stated, and with it the markers fall at 9.81 m/s²")
-    told = f"as stated, but nothing falls freely and {pull:.2g} g is the most that pulls down"
+    told = f"as stated, but nothing falls freely, as in a walk: at most {pull:.2g} g pull down"
     if pull > high:
         told = f"as stated, but with it the markers would be pulled down by {pull:.2g} g"
     (best, share), (_, next_share) = _falls_by_rate(raw, units)
