@@ -218,9 +218,8 @@ class Scene:
         return all(one.compiled for one in given if one is not None)
 
 
-def put_in(template: Any, *, inline: bool = False, **names: Any) -> Any:
+def put_in(template: Any, compiled: Any = code.kernel, **names: Any) -> Any:
     """Return a template with these names put in, to be called by other compiled code."""
-    compiled = code.kernel_in_loop if inline else code.kernel
     return compiled(with_digest(template, **names))
 
 
@@ -258,10 +257,10 @@ def _tangents(tableau: Tableau, scene: Scene, known: dict[str, Any]) -> dict[str
     """Return the parts of an explicit method that carry the flow's Jacobian."""
     n, stages, short = scene.n_states, len(tableau.weights), None
     if tableau.order <= tangent.HIGHEST_ORDER:
-        short = with_digest(tangent.short_tangent, N=n, **_tangent_names(scene, inline=True))
+        short = with_digest(tangent.short_tangent, N=n, **_tangent_names(scene, apart=False))
     of_stage = 0 if scene.jacobian else 4 * n
     return {
-        "tangent": tangent.tangent_template(tableau, known | _tangent_names(scene, inline=False)),
+        "tangent": tangent.tangent_template(tableau, known | _tangent_names(scene, apart=True)),
         "tangent_rows": 3 * n + PHI_ROWS + n * stages,
         "tangent_evaluations": of_stage * stages,
         "short_tangent": short,
@@ -269,20 +268,21 @@ def _tangents(tableau: Tableau, scene: Scene, known: dict[str, Any]) -> dict[str
     }
 
 
-def _tangent_names(scene: Scene, *, inline: bool) -> dict[str, Any]:
-    n = scene.n_states
+def _tangent_names(scene: Scene, *, apart: bool) -> dict[str, Any]:
+    """Return what tangents call; `apart`, in many stages: a copy in each takes long to compile."""
+    n, compiled = scene.n_states, code.kernel_apart if apart else code.kernel
     if scene.jacobian is not None:
         names = {"JACOBIAN": scene.jacobian.dispatcher, "N": n}
-        fill = put_in(tangent.jacobian_by_user, inline=inline, **names)
+        fill = put_in(tangent.jacobian_by_user, code.kernel if apart else code.kernel_in_loop, **names)
     else:
         names = {"FIELD": scene.field.dispatcher, "N": n}
-        fill = put_in(tangent.jacobian_by_differences, **names)
-    multiply = put_in(tangent.multiply, N=n)
+        fill = put_in(tangent.jacobian_by_differences, compiled, **names)
+    multiply = put_in(tangent.multiply, compiled, N=n)
     return {
         "STAGE_JACOBIAN": fill,
         "MULTIPLY": multiply,
         "ADD_PRODUCT": put_in(tangent.add_product, MULTIPLY=multiply, N=n),
-        "FASTEST_MOTION": put_in(taylor.fastest_motion, inline=True, N=n),
+        "FASTEST_MOTION": put_in(taylor.fastest_motion, code.kernel_in_loop, N=n),
     }
 
 
@@ -291,7 +291,7 @@ def taylor_method(scene: Scene) -> Method:
     assert scene.affine is not None
     n = scene.n_states
     names = {"AFFINE": scene.affine.dispatcher, "N": n}
-    fastest = put_in(taylor.fastest_motion, inline=True, N=n)
+    fastest = put_in(taylor.fastest_motion, code.kernel_in_loop, N=n)
     return Method(
         order=taylor.ORDER,
         step=taylor.step_function(n),
