@@ -273,7 +273,7 @@ def _tangent_names(scene: Scene, *, apart: bool) -> dict[str, Any]:
     n, compiled = scene.n_states, code.kernel_apart if apart else code.kernel
     if scene.jacobian is not None:
         names = {"JACOBIAN": scene.jacobian.dispatcher, "N": n}
-        fill = put_in(tangent.jacobian_by_user, code.kernel if apart else code.kernel_in_loop, **names)
+        fill = put_in(tangent.jacobian_by_user, compiled if apart else code.kernel_in_loop, **names)
     else:
         names = {"FIELD": scene.field.dispatcher, "N": n}
         fill = put_in(tangent.jacobian_by_differences, compiled, **names)
