@@ -266,6 +266,17 @@ def test_bias_and_scatter_of_a_normal_with_outliers():
     assert row["bias_low_s"] < 0.003 < row["bias_high_s"]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_clocks_that_run_apart_are_told_from_those_that_do_not(seed):
+    rng = np.random.default_rng(seed)
+    sound = rng.normal(0.003, 0.001, 120)
+    sound[rng.integers(0, 30, 4)] += 0.03  # a few that are wrong, early on
+    assert summarise_overlay(overlay(sound))["drift_s"][0] == 0.0
+    apart = sound - 50e-6 * np.arange(120)  # 50 ppm over 119 s
+    assert summarise_overlay(overlay(apart))["drift_s"][0] == pytest.approx(-0.006, abs=5e-4)
+    assert np.isnan(summarise_overlay(overlay(apart[:9]))["drift_s"][0])
+
+
 def test_the_interval_covers_the_median_as_often_as_it_says():
     rng = np.random.default_rng(5)
     draws = rng.exponential(1.0, (2000, 38))

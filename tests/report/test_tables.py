@@ -82,7 +82,7 @@ SUMMARY = pd.DataFrame(
         "recording": ["run"], "source": ["forces"], "column": ["Fz"], "feet": ["heel toe"],
         "first_feet": ["toe 39"], "n_external": [39], "n_matched": [38], "n_excluded": [1],
         "n_missed": [1], "n_invented": [0], "n_other_foot": [40], "n_not_compared": [2],
-        "bias_s": [-0.00331], "bias_low_s": [-0.004], "bias_high_s": [-0.002],
+        "bias_s": [-0.00331], "bias_low_s": [-0.004], "bias_high_s": [-0.002], "drift_s": [0.0],
         "robust_sd_s": [0.00099], "sd_s": [0.0016], "largest_s": [0.0068],
         "scatter_over_se": [1.25],
     }

@@ -184,9 +184,8 @@ def plan(options: argparse.Namespace) -> int:
     """Print a table of differences and the landings that show them; draw the curve if asked."""
     from hopdata.maps.verdict.effect import landings_needed
 
-    file = options.pilot
-    if file.suffix in (".yaml", ".yml"):
-        file = _verdict_of(file)
+    pilot = options.pilot
+    file = _verdict_of(pilot) if pilot.suffix in (".yaml", ".yml") else pilot
     keys = ("n_landings", "n_feet", "power", "effect")
     landings, feet, power, effect = _values(file, "verdict.json", *keys)
     if effect is None:

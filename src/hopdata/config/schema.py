@@ -90,10 +90,8 @@ def in_words(schema: dict[str, Any]) -> str:
     words = " or ".join(_TYPES[t] for t in types if t != "null")
     words += _items_in_words(schema)
     bounds = [text.format(f"{schema[key]:.12g}") for key, text in _BOUNDS.items() if key in schema]
-    if bounds:
-        words += " " + " and ".join(bounds)
-    if "x-pattern" in schema:
-        words += f" ({schema['x-pattern']})"
+    words += " " * bool(bounds) + " and ".join(bounds)
+    words += f" ({schema['x-pattern']})" if "x-pattern" in schema else ""
     return words + (", or null" if "null" in types else "")
 
 

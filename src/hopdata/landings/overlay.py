@@ -241,6 +241,7 @@ def _check_overlap(recording: Recording, external: ContactTimes) -> None:
 # How well found contacts agree with external ones: counts, bias, scatter, for each column.
 
 CONFIDENCE = 0.95
+LEAST_FOR_DRIFT, MOST_FOR_DRIFT, SURELY = 10, 1000, 0.999
 ALL = "all"
 
 
@@ -260,7 +261,9 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
         n_excluded (of them in excluded touchdowns), n_missed, n_invented, n_other_foot,
         n_not_compared; bias_s (median of the differences of matched contacts), bias_low_s and
         bias_high_s (95 % interval by order statistics), robust_sd_s (from the median absolute
-        deviation), sd_s, largest_s (largest distance from the bias), scatter_over_se (robust sd of
+        deviation), drift_s (change of the difference from the first contact to the last by its
+        median slope; 0 if chance may do as much, NaN for several recordings or fewer than ten
+        contacts), sd_s, largest_s (largest distance from the bias), scatter_over_se (robust sd of
         the distances from the bias in their standard errors: 1 if those are right).
     """
     keys = ["source", "column", "feet"]
@@ -302,11 +305,21 @@ def robust_sd(values: FloatArray) -> float:
     return float(median_abs_deviation(values, scale="normal")) if len(values) > 1 else float("nan")
 
 
+def _drift(time: FloatArray, difference: FloatArray) -> float:
+    """By how much differences change over the contacts, s: what clocks that run apart do."""
+    from scipy.stats import theilslopes
+
+    some = slice(None, None, 1 + len(time) // MOST_FOR_DRIFT)
+    slope, _, low, high = theilslopes(difference[some], time[some], SURELY)
+    return float(slope * np.ptp(time)) if low * high > 0 else 0.0
+
+
 def _measures(group: pd.DataFrame) -> dict[str, Any]:
     status = group["status"]
     matched = group[status == MATCHED]
     difference = matched["difference_s"].to_numpy(dtype=np.float64)
     n = len(difference)
+    clocks = n >= LEAST_FOR_DRIFT and group["recording"].nunique() == 1
     bias = float(np.median(difference)) if n else float("nan")
     low, high = median_interval(difference)
     first = matched["first_foot"].value_counts()
@@ -320,6 +333,7 @@ def _measures(group: pd.DataFrame) -> dict[str, Any]:
         "bias_s": bias,
         "bias_low_s": low,
         "bias_high_s": high,
+        "drift_s": _drift(matched["external_s"].to_numpy(), difference) if clocks else np.nan,
         "robust_sd_s": robust_sd(difference),
         "sd_s": float(np.std(difference, ddof=1)) if n > 1 else float("nan"),
         "largest_s": float(np.abs(difference - bias).max()) if n else float("nan"),

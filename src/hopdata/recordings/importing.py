@@ -190,9 +190,7 @@ def import_recording(
         stated.append(dict(zip(file.markers, file.roles, strict=False)))
         pieces.append(_chosen(p, file, markers))
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
-    raw = pieces[0]
-    if len(pieces) > 1:
-        raw = join(paths, speak_for_silent(sources, pieces, unit))
+    raw = join(paths, speak_for_silent(sources, pieces, unit)) if len(paths) > 1 else pieces[0]
     positions = raw.positions
     taken = choose_unit(positions, unit=unit, nominal=raw.unit)
     guessed = unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()

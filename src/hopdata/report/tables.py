@@ -290,6 +290,7 @@ AGREEMENT: show.Columns = {
     "not compared": show.counted("n_not_compared"),
     "bias (ms)": show.decimals("bias_s", 2, 1e3),
     "95 % interval (ms)": lambda row: f"{_ms(row['bias_low_s'])} to {_ms(row['bias_high_s'])}",
+    "clocks part by (ms)": show.decimals("drift_s", 1, 1e3),
     "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     "largest from bias (ms)": show.decimals("largest_s", 2, 1e3),
     "scatter / standard error": show.decimals("scatter_over_se", 2),
@@ -382,8 +383,7 @@ def quality_table(checks: Checks | None) -> show.Table | None:
 def _limits(check: Mapping[str, Any]) -> tuple[str, str]:
     good, poor = float(check["good"]), float(check["poor"])
     signs = ("≤", ">") if good <= poor else ("≥", "<")
-    unit = str(check["unit"])
-    none = good == 0.0 and signs[0] == "≤"  # nothing is less than none
+    unit, none = str(check["unit"]), good == 0.0 and signs[0] == "≤"  # nothing is less than none
     return (
         ("" if none else f"{signs[0]} ") + show.with_unit(f"{good:g}", unit),
         f"{signs[1]} {show.with_unit(f'{poor:g}', unit)}",

@@ -47,10 +47,8 @@ def savitzky_golay_velocity(
         Derivative in units of `values` per second; NaN where the window is not complete.
     """
     window = window or filter_window(rate_hz)
-    half = window // 2
-    weights = derivative_weights(window)
-    out = np.full(values.shape, np.nan)
-    inner = len(values) - 2 * half
+    half, weights = window // 2, derivative_weights(window)
+    out, inner = np.full(values.shape, np.nan), len(values) - 2 * half
     for each, into in zip(values.T, out.T, strict=True) if inner > 0 else ():
         into[half : half + inner] = sum(w * each[k : k + inner] for k, w in enumerate(weights))
     out *= rate_hz

@@ -92,8 +92,7 @@ def pool_frames(
     for h in heights:
         all_up = clear_of_ground(h.min_foot, threshold_m=min_foot_m, ground_m=ground_m)
         some_up = clear_of_ground(h.max_foot, threshold_m=max_foot_m, ground_m=ground_m)
-        all_down = h.seen & ~some_up
-        keep = h.seen
+        all_down, keep = h.seen & ~some_up, h.seen
         if landings_only:
             keep, landed = landing_frames(h.body, all_up, all_down)
             all_up, all_down = all_up & ~landed, all_down | landed
