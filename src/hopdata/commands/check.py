@@ -105,8 +105,8 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
         found = inspect(recording)
     told = f"{recording.place}: {terminal.answer(found)} 'hopdata inspect' lists them"
     asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)
-    faulty = bool(found.faults.count or len(found.timing.irregular))
-    return [f"{recording.place}: {one}" for one in asked] + [told] * faulty
+    faulty = bool(found.faults.count or len(found.timing.irregular) or found.lost)
+    return [f"{recording.place}: {one}" for one in asked + found.lost] + [told] * faulty
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:

@@ -27,6 +27,7 @@ OK, PROBLEM, INTERRUPTED = 0, 1, 130
 WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
 KINDS = {
     "frozen": "frozen marker", "dropped": "dropout", "rate": "wrong frame rate",
+    "filled": "filled gap",
     "irregular": "irregular time stamp", "backward": "backward time stamp",
     "jitter": "clock that jitters", "copy": "copied part",
 }  # fmt: skip
@@ -100,7 +101,7 @@ def notes(inspection: Inspection) -> list[str]:
         for gaps in inspection.gaps
         if LONG_UNSEEN < gaps.share < 1
     ]
-    return [*questions, *inspection.remarks, *inspection.treated, *lost]
+    return [*questions, *inspection.remarks, *inspection.treated, *inspection.lost, *lost]
 
 
 def question(key: str, guess: Guess) -> list[str]:

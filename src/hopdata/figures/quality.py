@@ -21,6 +21,7 @@ SIGNS = {
     "spike": (style.INK, "x", "spike"),
     "jump": (style.PURPLE, ">", "jump"),
     "frozen": (style.ORANGE, "s", "frozen"),
+    "filled": (style.ORANGE, "D", "filled"),
 }
 
 

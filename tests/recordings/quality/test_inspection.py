@@ -23,6 +23,7 @@ from hopdata.recordings.quality.inspection import (
     recording_tables,
 )
 from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.quality.stretches import lost_frames, straight_stretches
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
@@ -220,6 +221,62 @@ def test_dropped_frames_are_no_jumps():
     assert inspection.faults.count == 0
     assert inspection.timing.n_dropped == 10
     assert inspection.n_problems == 1
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_frames_that_no_time_stamp_misses_are_told_with_their_number(seed):
+    positions = hopping(20 + seed)[1]
+    after, lost = np.arange(104, 1900, 90), 1 + np.arange(20) % 4
+    gone = np.concatenate([np.arange(k + 1, k + 1 + n) for k, n in zip(after, lost, strict=True)])
+    after = after - np.cumsum(lost) + lost
+    less = np.delete(positions, gone, axis=0)
+    inspection = inspect_recording(
+        RawRecording(MARKERS, np.arange(len(less)) / 100, less, 100.0, "m")
+    )
+    found = dict(inspection.timing.drops.tolist())
+    assert set(found) <= set(after.tolist())
+    assert len(found) >= 10  # of 20: at the top of a hop nothing moves
+    off = np.array([found.get(k, n) - n for k, n in zip(after.tolist(), lost, strict=True)])
+    assert np.abs(off).max() <= 3
+    assert np.count_nonzero(off) <= 6
+    assert {one.kind for one in inspection.suspects()} == {"dropped"}
+    (told,) = inspection.lost
+    assert told.startswith(f"about {sum(found.values())} frames missing in {len(found)} places")
+    assert told in listing(inspection, "file").replace("\n" + " " * 10, "")
+
+
+@pytest.mark.parametrize("rate_hz", [30, 60])
+def test_contacts_seen_by_few_frames_are_no_lost_ones(rate_hz):
+    for seed in range(100, 110):
+        positions = hopping(seed, rate_hz=rate_hz, noise_m=1e-4)[1]
+        assert not len(lost_frames(positions)), seed
+
+
+@pytest.mark.parametrize("digits", [4, 6, None])
+def test_gaps_that_were_filled_with_straight_lines_are_told(digits):
+    for seed in range(5):
+        positions, markers, starts = hopping(seed)[1], [0, 1, 3, 5], range(100, 1900, 37)
+        for k, start in enumerate(starts):
+            a, b = start - 1, start + 6 + k % 9
+            ends = positions[[a, b], markers[k % 4]]
+            positions[a : b + 1, markers[k % 4]] = np.linspace(*ends, b - a + 1)
+        written = positions.astype(np.float32) if digits is None else np.round(positions, digits)
+        found = straight_stretches(written, MARKERS)
+        told = {(one.marker, one.start, one.stop) for one in found}
+        true = {(MARKERS[markers[k % 4]], s, s + 6 + k % 9) for k, s in enumerate(starts)}
+        assert told <= true
+        assert len(told) >= (30 if digits == 4 else 40), (seed, len(told))  # some hardly move
+        clean = hopping(seed)[1]
+        assert straight_stretches(np.round(clean, digits or 9), MARKERS) == ()
+
+
+def test_a_filled_gap_is_one_fault_of_its_own_kind():
+    positions = hopping(8)[1]
+    positions[704:716, 0] = np.linspace(positions[704, 0], positions[715, 0], 12)
+    raw = RawRecording(MARKERS, np.arange(2000) / 100, positions, 100.0, "m")
+    inspection = inspect_recording(raw)
+    assert [(s.kind, s.start, s.stop) for s in inspection.suspects()] == [("filled", 705, 715)]
+    assert "1 suspect: 1 filled gap." in listing(inspection, "file")
 
 
 def test_a_marker_never_seen_is_no_fault_but_a_gap():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,8 @@ class Suspect:
     Parameters
     ----------
     kind : str
-        ``swap, spike, jump, frozen, copy, dropped, irregular, jitter, backward`` or ``rate``.
+        ``swap, spike, jump, frozen, filled, copy, dropped, irregular, jitter, backward`` or
+        ``rate``.
     markers : tuple of str
         Those concerned; none for the time stamps.
     start, stop : int
@@ -133,6 +134,21 @@ class Inspection:
         """Number of faults, those of the time stamps included."""
         return sum(1 for _ in self._faults())
 
+    @property
+    def lost(self) -> list[str]:
+        """Say how many frames are missing that no time stamp tells of."""
+        lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
+        if not lost:
+            return []
+        return [
+            f"about {counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}, though "
+            "no time stamp tells: all markers jump there as far as they move in that time; contacts "
+            "beside them are wrong: export with times, or leave those landings out by exclude"
+        ]
+
+    def _is_silent(self, frame: int) -> bool:
+        return bool((self.time[frame + 1] - self.time[frame]) * self.timing.rate_hz < 1.5)
+
     def suspects(self) -> list[Suspect]:
         """List all faults, the earliest first."""
         found = [
@@ -158,8 +174,9 @@ class Inspection:
             text = f"{name} jumps by {1e3 * jump.size:.1f} mm"
             yield "jump", (name,), jump.start, jump.stop, text
         for one in self.faults.frozen:
-            text = f"{one.marker} repeats one position in {one.stop - one.start} frames"
-            yield "frozen", (one.marker,), one.start, one.stop, text
+            does = {"frozen": "repeats one position", "filled": "runs along a line, as filled gaps do,"}
+            text = f"{one.marker} {does[one.kind]} in {one.stop - one.start} frames"
+            yield one.kind, (one.marker,), one.start, one.stop, text
         for start, stop, first in self.faults.copies:
             text = f"frames {start + 1} to {stop} are copies of {first + 1} to"
             text += f" {first + stop - start}: cut them out"
@@ -171,7 +188,8 @@ class Inspection:
             text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
             yield "rate", (), 0, 1, text
         for k, n in timing.drops.tolist():
-            yield "dropped", (), k, k + 1, f"{counted(n, 'frame')} dropped after this one"
+            silent = ", about, and no time stamp tells" * self._is_silent(k)
+            yield "dropped", (), k, k + 1, f"{counted(n, 'frame')} dropped after this one{silent}"
         uneven = [(k, "irregular", "irregular step of the time stamps after this one")
                   for k in timing.irregular.tolist()]  # fmt: skip
         uneven += [(k, "backward", "the next time stamp is not later")
@@ -232,10 +250,17 @@ def inspect_recording(
     exchanged = swaps.find_swaps(positions, raw.markers, rate_hz=raw.rate_hz * scale**0.5, **known)
     steps = {(e.start, e.marker) for e in missed.steps}
     frozen = stretches.frozen_markers(raw.positions, raw.markers, steps)
+    frozen += stretches.straight_stretches(raw.positions, raw.markers)
     timing = stretches.check_stamps(raw.time)
     explained = swaps.explained_frames(exchanged, raw.markers, len(positions))
     copies = stretches.copied_frames(raw.positions)
     explained |= _told_elsewhere(explained.shape, timing, copies, frozen, raw.markers)
+    lost = stretches.lost_frames(positions)
+    lost = lost[~explained[lost[:, 0]].all(axis=1)]
+    for frame in lost[:, 0]:
+        explained[max(0, frame - STENCIL + 1) : frame + STENCIL + 1] = True
+    drops = np.concatenate([timing.drops, lost])
+    timing = replace(timing, drops=drops[np.argsort(drops[:, 0], kind="stable")])
     faults = Faults(
         swaps=exchanged,
         spikes=swaps.find_spikes(missed, explained=explained, heights=positions[:, :, 2]),
@@ -310,7 +335,7 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
     dict
         ``markers``, a row a marker: frames missing, longest gap, noise of a coordinate. ``gaps``,
         from the first missing frame to the next seen one. ``faults``, a row a fault and marker:
-        ``swap, spike, jump, frozen``, and without a marker those of the frames and stamps; a
+        ``swap, spike, jump, frozen, filled``, and without a marker those of the frames and stamps; a
         pause, in which nothing was recorded, is none. ``remarks``, as `hopdata check` notes them.
     """
     rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in COLUMNS}
@@ -328,7 +353,8 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
             if not (one.kind == "dropped" and pauses[one.start]):
                 told = (one.time_s, _time(recording, one.stop), one.text)
                 rows["faults"] += [(name, one.kind, m, *told) for m in one.markers or ("",)]
-        rows["remarks"] += [(name, note) for note in notes(recording)]
+        told = [f"{recording.place}: {one}" for one in found.lost]
+        rows["remarks"] += [(name, note) for note in [*notes(recording), *told]]
     return {k: pd.DataFrame(rows[k], columns=names.split()) for k, names in COLUMNS.items()}
 
 

@@ -29,11 +29,13 @@ def runs(holds: BoolArray) -> IntArray:
 
 LEAST_REPEATS = 3
 CHANCE = 1e-3  # of any false alarm in a recording
+LEAST_STRAIGHT = 5  # frames between those that were seen
+CURVED = 5.0  # roundings: what a marker moves in a frame, and where it turns off a straight line
 
 
 @dataclass(frozen=True)
 class Frozen:
-    """A stretch in which a marker repeats one position.
+    """A stretch in which a marker repeats one position, or runs along one straight line.
 
     Parameters
     ----------
@@ -41,11 +43,14 @@ class Frozen:
         Its name.
     start, stop : int
         First frame with the repeated position, and the frame after the last.
+    kind : str
+        ``frozen``, or ``filled``: along a line.
     """
 
     marker: str
     start: int
     stop: int
+    kind: str = "frozen"
 
 
 def frozen_markers(
@@ -73,6 +78,25 @@ def frozen_markers(
         for start, stop in stretches[np.diff(stretches)[:, 0] >= LEAST_REPEATS].tolist():
             if [start, stop] in long or (start, m) in steps or (stop + 1, m) in steps:
                 found.append(Frozen(name, start, stop + 1))
+    return tuple(found)
+
+
+def straight_stretches(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Frozen, ...]:
+    """Find stretches in which a marker moves along a straight line but for rounding: filled gaps.
+
+    Second differences are zero in all axes there, and are not before and after.
+    """
+    found = []
+    for name, track in zip(markers, np.moveaxis(positions, 1, 0), strict=True):
+        step, bend = (np.abs(np.diff(track, order, axis=0)) for order in (1, 2))
+        digit = np.min(step, initial=np.inf, where=step > 0)
+        rounding = 2 * digit + 4 * np.finfo(np.float32).eps * np.nanmax(np.abs(track), initial=0)
+        bends = quantiles(bend, [0.5])[0].max() > CURVED * rounding
+        for start, stop in runs((bend <= rounding).all(axis=1) & bends).tolist():
+            corners = bend[max(start - 1, 0) : stop + 1 : stop + 1 - start].max(axis=1)
+            way = np.abs(track[stop] - track[start]).max() / (stop - start)
+            if stop - start >= LEAST_STRAIGHT and min(way, *corners) > CURVED * rounding:
+                found.append(Frozen(name, start + 1, stop + 1, "filled"))
     return tuple(found)
 
 
@@ -391,3 +415,71 @@ def lasting(frames: FloatArray) -> BoolArray:
     """Tell which steps (K,) of a clock, in frames, no neighbour makes up for: frames were lost."""
     near = np.pad(np.where(frames > 0, frames, 1.0), 1, constant_values=1.0)
     return np.asarray(near[:-2] + near[1:-1] + near[2:] > 3.5)
+
+
+# Frames that are missing though no time stamp says so: all markers go on from n frames later.
+
+HALF = 5  # frames on either side through which a cubic is laid
+MOST_LOST = 10  # frames in a row
+MOST_MISFIT = 5.0  # of what is usual for a marker: beyond, something else happened to it
+FURTHER = 1.5  # times: where one frame is missing all move twice as far
+TELLING = 4.0  # log of how many times better all fit; contacts at 30 Hz reach 2.5
+
+
+def lost_frames(positions: FloatArray) -> IntArray:
+    """Find where markers (N, M, 3) fit better if the later frames come n frames later still.
+
+    Of each marker it counts by the logarithm how many times better, down to what is usual for it.
+    The marker that gains most is left out: it may have jumped alone.
+
+    Returns
+    -------
+    (K, 2) array
+        Frame (from 0) after which frames are missing, and how many.
+    """
+    none = np.zeros((0, 2), dtype=np.int64)
+    if len(positions) < 2 * HALF:
+        return none
+    tracks = [
+        np.lib.stride_tricks.sliding_window_view(track, 2 * HALF, axis=0)
+        for track in np.moveaxis(positions, 1, 0)
+    ]
+    usual = quantiles(np.column_stack([_misfit(track, 0) for track in tracks]), [0.5])[0]
+    tracks = [track for track, u in zip(tracks, usual, strict=True) if u > 0]
+    usual = usual[usual > 0]
+    if len(tracks) < 3:
+        return none
+
+    def misfits(at: IntArray, n_lost: int) -> FloatArray:
+        found = np.column_stack([_misfit(track[at], n_lost) for track in tracks])
+        return np.log(np.fmax(found / usual, 1.0))  # where not seen 0
+
+    at, highest = np.arange(len(tracks[0])), np.log(MOST_MISFIT)
+    as_is = misfits(at, 0)
+    odd = as_is.sum(axis=1) > TELLING
+    at, as_is = at[odd], as_is[odd]
+    gain = np.stack([misfits(at, n) for n in range(1, MOST_LOST + 1)])
+    gain = np.where(np.fmin(gain, as_is) < highest, as_is - gain, 0.0)
+    gain = gain.sum(axis=2) - gain.max(axis=2)
+    best, n_lost = gain.max(axis=0) * _steps_out(positions, at + HALF), 1 + gain.argmax(axis=0)
+    found: dict[int, int] = {}
+    for k in np.argsort(-best, kind="stable")[: np.count_nonzero(best > TELLING)]:
+        if all(abs(at[k] - other) >= HALF for other in found):
+            found[int(at[k])] = int(n_lost[k])
+    return np.array([(k + HALF - 1, n) for k, n in sorted(found.items())] or none, dtype=np.int64)
+
+
+def _steps_out(positions: FloatArray, frames: IntArray) -> BoolArray:
+    """Tell at which frames (K,) all markers move further than just before and after: no kink."""
+    ends = (-3, -1), (-1, 0), (0, 2)
+    ways = [positions[frames + b] - positions[frames + a] for a, b in ends]
+    before, step, after = (np.nansum(way**2, axis=(1, 2)) ** 0.5 for way in ways)
+    return np.asarray(step > FURTHER * np.maximum(before, after) / 2)
+
+
+def _misfit(windows: FloatArray, n_lost: int) -> FloatArray:
+    """Sum of squares (K,) that cubics leave of (K, 3, 2 HALF) positions, their later half late."""
+    frames = np.arange(2.0 * HALF) - HALF
+    frames[HALF:] += n_lost
+    rest = np.linalg.qr(np.vander(frames, 4), mode="complete")[0][:, 4:]
+    return np.asarray(np.square(windows @ rest).sum(axis=(1, 2)))
