@@ -1,9 +1,10 @@
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from hopdata.errors import RecordingError
-from hopdata.recording import require_distinct
+from hopdata.recording import Recording, require_distinct
 
 
 def source(name, *digests):
@@ -24,3 +25,14 @@ def test_different_files_and_those_without_a_file_are_distinct():
 def test_the_same_bytes_under_another_name_are_refused(recordings):
     with pytest.raises(RecordingError, match=r"b\.tsv: .* file 2 of recording 'b' .* count twice"):
         require_distinct(recordings)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 119.88, 120.0, 200.0, 240.0, 250.0, 1000 / 3])
+@pytest.mark.parametrize("written", [np.float32, np.float64, lambda t: np.round(t, 5)])
+def test_the_rate_of_arrays_is_that_of_stamps_that_were_not_rounded(rate_hz, written):
+    time = np.delete(np.arange(12_000) / rate_hz, [5000, 5001])
+    names = ["toe", "hip1", "hip2", "hip3"]
+    still = np.zeros((len(time), 4, 3))
+    made = Recording.from_arrays(written(time), still, names, feet=names[:1], body=names[1:])
+    assert made.rate_hz == pytest.approx(rate_hz, rel=1e-12 if rate_hz % 1 == 0 else 1e-6)
+    assert np.abs(made.time - time).max() < 2e-5

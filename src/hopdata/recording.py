@@ -142,7 +142,8 @@ class Recording(Shown):
         Parameters
         ----------
         time : (N,) array-like
-            Time of each frame, s, strictly increasing.
+            Time of each frame, s, strictly increasing; put back onto the even grid of which it is
+            rounded, as float32 and whole ms are.
         positions : (N, M, 3) array-like
             Marker positions, m, z up; NaN where a marker was not seen.
         markers : iterable of str
@@ -164,6 +165,8 @@ class Recording(Shown):
         >>> Recording.from_arrays(time, still, markers, feet=["toe"], body=markers[1:])
         <Recording 'recording': 4 markers, 5 frames at 100 Hz, 100 % seen>
         """
+        from hopdata.recordings.raw import rate_of, settle
+
         stamps, places = numbers("time", time), numbers("positions", positions)
         known, of_foot, of_body = (
             marker_names(*named) for named in (("markers", markers), ("feet", feet), ("body", body))
@@ -186,8 +189,12 @@ class Recording(Shown):
             for one in chosen:
                 require_choice(key, one, known)
         roles = ("body" if m in of_body else "foot" if m in of_foot else "other" for m in known)
-        rate_hz = 1.0 / float(np.median(np.diff(stamps)))
-        return cls(name, stamps, places, known, tuple(roles), rate_hz)
+        number = np.arange(1.0, len(stamps) + 1)
+        rate_hz = rate_of(stamps, number)
+        on_grid, remarks = settle("time", stamps, number, rate_hz)
+        if remarks or on_grid is stamps:  # the whole number does not explain them
+            on_grid, rate_hz = stamps, rate_of(stamps, number, whole=False)
+        return cls(name, on_grid, places, known, tuple(roles), rate_hz)
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""

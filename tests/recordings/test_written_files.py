@@ -302,3 +302,27 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path, write, changes, parts):
     for part in (str(tmp_path / "file"), "expected", "found", *parts):
         assert part in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("suffix", [".tsv", ".c3d", ".mat", ".trc", ".h5"])
+def test_what_programs_write_for_an_unseen_marker_is_so_in_every_format(tmp_path, suffix):
+    positions = standing()
+    positions[4, 3, 2] = 0.0
+    positions[6, 2] = -9999.0
+    positions[7, 2] = 9999.0
+    positions[8, 0, 1:] = 9999.0
+    path = tmp_path / f"file{suffix}"
+    writers = {
+        ".tsv": lambda: path.write_text(qtm_text(positions)),
+        ".c3d": lambda: write_c3d(path, replace(RAW, positions=positions)),
+        ".mat": lambda: write_mat5(path, qtm_struct(positions, NAMES)),
+        ".trc": lambda: path.write_text(trc_text(positions, NAMES)),
+        ".h5": lambda: write_recording(
+            path, Recording("one", RAW.time, positions, NAMES, ("other",) * len(NAMES), 100.0)
+        ),
+    }
+    writers[suffix]()
+    read = read_raw(path).positions
+    assert np.argwhere(np.isnan(read).all(axis=2)).tolist() == [[6, 2], [7, 2]]
+    assert np.isnan(read).sum() == 6
+    assert read[4, 3, 2] == 0

@@ -27,6 +27,7 @@ _SPELT = (
 )
 _BY_PROGRAM = re.compile(r"(.*:)?(\*\d+|unlabel+ed.*)", re.IGNORECASE)
 
+UNSEEN_FROM = 9999.0  # what programs write three times for a marker that was not seen, and more
 FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
 MOST_UNPACKED_MB = 2000.0  # as the default of input.most_unpacked_mb in the schema
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
@@ -249,6 +250,18 @@ def distinct_names(
     return tuple(distinct), tuple(remarks)
 
 
+def blank_unseen(positions: FloatArray) -> None:
+    """Set markers (in place) to NaN in the frames in which the file says they were not seen.
+
+    Those are frames in which a coordinate is missing, or all three are 0 or one number as large
+    as 9999 (-9999, 9999.99, 99999).
+    """
+    for track in np.moveaxis(positions, 1, 0):
+        x, y, z = track.T
+        filled = (x == y) & (y == z) & ((x == 0) | (np.abs(x) >= UNSEEN_FROM))
+        track[filled | np.isnan(x + y + z)] = np.nan
+
+
 def assembled(
     place: str,
     named: tuple[tuple[str, ...], tuple[str, ...]],
@@ -271,7 +284,7 @@ def assembled(
     named : tuple
         What `distinct_names` returned.
     positions : (N, M, 3) array
-        In the unit stated; multiplied in place.
+        In the unit stated; multiplied in place, once what says "unseen" is NaN (`blank_unseen`).
     number : (N,) array
         Number of each frame, from 1.
     stamps : (N,) array, optional
@@ -294,6 +307,7 @@ def assembled(
         If the unit is none, or no rate is known.
     """
     of_unit, factor = metric(*unit) if unit[1] else (USUAL_UNIT, 1.0)
+    blank_unseen(positions)
     positions *= factor
     stated, given = rates_hz
     if stated is None and stamps is not None:

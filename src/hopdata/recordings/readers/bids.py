@@ -69,7 +69,6 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     if missing is not None and text.is_number(str(missing)):
         numbers[numbers == float(missing)] = np.nan
     positions = numbers.reshape(len(numbers), -1, 3)
-    text.blank_unseen(positions)
     if np.isnan(stamps).any():
         row = int(np.argmax(np.isnan(stamps)))
         raise RecordingError.at(f"{path}, line {row + 1}: LATENCY", "a time", "none")

@@ -156,13 +156,10 @@ def _positions(header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice
     points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)[:, kept]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         positions = points[:, :, :3].astype(np.float64)
-        unseen = ~np.any(positions, axis=2)
         if not _all_invalid(numbers, header):
-            unseen |= ~(points[:, :, 3] >= 0)
+            positions[~(points[:, :, 3] >= 0)] = np.nan
     if header.scale > 0:
         positions *= header.scale
-    unseen |= np.isnan(positions).any(axis=2)
-    positions[unseen] = np.nan
     return positions
 
 

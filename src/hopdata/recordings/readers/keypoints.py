@@ -18,7 +18,6 @@ from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
 from hopdata.recordings.readers import hdf5, qtm
-from hopdata.recordings.readers.text import blank_unseen
 
 AXES = ("x", "y", "z")
 SCORES = ("likelihood", "score", "confidence", "visibility")
@@ -69,7 +68,6 @@ def keypoints(
     if twice := {n for n in names if names.count(n) > 1}:
         raise RecordingError.at(path, "names of columns that differ", f"'{min(twice)}' twice")
     positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
-    blank_unseen(positions)
     scored = [(m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at]
     remarks = []
     if scored:
@@ -105,6 +103,7 @@ def read_hdf5(
     own = hdf5.read_recording(path, most_unpacked_mb=most_unpacked_mb)
     if own.filled is not None:  # what was filled in was not seen
         own.positions[own.filled] = np.nan
+    raw.blank_unseen(own.positions)
     names, renamed = raw.distinct_names(str(path), own.markers)
     return raw.RawRecording(
         names,

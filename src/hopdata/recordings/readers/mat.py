@@ -24,7 +24,7 @@ from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.readers.hdf5 import SIGNATURE, checked_attribute, require_sound, whole_array
 from hopdata.recordings.readers.qtm import moment
-from hopdata.recordings.readers.text import blank_unseen, one_line
+from hopdata.recordings.readers.text import one_line
 
 Element = tuple[int, int, int]  # its type, and where its content starts and stops
 
@@ -221,8 +221,6 @@ def read_qtm_mat(
 ) -> raw.RawRecording:
     """Read the labelled trajectories of a MAT file that QTM exported.
 
-    A marker counts as unseen where a coordinate is NaN, or where all three are 0.
-
     Parameters
     ----------
     path : path
@@ -253,7 +251,6 @@ def read_qtm_mat(
         raise RecordingError.at(f"{inner}.Labels", f"{len(data)} as in Data", len(labels))
     positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
     _check_counts(export, labelled, positions, place)
-    blank_unseen(positions)
     start = _number(export, "StartFrame", place)
     return raw.assembled(
         f"{place}.FrameRate",

@@ -24,7 +24,6 @@ TEXT_TABLE_MISSING = (
     *("", "NULL", "Null", "null", "n/a", "N/A", "NA", "<NA>", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
-UNSEEN_FROM = 9999.0  # what programs write three times for a marker that was not seen, and more
 CUT = "; the file ends here, was it cut short? export it again, or delete the last line"
 HELD = "\x1f"  # in place of a mark that belongs to its field
 
@@ -232,9 +231,7 @@ class Rows:
     def markers(
         self, counters: Sequence[str], coordinates: Sequence[int]
     ) -> tuple[FloatArray, FloatArray]:
-        """Read what the first columns count, (N, C), and positions (N, M, 3), NaN where unseen.
-
-        A marker was not seen in frames in which a coordinate is missing, or all three are 0.
+        """Read what the first columns count, (N, C), and positions (N, M, 3), NaN where none is.
 
         Raises
         ------
@@ -248,9 +245,7 @@ class Rows:
             raise RecordingError.at(
                 f"{self.line(row)}: {counters[column]}", "a number", "a missing value"
             )
-        positions = flat.reshape(len(flat), -1, 3)
-        blank_unseen(positions)
-        return counted, positions
+        return counted, flat.reshape(len(flat), -1, 3)
 
     def texts(self, column: int) -> list[str]:
         """Read a column as it stands."""
@@ -339,18 +334,6 @@ class Rows:
                         f"{self.path}, line {number + k}, column {c + 1}: {fault}{cut}"
                     )
         raise RecordingError.at(self.path, f"rows of {self.width} numbers", cause)
-
-
-def blank_unseen(positions: FloatArray) -> None:
-    """Set markers (in place) to NaN in the frames in which the file says they were not seen.
-
-    Those are frames in which a coordinate is missing, or all three are 0 or one number as large
-    as 9999 (-9999, 9999.99, 99999).
-    """
-    for track in np.moveaxis(positions, 1, 0):
-        x, y, z = track.T
-        filled = (x == y) & (y == z) & ((x == 0) | (np.abs(x) >= UNSEEN_FROM))
-        track[filled | np.isnan(x + y + z)] = np.nan
 
 
 # Named columns of a text table, as other devices and programs export them.

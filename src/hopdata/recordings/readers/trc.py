@@ -20,8 +20,6 @@ _HEADER_LINES = 5  # file type, keys, values, marker names, axes; then perhaps a
 def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a TRC file.
 
-    A marker counts as unseen where a coordinate is missing, or where all three are 0.
-
     Parameters
     ----------
     path : path
