@@ -66,11 +66,9 @@ class _Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: object) -> None:
         choices = [str(choice) for choice in action.choices or ()]
         if choices and value not in (action.choices or ()):
-            raise argparse.ArgumentError(
-                action,
-                f"expected one of {', '.join(choices)}, found '{value}'"
-                f"{did_you_mean(str(value), choices)}",
-            )
+            near = did_you_mean(str(value), choices)
+            told = f"expected one of {', '.join(choices)}, found '{value}'{near}"
+            raise argparse.ArgumentError(action, told)
 
 
 def _parser() -> argparse.ArgumentParser:

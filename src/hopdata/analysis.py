@@ -97,10 +97,9 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, lis
     limits = {k: v for k, v in options.items() if k in ("rate_hz", "most_unpacked_mb")}
     raw = read_raw(file, **limits)
     if not all(markers.values()):
-        raise RecordingError(
-            f"feet, body: expected names of markers of {file} ({', '.join(raw.markers)}), found "
-            + " and ".join(f"{key}={names}" for key, names in markers.items())
-        )
+        given = " and ".join(f"{key}={names}" for key, names in markers.items())
+        wanted = f"names of markers of {file} ({', '.join(raw.markers)})"
+        raise RecordingError.at("feet, body", wanted, given)
     unit, up = options.get("unit", "auto"), options.get("vertical_axis")
     found, axis = guess_unit_and_up(raw, unit=None if unit == "auto" else unit, up=up)
     feet = [name for name in markers["feet"] if name in raw.markers]

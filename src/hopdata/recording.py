@@ -190,11 +190,11 @@ class Recording(Shown):
                 require_choice(key, one, known)
         roles = ("body" if m in of_body else "foot" if m in of_foot else "other" for m in known)
         number = np.arange(1.0, len(stamps) + 1)
-        rate_hz = rate_of(stamps, number)
-        on_grid, remarks = settle("time", stamps, number, rate_hz)
-        if remarks or on_grid is stamps:  # the whole number does not explain them
-            on_grid, rate_hz = stamps, rate_of(stamps, number, whole=False)
-        return cls(name, on_grid, places, known, tuple(roles), rate_hz)
+        whole, own = (rate_of(stamps, number, whole=w) or np.nan for w in (True, False))
+        grid, remarks = settle("time", stamps, number, whole)
+        fits = not remarks and grid is not stamps  # but for the rounding with which they are kept
+        kept = (grid, whole) if fits else (stamps, own)
+        return cls(name, kept[0], places, known, tuple(roles), kept[1])
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""

@@ -178,10 +178,9 @@ def _by_label(
     present = tuple(dict.fromkeys(labels.tolist()))
     for column in columns:
         if column.name not in present:
-            raise RecordingError(
-                f"{place}: label: expected '{column.name}' among {listed(present) or 'no events'}, "
-                f"found none{did_you_mean(column.name, present)}"
-            )
+            wanted = f"'{column.name}' among {listed(present) or 'no events'}"
+            near = did_you_mean(column.name, present)
+            raise RecordingError.at(f"{place}: label", wanted, f"none{near}")
     return {column.name: times[labels == column.name] for column in columns}
 
 
@@ -245,10 +244,8 @@ def _analog_signals(
     for column in columns:
         force, unit = analogs.channel(column.name)
         if unit in NEWTONS_PER_UNIT and unit != options["unit"]:
-            raise RecordingError(
-                f"{path}: channel '{column.name}': expected forces.unit: {unit} as the file "
-                f"states, found {options['unit']}"
-            )
+            wanted = f"forces.unit: {unit} as the file states"
+            raise RecordingError.at(f"{path}: channel '{column.name}'", wanted, options["unit"])
         time = analogs.time + options["offset_s"]
         signals.append(_signal(path, column, time, force, options))
     return signals
@@ -259,10 +256,8 @@ def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> Fl
     rate, name = options["rate_hz"], options["time_column"] or table.clock
     if name is None:
         if rate is None:
-            raise RecordingError(
-                f"{table.rows.path}: forces.rate_hz: expected the samples' rate or "
-                "forces.time_column, found neither"
-            )
+            wanted = "the samples' rate or forces.time_column"
+            raise RecordingError.at(f"{table.rows.path}: forces.rate_hz", wanted, "neither")
         return np.arange(n_samples) / float(rate)
     time = table.numbers(name)
     _check_times(f"{table.rows.path}, column '{name}'", time, rate, n_lines=table.rows.n_lines)
@@ -273,23 +268,17 @@ def _check_times(place: str, time: FloatArray, rate: float | None, *, n_lines: i
     steps = np.diff(time)
     if len(time) < 2 or not (steps > 0).all():
         bad = int(np.flatnonzero(~(steps > 0))[0]) if len(time) > 1 else 0
-        raise RecordingError(
-            f"{place}: expected times in s that increase from row to row, found otherwise "
-            f"at line {n_lines + bad + 2}"
-        )
+        wanted = "times in s that increase from row to row"
+        raise RecordingError.at(place, wanted, f"otherwise at line {n_lines + bad + 2}")
     found, hint = 1 / float(np.median(steps)), ""
     if found == 1:
         hint = "; a column that counts samples is no time: leave it out and give forces.rate_hz"
     if rate is not None and abs(found / rate - 1) > RATE_TOLERANCE:
-        raise RecordingError(
-            f"{place}: expected steps of {1 / rate:.6g} s as forces.rate_hz: {rate:g} says, "
-            f"found {1 / found:.6g} s ({found:.6g} Hz){hint}"
-        )
+        wanted = f"steps of {1 / rate:.6g} s as forces.rate_hz: {rate:g} says"
+        raise RecordingError.at(place, wanted, f"{1 / found:.6g} s ({found:.6g} Hz){hint}")
     if found < LEAST_RATE_HZ:
-        raise RecordingError(
-            f"{place}: expected at least {LEAST_RATE_HZ:g} samples a second, "
-            f"found {found:.6g}{hint}"
-        )
+        wanted = f"at least {LEAST_RATE_HZ:g} samples a second"
+        raise RecordingError.at(place, wanted, f"{found:.6g}{hint}")
 
 
 def _signal(

@@ -309,9 +309,9 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
         return None
     expected = (len(recording.time), len(stated["foot"]))
     if truth.foot_down.shape != expected:
-        raise RecordingError(
-            f"{path}: truth: expected {expected[0]} frames and {expected[1]} feet as in the "
-            f"recording, found {truth.foot_down.shape[0]} and {truth.foot_down.shape[1]}"
+        wanted = "{} frames and {} feet as in the recording".format(*expected)
+        raise RecordingError.at(
+            f"{path}: truth", wanted, "{} and {}".format(*truth.foot_down.shape)
         )
     order = [stated["foot"].index(name) for name in recording.names("foot")]
     return replace(truth, **{key: getattr(truth, key)[:, order] for key in PER_FOOT})

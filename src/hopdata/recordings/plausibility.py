@@ -10,7 +10,7 @@ from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
 from hopdata.recordings.quality.orientation import PLAUSIBLE_EXTENT_M, FreeFall, free_fall
 from hopdata.recordings.quality.rigid import frame_noise, pair_distances, treated
-from hopdata.recordings.quality.stretches import feet_as_one, high_feet, lasting
+from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet
 from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 
 MIN_BODY_MARKERS = 3
@@ -81,10 +81,9 @@ def check_time(recording: Recording) -> None:
     check_order(place, time)
     step = float(np.median(np.diff(time)))
     if abs(step * rate - 1) > STEP_TOLERANCE:
-        raise RecordingError(
-            f"{place}: time stamps: expected {1 / rate:.6g} s from frame to frame "
-            f"({rate:g} Hz), found {step:.6g} s ({1 / step:.6g} Hz)"
-        )
+        wanted = f"{1 / rate:.6g} s from frame to frame ({rate:g} Hz)"
+        found = f"{step:.6g} s ({1 / step:.6g} Hz)"
+        raise RecordingError.at(f"{place}: time stamps", wanted, found)
 
 
 def check_order(place: str, time: FloatArray) -> None:
@@ -121,10 +120,8 @@ def check_positions(recording: Recording) -> None:
         for j in range(i):
             both = ~np.isnan(frames[:, i] + frames[:, j])
             if both.any() and np.array_equal(frames[:, i][both], frames[:, j][both]):
-                raise RecordingError(
-                    f"{place}: markers '{recording.markers[j]}' and '{name}': expected different "
-                    "positions, found the same in every frame"
-                )
+                pair = f"{place}: markers '{recording.markers[j]}' and '{name}'"
+                raise RecordingError.at(pair, "different positions", "the same in every frame")
 
 
 def check_scale(recording: Recording) -> None:
@@ -283,10 +280,9 @@ def _rounding(recording: Recording) -> list[str]:
 
 def _missing_times(recording: Recording) -> list[str]:
     """Say how many frames are missing, and how often and how long nothing was recorded."""
-    steps = np.diff(recording.time)
     pause = is_pause(recording.time, recording.rate_hz)
-    pauses, whole = steps[pause], steps * recording.rate_hz
-    dropped = int(np.sum(np.round(whole[(whole > 1.5) & lasting(whole) & ~pause]) - 1))
+    pauses, drops = np.diff(recording.time)[pause], check_stamps(recording.time).drops
+    dropped = int(drops[~pause[drops[:, 0]], 1].sum())
     frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
     remarks = [f"{frames} missing between the time stamps"] * bool(dropped)
     if len(pauses):

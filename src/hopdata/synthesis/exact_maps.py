@@ -255,10 +255,8 @@ def _to_post_section(
         params=vector, mode=mode.tolist(), **EXACTLY,
     )  # fmt: skip
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
-        raise AnalysisError(
-            f"sections: expected the body to sink to the post section ({sections.post_m:.4g} m), "
-            f"found: {stance.message}"
-        )
+        wanted = f"the body to sink to the post section ({sections.post_m:.4g} m)"
+        raise AnalysisError.at("sections", wanted, stance.message)
     end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
     post, flow = stance.y_end[:N_STATES], np.asarray(stance.jacobian)[:N_STATES, : own.n_states]
     rate = field_at(system, end)[:N_STATES]

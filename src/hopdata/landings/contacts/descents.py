@@ -122,10 +122,8 @@ def find_transitions(
         If the post section is not below the pre section.
     """
     if not post_height_m < pre_height_m:
-        raise AnalysisError(
-            f"sections: expected the post section below the pre section, found post "
-            f"{post_height_m:.4g} m and pre {pre_height_m:.4g} m"
-        )
+        found = f"post {post_height_m:.4g} m and pre {pre_height_m:.4g} m"
+        raise AnalysisError.at("sections", "the post section below the pre section", found)
     if spans is None:
         spans = time[np.array(descents(height), dtype=np.int64).reshape(-1, 2)]
     seen = ~np.isnan(height)

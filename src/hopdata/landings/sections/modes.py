@@ -176,10 +176,8 @@ def ground_mode(
     values = finite(heights) / scale
     values.sort()
     if values.size < _LEAST_SAMPLES:
-        raise AnalysisError(
-            f"ground mode: expected at least {_LEAST_SAMPLES} frames with foot heights, "
-            f"found {values.size}"
-        )
+        wanted = f"at least {_LEAST_SAMPLES} frames with foot heights"
+        raise AnalysisError.at("ground mode", wanted, values.size)
     n_low = np.searchsorted(values, _upper_end_of_lowest_mode(values), side="right")
     place = _densest(values[:n_low])
     sigma = _left_flank(values, place)

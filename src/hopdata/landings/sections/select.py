@@ -261,10 +261,8 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
 def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) -> None:
     """Raise an error if the threshold puts all feet into one state in every frame."""
     if frames.all():
-        raise AnalysisError(
-            f"sections.{name}: expected a height that divides the frames, found "
-            f"{threshold_m:.4f} m with all feet {state} in all {len(frames)} frames"
-        )
+        found = f"{threshold_m:.4f} m with all feet {state} in all {len(frames)} frames"
+        raise AnalysisError.at(f"sections.{name}", "a height that divides the frames", found)
 
 
 # Landings that a section holds: a foot is down from the instant of its contact on.

@@ -97,10 +97,9 @@ def home_frames(
     length = np.hypot(ray[:, 0], ray[:, 1])
     if (length < LEAST_RADIUS_M).any():
         when = float(t_pre[np.argmin(np.where(np.isnan(length), np.inf, length))])
-        raise AnalysisError(
-            f"home.marker: expected a body marker away from the mean body position, found it there "
-            f"in the touchdown at {when:.3f} s"
-        )
+        found = f"it there in the touchdown at {when:.3f} s"
+        wanted = "a body marker away from the mean body position"
+        raise AnalysisError.at("home.marker", wanted, found)
     return HomeFrames(origin, ray / length[:, None])
 
 

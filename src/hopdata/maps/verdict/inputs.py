@@ -152,11 +152,9 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
     varied = np.mean(t[good] ** 2)
     foretold = 1.0 - least / varied if varied > _FLAT else 0.0
     if not foretold >= LEAST_FORETOLD:
-        raise AnalysisError(
-            "the states before the landing do not foretell in which order the feet touch: expected "
-            f"{100 * LEAST_FORETOLD:g} % of what the contact instants vary, found "
-            f"{100 * max(0.0, foretold):.0f} %"
-        )
+        place = "the states before the landing do not foretell in which order the feet touch"
+        wanted = f"{100 * LEAST_FORETOLD:g} % of what the contact instants vary"
+        raise AnalysisError.at(place, wanted, f"{100 * max(0.0, foretold):.0f} %")
     expected: FloatArray = best - best.mean(axis=1, keepdims=True)
     return expected
 

@@ -138,12 +138,10 @@ class Inspection:
     def lost(self) -> list[str]:
         """Say how many frames are missing that no time stamp tells of."""
         lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
-        if not lost:
-            return []
-        return [
-            f"about {counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}, though "
-            "no time stamp tells: all markers jump there as far as they move in that time; contacts "
-            "beside them are wrong: export with times, or leave those landings out by exclude"
+        where = f"{counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}"
+        told = f"about {where}, though no time stamp tells: all markers jump on at once; contacts"
+        return [f"{told} there are wrong: export with times, or exclude those landings"][
+            : len(lost)
         ]
 
     def _is_silent(self, frame: int) -> bool:
@@ -174,7 +172,10 @@ class Inspection:
             text = f"{name} jumps by {1e3 * jump.size:.1f} mm"
             yield "jump", (name,), jump.start, jump.stop, text
         for one in self.faults.frozen:
-            does = {"frozen": "repeats one position", "filled": "runs along a line, as filled gaps do,"}
+            does = {
+                "frozen": "repeats one position",
+                "filled": "runs along a line, as filled gaps do,",
+            }
             text = f"{one.marker} {does[one.kind]} in {one.stop - one.start} frames"
             yield one.kind, (one.marker,), one.start, one.stop, text
         for start, stop, first in self.faults.copies:
@@ -335,7 +336,7 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
     dict
         ``markers``, a row a marker: frames missing, longest gap, noise of a coordinate. ``gaps``,
         from the first missing frame to the next seen one. ``faults``, a row a fault and marker:
-        ``swap, spike, jump, frozen, filled``, and without a marker those of the frames and stamps; a
+        ``swap, spike, jump, frozen, filled``, and without a marker those of frames and stamps; a
         pause, in which nothing was recorded, is none. ``remarks``, as `hopdata check` notes them.
     """
     rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in COLUMNS}
@@ -353,8 +354,7 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
             if not (one.kind == "dropped" and pauses[one.start]):
                 told = (one.time_s, _time(recording, one.stop), one.text)
                 rows["faults"] += [(name, one.kind, m, *told) for m in one.markers or ("",)]
-        told = [f"{recording.place}: {one}" for one in found.lost]
-        rows["remarks"] += [(name, note) for note in [*notes(recording), *told]]
+        rows["remarks"] += [(name, note) for note in [*notes(recording), *found.lost]]
     return {k: pd.DataFrame(rows[k], columns=names.split()) for k, names in COLUMNS.items()}
 
 

@@ -440,32 +440,21 @@ def lost_frames(positions: FloatArray) -> IntArray:
     none = np.zeros((0, 2), dtype=np.int64)
     if len(positions) < 2 * HALF:
         return none
-    tracks = [
-        np.lib.stride_tricks.sliding_window_view(track, 2 * HALF, axis=0)
-        for track in np.moveaxis(positions, 1, 0)
-    ]
-    usual = quantiles(np.column_stack([_misfit(track, 0) for track in tracks]), [0.5])[0]
-    tracks = [track for track, u in zip(tracks, usual, strict=True) if u > 0]
-    usual = usual[usual > 0]
-    if len(tracks) < 3:
-        return none
-
-    def misfits(at: IntArray, n_lost: int) -> FloatArray:
-        found = np.column_stack([_misfit(track[at], n_lost) for track in tracks])
-        return np.log(np.fmax(found / usual, 1.0))  # where not seen 0
-
-    at, highest = np.arange(len(tracks[0])), np.log(MOST_MISFIT)
-    as_is = misfits(at, 0)
-    odd = as_is.sum(axis=1) > TELLING
-    at, as_is = at[odd], as_is[odd]
-    gain = np.stack([misfits(at, n) for n in range(1, MOST_LOST + 1)])
-    gain = np.where(np.fmin(gain, as_is) < highest, as_is - gain, 0.0)
+    windows = np.lib.stride_tricks.sliding_window_view(positions, 2 * HALF, axis=0)
+    misfit = _misfit(windows, 0)
+    usual = quantiles(misfit, [0.5])[0]
+    usual[~(usual > 0)] = np.inf  # never seen, or it never moves
+    odd = np.log(np.fmax(misfit / usual, 1.0)).sum(axis=1) > TELLING
+    at, lost = np.flatnonzero(odd), range(MOST_LOST + 1)
+    at = at[_steps_out(positions, at + HALF)]
+    misfits = np.stack([np.log(np.fmax(_misfit(windows, n, at) / usual, 1.0)) for n in lost])
+    fits = np.fmin(misfits, misfits[0]) < np.log(MOST_MISFIT)
+    gain = np.where(fits, misfits[0] - misfits, 0.0)
     gain = gain.sum(axis=2) - gain.max(axis=2)
-    best, n_lost = gain.max(axis=0) * _steps_out(positions, at + HALF), 1 + gain.argmax(axis=0)
     found: dict[int, int] = {}
-    for k in np.argsort(-best, kind="stable")[: np.count_nonzero(best > TELLING)]:
-        if all(abs(at[k] - other) >= HALF for other in found):
-            found[int(at[k])] = int(n_lost[k])
+    for k in np.argsort(-gain.max(axis=0), kind="stable"):
+        if gain[:, k].max() > TELLING and all(abs(at[k] - other) >= HALF for other in found):
+            found[int(at[k])] = int(gain[:, k].argmax())
     return np.array([(k + HALF - 1, n) for k, n in sorted(found.items())] or none, dtype=np.int64)
 
 
@@ -477,9 +466,9 @@ def _steps_out(positions: FloatArray, frames: IntArray) -> BoolArray:
     return np.asarray(step > FURTHER * np.maximum(before, after) / 2)
 
 
-def _misfit(windows: FloatArray, n_lost: int) -> FloatArray:
-    """Sum of squares (K,) that cubics leave of (K, 3, 2 HALF) positions, their later half late."""
-    frames = np.arange(2.0 * HALF) - HALF
-    frames[HALF:] += n_lost
+def _misfit(windows: FloatArray, n_lost: int, at: IntArray | None = None) -> FloatArray:
+    """Sum of squares (K, M) that cubics leave of (K, M, 3, 2 HALF) positions, half of them late."""
+    frames = np.arange(2.0 * HALF) + n_lost * (np.arange(2 * HALF) >= HALF)
     rest = np.linalg.qr(np.vander(frames, 4), mode="complete")[0][:, 4:]
-    return np.asarray(np.square(windows @ rest).sum(axis=(1, 2)))
+    tracks = (track if at is None else track[at] for track in np.moveaxis(windows, 1, 0))
+    return np.stack([np.square(track @ rest).sum(axis=(1, 2)) for track in tracks], axis=1)

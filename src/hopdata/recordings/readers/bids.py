@@ -51,9 +51,9 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
             places[point][axis] = k
     points = {name: at for name, at in places.items() if {*"xyz"} <= at.keys()}
     if not points:
-        raise RecordingError(
-            f"{channels}: expected channels of the type POS with components x, y and z, found "
-            f"{', '.join(sorted(set(kinds))) or 'none'}"
+        found = ", ".join(sorted(set(kinds))) or "none"
+        raise RecordingError.at(
+            channels, "channels of the type POS with components x, y and z", found
         )
     at = np.array([[found[axis] for axis in "xyz"] for found in points.values()])
     units = {columns["units"][k] for k in at.ravel()}

@@ -88,10 +88,8 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
     parameters = head.read_parameters(path, section, start)
     header = head.read_c3d_header(block, parameters.processor)
     if not BLOCK <= header.data_start <= size:
-        raise RecordingError(
-            f"{path}, byte 16: data: expected to start between byte {BLOCK} and the end of the "
-            f"file (byte {size}), found byte {header.data_start}"
-        )
+        wanted = f"to start between byte {BLOCK} and the end of the file (byte {size})"
+        raise RecordingError.at(f"{path}, byte 16: data", wanted, f"byte {header.data_start}")
     if not np.isfinite(header.scale) or header.scale == 0:
         raise RecordingError.at(
             f"{path}, byte 12: scale", "a number other than 0", f"{header.scale:g}"
@@ -107,10 +105,8 @@ def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
     if not header.rate_hz > 0:
         return stated
     if not abs(stated - header.rate_hz) <= raw.RATE_TOLERANCE * abs(stated):
-        raise RecordingError(
-            f"{parameters.place('POINT', 'RATE')}: expected {header.rate_hz:g} Hz as in the "
-            f"header, found {stated:g} Hz"
-        )
+        wanted = f"{header.rate_hz:g} Hz as in the header"
+        raise RecordingError.at(parameters.place("POINT", "RATE"), wanted, f"{stated:g} Hz")
     return stated
 
 
@@ -246,10 +242,8 @@ def read_analogs(path: str | Path) -> Analogs:
     if not n_channels or not header.n_analog:
         raise RecordingError.at(parameters.place("ANALOG", "USED"), "channels", "none")
     if header.n_analog % n_channels:
-        raise RecordingError(
-            f"{parameters.place('ANALOG', 'USED')}: expected a divisor of the {header.n_analog} "
-            f"analog numbers in each frame, found {n_channels}"
-        )
+        wanted = f"a divisor of the {header.n_analog} analog numbers in each frame"
+        raise RecordingError.at(parameters.place("ANALOG", "USED"), wanted, n_channels)
     n_frames, _ = head.count_frames(header, parameters, size - header.data_start)
     per_frame = header.n_analog // n_channels
     stored = _numbers(path, header, parameters, n_frames)[:, 4 * header.n_points :].astype(float)

@@ -194,10 +194,8 @@ def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
             others += [name for name in _SECTIONS if begin.startswith(name)]
             n_above, offset = n_above + 1, offset + len(line)
         else:
-            raise RecordingError(
-                f"{path}: expected a section Trajectories, found {', '.join(others)}; export the "
-                "trajectories as well"
-            )
+            found = f"{', '.join(others)}; export the trajectories as well"
+            raise RecordingError.at(path, "a section Trajectories", found)
         sheet = _Sheet(path, [line, *islice(file, 6)], sheet.mark, n_above, offset)
         others += [name for line in file for name in _SECTIONS if line.startswith(name.encode())]
     head = sheet.rows

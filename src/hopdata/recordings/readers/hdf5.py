@@ -96,10 +96,8 @@ def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     sound = isinstance(kind, h5py.h5t.TypeStringID | h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID)
     claimed = attribute.get_space().get_simple_extent_npoints() * kind.get_size()
     if not sound or max(claimed, kind.get_size()) > _SMALL:
-        raise ValueError(
-            f"attribute '{name}': expected numbers or text, found {type(kind).__name__} of "
-            f"{claimed} bytes"
-        )
+        found = f"{type(kind).__name__} of {claimed} bytes"
+        raise ValueError(f"attribute '{name}': expected numbers or text, found {found}")
     return item.attrs[name]
 
 
@@ -149,9 +147,8 @@ def attribute(group: h5py.Group, name: str, kind: str) -> Any:
     if kind == "a number" and isinstance(value, list) and len(value) == 1:
         value = value[0]
     if not _KINDS[kind](value):
-        raise ValueError(
-            f"attribute '{name}': expected {kind}, found {'none' if found is None else found}"
-        )
+        found = "none" if found is None else found
+        raise ValueError(f"attribute '{name}': expected {kind}, found {found}")
     return value
 
 

@@ -61,10 +61,8 @@ def keypoints(
     names = [n for n, axis in split if axis == "x" and all((n, other) in at for other in AXES)]
     if not names:
         found = "one camera's plane" if ("x" in {axis for _, axis in split}) else "none"
-        raise RecordingError(
-            f"{path}: expected keypoints with coordinates x, y and z, found {found}; triangulate "
-            "the cameras first (Anipose, or DeepLabCut's 3-D project)"
-        )
+        found += "; triangulate the cameras first (Anipose, or DeepLabCut's 3-D project)"
+        raise RecordingError.at(path, "keypoints with coordinates x, y and z", found)
     if twice := {n for n in names if names.count(n) > 1}:
         raise RecordingError.at(path, "names of columns that differ", f"'{min(twice)}' twice")
     positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]

@@ -119,10 +119,8 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
         raise RecordingError(
             f"{place}: expected Frame or Time (in s) before the coordinates, found '{first[:40]}'"
         )
-    raise RecordingError(
-        f"{place}: expected a header key or numbers, "
-        f"found '{first[:40]}'{_no_tabs(first) or did_you_mean(first.upper(), KEYS)}"
-    )
+    near = _no_tabs(first) or did_you_mean(first.upper(), KEYS)
+    raise RecordingError.at(place, "a header key or numbers", f"'{first[:40]}'{near}")
 
 
 def _no_tabs(line: str) -> str:
@@ -365,10 +363,11 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
 def _check_kind(header: QtmHeader) -> None:
     kind = (header.values.get("DATA_INCLUDED") or ["3D"])[0]
     if kind != "3D":
-        raise RecordingError(
-            f"{header.place('DATA_INCLUDED')}: DATA_INCLUDED: expected '3D', found '{kind}'; "
-            "export the trajectories as 3D data"
+        place, found = (
+            header.place("DATA_INCLUDED"),
+            f"'{kind}'; export the trajectories as 3D data",
         )
+        raise RecordingError.at(f"{place}: DATA_INCLUDED", "'3D'", found)
 
 
 def _is_triggered(header: QtmHeader) -> bool:

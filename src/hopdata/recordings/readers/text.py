@@ -414,10 +414,8 @@ def open_table(path: str | Path) -> ColumnTable:
     fields = fields_of(names, mark)
     n_lines = above.count(b"\n") + 1
     if not any(name and not is_number(name) for name in fields):
-        raise RecordingError(
-            f"{path}, line {n_lines}: expected names of columns, found '{names.strip()[:40]}'; "
-            "write a row of names above the numbers"
-        )
+        found = f"'{names.strip()[:40]}'; write a row of names above the numbers"
+        raise RecordingError.at(f"{path}, line {n_lines}", "names of columns", found)
     width = max(len(fields), len(fields_of(decoded(second), mark)))
     rows = Rows(path, n_lines, len(above) + len(first), width, mark, may_be_short=True)
     clock = next((name for name in fields if is_storage and name.lower() == "time"), None)
@@ -435,11 +433,9 @@ def only_place(place: str, name: str, names: Sequence[str]) -> int:
     n_found = names.count(name)
     if n_found == 1:
         return names.index(name)
-    found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
-    raise RecordingError(
-        f"{place}: expected '{name}' once among {listed(names)}, "
-        f"{found}{'' if n_found else did_you_mean(name, names)}"
-    )
+    near = f"no '{name}'{did_you_mean(name, names)}"
+    found = f"{n_found} of that name" if n_found else near
+    raise RecordingError.at(place, f"'{name}' once among {listed(names)}", found)
 
 
 def listed(names: Sequence[str]) -> str:

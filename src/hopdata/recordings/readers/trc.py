@@ -110,10 +110,8 @@ def _values(
     keys, values = " ".join(keys).split(), " ".join(values).split()  # some have blanks for tabs
     keys = [known.get(key.lower(), key) for key in keys]
     if len(keys) != len(values) or len(set(keys)) != len(keys):
-        raise RecordingError(
-            f"{path}, line 3: expected a value for each of {len(keys)} different keys, "
-            f"found {len(values)} values"
-        )
+        wanted = f"a value for each of {len(keys)} different keys"
+        raise RecordingError.at(f"{path}, line 3", wanted, f"{len(values)} values")
     remarks = tuple(
         f"{path}, line 2: expected keys such as {', '.join(KEYS[:5])}, found '{key[:40]}'"
         f"{did_you_mean(key, KEYS)}; it is not read"

@@ -426,10 +426,8 @@ def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:
     """Return boom angles and swings (n, 2) and frame changes (n, 3) of the used hops."""
     used = changes.used()
     if len(used) < LEAST_HOPS:
-        raise AnalysisError(
-            f"frame changes: expected at least {LEAST_HOPS} hops to learn from, "
-            f"found {len(used)} of {len(changes)} (excluded: {changes.excluded() or 'none'})"
-        )
+        found = f"{len(used)} of {len(changes)} (excluded: {changes.excluded() or 'none'})"
+        raise AnalysisError.at("frame changes", f"at least {LEAST_HOPS} hops to learn from", found)
     return np.column_stack([used.boom_angle_rad, used.swing_rad]), used.change
 
 

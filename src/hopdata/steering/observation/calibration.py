@@ -96,10 +96,8 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     """
     points = boom[np.isfinite(boom).all(axis=1)]
     if len(points) < LEAST_POINTS:
-        raise AnalysisError(
-            f"boom: expected its marker in at least {LEAST_POINTS} frames with a pose, "
-            f"found {len(points)}"
-        )
+        wanted = f"its marker in at least {LEAST_POINTS} frames with a pose"
+        raise AnalysisError.at("boom", wanted, len(points))
     points = points[:: -(-len(points) // MOST_POINTS)]
     start = _start(points)
     if not np.isfinite(start.radius_m):
@@ -234,10 +232,10 @@ def _usable(markers: FloatArray) -> FloatArray:
     usable = np.flatnonzero(seen.sum(axis=1) >= 3)
     together = seen.T.astype(int) @ seen.astype(int)
     if len(usable) < LEAST_FRAMES or together.min() == 0:
-        raise AnalysisError(
-            f"body markers: expected {LEAST_FRAMES} frames with three of them in sight, and each "
-            f"pair in sight together, found {len(usable)} of {len(markers)} frames"
+        wanted = (
+            f"{LEAST_FRAMES} frames with three of them in sight, and each pair in sight together"
         )
+        raise AnalysisError.at("body markers", wanted, f"{len(usable)} of {len(markers)} frames")
     step = -(-len(usable) // MOST_FRAMES)
     return markers[usable[::step]]
 
@@ -338,10 +336,8 @@ def _normal_of(feet: FloatArray, up: FloatArray) -> FloatArray:
 def _first_foot(feet: FloatArray) -> FloatArray:
     """Return the direction from the middle of the feet to the first."""
     if len(feet) < 2 or not np.isfinite(feet).all():
-        raise AnalysisError(
-            f"forward: expected at least two foot markers, each seen in flight, found "
-            f"{np.isfinite(feet).all(axis=1).sum()} of {len(feet)}"
-        )
+        found = f"{np.isfinite(feet).all(axis=1).sum()} of {len(feet)}"
+        raise AnalysisError.at("forward", "at least two foot markers, each seen in flight", found)
     return np.asarray(feet[0] - feet.mean(axis=0))
 
 
