@@ -291,9 +291,8 @@ def _signal(
         raise RecordingError(f"{place}: expected a force in each row, found none")
     low, high = np.nanquantile(upward, [0.02, 0.98])
     if -low > high:
-        raise RecordingError(
-            f"{place}: expected the upward force on the feet to be positive, found {low:.4g} to "
-            f"{high:.4g}; set forces.inverted: {str(not options['inverted']).lower()}"
-        )
+        set_it = f"set forces.inverted: {str(not options['inverted']).lower()}"
+        found = f"{low:.4g} to {high:.4g}; {set_it}"
+        raise RecordingError.at(place, "the upward force on the feet to be positive", found)
     unit = "body_weight" if options["unit"] == "body_weight" else "N"
     return ForceSignal(column, time, upward, unit, options)

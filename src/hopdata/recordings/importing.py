@@ -65,10 +65,8 @@ def _check_alike(first_path: Path, first: RawRecording, path: Path, raw: RawReco
     ):
         apart = abs(raw.rate_hz - first.rate_hz) > reading.RATE_TOLERANCE * first.rate_hz
         if apart if what.startswith("frame rate") else wanted != found:
-            raise RecordingError(
-                f"{path}: {what}: expected {wanted} as in {first_path.name}, found {found}; "
-                "files joined in one recording must agree"
-            )
+            told = f"{found}; files joined in one recording must agree"
+            raise RecordingError.at(f"{path}: {what}", f"{wanted} as in {first_path.name}", told)
 
 
 def _starts(

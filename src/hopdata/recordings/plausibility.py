@@ -135,10 +135,8 @@ def check_scale(recording: Recording) -> None:
         factor = WRONG_UNITS[slip][0]
         if low <= size * factor <= high:
             looks = f"; the numbers look like {slip}: {_remedy(recording, slip)}"
-    raise RecordingError(
-        f"{recording.place}: scale: expected the markers to span {low:g} to {high:g} m, "
-        f"found {size:.3g} m{looks}"
-    )
+    wanted = f"the markers to span {low:g} to {high:g} m"
+    raise RecordingError.at(f"{recording.place}: scale", wanted, f"{size:.3g} m{looks}")
 
 
 def _remedy(recording: Recording, slip: str) -> str:
@@ -164,10 +162,9 @@ def check_upright(recording: Recording) -> None:
         hint = f"; set input.vertical_axis: {up}, or are markers.body and markers.feet exchanged?"
     if not recording.source:
         hint = "; the last axis of positions is x, y, z with z up: exchange what is not so"
-    raise RecordingError(
-        f"{recording.place}: vertical axis {recording.vertical_axis}: "
-        f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"
-    )
+    place = f"{recording.place}: vertical axis {recording.vertical_axis}"
+    found = f"the body's mean at {found} from the feet{hint}"
+    raise RecordingError.at(place, "the body above the feet", found)
 
 
 def _falls(recording: Recording) -> FreeFall:

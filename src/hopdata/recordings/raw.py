@@ -142,10 +142,11 @@ def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawReco
     if raw.has_stamps:
         own = 1 / float(np.median(np.diff(raw.time))) if len(raw.time) > 1 else raw.rate_hz
         if not abs(own - given) <= SLACK * given:
-            raise RecordingError(
-                f"{place}: frame rate: expected {own:.4g} Hz as its time stamps run, found "
+            wanted = f"{own:.4g} Hz as its time stamps run"
+            found = (
                 f"input.rate_hz: {given:g}; leave that key out, or correct the time in the export"
             )
+            raise RecordingError.at(f"{place}: frame rate", wanted, found)
     longer = 1.0 if raw.has_stamps else raw.rate_hz / given
     events = tuple(Event(event.label, event.time_s * longer) for event in raw.events)
     raw = replace(raw, time=raw.time * longer, rate_hz=given, events=events)

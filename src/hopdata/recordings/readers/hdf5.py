@@ -74,10 +74,9 @@ def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any
     claimed = prod(dataset.shape) * dataset.dtype.itemsize
     stored = int(dataset.id.get_storage_size())
     if claimed > max(_SMALL, _DEFLATE_MOST * stored):
-        raise ValueError(
-            f"dataset '{dataset.name}': expected at most {_DEFLATE_MOST * stored} bytes by what is "
-            f"stored ({stored} bytes), found a claim of {claimed}"
-        )
+        most = f"at most {_DEFLATE_MOST * stored} bytes by what is stored ({stored} bytes)"
+        found = f"a claim of {claimed}"
+        raise ValueError(f"dataset '{dataset.name}': expected {most}, found {found}")
     return np.asarray((dataset if dtype is None else dataset.astype(dtype))[()])
 
 

@@ -137,10 +137,9 @@ def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
     """
     kind, start, stop = element
     if kind != _MATRIX or depth > _DEEPEST:
-        raise ValueError(
-            f"byte {start} unpacked: expected a matrix on at most {_DEEPEST} levels, found type "
-            f"{kind} on level {depth}"
-        )
+        found = f"found type {kind} on level {depth}"
+        wanted = f"expected a matrix on at most {_DEEPEST} levels"
+        raise ValueError(f"byte {start} unpacked: {wanted}, {found}")
     if start == stop:
         return 0
     flags, *parts = _elements(data, start, stop, order)
@@ -152,15 +151,13 @@ def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
     if holds in (_NUMBERS, _TEXTS):
         sound &= len(kinds) == 3 + bool(holds is _NUMBERS and bits & _IS_COMPLEX)
     if not sound:
-        raise ValueError(
-            f"byte {start} unpacked: expected a matrix of numbers, text, cells or structs, found "
-            f"the class {bits & 0xFF} with elements of types {kinds}"
-        )
+        wanted = "expected a matrix of numbers, text, cells or structs"
+        found = f"found the class {bits & 0xFF} with elements of types {kinds}"
+        raise ValueError(f"byte {start} unpacked: {wanted}, {found}")
     shape = np.frombuffer(data[parts[0][1] : parts[0][2]], f"{order}i4").tolist()
     if min(shape, default=-1) < 0 or prod(shape) > stop - start:
-        raise ValueError(
-            f"byte {start} unpacked: expected a size for {stop - start} bytes, found {shape}"
-        )
+        wanted = f"expected a size for {stop - start} bytes"
+        raise ValueError(f"byte {start} unpacked: {wanted}, found {shape}")
     inner = (part for part in parts if part[0] == _MATRIX)
     return prod(shape) + sum(_count(data, part, order, depth + 1) for part in inner)
 

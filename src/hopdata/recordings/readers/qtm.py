@@ -242,10 +242,9 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
     if header.columns and stems is None:
         rest = header.columns[len(counters) :]
         odd = next((i for i in range(0, len(rest), 3) if not coordinate_stems(rest[i : i + 3])), 0)
-        raise RecordingError(
-            f"{here}, column {1 + len(counters) + odd}: expected the columns X, Y, Z of a marker, "
-            f"found {', '.join(repr(c) for c in rest[odd : odd + 3]) or 'none'}"
-        )
+        place = f"{here}, column {1 + len(counters) + odd}"
+        found = ", ".join(repr(c) for c in rest[odd : odd + 3]) or "none"
+        raise RecordingError.at(place, "the columns X, Y, Z of a marker", found)
     place, names = here, stems or []
     if "MARKER_NAMES" in header.values:
         place, names = header.place("MARKER_NAMES"), text.trimmed(header.values["MARKER_NAMES"])

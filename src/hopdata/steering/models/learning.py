@@ -271,15 +271,12 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
     least = gp.LEAST_HOPS + LEFT_TO_TEST
     if len(hops) < least:
-        raise AnalysisError(
-            f"steering: expected at least {least} hops that can be used, to learn from and to test "
-            f"on, found {len(hops)} {left_out}"
-        )
+        wanted = f"at least {least} hops that can be used, to learn from and to test on"
+        raise AnalysisError.at("steering", wanted, f"{len(hops)} {left_out}")
     if len(hops) < training_hops + LEFT_TO_TEST:
-        raise AnalysisError(
-            f"steering.model.training_hops: expected at most {len(hops) - LEFT_TO_TEST}, two fewer "
-            f"than the {len(hops)} hops that can be used, found {training_hops} {left_out}"
-        )
+        most = f"at most {len(hops) - LEFT_TO_TEST}, two fewer than the {len(hops)} hops"
+        found = f"{training_hops} {left_out}"
+        raise AnalysisError.at("steering.model.training_hops", f"{most} that can be used", found)
     return hops
 
 

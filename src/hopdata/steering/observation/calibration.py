@@ -157,10 +157,9 @@ def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
         )
     span = arc_span((points - circle.centre_m) @ circle.axes.T, np.zeros(2))
     if span < LEAST_ARC_RAD:
-        raise AnalysisError(
-            f"boom: expected it to move through at least {np.rad2deg(LEAST_ARC_RAD):.0f} degrees "
-            f"to define a circle, found {np.rad2deg(span):.1f}"
-        )
+        least = f"{np.rad2deg(LEAST_ARC_RAD):.0f} degrees to define a circle"
+        found = f"{np.rad2deg(span):.1f}"
+        raise AnalysisError.at("boom", f"it to move through at least {least}", found)
 
 
 # Where the body markers are in the body: from the recording itself, robustly.

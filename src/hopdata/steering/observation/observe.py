@@ -240,10 +240,10 @@ def observe_recordings(
 
 def _observed(recording: Recording, swing_limit_rad: float, observation: str) -> Observed:
     if not recording.indices("boom"):
-        raise AnalysisError(
-            f"{recording.name}: expected a marker with the role boom (markers.boom), on whose "
-            f"angle the frame changes depend, found only {', '.join(recording.markers)}"
+        wanted = (
+            "a marker with the role boom (markers.boom), on whose angle the frame changes depend"
         )
+        raise AnalysisError.at(recording.name, wanted, f"only {', '.join(recording.markers)}")
     try:
         geometry = calibrate(recording)
     except AnalysisError as error:
