@@ -64,6 +64,15 @@ def test_a_subject_more_leaves_the_others_alone(group):
     assert {name: more[name] for name in few} == few
 
 
+def test_names_are_shown_as_written_and_made_safe_for_folders(group):
+    table = "subject\tfile\tcondition\nJürgen B.\ta.h5\tslow run\nJürgen B.\tb.h5\tslow run\n"
+    members = group(table + "2.1\tc.h5\t\n")["members"]
+    assert list(members) == ["Jurgen-B-_slow-run", "2-1"]
+    first = members["Jurgen-B-_slow-run"]
+    assert (first["subject"], first["condition"]) == ("Jürgen B.", "slow run")
+    assert len(first["config"]["recordings"]) == 2
+
+
 @pytest.mark.parametrize(
     ("table", "told"),
     [
@@ -73,8 +82,8 @@ def test_a_subject_more_leaves_the_others_alone(group):
         ),
         ("subject\tfile\n", "found 0 rows"),
         ("subject\tfile\n\ta.h5\n", "line 2: subject: expected a name"),
-        ("subject\tfile\nan na\ta.h5\n", "found 'an na'"),
-        ("subject\tfile\nanna\ta.h5\nAnna\tb.h5\n", "no two alike but for case, found 'anna'"),
+        ("subject\tfile\nanna\ta.h5\nAnna\tb.h5\nben\tc.h5\n", "found 'anna', 'Anna'"),
+        ("subject\tfile\nmüde\ta.h5\nben\tc.h5\nmude\tb.h5\n", "found 'müde', 'mude'"),
     ],
 )
 def test_a_wrong_table_is_refused(group, table, told):

@@ -1,8 +1,8 @@
 """A group: subjects in a table, each a study of its own, and a page of them all."""
 
 import logging
-import re
 import traceback
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +11,6 @@ from typing import Any
 from hopdata.arrays import pd
 from hopdata.errors import AnalysisError, ConfigError, HopdataError
 
-NAME = "[A-Za-z0-9][A-Za-z0-9_-]{0,99}"
 NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session", "condition")
 #: What a member's row takes from its verdict.
 SIZES = (
@@ -46,20 +45,21 @@ def read_group(config: str | Path) -> dict[str, Any]:
         If the configuration or the table is wrong.
     """
     from hopdata.config.loading import load_config, read_yaml
+    from hopdata.jobs import study_name
     from hopdata.maps.draws import named_generator
 
     content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # all that a page shows
     if "recordings" in content:
         raise ConfigError.at(config, "samples or recordings", "both")
     file = Path(str(content.pop("samples")))
-    members: dict[str, Any] = {}
+    members: dict[tuple[str, str], Any] = {}
     for line, row in enumerate(_rows(file), start=2):
-        name = "_".join(filter(None, (row["subject"], row.get("condition", ""))))
+        who = row["subject"], row.get("condition", "")
+        name = study_name("_".join(filter(None, who)))
         member = members.setdefault(
-            name,
+            who,
             {
-                "subject": row["subject"],
-                "condition": row.get("condition", ""),
+                **dict(zip(("subject", "condition"), who, strict=True)),
                 "further": {key: text for key, text in row.items() if key not in KNOWN},
                 "config": {**content, "study": name, "recordings": []},
             },
@@ -69,23 +69,24 @@ def read_group(config: str | Path) -> dict[str, Any]:
         recordings = member["config"]["recordings"]
         parts = (row.get("session", ""), row.get("recording", ""))
         recording = "_".join(filter(None, parts)) or f"recording{len(recordings) + 1}"
-        recordings.append({"name": recording, "file": row["file"] or None})
+        recordings.append({"name": study_name(recording), "file": row["file"] or None})
     # A mistake in what is common to all is told once, before any job.
     first = next(iter(members.values()))["config"]["recordings"]
     whole = load_config({**content, "recordings": first}, files=[config], check_files=False)
-    for name, member in members.items():
+    named = {member["config"]["study"]: member for member in members.values()}
+    for name, member in named.items():
         seed = named_generator(whole["seed"], "group", name).integers(2**32)
         member["config"]["seed"] = int(seed)
-    folded = [name.casefold() for name in members]
-    for name in members:
-        if not re.fullmatch(NAME, name) or folded.count(name.casefold()) > 1:
-            wanted = "names of letters, digits, _ and -, no two alike but for case"
-            raise ConfigError.at(f"{file}: subject, condition", wanted, f"'{name}'")
+    folders = {who: member["config"]["study"].casefold() for who, member in members.items()}
+    times = Counter(folders.values())
+    if alike := [repr(" ".join(who).strip()) for who, to in folders.items() if times[to] > 1]:
+        wanted = "names that differ in more than case, accents and signs, since folders have them"
+        raise ConfigError.at(f"{file}: subject, condition", wanted, ", ".join(alike))
     return {
         "study": whole["study"],
         "seed": whole["seed"],
         "verdict": {key: whole["verdict"][key] for key in ("margin", "confidence")},
-        "members": members,
+        "members": named,
     }
 
 

@@ -9,6 +9,7 @@ import os
 import re
 import sys
 import traceback
+import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -29,6 +30,15 @@ DIGITS, MOST_DIGITS = 9, 16
 LATE_S = 1e3  # instants (columns in "_s") after it need more digits than 9
 
 logger = logging.getLogger("hopdata")
+
+
+def study_name(text: str) -> str:
+    """Turn any text into the name of a study or a recording: letters, digits, ``_`` and ``-``.
+
+    Accents go, so that ``müde`` becomes ``mude``.
+    """
+    plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:100] or "study"
 
 
 @contextmanager

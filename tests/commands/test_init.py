@@ -9,8 +9,9 @@ from made_up_hopper import MARKERS, hopping, with_spike
 from made_up_jumps import STYLES, jumping
 
 from hopdata.__main__ import main
-from hopdata.commands.init import Draft, draft_config, guessed_roles, scalar, study_name
+from hopdata.commands.init import Draft, draft_config, guessed_roles, scalar
 from hopdata.config.loading import load_config
+from hopdata.jobs import study_name
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
@@ -232,8 +233,8 @@ def test_odd_file_names_become_names_of_studies(folder):
 
 DRAFT = Draft(
     study="mine",
-    recording="monday",
     file="data/monday.tsv",
+    recordings=[("monday", "data/monday.tsv")],
     markers={"body": ["b1", "b2", "b3"], "feet": ["f1", "f2"], "boom": []},
     reasons={"markers.body": "rigid.", "input.vertical_axis": "the markers fall along it."},
     settings={"input": {"vertical_axis": "y", "rate_hz": 250.0}},
@@ -284,7 +285,7 @@ def test_study_names_fit_the_schema(text, name):
 
 @pytest.mark.parametrize("name", ["2021-11-05", "0012", "no", "1e5", "null"])
 def test_names_that_yaml_takes_for_something_else_stay_names(name):
-    draft = replace(DRAFT, study=name, recording=name)
+    draft = replace(DRAFT, study=name, recordings=[(name, "data/monday.tsv")])
     config = load_config(yaml.safe_load(draft_config(draft, path="x.yaml")), check_files=False)
     assert config["study"] == config["recordings"][0]["name"] == name
 
@@ -293,3 +294,13 @@ def test_the_commands_of_a_draft_can_be_pasted():
     text = draft_config(DRAFT, path="my studies/x.yaml")
     assert "hopdata check 'my studies/x.yaml'" in text
     assert "hopdata run 'my studies/x.yaml'" in text
+
+
+def test_several_files_make_one_study(folder, capsys):
+    for seed, name in enumerate(["monday.tsv", "jump 2.tsv", "jump-2.tsv"]):
+        export(folder, hopping(seed)[1], name=name)
+    assert main(["init", "monday.tsv", "jump 2.tsv", "jump-2.tsv"]) == 0
+    config = load_config("config/monday.yaml")
+    files = {entry["name"]: entry["file"] for entry in config["recordings"]}
+    assert files == {"monday": "monday.tsv", "jump-2-2": "jump 2.tsv", "jump-2-3": "jump-2.tsv"}
+    assert main(["check", "config/monday.yaml"]) == 0

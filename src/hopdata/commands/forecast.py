@@ -21,7 +21,7 @@ from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
-from hopdata.maps.verdict.effect import landings_needed
+from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
 from hopdata.maps.verdict.judge import TWO_KINDS
 from hopdata.maps.verdict.model import LEFT
 from hopdata.recording import Recording, fraction_seen
@@ -254,7 +254,8 @@ def _changes(
             f"record more: at least {needed} landings before anything can be compared; "
             "verdict.margin typically takes more than 1000"
             if forecast.detectable is None
-            else f"record more: some {float(f'{needed:.2g}'):g} landings for verdict.margin"
+            else f"record more: some {float(f'{needed:.2g}'):,.0f} landings for verdict.margin"
+            + MORE_SPREAD * (needed > MOST_LANDINGS)
         )
     orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]
     alike = orders.value_counts(normalize=True).max() > MOST_ALIKE

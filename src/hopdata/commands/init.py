@@ -8,7 +8,6 @@ import os
 import re
 import shlex
 import textwrap
-import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING
 from hopdata.commands import terminal
 from hopdata.commands.inspect import inspected
 from hopdata.errors import AnalysisError, HopdataError, printable
+from hopdata.jobs import study_name
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -48,8 +48,10 @@ class Draft:
 
     Parameters
     ----------
-    study, recording, file : str
-        Names of study and recording, and the file's path.
+    study, file : str
+        Name of the study, and the path of the file that it was drafted from.
+    recordings : sequence of (str, str)
+        Name and file of each.
     markers : mapping
         Names for ``body``, ``feet`` and ``boom``.
     reasons : mapping
@@ -70,8 +72,8 @@ class Draft:
     """
 
     study: str
-    recording: str
     file: str
+    recordings: Sequence[tuple[str, str]]
     markers: Mapping[str, Sequence[str]]
     reasons: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
@@ -103,10 +105,8 @@ def draft_config(draft: Draft, *, path: str) -> str:
         "",
         f"study: {scalar(draft.study)}  # results go to results/{draft.study}",
         "",
-        "recordings:",
-        f"  - name: {scalar(draft.recording)}",
-        "    # Relative to the folder in which the workflow runs.",
-        f"    file: {scalar(draft.file)}",
+        "recordings:  # files relative to the folder in which the workflow runs",
+        *(f"  - {{name: {scalar(name)}, file: {scalar(file)}}}" for name, file in draft.recordings),
         "",
         *_markers(draft),
     ]  # fmt: skip
@@ -123,15 +123,6 @@ def draft_config(draft: Draft, *, path: str) -> str:
         lines += ["", "home:", *_comment(draft.reasons.get("home.marker", ""), indent="  ")]
         lines.append(f"  marker: {scalar(draft.home)}  # the home frame's x-axis runs through it")
     return "\n".join(lines) + "\n"
-
-
-def study_name(text: str) -> str:
-    """Turn any text into the name of a study or a recording: letters, digits, ``_`` and ``-``.
-
-    Accents go, so that ``müde`` becomes ``mude``.
-    """
-    plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:100] or "study"
 
 
 def scalar(value: object) -> str:
@@ -275,8 +266,8 @@ def _draft(
         )
     return Draft(
         study_name(out.stem),
-        study_name(options.file.stem),
         _relative(options.file),
+        _recordings([options.file, *options.more]),
         {"body": roles.body, "feet": roles.feet, "boom": roles.boom},
         reasons,
         {section: values for section, values in settings.items() if values},
@@ -286,6 +277,13 @@ def _draft(
 
 
 _WHAT = {"body": "The body:", "feet": "The feet, numbered in this order:", "boom": "The boom:"}
+
+
+def _recordings(files: Sequence[Path]) -> list[tuple[str, str]]:
+    """Name the recordings by their files, with a number where two have one name."""
+    names = [study_name(file.stem) for file in files]
+    numbers = [f"-{k}" * (names.count(name) > 1) for k, name in enumerate(names, start=1)]
+    return [(n + k, _relative(file)) for n, k, file in zip(names, numbers, files, strict=True)]
 
 
 def _relative(file: Path) -> str:

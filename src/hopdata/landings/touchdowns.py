@@ -42,13 +42,16 @@ def exclusion_reasons(
     timed = status == descents.LANDED
     # None of the feet that are seen landed, and these are half of them or more: another leg's.
     idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
-    none = (idle | (status == descents.MISSING)).all(axis=1) & (idle.mean(axis=1) >= 0.5)
+    none = (idle | np.isin(status, (descents.MISSING, descents.THIN))).all(axis=1) & (
+        idle.mean(axis=1) >= 0.5
+    )
     failures = (
         (none[:, None], NO_FOOT_LANDED),
         (transitions.gap_pre[:, None] > longest_gap_s, HIDDEN_PRE),
         (transitions.gap_post[:, None] > longest_gap_s, "frames missing at the post section"),
         (~transitions.complete[:, None], "post section never reached"),
         (status == descents.MISSING, "frames missing at the contact of foot {}"),
+        (status == descents.THIN, "too few frames to time foot {}"),
         (status == descents.NOT_LANDED, "foot {} not down by the post section"),
         (status == descents.ALREADY_DOWN, "foot {} down before the pre section"),
         (status == descents.POOR_FIT, "poor fit of foot {}"),

@@ -146,9 +146,8 @@ def read_contact_times(
 def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactTimes:
     instants = np.sort(instants[~np.isnan(instants)])
     if not len(instants):
-        raise RecordingError(
-            f"{path}: column '{column.name}': expected at least one contact instant, found none"
-        )
+        told = f"{path}: column '{column.name}': expected at least one contact instant, found none"
+        raise RecordingError(told)
     span = (float(instants[0]), float(instants[-1]))
     return ContactTimes(column, instants, "contacts", span)
 

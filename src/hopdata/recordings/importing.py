@@ -308,8 +308,7 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
     expected = (len(recording.time), len(stated["foot"]))
     if truth.foot_down.shape != expected:
         wanted = "{} frames and {} feet as in the recording".format(*expected)
-        raise RecordingError.at(
-            f"{path}: truth", wanted, "{} and {}".format(*truth.foot_down.shape)
-        )
+        place = f"{path}: truth"
+        raise RecordingError.at(place, wanted, "{} and {}".format(*truth.foot_down.shape))
     order = [stated["foot"].index(name) for name in recording.names("foot")]
     return replace(truth, **{key: getattr(truth, key)[:, order] for key in PER_FOOT})

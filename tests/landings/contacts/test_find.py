@@ -1,6 +1,7 @@
 """Contact instants and orders against the truth of a springy-legged scene."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +9,14 @@ from falling_feet import falls
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import ConfigError
-from hopdata.landings.contacts.descents import LANDED, MISSING, POOR_FIT, find_transitions
-from hopdata.landings.contacts.find import contacts_of, find_contacts, find_landings
+from hopdata.landings.contacts.descents import LANDED, MISSING, POOR_FIT, THIN, find_transitions
+from hopdata.landings.contacts.find import (
+    _hidden,
+    _judged,
+    contacts_of,
+    find_contacts,
+    find_landings,
+)
 
 
 def found(scene, heights=None, *, pre=PRE_HEIGHT_M, **options):
@@ -89,6 +96,23 @@ def test_missing_frames_and_feet_that_do_not_keep_to_the_law(scene):
     assert contacts.status[1, 0] in (MISSING, POOR_FIT)
     assert contacts.status[2, 1] == POOR_FIT
     assert (contacts.status[3:] == LANDED).all()
+
+
+def test_a_landing_with_few_frames_and_none_missing_is_told_so():
+    made = falls(40, seed=1)
+    fits = SimpleNamespace(
+        n_before=np.full((40, 3), 2), n_after=np.full((40, 3), 9), dof=np.ones((40, 3)),
+        unit_se=np.ones((40, 3)), misfit=np.ones((40, 3)), velocity=-np.ones((40, 3)),
+        instant=made.contacts,
+    )  # fmt: skip
+    heights = made.heights.copy()
+    at = np.searchsorted(made.time, made.contacts)
+    heights[at[5, 1] - 3 : at[5, 1], 1] = np.nan
+    hidden = _hidden(made.time, heights, made.contacts, (0.05, 0.02))
+    judged = _judged(fits, np.full((40, 3), LANDED), hidden, 1.0, 3.0)
+    assert np.argwhere(judged.status == MISSING).tolist() == [[5, 1]]
+    assert (judged.status == THIN).sum() == 119
+    assert np.isnan(judged.instant).all()
 
 
 def test_rolling_feet_are_fitted_in_short_windows():

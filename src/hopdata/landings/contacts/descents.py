@@ -230,7 +230,7 @@ def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
     return have
 
 
-LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT, RISES = range(6)
+LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT, RISES, THIN = range(7)
 NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
 ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
 SETTLES = 0.5  # of the height below which a foot is down: what sinks by less has stood all along

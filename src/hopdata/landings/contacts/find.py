@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
@@ -92,9 +92,8 @@ def find_landings(
     """
     feet, pace = recording.names("foot"), recording.pace
     if len(feet) < 2:
-        raise AnalysisError(
-            f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
-        )
+        told = f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
+        raise AnalysisError(told)
     before, after = (w and w / pace for w in (window_before_s, window_after_s))
     down_m, recording = down_height_m and down_height_m / pace**2, recording.of_1_m()
     time, heights, body = recording.time, recording.feet[:, :, 2], recording.body_height
@@ -246,7 +245,8 @@ def find_contacts(
         feet, common = (short, own) if rolls else (feet, common)
         rises = ~rolls & (fits.n_after < FRAMES_AFTER)  # as toes do while their heel comes down
         fits = kink_law.merged(fits, alone, np.asarray(rises | rolls))
-    found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
+    hidden = _hidden(time, heights, near, feet.windows_s)
+    found = _judged(fits, status, hidden, kink_law.pooled_noise(fits), maximum_misfit)
     risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
     about = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
     se = np.hypot(found.se, risen_s) * descents.widening(correlation, *about)
@@ -271,7 +271,19 @@ def _windows(
     return max(before, 5 * frame_s), max(after, 3 * frame_s)
 
 
-def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: float) -> Contacts:
+def _hidden(
+    time: FloatArray, heights: FloatArray, near: FloatArray, windows_s: tuple[float, float]
+) -> BoolArray:
+    """Tell of which landings and feet (L, n) frames are missing about the contacts `near`, s."""
+    lost = np.cumsum(np.isnan(heights), axis=0)
+    ends = (np.searchsorted(time, near + way) for way in (-windows_s[0], windows_s[1]))
+    first, last = (np.take_along_axis(lost, k.clip(max=len(time) - 1), axis=0) for k in ends)
+    return np.asarray(last > first)
+
+
+def _judged(
+    fits: KinkFits, status: IntArray, hidden: BoolArray, noise_m: float, maximum_misfit: float
+) -> Contacts:
     """Mark the fits with too few frames or too large a misfit; widen errors by the misfit."""
     thin = (fits.n_before < FRAMES_BEFORE) | (fits.n_after < FRAMES_AFTER) | (fits.dof <= 0)
     thin |= ~np.isfinite(fits.unit_se)
@@ -279,9 +291,12 @@ def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: fl
     landed = status == descents.LANDED
     status = np.where(landed & (ratio > maximum_misfit), descents.POOR_FIT, status)
     status = np.where(landed & ~(fits.velocity < 0), descents.RISES, status)
-    status = np.where(landed & thin, descents.MISSING, status)
+    status = np.where(landed & thin, np.where(hidden, descents.MISSING, descents.THIN), status)
     # A misfit beyond three standard deviations of its chance value is no chance: Birge's ratio.
     chance = 1 + 3 / np.sqrt(2 * np.maximum(fits.dof, 1.0))
     se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
-    instant, se = (np.where(status == descents.MISSING, np.nan, x) for x in (fits.instant, se))
+    instant, se = (
+        np.where(np.isin(status, (descents.MISSING, descents.THIN)), np.nan, x)
+        for x in (fits.instant, se)
+    )
     return Contacts(instant, se, status, noise_m)

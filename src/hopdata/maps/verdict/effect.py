@@ -268,6 +268,10 @@ def effect_size(
     )
 
 
+MOST_LANDINGS = 20_000  # that anybody records
+MORE_SPREAD = ", or far fewer with contacts further apart: vary push, tilt and speed of the hops"
+
+
 def landings_needed(
     landings: int, detectable: float, allowed: float, difference: float, feet: int
 ) -> int:

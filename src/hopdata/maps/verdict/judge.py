@@ -126,7 +126,8 @@ def outlook(effect: EffectSize, needed: int | None, power: float) -> str:
     if needed is None:
         return f"{seen}; {percent(ASKED)} cannot be seen with any number of landings."
     number = f"{int(float(f'{needed:.1e}')):,}"
-    return f"{seen}; to see {percent(ASKED)} you would need about {number} landings."
+    instead = sizing.MORE_SPREAD * (needed > sizing.MOST_LANDINGS)
+    return f"{seen}; to see {percent(ASKED)} you would need about {number} landings{instead}."
 
 
 @told_call

@@ -260,8 +260,7 @@ def inspect_recording(
     lost = lost[~explained[lost[:, 0]].all(axis=1)]
     for frame in lost[:, 0]:
         explained[max(0, frame - STENCIL + 1) : frame + STENCIL + 1] = True
-    drops = np.concatenate([timing.drops, lost])
-    timing = replace(timing, drops=drops[np.argsort(drops[:, 0], kind="stable")])
+    timing = replace(timing, drops=np.concatenate([timing.drops, lost]))
     faults = Faults(
         swaps=exchanged,
         spikes=swaps.find_spikes(missed, explained=explained, heights=positions[:, :, 2]),

@@ -45,22 +45,19 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
         if kind == "POS":
             axis = columns["component"][k].lower()
             if axis in places.setdefault(point, {}):
-                raise RecordingError.at(
-                    f"{channels}, line {k + 2}", f"{axis} of '{point}' once", "it twice"
-                )
+                wanted = f"{axis} of '{point}' once"
+                raise RecordingError.at(f"{channels}, line {k + 2}", wanted, "it twice")
             places[point][axis] = k
     points = {name: at for name, at in places.items() if {*"xyz"} <= at.keys()}
     if not points:
         found = ", ".join(sorted(set(kinds))) or "none"
-        raise RecordingError.at(
-            channels, "channels of the type POS with components x, y and z", found
-        )
+        wanted = "channels of the type POS with components x, y and z"
+        raise RecordingError.at(channels, wanted, found)
     at = np.array([[found[axis] for axis in "xyz"] for found in points.values()])
     units = {columns["units"][k] for k in at.ravel()}
     if len(units) > 1:
-        raise RecordingError.at(
-            f"{channels}: units", "one unit of all positions", ", ".join(sorted(units))
-        )
+        wanted = "one unit of all positions"
+        raise RecordingError.at(f"{channels}: units", wanted, ", ".join(sorted(units)))
     stated = units.pop()
     told = _told(path, "motion")
     stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []

@@ -49,9 +49,8 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     header, parameters, size = open_c3d(path)
     n_points, stated = header.n_points, parameters.number("POINT", "USED")
     if stated is not None and stated % 65536 != n_points:
-        raise RecordingError.at(
-            parameters.place("POINT", "USED"), f"{n_points} as in the header", f"{stated:g}"
-        )
+        wanted = f"{n_points} as in the header"
+        raise RecordingError.at(parameters.place("POINT", "USED"), wanted, f"{stated:g}")
     if not n_points:
         raise RecordingError.at(path, "markers", "none")
     n_frames, remarks = head.count_frames(header, parameters, size - header.data_start)
@@ -91,9 +90,8 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
         wanted = f"to start between byte {BLOCK} and the end of the file (byte {size})"
         raise RecordingError.at(f"{path}, byte 16: data", wanted, f"byte {header.data_start}")
     if not np.isfinite(header.scale) or header.scale == 0:
-        raise RecordingError.at(
-            f"{path}, byte 12: scale", "a number other than 0", f"{header.scale:g}"
-        )
+        found = f"{header.scale:g}"
+        raise RecordingError.at(f"{path}, byte 12: scale", "a number other than 0", found)
     return header, parameters, size
 
 
@@ -268,9 +266,8 @@ def _per_channel(
     """One number a channel, (C,); the default where the file has none."""
     found = parameters.numbers("ANALOG", name)
     if found and len(found) < n_channels:
-        raise RecordingError.at(
-            parameters.place("ANALOG", name), f"{n_channels} numbers", len(found)
-        )
+        wanted = f"{n_channels} numbers"
+        raise RecordingError.at(parameters.place("ANALOG", name), wanted, len(found))
     return np.array(found[:n_channels] or [default] * n_channels, dtype=np.float64)
 
 

@@ -138,14 +138,12 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
         If a record reaches beyond the section.
     """
     if len(section) < 4:
-        raise RecordingError.at(
-            f"{path}, byte {offset}", "the parameter section", "the end of the file"
-        )
+        wanted = "the parameter section"
+        raise RecordingError.at(f"{path}, byte {offset}", wanted, "the end of the file")
     processor = PROCESSORS.get(section[3])
     if processor is None:
-        raise RecordingError.at(
-            f"{path}, byte {offset + 3}", "the processor type 84, 85 or 86", section[3]
-        )
+        wanted = "the processor type 84, 85 or 86"
+        raise RecordingError.at(f"{path}, byte {offset + 3}", wanted, section[3])
     parameters = Parameters(path, processor)
     source = _Section(path, section, offset, processor)
     names: dict[int, str] = {}
@@ -162,9 +160,8 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
             )
     for number, name, value in found:
         if number not in names:
-            raise RecordingError.at(
-                f"{path}: parameter {name}", f"a group of number {number}", "none"
-            )
+            wanted = f"a group of number {number}"
+            raise RecordingError.at(f"{path}: parameter {name}", wanted, "none")
         parameters.groups.setdefault(names[number], {})[name] = value
     return parameters
 
@@ -267,9 +264,8 @@ def parameter_start(path: Path, block: bytes) -> int:
         raise RecordingError.at(path, "a C3D file", "an empty file")
     if len(block) < BLOCK or block[1] != 0x50:
         found = f"{len(block)} bytes" if len(block) < BLOCK else f"{block[1]:#04x}"
-        raise RecordingError.at(
-            f"{path}, byte 1", f"a C3D file (0x50 in a header of {BLOCK} bytes)", found
-        )
+        wanted = f"a C3D file (0x50 in a header of {BLOCK} bytes)"
+        raise RecordingError.at(f"{path}, byte 1", wanted, found)
     if block[0] < 2:
         raise RecordingError.at(f"{path}, byte 0", "the parameters in block 2 or later", block[0])
     return (block[0] - 1) * BLOCK

@@ -170,9 +170,8 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     if places is solved and places:
         remarks = (f"{path}: markers are those of the solved bodies, none was exported as seen",)
     if not places:
-        raise RecordingError.at(
-            path, "positions of markers", "none; export them from Motive as well"
-        )
+        wanted = "positions of markers"
+        raise RecordingError.at(path, wanted, "none; export them from Motive as well")
     place = sheet.line(0)
     rate = _stated(place, keys, "Export Frame Rate", "Capture Frame Rate")
     found = _recording(
@@ -263,9 +262,8 @@ def _at(row: Row, place: int) -> str:
 def _row_that(sheet: _Sheet, what: str, is_it: Callable[[Row], bool]) -> int:
     found = next((i for i, row in enumerate(sheet.rows) if is_it(row)), None)
     if found is None:
-        raise RecordingError.at(
-            sheet.path, f"a row {what} among the first {_MOST_HEADER_LINES}", "none"
-        )
+        wanted = f"a row {what} among the first {_MOST_HEADER_LINES}"
+        raise RecordingError.at(sheet.path, wanted, "none")
     return found
 
 

@@ -71,9 +71,8 @@ def read_raw(
     path = Path(path)
     if path.suffix.lower() not in suffixes():
         found = "a folder: name its files one by one" if path.is_dir() else f"'{path.suffix}'"
-        raise RecordingError.at(
-            f"{path}: format", f"a file ending in {', '.join(suffixes())}", found
-        )
+        wanted = f"a file ending in {', '.join(suffixes())}"
+        raise RecordingError.at(f"{path}: format", wanted, found)
     require_file(path)
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
     raw = reading.overrule_rate(str(path), _read(path, rate_hz, **limits), rate_hz)

@@ -118,9 +118,8 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
     if found is None or dtype is None:
         raise ValueError(f"dataset '{name}': expected numbers, found none")
     if dtype.kind not in _NUMBERS or not shape:
-        raise ValueError(
-            f"dataset '{name}': expected an array of numbers, found {dtype} of shape {shape}"
-        )
+        told = f"dataset '{name}': expected an array of numbers, found {dtype} of shape {shape}"
+        raise ValueError(told)
     return whole_array(found, None if dtype == np.bool_ else float)
 
 

@@ -124,9 +124,8 @@ def _unpacked(data: bytes, order: str, most_mb: float) -> Iterator[bytes]:
         raw.require_unpacked(total, most_mb)
         piece += stream.decompress(stream.unconsumed_tail, size + 8)
         if not stream.eof or len(piece) != 8 + size:
-            raise ValueError(
-                f"byte {start}: expected {8 + size} bytes compressed, found more or less"
-            )
+            told = f"byte {start}: expected {8 + size} bytes compressed, found more or less"
+            raise ValueError(told)
         yield piece
 
 
@@ -274,9 +273,8 @@ def _field(struct: Any, name: str, place: str) -> Any:
     if not isinstance(struct, dict):
         raise RecordingError.at(place, "a struct", _kind(struct))
     if name not in struct:
-        raise RecordingError.at(
-            place, f"the field {name}", f"{', '.join(struct) or 'none'}{did_you_mean(name, struct)}"
-        )
+        found = f"{', '.join(struct) or 'none'}{did_you_mean(name, struct)}"
+        raise RecordingError.at(place, f"the field {name}", found)
     return struct[name]
 
 
@@ -288,9 +286,8 @@ def _positions(labelled: Any, place: str) -> FloatArray:
     if data.ndim == 2:
         data = data[:, :, None]
     if data.ndim != 3 or data.shape[1] not in (3, 4) or not data.size:
-        raise RecordingError.at(
-            f"{place}.Data", "markers x 4 x frames", " x ".join(map(str, data.shape))
-        )
+        wanted = "markers x 4 x frames"
+        raise RecordingError.at(f"{place}.Data", wanted, " x ".join(map(str, data.shape)))
     return np.asarray(data)
 
 

@@ -242,9 +242,8 @@ class Rows:
         bad = np.argwhere(np.isnan(counted))
         if len(bad):
             row, column = bad[0]
-            raise RecordingError.at(
-                f"{self.line(row)}: {counters[column]}", "a number", "a missing value"
-            )
+            found = "a missing value"
+            raise RecordingError.at(f"{self.line(row)}: {counters[column]}", "a number", found)
         return counted, flat.reshape(len(flat), -1, 3)
 
     def texts(self, column: int) -> list[str]:

@@ -134,15 +134,13 @@ def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
     if astray is None:
         names = cells[::3]
     elif 3 * len(names) != n_axes:
-        raise RecordingError.at(
-            f"{place}, column {astray + 3}", "nothing", f"'{cells[astray][:40]}'"
-        )
+        found = f"'{cells[astray][:40]}'"
+        raise RecordingError.at(f"{place}, column {astray + 3}", "nothing", found)
     if not names:
         raise RecordingError.at(place, "marker names", "none")
     if 3 * len(names) > n_axes:
-        raise RecordingError.at(
-            f"{path}, line 5", f"{3 * len(names)} axes (X, Y, Z of {len(names)} markers)", n_axes
-        )
+        wanted = f"{3 * len(names)} axes (X, Y, Z of {len(names)} markers)"
+        raise RecordingError.at(f"{path}, line 5", wanted, n_axes)
     return names
 
 

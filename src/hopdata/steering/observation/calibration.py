@@ -325,9 +325,8 @@ def _normal_of(feet: FloatArray, up: FloatArray) -> FloatArray:
     """Return the normal of the plane through the feet, on the side of `up`."""
     feet = feet[np.isfinite(feet).all(axis=1)]
     if len(feet) < 3:
-        raise AnalysisError(
-            f"level: expected at least 3 feet in sight in flight, found {len(feet)}"
-        )
+        told = f"level: expected at least 3 feet in sight in flight, found {len(feet)}"
+        raise AnalysisError(told)
     normal = np.linalg.svd(feet - feet.mean(axis=0))[2][2]
     return np.asarray(normal * np.sign(normal @ up))
 
@@ -344,8 +343,7 @@ def _body_axes(up: FloatArray, toward: FloatArray) -> FloatArray:
     """Body axes as rows, in the axes of the shape."""
     flat = toward - (toward @ up) * up
     if np.linalg.norm(flat) < LEAST_LENGTH_M:
-        raise AnalysisError(
-            "forward: expected a direction across the vertical, found one along it within 1 mm"
-        )
+        told = "forward: expected a direction across the vertical, found one along it within 1 mm"
+        raise AnalysisError(told)
     ahead = flat / np.linalg.norm(flat)
     return np.stack([ahead, np.cross(up, ahead), up])
