@@ -42,9 +42,8 @@ def exclusion_reasons(
     timed = status == descents.LANDED
     # None of the feet that are seen landed, and these are half of them or more: another leg's.
     idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
-    none = (idle | np.isin(status, (descents.MISSING, descents.THIN))).all(axis=1) & (
-        idle.mean(axis=1) >= 0.5
-    )
+    untimed = np.isin(status, (descents.MISSING, descents.THIN))
+    none = (idle | untimed).all(axis=1) & (idle.mean(axis=1) >= 0.5)
     failures = (
         (none[:, None], NO_FOOT_LANDED),
         (transitions.gap_pre[:, None] > longest_gap_s, HIDDEN_PRE),

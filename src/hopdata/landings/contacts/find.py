@@ -295,8 +295,6 @@ def _judged(
     # A misfit beyond three standard deviations of its chance value is no chance: Birge's ratio.
     chance = 1 + 3 / np.sqrt(2 * np.maximum(fits.dof, 1.0))
     se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
-    instant, se = (
-        np.where(np.isin(status, (descents.MISSING, descents.THIN)), np.nan, x)
-        for x in (fits.instant, se)
-    )
+    untimed = np.isin(status, (descents.MISSING, descents.THIN))
+    instant, se = (np.where(untimed, np.nan, x) for x in (fits.instant, se))
     return Contacts(instant, se, status, noise_m)

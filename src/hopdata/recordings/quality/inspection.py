@@ -139,10 +139,8 @@ class Inspection:
         """Say how many frames are missing that no time stamp tells of."""
         lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
         where = f"{counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}"
-        told = f"about {where}, though no time stamp tells: all markers jump on at once; contacts"
-        return [f"{told} there are wrong: export with times, or exclude those landings"][
-            : len(lost)
-        ]
+        told = f"about {where}, though no time stamp tells (all markers jump on); contacts there"
+        return [f"{told} are wrong: export with times, or exclude those landings"] * bool(lost)
 
     def _is_silent(self, frame: int) -> bool:
         return bool((self.time[frame + 1] - self.time[frame]) * self.timing.rate_hz < 1.5)
@@ -172,11 +170,12 @@ class Inspection:
             text = f"{name} jumps by {1e3 * jump.size:.1f} mm"
             yield "jump", (name,), jump.start, jump.stop, text
         for one in self.faults.frozen:
-            does = {
-                "frozen": "repeats one position",
-                "filled": "runs along a line, as filled gaps do,",
-            }
-            text = f"{one.marker} {does[one.kind]} in {one.stop - one.start} frames"
+            does = (
+                "repeats one position"
+                if one.kind == "frozen"
+                else "runs on straight, as if filled,"
+            )
+            text = f"{one.marker} {does} in {one.stop - one.start} frames"
             yield one.kind, (one.marker,), one.start, one.stop, text
         for start, stop, first in self.faults.copies:
             text = f"frames {start + 1} to {stop} are copies of {first + 1} to"
