@@ -138,7 +138,8 @@ def imported(piece, folder, names):
     """The recording of a file with these names, by the configuration that `init` drafts."""
     markers = {"body": names[:3], "feet": names[3:6], "boom": names[6:]}
     write_recording(folder / "file.h5", replace(piece, markers=tuple(names)))
-    draft = Draft("mine", "monday", str(folder / "file.h5"), markers, all_markers=names)
+    file = str(folder / "file.h5")
+    draft = Draft("mine", file, [("monday", file)], markers, all_markers=names)
     (folder / "study.yaml").write_text(draft_config(draft, path="x.yaml"), encoding="utf-8")
     config = load_config(folder / "study.yaml")
     assert config["markers"] == markers
@@ -229,14 +230,15 @@ def test_a_draft_quotes_what_must_be_quoted(name):
     markers = {"body": [name, "b2", "b3"], "feet": ["f1", "f2"]}
     draft = Draft(
         "mine",
-        "monday",
         "a.tsv",
+        [("monday", name)],
         markers,
         {"markers.body": name},
         remarks=[name],
         all_markers=[name],
     )
-    assert yaml.safe_load(draft_config(draft, path=name))["markers"] == markers
+    written = yaml.safe_load(draft_config(draft, path=name))
+    assert (written["markers"], written["recordings"][0]["file"]) == (markers, name)
 
 
 @pytest.mark.parametrize("name", ["a\nb", "a\x1b[2Jb", "a\u2028b"])
