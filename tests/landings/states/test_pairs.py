@@ -95,6 +95,7 @@ def test_only_used_touchdowns_of_all_recordings():
 
 
 def test_a_state_without_frames_is_left_out_and_logged(caplog):
+    caplog.set_level("INFO", "hopdata")
     positions = SCENE.recording.positions.copy()
     at = np.searchsorted(SCENE.recording.time, TABLE["t_pre_s"].iloc[5])
     positions[at - 40 : at + 4, 1] = np.nan
@@ -107,6 +108,9 @@ def test_a_state_without_frames_is_left_out_and_logged(caplog):
     assert marked.loc[marked["excluded"], "index"].tolist() == [5]
     assert marked.loc[5, "reason"] == STATELESS
     assert not exclude_stateless(TABLE, pairs())["excluded"].any()
+    assert {r.levelname for r in caplog.records} == {"INFO"}, (
+        "the table has the reason; no terminal needs it"
+    )
 
 
 def test_file_round_trip(tmp_path):

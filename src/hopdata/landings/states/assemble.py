@@ -267,7 +267,7 @@ def _pairs_of(
     whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
     if not whole.all():
         lost = ", ".join(f"{t:.2f}" for t in t_pre[~whole])
-        logger.warning("%s: %s for states at %s s", recording.name, STATELESS, lost)
+        logger.info("%s: %s for states at %s s", recording.name, STATELESS, lost)
     kept, found = used[whole], (("x", x), ("y", y), ("x_se", x_se), ("y_se", y_se))
     kinds = {"schedule": str, "spread_s": float, "recording": str, "index": np.int64}
     columns: dict[str, Any] = {name: kept[name].to_numpy(dtype) for name, dtype in kinds.items()}
