@@ -188,7 +188,7 @@ class Inspection:
             text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
             yield "rate", (), 0, 1, text
         for k, n in timing.drops.tolist():
-            silent = ", about, and no time stamp tells" * self._is_silent(k)
+            silent = " (about; no time stamp tells)" * self._is_silent(k)
             yield "dropped", (), k, k + 1, f"{counted(n, 'frame')} dropped after this one{silent}"
         uneven = [(k, "irregular", "irregular step of the time stamps after this one")
                   for k in timing.irregular.tolist()]  # fmt: skip
