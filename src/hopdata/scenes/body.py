@@ -15,9 +15,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System
 
 N_STATES = 12
@@ -26,7 +26,7 @@ Vector = tuple[float, float, float]
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
     """Return the nine entries of R(yaw, pitch, roll), row by row; angles in rad."""
     cy, sy = math.cos(yaw), math.sin(yaw)
@@ -39,7 +39,7 @@ def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
     )  # fmt: skip
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> Vector:
     """Rates of yaw, pitch and roll, rad/s, of a body turning at (wx, wy, wz) in its own axes.
 
@@ -50,13 +50,13 @@ def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> V
     return yaw_rate, wy * cr - wz * sr, wx + yaw_rate * math.sin(pitch)
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
     """Cross product a x b of two vectors given by their components."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
     """Rate of the vertical in body axes (last row of R), when the angles change as `dy` says."""
     by_pitch, by_roll = dy[4], dy[5]
@@ -67,7 +67,7 @@ def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
     )
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def after_event(mode: IntArray, n: int, guard: int, direction: int) -> int:
     """Release the n legs once all stand, re-arm one that lifts; 1 at an apex or a fall, which stop.
 

@@ -21,9 +21,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.body import (
@@ -38,7 +38,7 @@ from hopdata.scenes.body import (
 )
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def solve_with_point_mass(
     ix: float, iy: float, iz: float, mass: float, c: Vector, b: Vector
 ) -> Vector:
@@ -58,7 +58,7 @@ def solve_with_point_mass(
 # The counterweight on its boom: a prescribed swing about a vertical axis of the body.
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def boom_angle(t: float | FloatArray, p: FloatArray) -> tuple[Any, Any, Any]:
     """Angle of the boom, rad, with its first and second derivative, at a time or an array of times.
 
@@ -71,7 +71,7 @@ def boom_angle(t: float | FloatArray, p: FloatArray) -> tuple[Any, Any, Any]:
     return angle, rate, swing * turn * np.sin(turn * s) / p[hp.BOOM_DURATION] ** 2
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
     """Place, velocity and acceleration of the counterweight in the body frame; m, s."""
     angle, rate, growth = boom_angle(t, p)
@@ -86,7 +86,7 @@ def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
 # Springy legs: their gaps, and the force of the floor on those in contact.
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[float, float]:
     """Gap of a leg, m, and its rate, m/s."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
@@ -96,7 +96,7 @@ def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[flo
     return gap, y[8] + rot[6] * sx + rot[7] * sy + rot[8] * sz
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def gap_rate_along(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
     """Rate of a leg's gap, m/s, when the state changes at the rate `dy`."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
@@ -104,7 +104,7 @@ def gap_rate_along(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: Fl
     return dy[2] + tx * p[k + 1] + ty * p[k + 2] - tz * p[hp.LEG_LENGTH]
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
     """Acceleration of a leg's gap, m/s^2, when the state changes at the rate `dy`."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
@@ -116,7 +116,7 @@ def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatAr
     return dy[8] + turned + rot[6] * ax + rot[7] * ay + rot[8] * az
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
     """Force of the floor on one leg and its torque about O, both in body axes; N, N m.
 
@@ -141,7 +141,7 @@ def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[V
     return (bx, by, bz), cross(qx, qy, qz, bx, by, bz)
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def total_wrench(
     y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray
 ) -> tuple[Vector, Vector]:
@@ -155,7 +155,7 @@ def total_wrench(
     return (fx, fy, fz), (tx, ty, tz)
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def swing_acceleration(w: Vector, c: Vector, c1: Vector, c2: Vector) -> Vector:
     """Acceleration of the counterweight in the turning body: w x (w x c) + 2 w x c' + c''."""
     ax, ay, az = cross(w[0], w[1], w[2], c[0], c[1], c[2])
@@ -163,7 +163,7 @@ def swing_acceleration(w: Vector, c: Vector, c1: Vector, c2: Vector) -> Vector:
     return nx + c2[0], ny + c2[1], nz + c2[2]
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def body_accelerations(
     w: Vector, force: Vector, torque: Vector, swing: tuple[Vector, Vector, Vector], p: FloatArray
 ) -> tuple[Vector, Vector]:
@@ -190,7 +190,7 @@ def body_accelerations(
     return specific, turn
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def fill_rates(
     t: float,
     y: FloatArray,

@@ -16,9 +16,8 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
-from numba import njit
-
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.body import cross, rotation_entries
@@ -38,8 +37,8 @@ from hopdata.scenes.scene import Variant
 # The strengths follow the legs' numbers at the end of the parameters.
 COUPLING, IMPULSE, DELAY = -3, -2, -1
 
-_guards = njit(error_model="numpy")(hopper_guards.function)
-_event = njit(error_model="numpy")(hopper_event.function)
+_guards = kept_njit(error_model="numpy")(hopper_guards.function)
+_event = kept_njit(error_model="numpy")(hopper_event.function)
 
 
 @field
@@ -76,7 +75,7 @@ def control_guards(
         hdot[leg] -= p[DELAY] * foot_lift(leg, y, dy, rot, p)
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def take_normal_velocity(t: float, y: FloatArray, leg: int, fraction: float, p: FloatArray) -> None:
     """Change the velocities in `y` by a vertical impulse at a foot that slows it by a fraction.
 

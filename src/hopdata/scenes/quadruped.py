@@ -21,9 +21,9 @@ from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes.body import (
     N_STATES,
@@ -47,14 +47,14 @@ HALF_LENGTH, HALF_WIDTH, LEG_LENGTH, RELEASE_EXTENSION, TILT_LIMIT, GRAVITY = ra
 PRELOADS, COUPLING = 15, 15 + N_LEGS
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def rest_place(leg: int, p: FloatArray) -> Vector:
     """Foot of a leg at rest length, body frame, m: left and right in front, then behind."""
     x = p[HALF_LENGTH] if leg < 2 else -p[HALF_LENGTH]
     return x, p[HALF_WIDTH] if leg % 2 == 0 else -p[HALF_WIDTH], -p[LEG_LENGTH]
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def turned(rot: Rotation, x: float, y: float, z: float) -> Vector:
     """Return R (x, y, z)."""
     return (
@@ -64,7 +64,7 @@ def turned(rot: Rotation, x: float, y: float, z: float) -> Vector:
     )
 
 
-@njit(error_model="numpy")
+@kept_njit(error_model="numpy")
 def rest_motion(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
     """Place of a leg's rest foot from O, m, and its velocity, m/s, both in world axes."""
     bx, by, bz = rest_place(leg, p)
