@@ -88,16 +88,21 @@ def straight_stretches(positions: FloatArray, markers: tuple[str, ...]) -> tuple
     """
     found = []
     for name, track in zip(markers, np.moveaxis(positions, 1, 0), strict=True):
-        step, bend = (np.abs(np.diff(track, order, axis=0)) for order in (1, 2))
-        digit = np.min(step, initial=np.inf, where=step > 0)
+        axes = track.T[..., None]  # each by itself: ten million frames are to fit into memory
+        digit = min(np.min(d, initial=np.inf, where=d > 0) for d in (_bends(x, 1) for x in axes))
         rounding = 2 * digit + 4 * np.finfo(np.float32).eps * np.nanmax(np.abs(track), initial=0)
-        bends = quantiles(bend, [0.5])[0].max() > CURVED * rounding
-        for start, stop in runs((bend <= rounding).all(axis=1) & bends).tolist():
-            corners = bend[max(start - 1, 0) : stop + 1 : stop + 1 - start].max(axis=1)
+        bends = max(quantiles(_bends(x), [0.5])[0, 0] for x in axes) > CURVED * rounding
+        straight = np.logical_and.reduce([_bends(x)[:, 0] <= rounding for x in axes])
+        for start, stop in runs(straight & bends).tolist():
+            corners = (_bends(track[k : k + 3]).max(initial=0) for k in (max(start - 1, 0), stop))
             way = np.abs(track[stop] - track[start]).max() / (stop - start)
             if stop - start >= LEAST_STRAIGHT and min(way, *corners) > CURVED * rounding:
                 found.append(Frozen(name, start + 1, stop + 1, "filled"))
     return tuple(found)
+
+
+def _bends(track: FloatArray, order: int = 2) -> FloatArray:
+    return np.abs(np.diff(track, order, axis=0))
 
 
 def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
@@ -420,6 +425,7 @@ def lasting(frames: FloatArray) -> BoolArray:
 # Frames that are missing though no time stamp says so: all markers go on from n frames later.
 
 HALF = 5  # frames on either side through which a cubic is laid
+BLOCK = 100_000  # frames at a time
 MOST_LOST = 10  # frames in a row
 MOST_MISFIT = 5.0  # of what is usual for a marker: beyond, something else happened to it
 FURTHER = 1.5  # times: where one frame is missing all move twice as far
@@ -437,25 +443,23 @@ def lost_frames(positions: FloatArray) -> IntArray:
     (K, 2) array
         Frame (from 0) after which frames are missing, and how many.
     """
-    none = np.zeros((0, 2), dtype=np.int64)
     if len(positions) < 2 * HALF:
-        return none
+        return np.zeros((0, 2), dtype=np.int64)
     windows = np.lib.stride_tricks.sliding_window_view(positions, 2 * HALF, axis=0)
-    misfit = _misfit(windows, 0)
-    usual = quantiles(misfit, [0.5])[0]
+    usual = quantiles(_misfit(windows[:: 1 + len(windows) // BLOCK], 0), [0.5])[0]
     usual[~(usual > 0)] = np.inf  # never seen, or it never moves
-    odd = np.log(np.fmax(misfit / usual, 1.0)).sum(axis=1) > TELLING
-    at, lost = np.flatnonzero(odd), range(MOST_LOST + 1)
+    blocks = (windows[k : k + BLOCK] for k in range(0, len(windows), BLOCK))
+    worse = (np.log(np.fmax(_misfit(block, 0) / usual, 1.0)).sum(axis=1) for block in blocks)
+    at, lost = np.flatnonzero(np.concatenate(list(worse)) > TELLING), range(MOST_LOST + 1)
     at = at[_steps_out(positions, at + HALF)]
     misfits = np.stack([np.log(np.fmax(_misfit(windows, n, at) / usual, 1.0)) for n in lost])
-    fits = np.fmin(misfits, misfits[0]) < np.log(MOST_MISFIT)
-    gain = np.where(fits, misfits[0] - misfits, 0.0)
+    gain = np.where(np.fmin(misfits, misfits[0]) < np.log(MOST_MISFIT), misfits[0] - misfits, 0.0)
     gain = gain.sum(axis=2) - gain.max(axis=2)
     found: dict[int, int] = {}
     for k in np.argsort(-gain.max(axis=0), kind="stable"):
         if gain[:, k].max() > TELLING and all(abs(at[k] - other) >= HALF for other in found):
             found[int(at[k])] = int(gain[:, k].argmax())
-    return np.array([(k + HALF - 1, n) for k, n in sorted(found.items())] or none, dtype=np.int64)
+    return np.reshape([(k + HALF - 1, n) for k, n in sorted(found.items())], (-1, 2)).astype(int)
 
 
 def _steps_out(positions: FloatArray, frames: IntArray) -> BoolArray:
