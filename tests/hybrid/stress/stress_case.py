@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -122,6 +123,12 @@ def params_of(cases: list[Case]) -> list[Any]:
     return [pytest.param(case, id=str(case)) for case in cases]
 
 
+@cache
+def undone(system: System) -> System:
+    """Return a system whose handler undoes itself, the same at each call: its way back is kept."""
+    return replace(system, undo=system.on_event)
+
+
 def turned_back(case: Case) -> Case:
     """Return the case from its (only) right end back to its start, whose state is then the answer.
 
@@ -129,12 +136,15 @@ def turned_back(case: Case) -> Case:
     """
     (answer,) = case.answers
     events = tuple((t, guard, -direction) for t, guard, direction in reversed(answer.events))
-    system = replace(case.system, undo=case.system.on_event)
     expected = replace(
         answer, events=events, y_end=case.y0, mode=None,
         time_tolerance=answer.back * answer.time_tolerance,
         state_tolerance=answer.back * np.asarray(answer.state_tolerance),
     )  # fmt: skip
     return replace(
-        case, system=system, t_span=case.t_span[::-1], y0=answer.y_end, answers=(expected,)
+        case,
+        system=undone(case.system),
+        t_span=case.t_span[::-1],
+        y0=answer.y_end,
+        answers=(expected,),
     )

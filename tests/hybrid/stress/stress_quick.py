@@ -10,10 +10,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba import njit
 from scipy.optimize import brentq
 from stress_case import EPS, Case, Expected
 
+from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, affine, field, guards, jacobian, on_event
 
 SURFACE, SINE, BUMP, PRODUCT, POWER, ABSOLUTE, LARGER, TABLE, AFTER, PLANE = range(10)
@@ -27,7 +27,7 @@ RTOLS = (1e-3, 1e-6, 1e-9, 1e-12)
 METHODS = ("auto", "dopri5", "dop853", "taylor")
 
 
-@njit
+@kept_njit()
 def height(q, t, u, v, du, dv, after):
     """Return an event function and its rate."""
     kind, a, b, c, d = int(q[0]), q[1], q[2], q[3], q[4]
@@ -118,7 +118,7 @@ def place(params: np.ndarray, y0: np.ndarray, t: float) -> tuple[float, ...]:
     return u, v, v + growth * c - turn * s, -fall + 0.0 * t
 
 
-@njit
+@kept_njit()
 def sampled(q, t, u, v, after_from):
     h = np.empty(len(t))
     for i in range(len(t)):
