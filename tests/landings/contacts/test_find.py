@@ -6,10 +6,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from falling_feet import falls
+from jumps import KINDS, NAMES, PELVIS, make
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import ConfigError
-from hopdata.landings.contacts.descents import LANDED, MISSING, POOR_FIT, THIN, find_transitions
+from hopdata.landings.contacts.descents import (
+    LANDED,
+    MISSING,
+    POOR_FIT,
+    RISES,
+    THIN,
+    find_transitions,
+)
 from hopdata.landings.contacts.find import (
     _hidden,
     _judged,
@@ -17,6 +25,8 @@ from hopdata.landings.contacts.find import (
     find_contacts,
     find_landings,
 )
+from hopdata.landings.floor import fit_floor, level
+from hopdata.recording import Recording
 
 
 def found(scene, heights=None, *, pre=PRE_HEIGHT_M, **options):
@@ -113,6 +123,20 @@ def test_a_landing_with_few_frames_and_none_missing_is_told_so():
     assert np.argwhere(judged.status == MISSING).tolist() == [[5, 1]]
     assert (judged.status == THIN).sum() == 119
     assert np.isnan(judged.instant).all()
+
+
+def test_toes_that_sink_on_while_their_heel_comes_down_do_not_rise():
+    """The fit of one contact went astray from where it began, and ended rising, 23 ms late."""
+    rng = np.random.default_rng(np.random.SeedSequence([20261125, 2, 9]))
+    noise_m = rng.uniform(3e-4, 1e-3)
+    positions, truth = make(KINDS["series, soft 8 ms"], 11, rng, 200.0, noise_m)
+    time, feet = np.arange(len(positions)) / 200.0, ("LTOE", "LHEE", "RTOE", "RHEE")
+    recording = Recording.from_arrays(time, positions, NAMES, feet=feet, body=PELVIS)
+    table = find_landings(level(recording, fit_floor(recording)))
+    for foot in feet:
+        assert RISES not in table[f"status_{foot}"].to_numpy()
+        instants = table[f"contact_{foot}_s"].dropna().to_numpy()
+        assert np.abs(instants - np.array(truth[foot])[:, None]).min(axis=0).max() < 0.006
 
 
 def test_rolling_feet_are_fitted_in_short_windows():

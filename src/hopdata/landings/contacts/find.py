@@ -236,6 +236,9 @@ def find_contacts(
     seen = time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest
     feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m, foot_of=foot_of)
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    if (rising := (fits.velocity > 0) & np.isfinite(earliest)).any():  # they began too late
+        near = np.where(rising, earliest, near)
+        fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
     rolls = 2 * stands.sum() <= stands.size or kink_law.pooled_noise(fits) > REFUTED * noise_m
     rises = np.zeros(fits.instant.shape, dtype=bool)
