@@ -198,10 +198,9 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
     for entry in entries:
         named = set(entry.get("landings") or ())
         for number in sorted(named - set(table["index"])):
-            raise AnalysisError(
-                f"recordings[].exclude: landings: expected numbers of the {len(table)} landings of "
-                f"'{table['recording'].iloc[0] if len(table) else ''}', found {number}"
-            )
+            of = table["recording"].iloc[0] if len(table) else ""
+            wanted = f"numbers of the {len(table)} landings of '{of}'"
+            raise AnalysisError.at("recordings[].exclude: landings", wanted, number)
         begin, end = entry.get("from_s"), entry.get("to_s")
         inside = (begins <= (np.inf if end is None else end)) & (
             ends >= (-np.inf if begin is None else begin)

@@ -77,9 +77,9 @@ def leave_one_out_residuals(x: FloatArray, y: FloatArray) -> FloatArray:
     design = pooled_basis(x) / np.sqrt(len(x))
     slack = 1.0 - np.sum(design**2, axis=1)
     if slack.min() < 1e-10:
+        fit = f"a fit with {design.shape[1]} coefficients per output"
         raise AnalysisError(
-            f"affine map: {len(x)} landings do not suffice to leave one out of a fit with "
-            f"{design.shape[1]} coefficients per output"
+            f"affine map: {len(x)} landings do not suffice to leave one out of {fit}"
         )
     return (y - design @ (design.T @ y)) / slack[:, None]
 

@@ -318,10 +318,9 @@ def true_frame_changes(
 def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> plant.SteeredHop:
     hop = plant.steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
     if hop.stance.fell:
-        raise AnalysisError(
-            f"true map: expected a hopper that does not fall, found one that did after a swing of "
-            f"{swing_rad:.2f} rad from {apex.boom_angle_rad:.2f} rad: {hop.hop.ending}"
-        )
+        swung = f"a swing of {swing_rad:.2f} rad from {apex.boom_angle_rad:.2f} rad"
+        found = f"one that did after {swung}: {hop.hop.ending}"
+        raise AnalysisError.at("true map", "a hopper that does not fall", found)
     return hop
 
 

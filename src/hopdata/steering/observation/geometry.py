@@ -144,10 +144,9 @@ def _from_json(content: dict[str, Any]) -> HopperGeometry:
 
 def _place(name: str, markers: Sequence[str]) -> int:
     if name not in markers:
-        raise AnalysisError(
-            f"expected the marker {name!r} of the hopper's geometry, found "
-            f"{', '.join(markers)}{did_you_mean(name, markers)}"
-        )
+        found = f"{', '.join(markers)}{did_you_mean(name, markers)}"
+        wanted = f"the marker {name!r} of the hopper's geometry"
+        raise AnalysisError(f"expected {wanted}, found {found}")
     return list(markers).index(name)
 
 
