@@ -9,7 +9,7 @@ from hopdata.figures.quality import (
     stability_figure,
 )
 
-MARKERS = ("hip1", "hip2", "toe1", "toe2")
+MARKERS = ("hip1", "hip2", "toe1", "toe2", "toe3")
 GAPS = pd.DataFrame(
     [("", "hip1", 1.0, 2.0), ("", "toe1", 5.0, 5.0001)],
     columns=["recording", "marker", "start_s", "stop_s"],
