@@ -228,7 +228,7 @@ def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tm
     target = "results/odd/landings/sections.json"
     result = subprocess.run(
         [sys.executable, "-m", "hopdata", "run", "k.yaml", "--cores", "1", "--", target],
-        env={**kept, "LANG": "C", "LC_ALL": "C", "PYTHONPATH": str(ROOT / "src")},
+        env={**kept, "HOME": "/dev/null/home", "LC_ALL": "C", "PYTHONPATH": str(ROOT / "src")},
         cwd=folder, capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr

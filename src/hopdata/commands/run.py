@@ -117,14 +117,15 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     # In this order: any number of files may follow --configfile, and a target would be one.
     profile = SNAKEFILE.parent / "profiles" / "default"  # of a group's too
     places = ["--configfile", config, "--snakefile", snakefile, "--workflow-profile", profile]
-    command = [sys.executable, "-m", "snakemake", *map(str, places), "--nocolor", *options]
     listed = ["--quiet", "rules", "host", "reason"] * ("--dry-run" in options)
+    command = [sys.executable, "-m", "snakemake", *map(str, places), "--nocolor", *options, *listed]
+    if not os.access(os.path.expanduser("~"), os.W_OK):  # where Snakemake keeps what it fetched
+        os.environ.setdefault("XDG_CACHE_HOME", os.path.abspath(".snakemake"))
     given = options[options.index("--cores") + 1]
     cores = int(given) if given.isdigit() else os.cpu_count() or 1
     said, begun, took, last = [], {"": time.monotonic()}, [], ""
     pipes: Any = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE if listed else None}
-    pipes |= {"encoding": "utf-8", "errors": "replace"}
-    with subprocess.Popen([*command, *listed], **pipes) as snakemake:
+    with subprocess.Popen(command, **pipes, encoding="utf-8", errors="replace") as snakemake:
         try:
             for line in snakemake.stderr or ():
                 said.append(line)
@@ -144,8 +145,7 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
                     words = f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
                     last = f"{last}, about {words} left" if left else f"after {words}"
                     print(f"{study}: {done} of {number} jobs done, {last}", file=sys.stderr)
-            told = "".join(snakemake.stdout or ())
-            code = snakemake.wait()
+            told, code = "".join(snakemake.stdout or ()), snakemake.wait()
         except KeyboardInterrupt:  # Snakemake got it too: it ends its jobs and unlocks the folder
             snakemake.wait()
             raise
