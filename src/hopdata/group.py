@@ -59,7 +59,8 @@ def read_group(config: str | Path) -> dict[str, Any]:
         member = members.setdefault(
             who,
             {
-                **dict(zip(("subject", "condition"), who, strict=True)),
+                "subject": row["subject"],
+                "condition": row.get("condition", ""),
                 "further": {key: text for key, text in row.items() if key not in KNOWN},
                 "config": {**content, "study": name, "recordings": []},
             },

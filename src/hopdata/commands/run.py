@@ -99,7 +99,8 @@ def _run_again(options: argparse.Namespace) -> int:
 def _values(file: Path, name: str, *keys: str) -> list[Any]:
     """Return values of a JSON file that a study left."""
     try:
-        return list(map(read_json(file).__getitem__, keys))
+        content = read_json(file)
+        return [content[key] for key in keys]
     except OSError as error:
         raise ConfigError(f"{file}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):

@@ -41,6 +41,9 @@ class Faults:
         return sum(map(len, parts))
 
 
+_DOES = {"frozen": "repeats one position", "filled": "runs on straight, as if filled,"}
+
+
 @dataclass(frozen=True)
 class Suspect:
     """One thing that looks wrong.
@@ -170,12 +173,7 @@ class Inspection:
             text = f"{name} jumps by {1e3 * jump.size:.1f} mm"
             yield "jump", (name,), jump.start, jump.stop, text
         for one in self.faults.frozen:
-            does = (
-                "repeats one position"
-                if one.kind == "frozen"
-                else "runs on straight, as if filled,"
-            )
-            text = f"{one.marker} {does} in {one.stop - one.start} frames"
+            text = f"{one.marker} {_DOES[one.kind]} in {one.stop - one.start} frames"
             yield one.kind, (one.marker,), one.start, one.stop, text
         for start, stop, first in self.faults.copies:
             text = f"frames {start + 1} to {stop} are copies of {first + 1} to"
