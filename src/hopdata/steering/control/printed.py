@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.rigid import turned
 from hopdata.steering.control import objectives
 from hopdata.steering.models.tabulated import FrameChangeMap
@@ -37,6 +37,7 @@ class PrintedController:
         """Return the same controller with another objective."""
         return replace(self, objective=objective)
 
+    @one_blas_thread()
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> objectives.Plan:
