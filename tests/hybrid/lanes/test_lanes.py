@@ -93,6 +93,43 @@ def test_wanted_times():
     assert here.y[:, :, -1].tolist() == here.y_end.tolist()
 
 
+@field
+def driven(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -np.sin(y[0]) + 0.2 * mode[0]
+
+
+@guards
+def levels(t, y, dy, mode, params, h, hdot):
+    for g in range(len(h)):
+        bend = params[0] * np.sin(y[1])
+        h[g] = y[0] + bend - 0.07 * (g - 22.0)
+        hdot[g] = dy[0] + params[0] * np.cos(y[1]) * dy[1]
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
+def test_where_most_steps_end_in_flips(rtol):
+    """Then they end on the interpolant, as long as that is as good as another step."""
+    system = System(driven, levels, n_states=2, guard_names=[f"level {g}" for g in range(45)])
+    rng, times = np.random.default_rng(8), np.linspace(*SPAN, 40)
+    y0, params = rng.uniform(-1.5, 1.5, (COUNT, 2)), rng.uniform(0.0, 0.2, (COUNT, 1))
+
+    def ends(rtol, lanes, rows=slice(None)):
+        return solve_batch(
+            system, SPAN, y0[rows], params=params[rows], rtol=rtol, atol=1e-3 * rtol, t_eval=times,
+            lanes=lanes, **OPTIONS,
+        )  # fmt: skip
+
+    best, plain, here = ends(1e-13, False), ends(rtol, False), ends(rtol, True)
+    assert here.lanes.mean() > 0.9  # a few swings turn round at a level
+    assert here.n_events.tolist() == best.n_events.tolist()
+    assert here.nfev.sum() < 20 * here.n_steps.sum()  # 12 of a step, 28 where each is taken again
+    off, plainly_off = (np.abs(one.y - best.y).max(axis=(1, 2)) for one in (here, plain))
+    for part in (0.5, 0.95):
+        assert np.quantile(off, part) < 3 * np.quantile(plainly_off, part)
+    order = rng.permutation(COUNT)
+    assert_same(ends(rtol, True, order), here, order)
+
+
 NARROW = """
 import sys
 import numpy as np

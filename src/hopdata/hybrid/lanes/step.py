@@ -7,8 +7,10 @@ is called once for each group of lanes whose modes are the same to it.
 Guards are judged by value and rate at both ends of a step and at a stage inside, whose state is of
 the fifth order: these show by how much a cubic errs. Where they do not tell what a guard does, the
 step is halved. A flip is looked for on the polynomial through all of them, the step is taken again
-to there, and its end moved by the little that is left. A system for which that does not work
-(guards that graze or slide, steps that vanish, infinite fields) is given up: the driver does it.
+to there, and its end moved by the little that is left. In a lane most of whose steps end in flips
+these are foretold, and the interpolant gives the state there, if it is good enough. A system for
+which all that does not work (guards that graze or slide, steps that vanish, infinite fields) is
+given up: the driver does it.
 """
 
 from __future__ import annotations
@@ -26,7 +28,9 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import MODE, ON_EVENT, STATE, VALUE, caller, kernel
 from hopdata.hybrid.compiled.memory import row
 from hopdata.hybrid.driver import windows
+from hopdata.hybrid.driver.end_step import SPARED
 from hopdata.hybrid.driver.loop import END_STATE
+from hopdata.hybrid.driver.watch import CLIP_MOST, OVERSHOOT
 from hopdata.hybrid.lanes.vectors import (
     ALL,
     WIDTH,
@@ -39,7 +43,7 @@ from hopdata.hybrid.lanes.vectors import (
     mask_of,
     rough_power,
     spread,
-    square_root,  # noqa: F401 (in the code of a step)
+    square_root,
     where,
     with_lane,
 )
@@ -146,12 +150,13 @@ BOOK_ROWS = 10
 # first, and where. Of the guards: h0, rate0 at the start, h, rate inside, h1, rate1 at the end of
 # the step; along, along1, inside: rates along one way, at the start, at the end and inside; size:
 # the largest value lately, the scale of rounding; leaving: 1 where a guard is at its surface, on
-# its new side; lock; other_h, other_rate: free. params; table: all rows, by lane; modes: a row for
-# each lane; book: whole numbers of each lane.
+# its new side; lock; bend: by how much the rate has changed in the last step; other_h, other_rate:
+# free. params; table: all rows, by lane; modes: a row for each lane; book: whole numbers of each
+# lane.
 Room = namedtuple(
     "Room",
     "y k inner end moved work other dense aim h0 rate0 h rate h1 rate1 along along1 size leaving "
-    "lock inside other_h other_rate params table modes book",
+    "lock inside bend other_h other_rate params table modes book",
 )
 
 
@@ -225,6 +230,8 @@ def group(r: Any) -> None:
 EPS = 2.0**-52
 ROUNDING = 4 * EPS  # of time, and of a guard, relative to its largest value lately
 ITERATIONS, ROOT_TOLERANCE = 40, 1e-6  # part of a step: Newton's next one is beyond all digits
+DENSE_ERROR = DOP853.dense_error  # of the interpolant, in errors of the step
+MOSTLY = 0.7  # of a lane's steps: where so many end in flips these are foretold
 NEAR = 1e-5  # of the step: its end is moved to a flip that is not farther
 FIRST, REST = PLACE / 3.0, (1.0 - PLACE) / 3.0
 PER_PLACE, PER_REST = 1.0 / PLACE, 1.0 / (1.0 - PLACE)
@@ -452,6 +459,22 @@ def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> A
     return least(least(100.0 * trial, rough_power(0.01 / steepest, 1.0 / ORDER)), longest)
 
 
+def clipped(t: Any, h: Any, before: Any, r: Any) -> Any:
+    """Return the steps, or a little more than the time to the first flip that is foretold.
+
+    It is foretold by value, rate, and how the rate has changed in the step before, of this length.
+    """
+    shortest, per_s = CLIP_MOST * resolution_of(t, h), 1.0 / before
+    for g in range(N_GUARDS):
+        value, rate = largest(r.lock[g] * r.h0[g], 0.0), r.lock[g] * r.rate0[g]
+        bend = r.lock[g] * r.bend[g] * per_s
+        room = rate * rate - 2.0 * value * bend
+        side = square_root(largest(room, 0.0))
+        time = where(rate < 0.0, 2.0 * value / (side - rate), -(side + rate) / bend) * OVERSHOOT
+        h = where((room > 0.0) & (time > shortest) & (time < h), time, h)
+    return h
+
+
 def look(t: Any, h: Any, r: Any) -> None:
     """Evaluate the guards inside and at the end of the steps."""
     GUARDS(fma(PLACE, h, t), r.inner, state(r.k, INSIDE * N), r, r.h, r.rate)
@@ -525,6 +548,34 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
     return unclear, far, touching, soonest
 
 
+def cut(crossed: Any, place: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
+    """End steps at these places on the interpolant, where it is good enough; return where.
+
+    That costs less than to take the step again, but all lanes pay for it.
+    """
+    slope, new = state(r.k, STAGES * N), state(r.k, (STAGES + 1) * N)
+    prepare(t, h, r)
+    interpolate(place, r)
+    span = place * h
+    FIELD(t + span, r.work, r, new)
+    GUARDS(t + span, r.work, new, r, r.h, r.rate)
+    worst = 4.0 * place * (1.0 - place)
+    good = crossed & (DENSE_ERROR * error * worst * worst <= SPARED)
+    resolution, on_one = resolution_of(t, span), mask_of(0)
+    for g in range(N_GUARDS):
+        margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
+        noise = ROUNDING * largest(absolute(r.h0[g]), absolute(r.h1[g]))
+        near = largest(-NEAR * span * rate, noise + resolution * absolute(rate))
+        touches = (rate < 0.0) & (absolute(margin) <= near)
+        good, on_one = good & ((margin > 0.0) | touches), on_one | touches
+    good = good & on_one
+    for i in range(N):
+        r.end[i], slope[i] = where(good, r.work[i], r.end[i]), where(good, new[i], slope[i])
+    for g in range(N_GUARDS):
+        r.h1[g], r.rate1[g] = where(good, r.h[g], r.h1[g]), where(good, r.rate[g], r.rate1[g])
+    return good
+
+
 def land(
     landing: int, t: Any, h: Any, soonest: Any, idle: Any, run_s: float, r: Any
 ) -> tuple[Any, int]:
@@ -565,10 +616,10 @@ def land(
 
 
 def sample(
-    lanes: int, t: Any, h: Any, t_new: Any, times: FloatArray, samples: FloatArray, r: Any
-) -> None:
+    lanes: int, t: Any, h: Any, t_new: Any, times: FloatArray, samples: FloatArray, ready: bool,
+    r: Any,
+) -> None:  # fmt: skip
     """Write the states at the wanted times in the steps of these lanes."""
-    ready = False
     while True:
         now, pending = t_new, 0
         for j in range(WIDTH):
@@ -609,7 +660,7 @@ def give_up(lanes: int, r: Any) -> int:
 
 
 def leave(
-    lanes: int, t: Any, tried: Any, taken: Any, status: IntArray, ends: FloatArray,
+    lanes: int, t: Any, tried: Any, taken: Any, cuts: Any, status: IntArray, ends: FloatArray,
     end_modes: IntArray, counts: IntArray, r: Any,
 ) -> None:  # fmt: skip
     """Write down how these lanes have ended."""
@@ -625,7 +676,8 @@ def leave(
         for i in range(counts.shape[1]):
             counts[b, i] = 0
         steps, tries = int(lane(taken, j)), int(lane(tried, j))
-        counts[b, at.NFEV] = STAGES * tries + r.book[EVENTS, j] + 2
+        further = (1 + FURTHER) * int(lane(cuts, j))
+        counts[b, at.NFEV] = STAGES * tries + further + r.book[EVENTS, j] + 2
         counts[b, at.STEPS], counts[b, at.REJECTED] = steps, tries - steps
         counts[b, at.EVENTS], counts[b, at.SAMPLES] = r.book[EVENTS, j], r.book[SAMPLES, j]
         counts[b, at.CULPRIT] = r.book[CULPRIT, j]
@@ -647,7 +699,8 @@ def run(
     r = room(table, params, lane_modes, book)
     own, own_params = np.empty(N), params[0].copy()
     t, run_s = spread(t_start), t_end - t_start
-    h_next = resume = tries = stiff = tried = taken = idle = spread(0.0)
+    h_next = resume = tries = stiff = tried = taken = idle = landed = spread(0.0)
+    before, cuts = spread(1.0), spread(0.0)
     active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
     while True:
         begun = open_ones = 0
@@ -661,6 +714,7 @@ def run(
             t, tries, stiff = where(new, t_start, t), where(new, 0.0, tries), where(new, 0.0, stiff)
             resume, tried = where(new, 0.0, resume), where(new, 0.0, tried)
             taken, idle = where(new, 0.0, taken), where(new, 0.0, idle)
+            landed, cuts = where(new, 0.0, landed), where(new, 0.0, cuts)
             open_ones = settle(begun, t, r)
             fresh, rejected, aimed = fresh | begun, rejected & ~begun, aimed & ~begun
         rounds = 0
@@ -679,10 +733,12 @@ def run(
             h_next = where(mask_of(begun), step if step > 0.0 else guess, h_next)
         want = (bits(t >= t_end) & active) | over
         if want != 0:
-            leave(want, t, tried, taken, status, ends, end_modes, counts, r)
+            leave(want, t, tried, taken, cuts, status, ends, end_modes, counts, r)
             continue
         left = t_end - t
-        h = least(h_next, max_step)
+        h, often = least(h_next, max_step), landed > MOSTLY * taken
+        if bits(often) != 0:
+            h = where(often, clipped(t, h, before, r), h)
         whole = h * where(mask_of(aimed), 1.0, ALMOST_THERE) >= left
         h = where(whole, left, h)
         error, hard = take_step(t, h, rtol, atol, r)
@@ -692,13 +748,21 @@ def run(
         fine = (error <= 1.0) & live
         unclear, far, touching, soonest = judge(t, h, fine, run_s, r)
         crossed, accepted = fine & ~unclear & far, fine & ~unclear & ~far
-        aimed, landing = bits(crossed), bits(accepted & touching)
+        aimed, landing, full, ready = bits(crossed), bits(accepted & touching), h, False
         factor = SAFETY * rough_power(error + TINY_ERROR, -1.0 / ORDER)
         factor = largest(SHRINK_MOST, least(where(mask_of(rejected), 1.0, GROW_MOST), factor))
         h_next = h * where(fine & unclear, 0.5, factor)
         if aimed != 0:
-            h_next = where(crossed, h * root(crossed, r), h_next)
+            place = root(crossed, r)
             resume = where(crossed, largest(resume, h), resume)
+            ready = bits(crossed & often) != 0
+            if ready:
+                short = cut(crossed & often, place, t, h, error, r)
+                cuts = where(short, cuts + 1.0, cuts)
+                accepted, h = accepted | short, where(short, place * h, h)
+                soonest, whole = where(short, 0.0, soonest), whole & ~short
+                aimed, landing = aimed & ~bits(short), landing | bits(short)
+            h_next = where(mask_of(aimed), place * h, h_next)
         rejected = active & ~bits(accepted) & ~aimed
         shift = spread(0.0)
         if landing != 0:
@@ -710,14 +774,17 @@ def run(
                 r.moved[i] = r.end[i]
         t_new = where(whole & (shift == 0.0), t_end, t + h + shift)
         if len(times) > 0:
-            sample(bits(accepted), t, h, t_new, times, samples, r)
+            sample(bits(accepted), t, full, t_new, times, samples, ready, r)
         stiff = where(accepted, largest(stiff + where(hard, 1.0, -0.1), 0.0), stiff)
         tries, tried = where(accepted, 0.0, tries + 1.0), tried + 1.0
         t, taken = where(accepted, t_new, t), where(accepted, taken + 1.0, taken)
+        before = where(accepted, h, before)
+        landed = where(mask_of(landing), landed + 1.0, landed)
         slope = state(r.k, STAGES * N)
         for i in range(N):
             r.y[i], r.k[i] = where(accepted, r.moved[i], r.y[i]), where(accepted, slope[i], r.k[i])
         for g in range(N_GUARDS):
+            r.bend[g] = where(accepted, r.rate1[g] - r.rate0[g], r.bend[g])
             r.h0[g] = where(accepted, r.h1[g], r.h0[g])
             r.rate0[g] = where(accepted, r.rate1[g], r.rate0[g])
             r.leaving[g] = where(accepted, 0.0, r.leaving[g])
@@ -731,5 +798,5 @@ def run(
         over |= give_up(bits(lost & live) & ~over, r)
         want = ((bits(t >= t_end) & active & ~fresh) | over) & active
         if want != 0:
-            leave(want, t, tried, taken, status, ends, end_modes, counts, r)
+            leave(want, t, tried, taken, cuts, status, ends, end_modes, counts, r)
             fresh &= ~want
