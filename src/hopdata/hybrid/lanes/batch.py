@@ -19,6 +19,7 @@ from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import row, view
+from hopdata.hybrid.lanes import method as written
 from hopdata.hybrid.lanes import step as code
 from hopdata.hybrid.lanes.vectors import WIDTH, aligned, part
 from hopdata.hybrid.methods.explicit import compose
@@ -42,7 +43,7 @@ PARTS = (
     code.first_step, code.clipped, code.look, code.look_along, code.judge, code.cut, code.land,
     code.sample, code.sample_again, code.give_up, code.leave,
 )  # fmt: skip
-STATE_ROWS = {"y": 1, "k": code.SLOPES, "inner": 1, "end": 1, "moved": 1, "work": 1, "other": 1,
+STATE_ROWS = {"y": 1, "k": written.SLOPES, "inner": 1, "end": 1, "moved": 1, "work": 1, "other": 1,
               "dense": 7}  # fmt: skip
 
 
@@ -166,8 +167,8 @@ class LaneCode:
         names["GUARDS"] = put_in(guards, CALL=_guards_of(system))
         known = {**vars(code), **names}
         for name, arguments, lines in (
-            ("take_step", "t, h, rtol, atol, r", code.step_code()),
-            ("prepare", "t, h, r", code.dense_code()),
+            ("take_step", "t, h, rtol, atol, r", written.step_code()),
+            ("prepare", "t, h, r", written.dense_code()),
         ):
             names[name] = put_in(compose(name, arguments, lines, known))
         for function in PARTS:

@@ -16,7 +16,6 @@ given up: the driver does it.
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Sequence
 from math import inf
 from typing import Any
 
@@ -31,6 +30,7 @@ from hopdata.hybrid.driver import windows
 from hopdata.hybrid.driver.end_step import SPARED
 from hopdata.hybrid.driver.loop import END_STATE
 from hopdata.hybrid.driver.watch import CLIP_MOST, OVERSHOOT
+from hopdata.hybrid.lanes.method import DENSE_ERROR, FURTHER, INSIDE, ORDER, PLACE, STAGES, TINY
 from hopdata.hybrid.lanes.vectors import (
     ALL,
     WIDTH,
@@ -47,7 +47,6 @@ from hopdata.hybrid.lanes.vectors import (
     where,
     with_lane,
 )
-from hopdata.hybrid.methods.explicit import DOP853
 
 # What the loop knows of a system; `lanes.batch` puts it in.
 
@@ -56,73 +55,7 @@ PARAMS_IN_LANES, READ = False, np.zeros(0, dtype=np.int64)  # places of the mode
 FIELD: Any = None
 GUARDS = CALL = state = room = take_step = prepare = FIELD
 
-# A step of DOP853, written out with its coefficients.
-
-INSIDE = 9  # the stage by which the guards are known inside a step ...
-PLACE = DOP853.nodes[INSIDE - 1]  # ... and where it is
-STAGES, FURTHER = len(DOP853.weights), len(DOP853.dense_nodes)
-SLOPES = STAGES + 1 + FURTHER  # those of the stages, of the end, and of the interpolant's stages
-TINY = 1e-300  # never divide by a tolerance of zero
-STABLE = (0.1 * DOP853.stiff_tenths) ** 2
-
-
-def _sum(weights: Sequence[float], start: str = "") -> str:
-    """Return a weighted sum of slopes at component i, as code, each term fused."""
-    code = start
-    for j, weight in enumerate(weights):
-        if weight != 0.0:
-            slope = f"k[{j} * N + i]"
-            code = f"fma({weight!r}, {slope}, {code})" if code else f"{weight!r} * {slope}"
-    return code
-
-
-def _stage(node: float, weights: Sequence[float], target: int, state: str) -> list[str]:
-    return [
-        "for i in range(N):",
-        f"    {state}[i] = fma(h, {_sum(weights)}, r.y[i])",
-        f"FIELD(fma({node!r}, h, t), {state}, r, state(k, {target} * N))",
-    ]
-
-
-def step_code() -> list[str]:
-    """Return the body of ``step(t, h, rtol, atol, r)``: error, and how near it is to stability."""
-    code = ["k = r.k"]
-    for j, (node, weights) in enumerate(zip(DOP853.nodes, DOP853.stages, strict=True), start=1):
-        code += _stage(node, weights, j, "r.inner" if j == INSIDE else "r.work")
-    return [
-        *code,
-        "e0 = e1 = moved = turned = spread(0.0)",
-        "for i in range(N):",
-        f"    r.end[i] = fma(h, {_sum(DOP853.weights)}, r.y[i])",
-        f"FIELD(t + h, r.end, r, state(k, {STAGES} * N))",
-        "for i in range(N):",
-        "    size = largest(absolute(r.y[i]), absolute(r.end[i]))",
-        "    per = 1.0 / largest(fma(rtol, size, atol[i]), TINY)",
-        f"    a, b = ({_sum(DOP853.errors[0])}) * per, ({_sum(DOP853.errors[1])}) * per",
-        "    e0, e1 = fma(a, a, e0), fma(b, b, e1)",
-        f"    a, b = r.end[i] - r.work[i], k[{STAGES} * N + i] - k[{STAGES - 1} * N + i]",
-        "    a, b = a * per, b * per",
-        "    moved, turned = fma(a, a, moved), fma(b, b, turned)",
-        "error = h * e0 / square_root(fma(0.01, e1, e0) * N + TINY)",
-        f"return error, h * h * turned > {STABLE!r} * largest(moved, 0.01)",
-    ]
-
-
-def dense_code() -> list[str]:
-    """Return the body of ``prepare(t, h, r)``: the rows of the interpolant, behind the slopes."""
-    code, count = ["k, p = r.k, r.dense"], 3 + len(DOP853.dense)
-    stages = zip(DOP853.dense_nodes, DOP853.dense_stages, strict=True)
-    for j, (node, weights) in enumerate(stages, start=STAGES + 1):
-        code += _stage(node, weights, j, "r.work")
-    return [
-        *code,
-        "for i in range(N):",
-        f"    rise, first, last = r.end[i] - r.y[i], h * k[i], h * k[{STAGES} * N + i]",
-        f"    j = {count} * i",
-        "    p[j], p[j + 1] = rise, first - rise",
-        "    p[j + 2] = rise - last - p[j + 1]",
-        *(f"    p[j + {3 + q}] = h * ({_sum(row)})" for q, row in enumerate(DOP853.dense)),
-    ]
+# The interpolant, and what the lanes keep.
 
 
 @kernel
@@ -230,7 +163,6 @@ def group(r: Any) -> None:
 EPS = 2.0**-52
 ROUNDING = 4 * EPS  # of time, and of a guard, relative to its largest value lately
 ITERATIONS, ROOT_TOLERANCE = 40, 1e-6  # part of a step: Newton's next one is beyond all digits
-DENSE_ERROR = DOP853.dense_error  # of the interpolant, in errors of the step
 MOSTLY = 0.7  # of a lane's steps: where so many end in flips these are foretold
 NEAR = 1e-5  # of the step: its end is moved to a flip that is not farther
 FIRST, REST = PLACE / 3.0, (1.0 - PLACE) / 3.0
@@ -299,7 +231,7 @@ MOST_TRIES = 60  # for one step
 SHORTEST = 1e-12  # of the run: a step that is shorter, or lands in vain, comes nowhere
 IN_VAIN, MOST_IDLE = 1.5, 8.5  # of these in a row: a guard flips where it is, a system is given up
 STIFF_STEPS = 15.0  # too near to the limit of stability, more than those that are not
-SAFETY, SHRINK_MOST, GROW_MOST, ORDER = 0.8, 0.2, 6.0, DOP853.order
+SAFETY, SHRINK_MOST, GROW_MOST = 0.8, 0.2, 6.0
 
 call_on_event = caller(
     ON_EVENT.native, (types.float64, VALUE), (STATE, VALUE), (MODE, VALUE), (STATE, VALUE),

@@ -1,0 +1,72 @@
+"""A step of DOP853 in lanes, and its interpolant, written out with their coefficients as code."""
+
+from collections.abc import Sequence
+
+from hopdata.hybrid.methods.explicit import DOP853
+
+INSIDE = 9  # the stage by which the guards are known inside a step ...
+PLACE = DOP853.nodes[INSIDE - 1]  # ... and where it is
+STAGES, FURTHER = len(DOP853.weights), len(DOP853.dense_nodes)
+SLOPES = STAGES + 1 + FURTHER  # those of the stages, of the end, and of the interpolant's stages
+TINY = 1e-300  # never divide by a tolerance of zero
+DENSE_ERROR, ORDER = DOP853.dense_error, DOP853.order  # of the interpolant, in errors of the step
+STABLE = (0.1 * DOP853.stiff_tenths) ** 2
+
+
+def _sum(weights: Sequence[float], start: str = "") -> str:
+    """Return a weighted sum of slopes at component i, as code, each term fused."""
+    code = start
+    for j, weight in enumerate(weights):
+        if weight != 0.0:
+            slope = f"k[{j} * N + i]"
+            code = f"fma({weight!r}, {slope}, {code})" if code else f"{weight!r} * {slope}"
+    return code
+
+
+def _stage(node: float, weights: Sequence[float], target: int, state: str) -> list[str]:
+    return [
+        "for i in range(N):",
+        f"    {state}[i] = fma(h, {_sum(weights)}, r.y[i])",
+        f"FIELD(fma({node!r}, h, t), {state}, r, state(k, {target} * N))",
+    ]
+
+
+def step_code() -> list[str]:
+    """Return the body of ``step(t, h, rtol, atol, r)``: error, and how near it is to stability."""
+    code = ["k = r.k"]
+    for j, (node, weights) in enumerate(zip(DOP853.nodes, DOP853.stages, strict=True), start=1):
+        code += _stage(node, weights, j, "r.inner" if j == INSIDE else "r.work")
+    return [
+        *code,
+        "e0 = e1 = moved = turned = spread(0.0)",
+        "for i in range(N):",
+        f"    r.end[i] = fma(h, {_sum(DOP853.weights)}, r.y[i])",
+        f"FIELD(t + h, r.end, r, state(k, {STAGES} * N))",
+        "for i in range(N):",
+        "    size = largest(absolute(r.y[i]), absolute(r.end[i]))",
+        "    per = 1.0 / largest(fma(rtol, size, atol[i]), TINY)",
+        f"    a, b = ({_sum(DOP853.errors[0])}) * per, ({_sum(DOP853.errors[1])}) * per",
+        "    e0, e1 = fma(a, a, e0), fma(b, b, e1)",
+        f"    a, b = r.end[i] - r.work[i], k[{STAGES} * N + i] - k[{STAGES - 1} * N + i]",
+        "    a, b = a * per, b * per",
+        "    moved, turned = fma(a, a, moved), fma(b, b, turned)",
+        "error = h * e0 / square_root(fma(0.01, e1, e0) * N + TINY)",
+        f"return error, h * h * turned > {STABLE!r} * largest(moved, 0.01)",
+    ]
+
+
+def dense_code() -> list[str]:
+    """Return the body of ``prepare(t, h, r)``: the rows of the interpolant, behind the slopes."""
+    code, count = ["k, p = r.k, r.dense"], 3 + len(DOP853.dense)
+    stages = zip(DOP853.dense_nodes, DOP853.dense_stages, strict=True)
+    for j, (node, weights) in enumerate(stages, start=STAGES + 1):
+        code += _stage(node, weights, j, "r.work")
+    return [
+        *code,
+        "for i in range(N):",
+        f"    rise, first, last = r.end[i] - r.y[i], h * k[i], h * k[{STAGES} * N + i]",
+        f"    j = {count} * i",
+        "    p[j], p[j + 1] = rise, first - rise",
+        "    p[j + 2] = rise - last - p[j + 1]",
+        *(f"    p[j + {3 + q}] = h * ({_sum(row)})" for q, row in enumerate(DOP853.dense)),
+    ]
