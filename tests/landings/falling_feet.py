@@ -34,10 +34,12 @@ def falls(
     compliance_s: float = 0.0,
     creep_m_s: float = 0.0,
     stands_s: float = np.inf,
+    push_m_s2: float = 0.0,
 ) -> Falls:
     """Simulate landings with contacts from N(0, 10 ms), or so far apart, in random order.
 
-    `missing` frames about each contact are not seen; a foot leaves the floor after `stands_s`.
+    `missing` frames about each contact are not seen; a foot leaves the floor after `stands_s`. Each
+    that stands pushes the others up.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(landings * FRAMES) / RATE_HZ
@@ -53,6 +55,9 @@ def falls(
         sunk -= SPEED_M_S * compliance_s * (1 - np.exp(-after / compliance_s))
     height = np.where(s < 0, -SPEED_M_S * s - GRAVITY_M_S2 * s**2 / 2, sunk)
     height += SPEED_M_S * np.maximum(s - stands_s, 0.0)
+    waits = np.maximum(contacts[:, :, None] - contacts[:, None, :], 0.0)[:, None]
+    pushed = (after[:, :, None] ** 2 - waits**2) / 2 - s[..., None] * waits
+    height += push_m_s2 * np.where(s < 0, pushed.sum(axis=3), 0.0)
     height += rng.normal(0, NOISE_M, height.shape)
     if missing:
         nearest = np.abs(s).argmin(axis=1)[:, None]

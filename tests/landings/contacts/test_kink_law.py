@@ -120,6 +120,15 @@ def test_what_soft_contacts_have_in_common_is_stated(compliance_s, landings):
     assert found(falls(landings, seed=950)).common.max() < 0.002
 
 
+@pytest.mark.parametrize("seed", range(30, 35))
+def test_weak_pushes_stay_in_the_law(seed):
+    """Left out, errors are 1.5 times as large as stated and their mean is -0.3 ms."""
+    feet = falls(300, seed=seed, push_m_s2=5.0)
+    contacts = found(feet)
+    assert 0.8 < np.std((contacts.instant - feet.contacts) / contacts.se) < 1.1
+    assert abs(errors_ms(feet, contacts).mean()) < 0.1
+
+
 def law_of(feet):
     near = feet.contacts + 0.002
     heights = FootHeights(feet.time, feet.heights, LONG_WINDOWS_S)

@@ -147,9 +147,10 @@ Softly = tuple[KinkFits, FloatArray]  # fits, and the common errors of the feet,
 # Evenly spaced, of flight and stance; more would sharpen no prior that matters.
 LEARNING_LANDINGS, STANCE_LANDINGS = 400, 120
 COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
-# The log likelihood that a further part of the law must gain: to be beyond chance, and for each
-# fit, since what gains less there moves an instant by little of its standard error.
-TELLING_GAIN, STANCE_GAIN, TELLING_GAIN_PER_FIT = 20.0, 6.0, 0.15
+# The log likelihood that a law of stance must gain: to be beyond chance, and for each fit, since
+# what gains less there moves an instant by little of its standard error; and what the data must
+# say against pushes.
+STANCE_GAIN, STANCE_GAIN_PER_FIT, TELLING_LOSS = 6.0, 0.15, 20.0
 # A contact is not determined from this standard error on, s, or if the foot does not come down; and
 # a foot's law does not do if it leaves more than this share of its contacts so, one odd
 # one of ten or more apart.
@@ -411,9 +412,9 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     law = _refined(feet, some, law)
     free = replace(law, pushes=False)
     gain = _gain(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
-    # Few landings cannot show pushes; where these are left out errors are stated too small.
-    enough = TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
-    return law if gain.sum() > min(enough, len(gain) - TELLING_GAIN) else free
+    # Weak pushes hardly pay for the freedom they take, and left out make errors larger than stated;
+    # kept where there are none they only widen them. So they go where the data speak against them.
+    return law if gain.sum() > -TELLING_LOSS else free
 
 
 def some_landings(instant: FloatArray, most: int) -> FloatArray:
@@ -443,7 +444,7 @@ def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
             found = _log_likelihood(feet, instant, trial)
             known.append(float(np.nansum(found)))
             gain = _gain(found, likelihood)
-            if gain.sum() > STANCE_GAIN + TELLING_GAIN_PER_FIT * len(gain):
+            if gain.sum() > STANCE_GAIN + STANCE_GAIN_PER_FIT * len(gain):
                 best, likelihood, totals = trial, found, known  # which still grows
             if known[-1] < max(known):
                 break
