@@ -1,7 +1,5 @@
 """Check what the caller asks for: quickly where all is well, in words where it is not."""
 
-from __future__ import annotations
-
 from math import inf
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`solve_batch`: one system from many initial states, over the cores."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

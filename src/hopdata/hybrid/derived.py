@@ -7,8 +7,6 @@ states*, which rest, the derivative of the flow is by these, too. For *debugging
 run by Python, which checks every index.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields
 from typing import Any

@@ -4,8 +4,6 @@ All of it lives in arrays, so that the driver can return for more room and go on
 happened.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`solve`: integrate an event-selected system, as `scipy.integrate.solve_ivp` would be called."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Check a user's function when it is declared: its arguments, and the arrays that it fills."""
 
-from __future__ import annotations
-
 import builtins
 import dis
 import inspect

@@ -1,7 +1,5 @@
 """Digests of the driver's sources, and functions named by their digests."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterator

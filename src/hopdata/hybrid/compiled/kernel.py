@@ -11,8 +11,6 @@ over guards, which become vector instructions only in a function of their own. `
 options of what is called from outside, by Python or by its address.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

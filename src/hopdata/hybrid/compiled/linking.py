@@ -11,8 +11,6 @@ and `_dynfunc` (what stands for a kernel that is not compiled by itself). Import
 ImportError where Numba lacks one of them; kernels are then compiled as Numba does it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any

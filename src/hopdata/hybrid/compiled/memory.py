@@ -12,8 +12,6 @@ Of Numba's inside it uses `cgutils` (structures and branches of the generated co
 (arrays made of an address); public names do not tell how to make a type without an owner.
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, TypeVar, get_type_hints

@@ -4,8 +4,6 @@ Its coefficients stand in the rows P1 ... of the states: y = Y + x (P1 + r (P2 +
 where x is the fraction of the step and r = 1 - x (as in Hairer's dense outputs), or r = x.
 """
 
-from __future__ import annotations
-
 from math import cos, pi
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ The step is taken again to the instant that localisation found, and its end corr
 h itself, so that time and state of the event have the order of the method, not of the interpolant.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hopdata.hybrid import layout as at

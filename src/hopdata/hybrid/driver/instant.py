@@ -1,7 +1,5 @@
 """What happens at an instant: flip the locks, tell the scene, look again, until nothing flips."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from hopdata.hybrid import layout as at

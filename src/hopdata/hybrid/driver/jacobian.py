@@ -8,8 +8,6 @@ there is only one. Guards that a reset pushes across flip when it happens: they 
 so no projection, of their own.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np

@@ -3,8 +3,6 @@
 It begins where the guard's cubic vanishes or is lowest (see `suspicion`).
 """
 
-from __future__ import annotations
-
 from math import inf, sqrt
 
 from hopdata.hybrid import layout as at

@@ -6,8 +6,6 @@ address and is compiled once per install (see `compiled`). Arrays reach it by th
 `workspace`).
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What is integrated, and how closely; evaluation of its field and guards."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

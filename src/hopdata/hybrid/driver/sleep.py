@@ -5,8 +5,6 @@ bound over time) says how long a guard can sleep: until the travel has used up i
 the surface. The sleeping guards stand in a heap by the travel at which they must wake.
 """
 
-from __future__ import annotations
-
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import call_rate_bound, kernel
 from hopdata.hybrid.driver.problem import Problem, eval_guard

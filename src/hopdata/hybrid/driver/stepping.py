@@ -1,7 +1,5 @@
 """One step that meets the tolerance, and the next step's size."""
 
-from __future__ import annotations
-
 from math import exp, isfinite, log
 
 import numpy as np

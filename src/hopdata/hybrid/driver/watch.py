@@ -5,8 +5,6 @@ their surface, at an instant those that have not come to it, and before a step t
 by what is known at its start.
 """
 
-from __future__ import annotations
-
 from math import sqrt
 
 import numpy as np

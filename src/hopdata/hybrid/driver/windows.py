@@ -7,8 +7,6 @@ there says whether the guard is resolved. Windows have a size control of their o
 before the first in which a guard that bends may flip, and the next step is that window.
 """
 
-from __future__ import annotations
-
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant

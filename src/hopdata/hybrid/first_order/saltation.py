@@ -1,7 +1,5 @@
 """Saltation matrices: what a guard's crossing makes of a small deviation of the state."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations

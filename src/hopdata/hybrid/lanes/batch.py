@@ -1,7 +1,5 @@
 """The loop in lanes, made for a system: whether that can be done, and its machine code."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable

@@ -13,8 +13,6 @@ which all that does not work (guards that graze or slide, steps that vanish, inf
 given up: the driver does it.
 """
 
-from __future__ import annotations
-
 from collections import namedtuple
 from math import inf
 from typing import Any

@@ -10,8 +10,6 @@ Products and sums are fused where `fma` stands and nowhere else, so that a lane'
 neither on the processor nor on the width.
 """
 
-from __future__ import annotations
-
 import builtins
 import math
 import operator

@@ -8,8 +8,6 @@ own code has the field in it, generic code calls its address. Both come from the
 they do the same operations in the same order, and give the same bytes.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -14,8 +14,6 @@ The table s holds state and slope at the start of the step in the rows Y and K1;
 and KEND with those at its end; the interpolant fills P1 ... (see `driver.dense`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache

@@ -11,8 +11,6 @@ Rosenbrock: the Jacobian is at hand, and a few products with it give its spectra
 States are measured by their tolerances, so that no unit of length or time enters.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

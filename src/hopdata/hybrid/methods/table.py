@@ -7,8 +7,6 @@ is in the cache, with generic code where it is not; its own is made when the sce
 `WORTH_COMPILING` steps in this process, or a batch will take so many, or the caller asks for it.
 """
 
-from __future__ import annotations
-
 from functools import cache, lru_cache
 from typing import Any
 

@@ -9,8 +9,6 @@ The table phi has rows of N: the flow's Jacobian, then blocks of N rows for Df (
 new Jacobian) and M, some single rows, and one block dK for each stage (see `driver.layout`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import factorial, sqrt
 from types import FunctionType

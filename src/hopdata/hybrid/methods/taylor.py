@@ -15,8 +15,6 @@ steps are as short as rounding wants them, whatever the tolerance: half a swing 
 same. The degree that was needed is left in INFO.
 """
 
-from __future__ import annotations
-
 from math import factorial, inf, nan, sqrt
 from types import FunctionType
 from typing import Any

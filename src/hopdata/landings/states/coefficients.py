@@ -7,8 +7,6 @@ common is then known well, what they do not is fitted, and an order that nobody 
 variance: so the order of the polynomials is chosen by evidence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

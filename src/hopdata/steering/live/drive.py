@@ -1,7 +1,5 @@
 """Drive a robot: the whole loop of Fig. 3.4, from the cameras to the boom, with its logs."""
 
-from __future__ import annotations
-
 import math
 import signal
 import threading

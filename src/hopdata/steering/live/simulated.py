@@ -1,7 +1,5 @@
 """The simulated hopper in place of a robot: markers come out, swings go in."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence

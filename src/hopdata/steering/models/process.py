@@ -3,8 +3,6 @@
 Mean and variance follow Rasmussen and Williams 2006, Sec. 2.2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache, cached_property

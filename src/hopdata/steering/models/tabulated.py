@@ -3,8 +3,6 @@
 Models and the plant's true map both become tables.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol

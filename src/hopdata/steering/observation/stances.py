@@ -1,7 +1,5 @@
 """Stances of a recording and the hops between them (dissertation, Algorithm 4, made robust)."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter, deque
 from dataclasses import dataclass
