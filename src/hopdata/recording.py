@@ -98,8 +98,7 @@ class Recording(Shown):
 
     def rows(self) -> dict[str, Any]:
         """Return marker, role and share of the frames in which it was seen."""
-        seen = fraction_seen(self)
-        return {"marker": self.markers, "role": self.roles, "seen (%)": 100 * seen}
+        return {"marker": self.markers, "role": self.roles, "seen (%)": 100 * fraction_seen(self)}
 
     def to_xarray(self) -> Any:
         """Return the positions as an ``xarray.DataArray`` with named axes.
@@ -264,8 +263,7 @@ def numbers(key: str, values: ArrayLike) -> FloatArray:
     try:
         return np.asarray(values, float)
     except (TypeError, ValueError) as error:
-        found = str(error).partition(". ")[0]
-        raise ArgumentError.at(key, "an array of numbers", found) from None
+        raise ArgumentError.at(key, "an array of numbers", str(error).partition(". ")[0]) from None
 
 
 def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:

@@ -76,8 +76,7 @@ def rigid_fit(
         left[leaned], _, right[leaned] = np.linalg.svd(moment[leaned] + helped)
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
     rotation = left @ right
-    unknown = ~(determined | leaned)
-    rotation[unknown] = np.nan
+    rotation[~(determined | leaned)] = np.nan
     misses = points - np.einsum("nij,nbj->nbi", rotation, arms)
     free = np.where(leaned, 1, 3 * count - 6).clip(1)
     square = np.einsum("nb,nbi,nbi->n", weight, misses, misses)

@@ -84,8 +84,7 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
             rows = [list(markers).index(name) for name in found["marker"]]
             (line,) = axes.plot(found["start_s"], rows, sign, color=colour, label=meaning)
             line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
-    dropped = faults.loc[faults["kind"] == "dropped", "start_s"]
-    for i, time in enumerate(dropped):
+    for i, time in enumerate(faults.loc[faults["kind"] == "dropped", "start_s"]):
         label = "frames dropped" if i == 0 else ""
         axes.axvline(time, color=style.GREY, linewidth=0.7, linestyle=":", label=label)
 
@@ -158,8 +157,7 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
             marker=MARKS[number % len(MARKS)], color=style.foot_colour(number), label=part,
         )  # fmt: skip
     # Broken near the middle.
-    names = ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities]
-    style.name_rows(axes, names)
+    style.name_rows(axes, ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities])
     reach = max(1.0, *map(abs, axes.get_xlim()))
     told = "median of a part from that of all\n(in spreads between touchdowns)"
     axes.set(xlim=(-reach, reach), xlabel=told)

@@ -175,8 +175,7 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
     for axes in both:
         axes.axhline(threshold, **{**DASHED, "zorder": 0.5})
     where: Any = ("axes fraction", "data")
-    text = f"{threshold:.1f} mm"
-    style.note(both[0], text, (1, threshold), (2, 0), xycoords=where, va="center")
+    style.note(both[0], f"{threshold:.1f} mm", (1, threshold), (2, 0), xycoords=where, va="center")
 
 
 def _draw_sections(both: tuple[Axes, Axes], sections: Mapping[str, Any], side: _Side) -> None:

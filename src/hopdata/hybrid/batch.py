@@ -310,16 +310,14 @@ def solve_batch(
     run_in_threads(run_left, done, len(states), workers, progress)
     here = np.ones(len(states), dtype=bool)
     here[left] = False
-    solution = _solution(room, times, jacobian, system)
-    return replace(solution, lanes=here, lanes_reason=reason)
+    return replace(_solution(room, times, jacobian, system), lanes=here, lanes_reason=reason)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     states = arguments.numbers_of("y0", y0)
     fits = states.ndim == 2 and states.shape[1] == n_states
     arguments.expect(fits, "y0", f"shape (B, {n_states})", states.shape)
-    bad = np.flatnonzero(~np.isfinite(states).all(axis=1))
-    for row in bad:
+    for row in np.flatnonzero(~np.isfinite(states).all(axis=1)):
         arguments.expect(False, "y0", "finite numbers", f"{states[row]} in row {row}")
     return states
 

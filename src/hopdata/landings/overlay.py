@@ -206,8 +206,7 @@ def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
     for foot in external.column.feet:
         height = recording.feet[:, names.index(foot), 2]
         seen = ~np.isnan(height)
-        at = np.interp(external.instant, recording.time[seen], height[seen])
-        lowest = np.minimum(lowest, at)
+        lowest = np.minimum(lowest, np.interp(external.instant, recording.time[seen], height[seen]))
     return lowest > external.other_feet_above_m
 
 
@@ -223,8 +222,7 @@ def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
 
 
 def _within(instants: FloatArray, first: float, last: float, margin: float) -> BoolArray:
-    inside: BoolArray = (instants >= first - margin) & (instants <= last + margin)
-    return inside
+    return np.asarray((instants >= first - margin) & (instants <= last + margin))
 
 
 def _check_overlap(recording: Recording, external: ContactTimes) -> None:

@@ -76,15 +76,13 @@ def _values(recording: Recording, touchdowns: pd.DataFrame) -> pd.DataFrame:
 
 def _frames(recording: Recording, times: FloatArray) -> NDArray[np.int64]:
     """Return the frame after each time, (n,)."""
-    frames: NDArray[np.int64] = np.searchsorted(recording.time, times)
-    return frames.clip(max=max(len(recording.time) - 1, 0))
+    return np.searchsorted(recording.time, times).clip(max=max(len(recording.time) - 1, 0))
 
 
 def _mean_distance(body: FloatArray) -> FloatArray:
     """Return the mean distance between the markers of (n, B, 3) bodies, (n,)."""
     a, b = np.triu_indices(body.shape[1], 1)
-    mean: FloatArray = np.linalg.norm(body[:, a] - body[:, b], axis=2).mean(axis=1)
-    return mean
+    return np.asarray(np.linalg.norm(body[:, a] - body[:, b], axis=2).mean(axis=1))
 
 
 def _quarters(times: FloatArray) -> list[str]:

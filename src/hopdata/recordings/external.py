@@ -148,8 +148,7 @@ def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactT
     if not len(instants):
         told = f"{path}: column '{column.name}': expected at least one contact instant, found none"
         raise RecordingError(told)
-    span = (float(instants[0]), float(instants[-1]))
-    return ContactTimes(column, instants, "contacts", span)
+    return ContactTimes(column, instants, "contacts", (float(instants[0]), float(instants[-1])))
 
 
 def _labelled(

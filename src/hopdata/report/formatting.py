@@ -200,5 +200,4 @@ def first_rows(
     """Make a table of the first rows; its note says how many more are in which of the tables."""
     left = 0 if frame is None else len(frame) - most
     note = f"{count(left)} more in tables/{name}.csv." if left > 0 else ""
-    rows = records(frame)[:most]
-    return table_of(title, rows, columns, text_columns=texts, note=note)
+    return table_of(title, records(frame)[:most], columns, text_columns=texts, note=note)

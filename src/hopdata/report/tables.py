@@ -333,8 +333,7 @@ def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
         "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     }
     rows = show.records(overlay.get("contact_overlay_thresholds"))
-    title = "The same at other thresholds of the force"
-    return show.table_of(title, rows, columns, text_columns=2)
+    return show.table_of("The same at other thresholds of the force", rows, columns, text_columns=2)
 
 
 def _ms(value: Any) -> str:

@@ -170,8 +170,7 @@ def steer_hop(
     chance = 1 + robot.kicks.preload_fraction * rng.standard_normal(parameters.n_legs)
     frames = np.asarray(frame_times_s, dtype=float) - apex.time_s
     frames = frames[(frames >= 0) & (frames < robot.hop_limit_s)]
-    search = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
-    times = np.union1d(frames, search)
+    times = np.union1d(frames, np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S))
     hop = fly_hop(
         parameters, kicked(apex.state, robot.kicks, rng),
         variant=None if board is None else board.drag, preloads_n=robot.preloads_n * chance,

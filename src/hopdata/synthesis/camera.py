@@ -111,8 +111,7 @@ class MotionCapture:
         for marker in range(markers):
             count = rng.poisson(expected)
             starts = rng.integers(0, max(frames, 1), count)
-            lengths = rng.geometric(end_probability, count)
-            for start, length in zip(starts, lengths, strict=True):
+            for start, length in zip(starts, rng.geometric(end_probability, count), strict=True):
                 hidden[start : start + length, marker] = True
         return hidden
 

@@ -303,8 +303,7 @@ def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> Tr
         return np.concatenate([np.array(getattr(f, name))[f.whole] for _, f in parts])[order]
 
     x, y = (marker_states(joined(f"{side}_state"), sections.points_m) for side in ("pre", "post"))
-    spread_s = joined("contact_s").std(axis=1)
-    return TrueStates(x, y, joined("schedule"), spread_s, index[order])
+    return TrueStates(x, y, joined("schedule"), joined("contact_s").std(axis=1), index[order])
 
 
 def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:

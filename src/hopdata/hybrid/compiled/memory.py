@@ -83,8 +83,7 @@ class View(types.Type):
 @register_model(View)
 class _ViewModel(models.StructModel):
     def __init__(self, manager: Any, kind: View) -> None:
-        members = [("data", types.CPointer(kind.dtype)), ("width", INDEX)]
-        super().__init__(manager, kind, members)
+        super().__init__(manager, kind, [("data", types.CPointer(kind.dtype)), ("width", INDEX)])
 
 
 make_attribute_wrapper(View, "width", "width")

@@ -119,8 +119,7 @@ class LaneCode:
 
     def __init__(self, system: System, n_params: int, in_lanes: bool) -> None:
         self.reason, self.run, self._rows, self._n_modes = "", None, 0, system.n_modes
-        names = self._names(system, n_params, in_lanes)
-        function = with_digest(code.run, **names)
+        function = with_digest(code.run, **self._names(system, n_params, in_lanes))
         digest = hashlib.sha256((function_digest(function) + _sources()).encode()).hexdigest()
 
         def compile_it(cached: bool) -> Any:

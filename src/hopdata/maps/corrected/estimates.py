@@ -158,8 +158,7 @@ def estimate_maps(
     try:
         return _estimates(before, after, times, time_unit_s)
     except AnalysisError as error:
-        notes = [{"what": "landing map", "reason": str(error)}]
-        return MapEstimates({}, len(before), notes)
+        return MapEstimates({}, len(before), [{"what": "landing map", "reason": str(error)}])
 
 
 def _estimates(

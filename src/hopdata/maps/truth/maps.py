@@ -122,8 +122,7 @@ class ExactMap:
 
     def table(self) -> pd.DataFrame:
         """Return one row an input and output, as `MapEstimates.table` has them."""
-        sd = self.inputs.std(axis=0, ddof=1)
-        return coefficient_table(self.coefficients, sd, self.weights)
+        return coefficient_table(self.coefficients, self.inputs.std(axis=0, ddof=1), self.weights)
 
 
 @one_blas_thread()

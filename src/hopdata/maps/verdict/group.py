@@ -90,8 +90,7 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
 
     number = len(squared)
     if number < LEAST_SUBJECTS:
-        wanted = f"{LEAST_SUBJECTS} subjects with an answer or more"
-        raise AnalysisError.at("group", wanted, number)
+        raise AnalysisError.at("group", f"{LEAST_SUBJECTS} subjects with an answer or more", number)
     found = combine_effects(squared, variance, method_re="iterated", atol=1e-12, maxiter=200)
     mean = float(found.mean_effect_re)
     error = float(max(found.sd_eff_w_re, found.sd_eff_w_re_hksj))

@@ -155,8 +155,7 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
         place = "the states before the landing do not foretell in which order the feet touch"
         wanted = f"{100 * LEAST_FORETOLD:g} % of what the contact instants vary"
         raise AnalysisError.at(place, wanted, f"{100 * max(0.0, foretold):.0f} %")
-    expected: FloatArray = best - best.mean(axis=1, keepdims=True)
-    return expected
+    return np.asarray(best - best.mean(axis=1, keepdims=True))
 
 
 def contact_orders(instants: FloatArray, least: int) -> tuple[IntArray, IntArray]:

@@ -194,8 +194,7 @@ def symmetric_root(covariance: FloatArray) -> FloatArray:
     """
     values, vectors = np.linalg.eigh(covariance)
     kept = np.where(values > _FLAT**1.5 * values[-1], values, 0.0)
-    root: FloatArray = vectors * np.sqrt(kept) @ vectors.T
-    return root
+    return np.asarray(vectors * np.sqrt(kept) @ vectors.T)
 
 
 def _whitened(x: FloatArray) -> FloatArray:

@@ -37,8 +37,7 @@ class Faults:
     @property
     def count(self) -> int:
         """Number of faults of all kinds."""
-        parts = (self.swaps, self.spikes, self.jumps, self.frozen, self.copies)
-        return sum(map(len, parts))
+        return sum(map(len, (self.swaps, self.spikes, self.jumps, self.frozen, self.copies)))
 
 
 _DOES = {"frozen": "repeats one position", "filled": "runs on straight, as if filled,"}

@@ -357,8 +357,7 @@ def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray)
     common = np.stack([moves[end] for end in ends.tolist()])
     ways: list[Any] = [0.0, before[None], after[:, None] * steps[None], common[None]]
     misses = [np.linalg.norm(here[:, None] - (place[None] + way), axis=2) for way in ways]
-    result: FloatArray = np.nanmin(misses, axis=0)
-    return result
+    return np.asarray(np.nanmin(misses, axis=0))
 
 
 def _common_move(positions: FloatArray, start: int, stop: int, without: IntArray) -> FloatArray:

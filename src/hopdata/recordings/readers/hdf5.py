@@ -315,8 +315,7 @@ def _read_events(file: h5py.File) -> tuple[Event, ...]:
 
 def _write_truth(group: h5py.Group, truth: Truth) -> None:
     for key in _TRUTH_DATASETS:
-        array = getattr(truth, key)
-        _dataset(group, key, array, np.float32 if key == "body_height" else None)
+        _dataset(group, key, getattr(truth, key), np.float32 if key == "body_height" else None)
     for key in _TRUTH_ATTRIBUTES:
         group.attrs[key] = getattr(truth, key)
 

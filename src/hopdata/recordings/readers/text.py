@@ -280,8 +280,7 @@ class Rows:
             while lines and self.may_be_short and not lines[-1].strip():
                 lines.pop()
                 idle += 1
-            n_marks = self.width - 1
-            if any(line.count(mark) != n_marks or b'"' in line for line in lines):
+            if any(line.count(mark) != self.width - 1 or b'"' in line for line in lines):
                 lines = [
                     row
                     for k, line in enumerate(lines)

@@ -110,10 +110,9 @@ def _pose_scores(motion: pd.DataFrame, true: pd.DataFrame) -> dict[str, Score]:
     turned = wrapped((motion["heading_rad"] - true["heading_rad"]).to_numpy())
     boom = wrapped((motion["boom_angle_rad"] - true["boom_angle_rad"]).to_numpy())
     offset, tilt = float(np.nanmean(turned)), true["tilt_rad"].to_numpy()
-    heading = "heading, rms error about its mean"
     return {
         "position_rms": (1e3 * _rms(away), "mm", "position per axis, rms error"),
-        "heading_rms": (1e3 * _rms(turned - offset), "mrad", heading),
+        "heading_rms": (1e3 * _rms(turned - offset), "mrad", "heading, rms error about its mean"),
         "heading_offset": (1e3 * offset, "mrad", "heading, mean error"),
         "boom_angle_rms": (1e3 * _rms(boom), "mrad", "boom angle, rms error"),
         "tilt_rms": (1e3 * _rms(tilt), "mrad", "tilt, rms"),

@@ -163,8 +163,7 @@ def drive(
                 said.report("closed", f"the drive was ended by {signals.first.name}")
             if log is not None:
                 log.close(time.monotonic(), {"stream": counted, "loop": loop.counts})
-    rests = tuple(loop.watch.rests)
-    return Drive(loop.decisions(), said.history(), rests, counted, loop.counts)
+    return Drive(loop.decisions(), said.history(), tuple(loop.watch.rests), counted, loop.counts)
 
 
 class _Signals:
@@ -217,8 +216,7 @@ def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -
             "geometry: expected a boom and its circle, found none; calibrate with a recording that "
             "has a marker with the role boom (markers.boom)"
         )
-    parts = (("controller", controller, "plan"), ("boom", boom, "swing"))
-    for name, part, method in parts:
+    for name, part, method in (("controller", controller, "plan"), ("boom", boom, "swing")):
         if isinstance(part, type) or not callable(getattr(part, method, None)):
             kind = f"the class {part.__name__}" if isinstance(part, type) else type(part).__name__
             raise ConfigError(f"{name}: expected an object with the method {method}, found {kind}")

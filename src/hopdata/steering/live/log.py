@@ -178,12 +178,11 @@ def read_log(path: str | Path) -> LoggedDrive:
         with h5py.File(path, "r", libver="latest", swmr=True, locking=False) as file:
             if file.attrs["format"] != FORMAT:
                 raise ValueError
-            names = ("decisions", "events", "counts")
             return LoggedDrive(
                 json.loads(file.attrs["setup"]),
                 {name: one[:].tobytes() for name, one in file["files"].items()},
                 file["frames"][:],
-                *(_table(file[name][:]) for name in names),
+                *(_table(file[name][:]) for name in ("decisions", "events", "counts")),
             )
     except (OSError, KeyError, ValueError):
         found = "another file, or a damaged one" if Path(path).exists() else "no file"

@@ -153,8 +153,7 @@ class SimulatedStream:
 
     def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
         """Return the state in which frames come."""
-        status = self.states.wait_for("streaming", "lost", timeout_s=timeout_s)
-        return status or self.states.status
+        return self.states.wait_for("streaming", "lost", timeout_s=timeout_s) or self.states.status
 
     def _run(self) -> None:
         begun = time.monotonic()

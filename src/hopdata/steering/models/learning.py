@@ -98,8 +98,7 @@ def learning_scores(
     hops = changes.used()
     rows = []
     for size in sizes:
-        streams = np.random.SeedSequence([seed, size]).spawn(draws)
-        for draw, stream in enumerate(streams):
+        for draw, stream in enumerate(np.random.SeedSequence([seed, size]).spawn(draws)):
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
                 _, score = tested(hops, train, test, chosen, seed + draw)

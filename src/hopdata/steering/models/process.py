@@ -184,8 +184,7 @@ class FrameChangeProcess:
     def _scaled(self) -> list[tuple[FloatArray, FloatArray]]:
         """Length scales and scaled training inputs of each process, both embedded."""
         train = embedded(self.inputs, self.periodic)
-        scales = embedded_scales(self.length_scales, self.periodic)
-        return [(one, train / one) for one in scales]
+        return [(one, train / one) for one in embedded_scales(self.length_scales, self.periodic)]
 
     def _correlations(self, points: ArrayLike) -> FloatArray:
         """Kernels between points (n, d) and the training inputs, (3, n, m)."""

@@ -101,8 +101,7 @@ class HopperGeometry:
     def save(self, path: str | Path) -> None:
         """Write it as JSON, whole or not at all."""
         circle = None if self.circle is None else _plain(self.circle)
-        content = {"format": FORMAT, **_plain(self), "circle": circle}
-        write_json(path, content)
+        write_json(path, {"format": FORMAT, **_plain(self), "circle": circle})
 
 
 def load_geometry(path: str | Path) -> HopperGeometry:

@@ -96,8 +96,7 @@ def phasor_poses(body: FloatArray) -> FloatArray:
     phasors = places - middle[:, None]
     with np.errstate(invalid="ignore"):
         ratios = np.nanmean(phasors[:, :1] / phasors, axis=0)
-    heading = np.angle(phasors @ ratios)
-    return np.column_stack([middle.real, middle.imag, unwrapped(heading)])
+    return np.column_stack([middle.real, middle.imag, unwrapped(np.angle(phasors @ ratios))])
 
 
 def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
