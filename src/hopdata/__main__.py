@@ -6,8 +6,8 @@ import sys
 import tomllib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from hopdata import __version__
@@ -45,8 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     own = given.index("--") if given[:1] == ["run"] and "--" in given else len(given)
     options = _parser().parse_args(given[:own], argparse.Namespace(passed_on=given[own + 1 :]))
     try:
-        module, _, name = options.run.partition(":")
-        code: int = getattr(import_module(module), name)(options)
+        code: int = resolve_name(options.run)(options)
         sys.stdout.flush()
         return code
     except HopdataError as error:

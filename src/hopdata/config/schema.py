@@ -9,8 +9,8 @@ from copy import deepcopy
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import cache
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, cast
 
 import yaml
@@ -50,8 +50,7 @@ def _take_choices(schema: dict[str, Any]) -> None:
     """Put the names of a table where the schema says which: ``enum: module:TABLE``."""
     for key, inner in schema.items():
         if key == "enum" and isinstance(inner, str):
-            module, _, table = inner.partition(":")
-            schema[key] = list(getattr(import_module(module), table))
+            schema[key] = list(resolve_name(inner))
         elif isinstance(inner, dict):
             _take_choices(inner)
 

@@ -9,8 +9,8 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 # A date or a library version in a file would change its bytes without a change of the data.
@@ -66,8 +66,7 @@ def source_of(name: str) -> Path:
 def function_of(name: str) -> Callable[..., Any]:
     """Return the function that draws a figure, with its options."""
     drawing = _drawing(name)
-    module, _, function = drawing.place.partition(":")
-    return partial(getattr(import_module(f"hopdata.figures.{module}"), function), **drawing.options)
+    return partial(resolve_name(f"hopdata.figures.{drawing.place}"), **drawing.options)
 
 
 def _drawing(name: str) -> Drawing:

@@ -16,6 +16,7 @@ MISSING = "—"
 MINUS = "−"
 NARROW_SPACE = "\u202f"
 NO_BREAK_SPACE = "\u00a0"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 #: What the reader sees in place of names.
 WORDS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
@@ -46,8 +47,7 @@ def significant(value: Any, digits: int = 3) -> str:
 
 def _power_of_ten(number: float, digits: int) -> str:
     mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
-    raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return f"{mantissa.replace('-', MINUS)} × 10{raised}"
+    return f"{mantissa.replace('-', MINUS)} × 10{str(int(exponent)).translate(RAISED)}"
 
 
 def fixed(value: Any, decimals: int) -> str:
@@ -105,8 +105,7 @@ def common_scale(values: Sequence[float | None]) -> tuple[float, str]:
     power = 3 * math.floor(math.log10(min(finite)) / 3) if finite else 0
     if power >= 0:
         return 1.0, ""
-    raised = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    return 10.0**power, f"10{raised} "
+    return 10.0**power, f"10{str(power).translate(RAISED)} "
 
 
 def words(items: Sequence[str]) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from importlib.metadata import entry_points
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from hopdata.errors import require_choice
@@ -30,6 +30,5 @@ def scene_class(name: str) -> type[Scene]:
         If there is no scene of this name.
     """
     require_choice("simulation.scene", name, SCENES)
-    module, _, kind = SCENES[name].partition(":")
-    found: type[Scene] = getattr(import_module(module), kind)
+    found: type[Scene] = resolve_name(SCENES[name])
     return found

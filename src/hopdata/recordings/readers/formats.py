@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 from functools import cache
-from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 
@@ -88,9 +88,8 @@ def _read(path: Path, rate_hz: float | None, **limits: float) -> RawRecording:
         raw = _others()[suffix].load()(path, rate_hz)
     else:
         place, taken = READERS[suffix]
-        module, _, name = place.partition(":")
         given = {limit: limits[limit] for limit in taken}
-        raw = getattr(import_module(module), name)(path, rate_hz=rate_hz, **given)
+        raw = resolve_name(place)(path, rate_hz=rate_hz, **given)
     return raw
 
 
