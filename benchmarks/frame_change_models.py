@@ -95,17 +95,19 @@ STEP = 1.5e-8  # of forward differences, SciPy's default
 # Derivatives of models in closed form, scikit-learn's regressor.
 
 
-def change_and_gradient(model: Any, *inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Frame changes (n, 3) of hops with these inputs, and derivatives (n, 3, d) by the inputs."""
+def change_and_gradient(
+    model: Any, boom_angle: ArrayLike, swing: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Frame changes (n, 3) of hops with these inputs, and derivatives (n, 3, 2) by the inputs."""
     if isinstance(model, FrameChangeProcess):
-        points = model._points(inputs)
+        points = model._points(boom_angle, swing)
         return model.mean_at(points), mean_slopes(model, points)
     if isinstance(model, TabulatedMap):
-        angles, swings = input_rows(inputs, 2)
+        angles, swings = input_rows(boom_angle, swing)
         points = np.stack([swings, angles % (2 * np.pi)], axis=-1)
         slopes = [model._spline(points, nu=nu) for nu in ((0, 1), (1, 0))]
-        return model.change(*inputs), np.stack(slopes, axis=-1)
-    return model.change_and_gradient(*inputs)
+        return model.change(boom_angle, swing), np.stack(slopes, axis=-1)
+    return model.change_and_gradient(boom_angle, swing)
 
 
 def correlation_slope(squared: FloatArray, smoothness: float) -> FloatArray:
@@ -350,8 +352,7 @@ def model_rows(
         for name, options in MODELS.items():
             process = trained_process(usable.rows(train), options, seed=draw)
             for test, data in (("rest", usable.rows(rest)), ("any swing", other.used())):
-                inputs = np.column_stack([data.boom_angle_rad, data.swing_rad])
-                score = prediction_score(process, inputs, data.change)
+                score = prediction_score(process, data)
                 labels = {"model": name, "test": test, "draw": draw}
                 yield from pd.DataFrame({**labels, **score}).to_dict("records")
             labels = {"model": name, "test": "true map", "draw": draw}
@@ -430,13 +431,9 @@ def tabulation_errors(
         Of each component, m, m, rad, and of its derivatives by any input, per rad.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed))
-    d = table.values.ndim - 1
     angle = rng.uniform(0, 2 * np.pi, points)
-    swings = rng.uniform(-table.swing_limit_rad, table.swing_limit_rad, (d - 1, points))
-    here, there = (
-        change_and_gradient(table, angle, *swings),
-        change_and_gradient(model, angle, *swings),
-    )
+    swing = rng.uniform(-table.swing_limit_rad, table.swing_limit_rad, points)
+    here, there = (change_and_gradient(of, angle, swing) for of in (table, model))
     value, gradient = (np.abs(a - b) for a, b in zip(here, there, strict=True))
     return value.max(axis=0), gradient.max(axis=(0, 2))
 

@@ -28,9 +28,8 @@ NOISE = np.array([3e-3, 3e-3, 2e-2])
 def test_scores_are_right_by_hand():
     process = trained_process(chained_hops(30, noise=NOISE))
     test = chained_hops(50, seed=3, noise=NOISE)
-    inputs = np.column_stack([test.boom_angle_rad, test.swing_rad])
-    score = prediction_score(process, inputs, test.change)
-    error = process.change(*inputs.T) - test.change
+    score = prediction_score(process, test)
+    error = process.change(test.boom_angle_rad, test.swing_rad) - test.change
     assert score.rmse[0] == pytest.approx(1000 * np.sqrt(np.mean(error[:, 0] ** 2)))
     assert score.rmse[2] == pytest.approx(np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))))
     spread = np.sum((test.change[:, 1] - test.change[:, 1].mean()) ** 2)
@@ -39,9 +38,7 @@ def test_scores_are_right_by_hand():
 
 def test_intervals_of_predictions_hold_what_they_should():
     process = trained_process(chained_hops(150, noise=NOISE))
-    test = chained_hops(600, seed=3, noise=NOISE)
-    inputs = np.column_stack([test.boom_angle_rad, test.swing_rad])
-    coverage = prediction_score(process, inputs, test.change).coverage
+    coverage = prediction_score(process, chained_hops(600, seed=3, noise=NOISE)).coverage
     assert np.all(np.abs(coverage - 0.95) < 0.05)
 
 

@@ -92,8 +92,3 @@ def test_swings_beyond_the_limit_are_an_error():
 def test_bad_tables_are_errors(values):
     with pytest.raises(ValueError):
         TabulatedMap(values, LIMIT).change(0.0, 0.0)
-
-
-def test_the_number_of_inputs_is_checked():
-    with pytest.raises(AnalysisError, match="expected 2 inputs, found 3"):
-        TabulatedMap(np.zeros((4, 4, 3)), LIMIT).change(0.0, 0.0, 0.0)

@@ -20,10 +20,8 @@ UNITS = ("mm", "mm", "deg")
 IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
-def prediction_score(
-    process: gp.FrameChangeProcess, inputs: FloatArray, outputs: FloatArray
-) -> pd.DataFrame:
-    """Score predictions of frame changes `outputs` (n, 3) at `inputs` (n, d).
+def prediction_score(process: gp.FrameChangeProcess, hops: FrameChanges) -> pd.DataFrame:
+    """Score predictions of the frame changes of hops.
 
     Returns
     -------
@@ -32,14 +30,14 @@ def prediction_score(
         the variance of what was to be predicted; ``rmse``, root mean square error in that unit;
         ``coverage``, the share of the hops within the central 95 % of their prediction.
     """
-    error = process.change(*inputs.T) - outputs
-    sd = process.sd(*inputs.T, observed=True)
+    error = process.change(hops.boom_angle_rad, hops.swing_rad) - hops.change
+    sd = process.sd(hops.boom_angle_rad, hops.swing_rad, observed=True)
     square = np.mean(error**2, axis=0)
     return pd.DataFrame(
         {
             "component": COMPONENTS,
             "unit": UNITS,
-            "r2": 1 - square / outputs.var(axis=0),
+            "r2": 1 - square / hops.change.var(axis=0),
             "rmse": np.sqrt(square) * IN_UNITS,
             "coverage": np.mean(np.abs(error) <= WIDTH_95 * sd, axis=0),
         }
@@ -51,9 +49,7 @@ def tested(
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
     """Train on some rows of a table of hops, and score on others."""
     process = gp.trained_process(hops.rows(train), options, seed=seed)
-    rest = hops.rows(test)
-    inputs = np.column_stack([rest.boom_angle_rad, rest.swing_rad])
-    return process, prediction_score(process, inputs, rest.change)
+    return process, prediction_score(process, hops.rows(test))
 
 
 def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:

@@ -18,27 +18,23 @@ from hopdata.errors import AnalysisError, RecordingError, chosen, require
 from hopdata.jobs import whole_file
 from hopdata.steering.frame_changes import FrameChanges
 
-# Arguments of maps: as many inputs as the map has, a number or an array of one a hop each.
 
-
-def input_rows(inputs: tuple[ArrayLike, ...], wanted: int) -> FloatArray:
-    """Return the inputs as rows (d, n); a single number holds for all hops.
+def input_rows(boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
+    """Return the arguments of a map as rows (2, n); a single number holds for all hops.
 
     Raises
     ------
     AnalysisError
-        If there are more inputs or fewer, or of different lengths.
+        If they are of different lengths.
     """
-    if len(inputs) != wanted:
-        raise AnalysisError(f"frame change: expected {wanted} inputs, found {len(inputs)}")
-    arrays = [np.asarray(values, dtype=float).ravel() for values in inputs]
+    arrays = [np.asarray(values, dtype=float).ravel() for values in (boom_angle, swing)]
     sizes = {array.size for array in arrays} - {1}
     if len(sizes) > 1:
         raise AnalysisError(f"frame change: expected inputs of one length, found {sorted(sizes)}")
     return np.array(np.broadcast_arrays(*arrays))
 
 
-# Covariance functions of boom angle, swing and what came before.
+# Covariance functions of boom angle and swing.
 #
 # A kernel is a function of the scaled squared distance between two hops, ``s = sum of (difference /
 # length scale)^2``. In the boom angle the difference is that of the angles themselves, or the chord
@@ -52,10 +48,7 @@ SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
 
 
 def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
-    """Return inputs (n, d) with the boom angle, the first, as a point on the circle: (n, d + 1).
-
-    Left as they are unless `periodic`.
-    """
+    """Return inputs (n, 2), if `periodic` with the boom angle as a point on the circle: (n, 3)."""
     inputs = np.asarray(inputs, dtype=float)
     if not periodic:
         return inputs
@@ -64,7 +57,7 @@ def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
 
 
 def embedded_scales(length_scales: ArrayLike, periodic: bool) -> FloatArray:
-    """Return the length scales (..., d) of the embedded inputs: cosine and sine share theirs."""
+    """Return the length scales (..., 2) of the embedded inputs: cosine and sine share theirs."""
     scales = np.asarray(length_scales, dtype=float)
     return np.concatenate([scales[..., :1], scales], axis=-1) if periodic else scales
 
@@ -91,16 +84,16 @@ class FrameChangeProcess:
         See `hopdata.steering.models.process`.
     periodic : bool
         Whether boom angles are compared by points on the circle.
-    inputs : (m, d) array
-        Training inputs, copies included: boom angle, swing and those of the hop before.
+    inputs : (m, 2) array
+        Training inputs, copies included: boom angle and swing.
     outputs : (m, 3) array
         Training frame changes, m, m, rad.
     offset, unit : (3,) arrays
         Output j is modelled as ``(output - offset) / unit``.
     variance, noise : (3,) arrays
         Of the process and of the white noise, in squared units of the modelled output.
-    length_scales : (3, d) array
-        Of each input for each output: rad, and for a previous frame change m, m, rad.
+    length_scales : (3, 2) array
+        Of each input for each output, rad.
     """
 
     smoothness: float
@@ -114,9 +107,10 @@ class FrameChangeProcess:
     length_scales: FloatArray
 
     def __post_init__(self) -> None:
-        m, d = self.inputs.shape
-        shapes: dict[str, tuple[int, ...]] = {"outputs": (m, 3), "length_scales": (3, d)}
+        m = len(self.inputs)
+        shapes: dict[str, tuple[int, ...]] = {"inputs": (m, 2), "outputs": (m, 3)}
         shapes |= dict.fromkeys(("offset", "unit", "variance", "noise"), (3,))
+        shapes["length_scales"] = (3, 2)
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: expected {shape}, found {getattr(self, name).shape}")
@@ -152,19 +146,19 @@ class FrameChangeProcess:
         solved = np.einsum("jab,ja->jb", self.inverse_factors, whitened)
         return np.asarray(solved * (self.variance * self.unit)[:, None])
 
-    def change(self, *inputs: ArrayLike) -> FloatArray:
+    def change(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
         """Return the expected frame changes (n, 3) of hops with these inputs, (n,) each."""
-        return self.mean_at(self._points(inputs))
+        return self.mean_at(self._points(boom_angle, swing))
 
-    def sd(self, *inputs: ArrayLike, observed: bool = False) -> FloatArray:
+    def sd(self, boom_angle: ArrayLike, swing: ArrayLike, *, observed: bool = False) -> FloatArray:
         """Return predictive standard deviations (n, 3) of the frame change, m, m, rad.
 
         Of its expectation, or, if `observed`, of a hop: with the white noise.
         """
-        return self.sd_at(self._points(inputs), observed=observed)
+        return self.sd_at(self._points(boom_angle, swing), observed=observed)
 
     def mean_at(self, points: ArrayLike) -> FloatArray:
-        """Return expected frame changes (n, 3) at inputs (n, d), whose boom angle is not wrapped.
+        """Return expected frame changes (n, 3) at inputs (n, 2), whose boom angle is not wrapped.
 
         It matters only for processes that are not periodic.
         """
@@ -173,7 +167,7 @@ class FrameChangeProcess:
 
     @one_blas_thread()
     def sd_at(self, points: ArrayLike, *, observed: bool = False) -> FloatArray:
-        """Return predictive standard deviations (n, 3) at inputs (n, d); see `mean_at`, `sd`."""
+        """Return predictive standard deviations (n, 3) at inputs (n, 2); see `mean_at`, `sd`."""
         crossed = self.variance[:, None, None] * self._correlations(points)
         explained = crossed @ self.inverse_factors.swapaxes(1, 2)
         variances = self.variance - (explained**2).sum(axis=2).T
@@ -187,15 +181,15 @@ class FrameChangeProcess:
         return [(one, train / one) for one in embedded_scales(self.length_scales, self.periodic)]
 
     def _correlations(self, points: ArrayLike) -> FloatArray:
-        """Kernels between points (n, d) and the training inputs, (3, n, m)."""
+        """Kernels between points (n, 2) and the training inputs, (3, n, m)."""
         from scipy.spatial.distance import cdist
 
         at = embedded(points, self.periodic)
         squared = [cdist(at / scales, train, "sqeuclidean") for scales, train in self._scaled]
         return correlation(np.array(squared), self.smoothness)
 
-    def _points(self, inputs: tuple[ArrayLike, ...]) -> FloatArray:
-        points = input_rows(inputs, self.inputs.shape[1]).T
+    def _points(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
+        points = input_rows(boom_angle, swing).T
         if not self.periodic:
             points[:, 0] %= TURN
         return points
@@ -341,7 +335,7 @@ def fitted_regressor(
 
 
 def hyper_parameters(regressor: Any, n_inputs: int) -> tuple[float, FloatArray, float]:
-    """Return variance, length scales (d,) and noise of a regressor."""
+    """Return variance, length scales (2,) and noise of a regressor."""
     product, white = regressor.kernel_.k1, regressor.kernel_.k2
     lengths = np.broadcast_to(np.atleast_1d(product.k2.length_scale), (n_inputs,))
     return float(product.k1.constant_value), lengths.astype(float), float(white.noise_level)
@@ -437,8 +431,8 @@ def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray,
 
 
 def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
-    """Units of the inputs, (d,): 1 rad for the boom angle, the standard deviation of the others."""
-    units = np.ones(inputs.shape[1])
+    """Units of the inputs, (2,): 1 rad for the boom angle, its standard deviation for the swing."""
+    units = np.ones(2)
     if options.standardised:
         units[1:] = inputs[:, 1:].std(axis=0)
     return np.where(units > 0, units, 1.0)

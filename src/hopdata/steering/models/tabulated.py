@@ -71,17 +71,17 @@ class TabulatedMap:
         """Nodes of the swing, (S,)."""
         return np.linspace(-self.swing_limit_rad, self.swing_limit_rad, self.values.shape[1])
 
-    def change(self, *inputs: ArrayLike) -> FloatArray:
+    def change(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
         """Return the frame changes (n, 3) of hops with these inputs, (n,) each.
 
         Raises
         ------
         AnalysisError
-            If a swing is beyond the limit, or the number of inputs is wrong.
+            If a swing is beyond the limit.
         ValueError
             From scipy, if an axis has fewer than four nodes or the values are not all finite.
         """
-        angles, swings = input_rows(inputs, 2)
+        angles, swings = input_rows(boom_angle, swing)
         largest = float(np.abs(swings).max(initial=0.0))
         if not largest <= self.swing_limit_rad * (1 + BEYOND):
             raise AnalysisError(
