@@ -9,6 +9,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
+from hopdata.maps.draws import chunks
 
 #: Singular values of the scaled, centred inputs below this share of the largest count as zero.
 RANK_TOLERANCE = 1e-11
@@ -39,8 +40,6 @@ def pooled_basis(x: FloatArray) -> FloatArray:
 
 #: A replicate with a smaller ratio of least to largest eigenvalue is fitted by pseudo-inverse.
 _LEAST_SPREAD = 1e-6
-#: Working set of one chunk of replicates.
-_CHUNK_BYTES = 2 * 2**20
 
 
 def affine_predictions(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -113,7 +112,7 @@ def affine_test_errors(x: FloatArray, y: FloatArray, train: IntArray, test: IntA
     residual = centred - design @ (design.T @ centred / len(x))
     errors, spread = _whitened_errors(design, residual, train, test)
     again = np.flatnonzero(spread <= _LEAST_SPREAD)
-    for rows in _chunks(len(again), train.shape[1] * (x.shape[1] + y.shape[1])):
+    for rows in chunks(len(again), train.shape[1] * (x.shape[1] + y.shape[1])):
         chosen = again[rows]
         errors[chosen] = _minimum_norm_errors(x, y, train[chosen], test[chosen])
     return errors
@@ -139,7 +138,7 @@ def _whitened_errors(
     """Return (R, q) errors of the normal equations, and (R,) least over largest eigenvalue."""
     inputs, rows = design.shape[1], np.concatenate([design, residual], axis=1)
     errors, spread = np.empty((len(train), residual.shape[1])), np.empty(len(train))
-    for chunk in _chunks(len(train), train.shape[1] * rows.shape[1]):
+    for chunk in chunks(len(train), train.shape[1] * rows.shape[1]):
         drawn, tested = rows[train[chunk]], rows[test[chunk]]
         normal = drawn[..., :inputs].swapaxes(1, 2) @ drawn
         values = np.linalg.eigvalsh(normal[..., :inputs])
@@ -159,11 +158,6 @@ def _minimum_norm_errors(
     slopes = np.linalg.pinv(inputs - centre, rcond=RANK_TOLERANCE) @ (outputs - level)
     misses = y[test] - level - (x[test] - centre) @ slopes
     return np.mean(misses**2, axis=1)
-
-
-def _chunks(count: int, floats_each: int) -> list[slice]:
-    step = max(1, _CHUNK_BYTES // (8 * max(1, floats_each)))
-    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
 
 
 def checked(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

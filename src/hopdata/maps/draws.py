@@ -7,7 +7,8 @@ import numpy as np
 
 from hopdata.arrays import IntArray
 
-_CHUNK_BYTES = 4 * 2**20
+#: Working set of one chunk of draws.
+_CHUNK_BYTES = 2 * 2**20
 
 
 def named_generator(seed: int, *names: str) -> np.random.Generator:
@@ -58,10 +59,15 @@ def distinct_draws(
     # The first steps of a shuffle (Fisher and Yates): each swaps one of the items that are left.
     left = np.arange(population, population - total, -1)
     steps = generator.integers(0, left, size=(count, total))
-    rows = max(1, _CHUNK_BYTES // (8 * population))
-    chunks = [_shuffled(steps[start : start + rows], population) for start in range(0, count, rows)]
-    parts = np.split(np.concatenate([steps[:0], *chunks]), np.cumsum(sizes)[:-1], axis=1)
+    drawn = [_shuffled(steps[some], population) for some in chunks(count, population)]
+    parts = np.split(np.concatenate([steps[:0], *drawn]), np.cumsum(sizes)[:-1], axis=1)
     return tuple(np.sort(part, axis=1) for part in parts)
+
+
+def chunks(count: int, floats_each: int) -> list[slice]:
+    """Return slices of draws that are worked on together, each of which takes so many floats."""
+    step = max(1, _CHUNK_BYTES // (8 * max(1, floats_each)))
+    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
 
 
 def _shuffled(steps: IntArray, population: int) -> IntArray:

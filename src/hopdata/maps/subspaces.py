@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
+from hopdata.maps.draws import Notes, chunks, distinct_draws, named_generator, rare_notes
 
 #: Arc lengths below this need the sines: an error e in each cosine moves a length d by k e / d.
 _SMALL_ARC_LENGTH = 0.5
@@ -108,7 +108,6 @@ def random(generator: np.random.Generator, shape: tuple[int, int], count: int) -
 SECTION_COMPONENTS = 2
 #: Singular values below this share of the largest leave a draw without that component.
 _RANK_TOLERANCE = 1e-10
-_CHUNK_BYTES = 2 * 2**20
 
 
 @dataclass(frozen=True)
@@ -233,13 +232,12 @@ def leading_subspaces(
     """
     bases = np.empty((len(draws), pairs.shape[1], k))
     full = np.empty(len(draws), bool)
-    step = max(1, _CHUNK_BYTES // (8 * draws.shape[1] * pairs.shape[1]))
-    for start in range(0, len(draws), step):
-        points = pairs[draws[start : start + step]]
+    for some in chunks(len(draws), draws.shape[1] * pairs.shape[1]):
+        points = pairs[draws[some]]
         points -= points.mean(axis=1, keepdims=True)
         _, values, right = np.linalg.svd(points, full_matrices=False)
-        bases[start : start + step] = right[:, :k].swapaxes(1, 2)
-        full[start : start + step] = values[:, k - 1] > _RANK_TOLERANCE * values[:, 0]
+        bases[some] = right[:, :k].swapaxes(1, 2)
+        full[some] = values[:, k - 1] > _RANK_TOLERANCE * values[:, 0]
     return bases, full
 
 

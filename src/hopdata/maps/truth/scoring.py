@@ -239,7 +239,8 @@ def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
     for section, measured, known_state in zip(("pre", "post"), mine, truly, strict=True):
         position = measured[0] - known_state[0] @ turn - offset
         velocity = measured[1] - known_state[1] @ turn
-        table.append((section, len(known), 1e3 * _rms(position), 1e3 * _rms(velocity)))
+        rms = [1e3 * np.sqrt(mean(errors**2)) for errors in (position, velocity)]
+        table.append((section, len(known), *rms))
     columns = ["section", "landings", "position_rms_mm", "velocity_rms_mm_s"]
     return pd.DataFrame(table, columns=columns)
 
@@ -254,10 +255,6 @@ def _plane_turns(source: FloatArray, target: FloatArray) -> FloatArray:
     turn[:, 0, 0] = turn[:, 1, 1] = along / length
     turn[:, 0, 1], turn[:, 1, 0] = across / length, -across / length
     return turn
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
 def score_states(errors: pd.DataFrame) -> Entries:

@@ -20,7 +20,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, percent, sentence
+from hopdata.maps.verdict.judge import conclude, percent, sentence
 from hopdata.maps.verdict.model import one_landing, upper_ends
 
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
@@ -145,7 +145,7 @@ def judge_group(
     low /= 1.0 + one_landing(allowed)
     high, bound = upper_ends(ends, allowed)
     sizes = (estimate, low, high, bound)
-    conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if sizes[3] <= margin else CANNOT_TELL
+    conclusion = conclude(low, bound, margin)
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
     said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"
     return GroupVerdict(conclusion, said, *sizes, found)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
-from hopdata.maps.draws import named_generator
+from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import section_landings, two_kinds
@@ -24,8 +24,6 @@ DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no differen
 #: Difference of which every verdict says how many landings would show it.
 ASKED = 0.2
 TWO_KINDS = "landings are of two kinds"
-
-Notes = list[dict[str, str]]
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,11 +85,9 @@ class Verdict(Shown):
         return asdict(self)
 
 
-def conclude(effect: EffectSize, margin: float) -> str:
+def conclude(low: float, upper_bound: float, margin: float) -> str:
     """Return the conclusion from the interval and the one-sided bound."""
-    if effect.low > 0.0:
-        return DIFFERENT
-    return NO_DIFFERENCE if effect.upper_bound <= margin else CANNOT_TELL
+    return DIFFERENT if low > 0.0 else NO_DIFFERENCE if upper_bound <= margin else CANNOT_TELL
 
 
 def sentence(
@@ -191,7 +187,7 @@ def judge(
     size = sizing.squared_size(fit, landings, *differences)
     draw = named_generator(seed, "verdict", "signs")
     effect = sizing.effect_size(fit, size, generator=draw, **how)
-    conclusion, needed = conclude(effect, margin), None
+    conclusion, needed = conclude(effect.low, effect.upper_bound, margin), None
     if effect.allowed < ASKED:
         seen = effect.detectable, effect.allowed
         needed = sizing.landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
