@@ -73,15 +73,6 @@ def in_turn(
     return times
 
 
-def columns_ms(times: Mapping[str, tuple[float, float, float]]) -> dict[str, float]:
-    """Return the columns of a table, ms, that `quartiles` fill: ``<name>_median_ms`` and so on."""
-    return {
-        f"{name}_{level}_ms": 1e3 * seconds
-        for name, levels in times.items()
-        for level, seconds in zip(("q25", "median", "q75"), levels, strict=True)
-    }
-
-
 PEERS = ("scipy", "scikit-learn", "mujoco", "heyoka", "diffrax", "jax", "scikit-sundae")
 
 

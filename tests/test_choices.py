@@ -43,7 +43,6 @@ answer = import_module("hopdata.maps.verdict.judge")  # the package shows a func
 ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
 FORCES = {"unit": "lbf", "inverted": False}
 NONE = np.empty((0, 3))
-EMPTY = recording.Recording("a", np.empty(0), np.empty((0, 0, 3)), (), (), 1.0)
 
 
 def heights(name="kink", gravity="learned"):

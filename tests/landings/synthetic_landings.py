@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hopdata.landings.contacts.descents import Transitions, find_transitions
 from hopdata.recording import Recording
 
 FloatArray = NDArray[np.float64]
@@ -34,6 +35,17 @@ class Scene:
     contact_times: FloatArray  # (L, n) s
     clean: Recording  # without noise
     velocities: FloatArray  # (N, B, 3) m/s, true velocities of the body markers
+
+
+def transitions_of(scene: Scene, pre_height_m: float = PRE_HEIGHT_M) -> Transitions:
+    """Return the transitions of the body through the sections of these scenes."""
+    recording = scene.recording
+    return find_transitions(
+        recording.time,
+        recording.body_height,
+        pre_height_m=pre_height_m,
+        post_height_m=POST_HEIGHT_M,
+    )
 
 
 def _circle(n: int, radius: float, turn: float = 0.0) -> FloatArray:

@@ -46,3 +46,14 @@ def noisy(states, position, velocity, shared=0.0, seed=9):
     a, b = (rng.normal(size=(len(states), states.shape[1] // 2)) for _ in range(2))
     noise = np.hstack([position * a, velocity * (shared * a + np.sqrt(1 - shared**2) * b)])
     return states + noise
+
+
+def sklearn_errors(x, y, train, test):
+    """Errors (R, q) of scikit-learn's affine maps, fitted to each training set."""
+    from sklearn.linear_model import LinearRegression
+
+    errors = []
+    for fitted, held in zip(train, test, strict=True):
+        model = LinearRegression(tol=1e-13).fit(x[fitted], y[fitted])
+        errors.append(np.mean((y[held] - model.predict(x[held])) ** 2, axis=0))
+    return np.array(errors)

@@ -1,6 +1,7 @@
 import mpmath
 import numpy as np
 import pytest
+from made_up_landings import sklearn_errors
 
 from hopdata.errors import AnalysisError
 from hopdata.maps import draws
@@ -35,16 +36,6 @@ def statsmodels_errors(x, y, train, test):
         model = sm.OLS(y[fitted], sm.add_constant(x[fitted], has_constant="add"))
         found = sm.add_constant(x[held], has_constant="add") @ model.fit(method="qr").params
         errors.append(np.mean((y[held] - found) ** 2, axis=0))
-    return np.array(errors)
-
-
-def sklearn_errors(x, y, train, test):
-    from sklearn.linear_model import LinearRegression
-
-    errors = []
-    for fitted, held in zip(train, test, strict=True):
-        model = LinearRegression(tol=1e-13).fit(x[fitted], y[fitted])
-        errors.append(np.mean((y[held] - model.predict(x[held])) ** 2, axis=0))
     return np.array(errors)
 
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from made_up_landings import sklearn_errors
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import affine_test_errors
@@ -95,14 +96,9 @@ def predict(x, y, schedule, spread):
 
 
 def test_duplicate_touchdowns_predict_as_the_library_does():
-    from sklearn.linear_model import LinearRegression
-
     x, y = (np.repeat(part, 3, axis=0) for part in study(0, (40,))[:2])
     train, test = distinct_draws(named_generator(1, "s"), 120, (60, 30), 5)
-    expected = []
-    for fitted, held in zip(train, test, strict=True):
-        model = LinearRegression(tol=1e-13).fit(x[fitted], y[fitted])
-        expected.append(np.mean((y[held] - model.predict(x[held])) ** 2, axis=0))
+    expected = sklearn_errors(x, y, train, test)
     np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-9)
 
 

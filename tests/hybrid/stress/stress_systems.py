@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.hybrid import System, affine, field, guards, on_event
 
 POWER, JUMP, SINE, PAIR, BOWL, TIME = range(6)  # kinds of the clock's guards
-KIND_WIDTH = 4  # kind, a, b, c
 
 
 def names(count: int) -> tuple[str, ...]:

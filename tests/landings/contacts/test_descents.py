@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
-from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+from synthetic_landings import simulate, transitions_of
 
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.descents import (
@@ -24,13 +24,7 @@ from hopdata.landings.contacts.descents import (
 @pytest.fixture(scope="module")
 def landings():
     scene = simulate(60, seed=5)
-    transitions = find_transitions(
-        scene.recording.time,
-        scene.recording.body_height,
-        pre_height_m=PRE_HEIGHT_M,
-        post_height_m=POST_HEIGHT_M,
-    )
-    return scene, transitions, scene.recording.feet[:, :, 2]
+    return scene, transitions_of(scene), scene.recording.feet[:, :, 2]
 
 
 def find(landings, heights):
@@ -217,12 +211,7 @@ def test_a_recording_that_starts_low_or_ends_in_descent():
 
 def test_every_landing_is_found():
     scene = simulate(50, seed=2)
-    found = find_transitions(
-        scene.recording.time,
-        scene.recording.body_height,
-        pre_height_m=PRE_HEIGHT_M,
-        post_height_m=POST_HEIGHT_M,
-    )
+    found = transitions_of(scene)
     assert len(found) == 50
     assert (found.t_pre < scene.contact_times.min(axis=1)).all()
     assert (found.t_post > scene.contact_times.max(axis=1)).all()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from falling_feet import falls
 from jumps import KINDS, NAMES, PELVIS, make
-from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+from synthetic_landings import PRE_HEIGHT_M, simulate, transitions_of
 
 from hopdata.errors import ConfigError
 from hopdata.landings.contacts.descents import (
@@ -16,7 +16,6 @@ from hopdata.landings.contacts.descents import (
     POOR_FIT,
     RISES,
     THIN,
-    find_transitions,
 )
 from hopdata.landings.contacts.find import (
     _hidden,
@@ -30,10 +29,7 @@ from hopdata.recording import Recording
 
 
 def found(scene, heights=None, *, pre=PRE_HEIGHT_M, **options):
-    recording = scene.recording
-    transitions = find_transitions(
-        recording.time, recording.body_height, pre_height_m=pre, post_height_m=POST_HEIGHT_M
-    )
+    recording, transitions = scene.recording, transitions_of(scene, pre)
     heights = recording.feet[:, :, 2] if heights is None else heights
     return find_contacts(recording.time, heights, transitions, down_height_m=0.02, **options)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from contact_instants import mean_kink_bound
 from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
-from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+from synthetic_landings import simulate, transitions_of
 
-from hopdata.landings.contacts.descents import LANDED, find_transitions
+from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
 from hopdata.landings.contacts.kink_law import (
@@ -245,14 +245,8 @@ def test_errors_from_few_landings_are_as_large_as_stated(landings):
     for seed in range(20):
         scene = simulate(landings, seed=seed)
         recording = scene.recording
-        falling = find_transitions(
-            recording.time,
-            recording.body_height,
-            pre_height_m=PRE_HEIGHT_M,
-            post_height_m=POST_HEIGHT_M,
-        )
         contacts = find_contacts(
-            recording.time, recording.feet[:, :, 2], falling, down_height_m=0.02
+            recording.time, recording.feet[:, :, 2], transitions_of(scene), down_height_m=0.02
         )
         landed = contacts.status == LANDED
         squares.append(((contacts.instant - scene.contact_times) / contacts.se)[landed] ** 2)

@@ -5,9 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from scipy.signal import savgol_filter
-from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+from synthetic_landings import PRE_HEIGHT_M, simulate, transitions_of
 
-from hopdata.landings.contacts.descents import find_transitions
 from hopdata.landings.contacts.velocity_minimum import (
     derivative_weights,
     filter_window,
@@ -55,14 +54,7 @@ def test_velocity_of_a_cubic_is_exact_and_gaps_stay_gaps():
 @pytest.fixture(scope="module")
 def landings():
     scene = simulate(300, seed=4)
-    recording = scene.recording
-    transitions = find_transitions(
-        recording.time,
-        recording.body_height,
-        pre_height_m=PRE_HEIGHT_M + 0.04,  # the minimum leads the contact
-        post_height_m=POST_HEIGHT_M,
-    )
-    return scene, transitions
+    return scene, transitions_of(scene, PRE_HEIGHT_M + 0.04)  # the minimum leads the contact
 
 
 def errors(landings, *, parabola):

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate, transitions_of
 
 from hopdata.errors import ConfigError
-from hopdata.landings.contacts.descents import find_transitions
 from hopdata.landings.states.fits import (
     WINDOWS_S,
     Tracks,
@@ -158,12 +157,7 @@ def scene():
 
 def states(scene, side, body=None, **options):
     recording = scene.recording
-    transitions = find_transitions(
-        recording.time,
-        recording.body_height,
-        pre_height_m=PRE_HEIGHT_M,
-        post_height_m=POST_HEIGHT_M,
-    )
+    transitions = transitions_of(scene)
     before = side == "before"
     return section_states(
         recording.time,

@@ -85,15 +85,18 @@ def test_feet_that_are_never_seen_in_flight_are_named():
         calibrate(replace(recording, positions=positions))
 
 
-def test_a_boom_that_does_not_move_is_refused():
+@pytest.mark.parametrize(
+    ("reach", "told"), [(1e-9, "boom: expected it to move"), (0.3, "at least 30 degrees")]
+)
+def test_a_boom_that_moves_not_or_too_little_is_refused(reach, told):
     hopper = steered(hops=10)
     recording = hopper.recording
-    moving = (np.abs(wrapped(hopper.boom_angle - np.pi)) < 1e-9).nonzero()[0]
-    still = replace(
-        recording, time=np.arange(len(moving)) / 100.0, positions=recording.positions[moving]
+    little = (np.abs(wrapped(hopper.boom_angle - np.pi)) < reach).nonzero()[0]
+    short = replace(
+        recording, time=np.arange(len(little)) / 100.0, positions=recording.positions[little]
     )
-    with pytest.raises(AnalysisError, match="boom: expected it to move"):
-        calibrate(still)
+    with pytest.raises(AnalysisError, match=told):
+        calibrate(short)
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.0006])
@@ -115,17 +118,6 @@ def test_a_small_circle_is_known_by_its_own_residual():
     assert fit_boom_circle(places + 0.0006 * noise, 0.0006).radius_m == pytest.approx(0.02, rel=0.1)
     with pytest.raises(AnalysisError, match="does the boom move"):
         fit_boom_circle(places + 0.003 * noise, 0.0006)
-
-
-def test_a_boom_that_moves_too_little_is_refused():
-    hopper = steered(hops=10)
-    recording = hopper.recording
-    little = (np.abs(wrapped(hopper.boom_angle - np.pi)) < 0.3).nonzero()[0]
-    short = replace(
-        recording, time=np.arange(len(little)) / 100.0, positions=recording.positions[little]
-    )
-    with pytest.raises(AnalysisError, match="at least 30 degrees"):
-        calibrate(short)
 
 
 def test_boom_markers_mixed_up_in_some_frames_do_no_harm():

@@ -119,14 +119,19 @@ def test_no_heights_give_no_stances():
     assert found.pairs.shape == (0, 2)
 
 
+def holes(hopper, seed, share):
+    """Mark about this share of the frames, in holes of one length."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    length = int(rng.integers(1, 40))
+    gone = np.repeat(rng.random(1 + len(hopper.middle) // length) < share, length)
+    return gone[: len(hopper.middle)]
+
+
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32), share=st.floats(0, 0.6))
 def test_holes_anywhere_invent_no_pair(seed, share):
     hopper = steered()
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    length = int(rng.integers(1, 40))
-    gone = np.repeat(rng.random(1 + len(hopper.middle) // length) < share, length)
-    z = np.where(gone[: len(hopper.middle)], np.nan, heights(hopper))
+    z = np.where(holes(hopper, seed, share), np.nan, heights(hopper))
     found = find_stances(hopper.recording.time, z, (0.35, 0.38))
     landings = as_landings(found.time_s, hopper, within=0.1)
     assert (np.diff(landings) > 0).all()
@@ -352,11 +357,7 @@ def test_whatever_comes_no_error_and_no_two_stances_without_a_flight(steps):
 @given(seed=st.integers(0, 2**32), share=st.floats(0, 0.6))
 def test_holes_anywhere_invent_no_stance(seed, share):
     hopper = steered()
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    length = int(rng.integers(1, 40))
-    gone = np.repeat(rng.random(1 + len(hopper.middle) // length) < share, length)
-    gone = gone[: len(hopper.middle)]
-    gone = np.append(gone, np.zeros(len(hopper.middle) - len(gone), bool))
+    gone = holes(hopper, seed, share)
     stances = told(hopper.recording.time[~gone], heights(hopper)[~gone])
     near = [np.abs(s.time_s - hopper.lowest_s).argmin() for s in stances]
     assert len(set(near)) == len(near)
