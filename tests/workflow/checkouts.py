@@ -45,6 +45,13 @@ def snakemake(folder, *arguments, cores=2):
     )  # fmt: skip
 
 
+def completed(folder, *arguments, cores=2):
+    """Run, which has to end well, and return all that is printed."""
+    run = snakemake(folder, *arguments, cores=cores)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout + run.stderr
+
+
 def edit_config(folder, edit, *, source="config/config.yaml"):
     """Write a changed copy of a config and return its path."""
     config = yaml.safe_load((folder / source).read_text())
@@ -56,7 +63,5 @@ def edit_config(folder, edit, *, source="config/config.yaml"):
 
 def planned_rules(folder, *arguments):
     """Names of the rules that a dry run would execute."""
-    run = snakemake(folder, "--dry-run", *arguments)
-    assert run.returncode == 0, run.stderr
-    lines = (run.stdout + run.stderr).splitlines()
+    lines = completed(folder, "--dry-run", *arguments).splitlines()
     return {x.split()[1].rstrip(":") for x in lines if x.startswith(("rule ", "localrule "))}

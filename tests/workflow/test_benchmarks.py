@@ -1,24 +1,20 @@
 """The workflow knows every benchmark: all targets resolve, and figures are drawn."""
 
 import ast
-import os
 import re
 import shlex
-import subprocess
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from benchmark_figures import FIGURES as DRAWN
 from benchmark_figures import main as draw
+from checkouts import ROOT, completed
 from live_loop import off_by
 
 from hopdata.figures.catalogue import FIGURES, source_of
 from hopdata.steering.live.simulated import TrueHop
 
-ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.workflow
 
 
@@ -27,17 +23,6 @@ def programs():
     files = (ROOT / "benchmarks").glob("*.py")
     found = {file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()}
     return found - {"benchmark_figures"}
-
-
-def snakemake(folder, *arguments):
-    """Run and return all that is printed."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    run = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "2", *arguments],
-        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=1200,
-    )  # fmt: skip
-    assert run.returncode == 0, run.stdout + run.stderr
-    return run.stdout + run.stderr
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +37,7 @@ def linked(tmp_path_factory):
 @pytest.fixture(scope="module")
 def jobs(linked):
     """Rules of a dry run of everything, with the text that the run prints on each."""
-    printed = snakemake(linked, "--dry-run", "--printshellcmds", "benchmarks")
+    printed = completed(linked, "--dry-run", "--printshellcmds", "benchmarks")
     pieces = re.split(r"^(?:local)?rule (\w+):$", printed, flags=re.MULTILINE)
     return dict(zip(pieces[1::2], pieces[2::2], strict=True))
 
@@ -135,7 +120,7 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch
         monkeypatch.setattr("sys.argv", shlex.split(command.split("python ")[1].split(" > ")[0]))
         draw()
     page = "results/benchmarks/README.md"
-    printed = snakemake(linked, page, "--rerun-triggers", "mtime")
+    printed = completed(linked, page, "--rerun-triggers", "mtime")
     assert "2 of 2 steps (100%) done" in printed
     for name in DRAWN:
         assert (linked / f"results/benchmarks/figures/{name}.png").stat().st_size > 1000

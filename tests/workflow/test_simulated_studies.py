@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 import pandas as pd
 import pytest
-from checkouts import FIGURES, copy_checkout, edit_config, planned_rules, snakemake
+from checkouts import FIGURES, completed, copy_checkout, edit_config, planned_rules, snakemake
 
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
@@ -43,9 +43,8 @@ def checkout(tmp_path_factory):
 
 @pytest.mark.parametrize("study", ["thesis", "control", "half_spread"])
 def test_the_dissertation_s_study_simulates_its_recordings_apart(checkout, study):
-    run = snakemake(checkout, "--dry-run", "--configfile", f"config/{study}.yaml")
-    assert run.returncode == 0, run.stderr
-    jobs = [x for x in (run.stdout + run.stderr).splitlines() if x.startswith("rule simulate")]
+    printed = completed(checkout, "--dry-run", "--configfile", f"config/{study}.yaml")
+    jobs = [x for x in printed.splitlines() if x.startswith("rule simulate")]
     assert len(jobs) == 4
 
 
@@ -59,8 +58,7 @@ def test_a_small_study_of_a_control_runs_to_a_report(checkout):
         config["scaling_study"] = {"landings": 200}
 
     edited = edit_config(checkout, shorten, source="config/control.yaml")
-    run = snakemake(checkout, "--configfile", edited)
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(checkout, "--configfile", edited)
     results = checkout / "results" / "small"
     truth = json.loads((results / "truth.json").read_text())
     assert truth["labels_right_of_all_kink"]["value"] > 0.9
@@ -93,8 +91,7 @@ def small(config, hops):
 
 def test_a_small_study_of_a_hexapod_runs_to_a_report(checkout):
     edited = edit_config(checkout, lambda c: small(c, 400), source="config/hexapod.yaml")
-    run = snakemake(checkout, "--configfile", edited)
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(checkout, "--configfile", edited)
     results = checkout / "results" / "hexapod"
     truth = json.loads((results / "truth.json").read_text())
     assert truth["unmatched_kink"]["value"] == 0
@@ -117,8 +114,7 @@ def test_a_small_study_of_a_hexapod_runs_to_a_report(checkout):
 
 def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     edited = edit_config(checkout, lambda c: small(c, 160), source="config/biped.yaml")
-    run = snakemake(checkout, "--configfile", edited, "--", "results/biped/simulated/trial1.h5")
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(checkout, "--configfile", edited, "--", "results/biped/simulated/trial1.h5")
     made = checkout / "results" / "biped" / "simulated" / "trial1.h5"
     recording, truth = read_recording(made), read_truth(made)
     y_up = np.ascontiguousarray(recording.positions[..., [1, 2, 0]])
@@ -138,8 +134,7 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
         del config["simulation"]
 
     edited = edit_config(checkout, from_file, source="config/biped.yaml")
-    run = snakemake(checkout, "--configfile", edited)
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(checkout, "--configfile", edited)
     results = checkout / "results" / "biped_y"
     table = pd.read_csv(results / "tables" / "touchdowns.csv")
     used = table[~table["excluded"]]
@@ -179,8 +174,7 @@ def steered(checkout):
 
     own = "config/steered.yaml"  # others write to the place of edited configs, too
     shutil.copy(checkout / edit_config(checkout, shorten), checkout / own)
-    run = snakemake(checkout, "steering", "--configfile", own)
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(checkout, "steering", "--configfile", own)
     return checkout, own
 
 
@@ -238,8 +232,7 @@ def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
             "model": {"training_hops": 60, "draws": 2},
         }
 
-    run = snakemake(folder, "steering", "--configfile", edit_config(folder, use))
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(folder, "steering", "--configfile", edit_config(folder, use))
     results = folder / "results" / "mine" / "steering"
     assert "no simulation of it to steer" in (results / "report.html").read_text()
     hops = pd.read_csv(results / "seeds" / "1" / "frame_changes.csv")

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, snakemake
+from checkouts import FIGURES, ROOT, completed, copy_checkout, edit_config, planned_rules, snakemake
 
 import hopdata
 from hopdata.commands.forecast import foretell
@@ -30,8 +30,7 @@ pytestmark = pytest.mark.workflow
 def sample(tmp_path_factory):
     """A checkout in which the sample study has run on two cores."""
     folder = copy_checkout(tmp_path_factory.mktemp("sample"))
-    run = snakemake(folder)
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(folder)
     return folder
 
 
@@ -49,9 +48,7 @@ def test_all_figures_and_the_report_are_there(sample):
 
 
 def test_nothing_is_left_to_do(sample):
-    run = snakemake(sample)
-    assert run.returncode == 0
-    assert "Nothing to be done" in run.stdout + run.stderr
+    assert "Nothing to be done" in completed(sample)
 
 
 def test_a_key_of_the_last_stage_runs_only_that_stage(sample):
@@ -154,8 +151,7 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
     target = sample / "data" / "external"
     target.mkdir(parents=True, exist_ok=True)
     shutil.copy(external_recording, target)
-    run = snakemake(sample, "--configfile", "config/runner.yaml")
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(sample, "--configfile", "config/runner.yaml")
     results = sample / "results" / "runner"
     table = pd.read_csv(results / "tables" / "touchdowns.csv")
     assert 25 <= (~table["excluded"]).sum() <= 45
@@ -177,8 +173,7 @@ def test_contacts_known_from_elsewhere_are_laid_over(sample):
     known.to_csv(sample / "data" / "known.csv", index=False)
     contacts = {"file": "data/known.csv", "unit": "ms", "offset_s": 0.25}
     config = edit_config(sample, lambda c: c["recordings"][0].update(contacts=contacts))
-    run = snakemake(sample, "--configfile", config, cores=1)
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(sample, "--configfile", config, cores=1)
     results = sample / "results" / "sample"
     summary = pd.read_csv(results / "tables" / "contact_overlay_summary.csv", index_col="column")
     assert summary["n_invented"].tolist() == [0, 1, 0]
@@ -203,9 +198,8 @@ def test_gaps_are_filled_only_where_they_can_be(tmp_path, body, filling, fills):
         config["motion_capture"] = {"markers": {"body_m": places[:body]}}
         config["filling"] = filling
 
-    planned = snakemake(folder, "--dry-run", "--configfile", edit_config(folder, simulate))
-    assert planned.returncode == 0, planned.stderr
-    assert ("tables/filled.csv" in planned.stdout + planned.stderr) == fills
+    printed = completed(folder, "--dry-run", "--configfile", edit_config(folder, simulate))
+    assert ("tables/filled.csv" in printed) == fills
 
 
 def swap_body_and_feet(config):
@@ -277,8 +271,7 @@ def test_a_mistake_is_one_clear_message_and_nothing_half_written(sample, name):
 def test_the_bundled_recordings_are_what_the_committed_rules_make(sample, config, made, differs):
     """With the difference of the exact maps, which the page with both verdicts shows."""
     made = Path("results") / made
-    run = snakemake(sample, "--configfile", f"config/{config}.yaml", "--", str(made))
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(sample, "--configfile", f"config/{config}.yaml", "--", str(made))
     made = sample / made
     bundled = sample / "data" / "sample" / made.name
     assert bundled.stat().st_size < 4_200_000
@@ -375,11 +368,10 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
     assert unlock[-1] == "--unlock"
     assert subprocess.run(unlock, cwd=sample, check=False, timeout=120).returncode == 0
     assert not lock.exists()
-    run = snakemake(sample, figure)
-    assert run.returncode == 0, run.stdout + run.stderr
+    printed = completed(sample, figure)
     assert not any(path.exists() for path in left)
     assert (sample / figure).read_bytes() == before
-    assert "hopdata: " not in run.stderr
+    assert "hopdata: " not in printed
 
 
 def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sample):
@@ -396,7 +388,6 @@ def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sampl
     run = snakemake(sample, made, "--dry-run")
     assert "rule recording:" in run.stdout + run.stderr
     assert f"hopdata: {made}: {told}, and times say what" in run.stderr
-    run = snakemake(sample, made, "--forceall")
-    assert run.returncode == 0, run.stdout + run.stderr
+    completed(sample, made, "--forceall")
     assert (sample / made).read_bytes() == before
     assert "hopdata: " not in snakemake(sample, made, "--dry-run").stderr
