@@ -51,20 +51,14 @@ def test_nothing_is_left_to_do(sample):
     assert "Nothing to be done" in completed(sample)
 
 
-def test_a_key_of_the_last_stage_runs_only_that_stage(sample):
-    def edit(config):
-        config.setdefault("distances", {})["noise_sd"] = 0.2
-
-    planned = planned_rules(sample, "--configfile", edit_config(sample, edit))
-    assert planned == {"all", "maps", "figures_maps", "score", "report"}
-
-
-def test_a_key_of_the_verdict_runs_only_the_verdict(sample):
-    def edit(config):
-        config["verdict"] = {"margin": 0.15}
-
-    planned = planned_rules(sample, "--configfile", edit_config(sample, edit))
-    assert planned == {"all", "verdict", "figures_maps", "report"}
+@pytest.mark.parametrize(
+    ("block", "key", "value", "rules"),
+    [("distances", "noise_sd", 0.2, {"maps", "score"}), ("verdict", "margin", 0.15, {"verdict"})],
+)
+def test_a_key_runs_only_its_stage_and_what_follows(sample, block, key, value, rules):
+    changed = edit_config(sample, lambda config: config.setdefault(block, {}).update({key: value}))
+    planned = planned_rules(sample, "--configfile", changed)
+    assert planned == {"all", "figures_maps", "report", *rules}
 
 
 def test_the_verdict_on_the_sample(sample):

@@ -273,26 +273,24 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame([dict(zip(names, key, strict=True)) | _measures(g) for key, g in groups])
 
 
-def median_interval(values: FloatArray, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def median_interval(values: FloatArray) -> tuple[float, float]:
     """Interval for the median that needs no model: two order statistics.
 
     Parameters
     ----------
     values : (n,) array
         Independent draws.
-    confidence : float
-        Least probability that the interval covers the median.
 
     Returns
     -------
     low, high : float
-        NaN where n is too small for this confidence.
+        They hold the median with a probability of `CONFIDENCE` at least; NaN where n is too small.
     """
     from scipy.stats import quantile_test
 
     if len(values) < 2:
         return float("nan"), float("nan")
-    low, high = quantile_test(values).confidence_interval(confidence)
+    low, high = quantile_test(values).confidence_interval(CONFIDENCE)
     return float(low), float(high)
 
 

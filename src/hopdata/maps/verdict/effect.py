@@ -146,10 +146,10 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     return (np.tensordot(differences, slopes, axes=1), np.tensordot(mean, slopes, axes=1), what)
 
 
-def _commonest(landings: SectionLandings, most: int = 3) -> str:
-    """Say how many landings the commonest contact orders have."""
+def _commonest(landings: SectionLandings) -> str:
+    """Say how many landings the three commonest contact orders have."""
     orders, counts = contact_orders(landings.expected, 1)
-    names, common = order_names(orders), np.argsort(-counts, kind="stable")[:most]
+    names, common = order_names(orders), np.argsort(-counts, kind="stable")[:3]
     return ", ".join(f"{names[k].replace('>', ' → ')} has {counts[k]}" for k in common)
 
 
