@@ -131,7 +131,7 @@ CONFIGURED = {
     "recordings.contacts.unit": external_contacts.SECONDS_PER_UNIT,
     "recordings.forces.unit": force_signals.NEWTONS_PER_UNIT,
     "input.unit": length_unit.UNITS,
-    "input.vertical_axis": axes.FILE_AXES,
+    "input.vertical_axis": orientation.UPWARD,
     "sections.frames": sections.FRAMES,
     "touchdowns.method": contacts.METHODS,
     "touchdowns.gravity": kink_recording.GRAVITIES,

@@ -14,7 +14,7 @@ from hopdata.config.loading import load_config
 from hopdata.jobs import study_name
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
-from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.raw import RawRecording, rotate_up
 
 
 @pytest.fixture
@@ -297,10 +297,17 @@ def test_the_commands_of_a_draft_can_be_pasted():
 
 
 def test_several_files_make_one_study(folder, capsys):
-    for seed, name in enumerate(["monday.tsv", "jump 2.tsv", "jump-2.tsv"]):
-        export(folder, hopping(seed)[1], name=name)
+    for seed, (name, up, scale) in enumerate(
+        [("monday.tsv", "z", 1000.0), ("jump 2.tsv", "-y", 1.0), ("jump-2.tsv", "x", 1000.0)]
+    ):
+        turned = hopping(seed)[1] @ rotate_up(np.eye(3), up).T
+        export(folder, turned, name=name, scale=scale)
     assert main(["init", "monday.tsv", "jump 2.tsv", "jump-2.tsv"]) == 0
     config = load_config("config/monday.yaml")
     files = {entry["name"]: entry["file"] for entry in config["recordings"]}
     assert files == {"monday": "monday.tsv", "jump-2-2": "jump 2.tsv", "jump-2-3": "jump-2.tsv"}
+    capsys.readouterr()
     assert main(["check", "config/monday.yaml"]) == 0
+    told = capsys.readouterr().out
+    assert "jump 2.tsv: -y is up: the markers fall along it" in told
+    assert "jump-2.tsv: x is up: the markers fall along it" in told

@@ -142,8 +142,8 @@ ADDED = {
     ),
     "a capital axis": (
         "input: {vertical_axis: Z}",
-        "8: input.vertical_axis: expected one of 'x', 'y', 'z', '-x', '-y', '-z', found 'Z'; "
-        "did you mean 'z'?",
+        "8: input.vertical_axis: expected one of 'auto', 'x', 'y', 'z', '-x', '-y', '-z', "
+        "found 'Z'; did you mean 'z'?",
     ),
     "a format twice": (
         "figures: {formats: [png, png]}",

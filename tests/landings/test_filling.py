@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
+from hopdata.config.loading import load_config
 from hopdata.landings.filling import (
     TOO_MUCH_FILLED,
     fill_gaps,
@@ -49,6 +50,17 @@ def test_fills_body_markers_alone_and_marks_what_it_fills(scene, gappy):
     assert len(error) > 50
     assert np.sqrt(np.mean(error**2)) < 1.5 * 0.0006
     assert gappy.filled is None
+
+
+def test_a_marker_that_fell_off_is_placed_to_the_end(scene):
+    markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
+    keys = {"study": "x", "recordings": [{"name": "x"}], "markers": markers}
+    options = load_config({**keys, "filling": {"longest_s": 3600}})["filling"]
+    positions = scene.recording.positions.copy()
+    positions[len(positions) // 2 :, 0] = np.nan
+    done = fill_gaps(replace(scene.recording, positions=positions), longest_s=options["longest_s"])
+    error = (done.positions - scene.clean.positions)[len(positions) // 2 :, 0]
+    assert np.sqrt(np.mean(error**2)) < 1.5 * 0.0006
 
 
 def test_gaps_longer_than_asked_for_stay(gappy):

@@ -105,6 +105,12 @@ def test_the_vertical_axis_is_turned_up(tmp_path, axis):
     np.testing.assert_allclose(recording.body_height, height, atol=1e-6)
 
 
+def test_an_axis_that_nothing_shows_is_asked_for(tmp_path):
+    told = "vertical_axis: auto: expected a clear fall, found nothing clearly falls"
+    with pytest.raises(RecordingError, match=told):
+        imported(write(tmp_path, qtm_text(standing())), vertical_axis="auto")
+
+
 @pytest.mark.parametrize(("scale", "unit"), [(1000.0, "mm"), (1.0, "m")])
 def test_the_unit_is_found_or_given(tmp_path, scale, unit):
     path = write(tmp_path, qtm_text(standing(scale=scale, wobble=0.02)))

@@ -38,8 +38,7 @@ def check(options: argparse.Namespace) -> int:
     remarks: list[str] = []
     sound: list[Recording] = []
     for entry in config["recordings"]:
-        files = files_of(entry)
-        if not files:
+        if not (files := files_of(entry)):
             hops, cut_s = map(simulation_of(config, entry["name"]).get, ("hops", "duration_s"))
             cut = "" if cut_s is None else f", cut at {cut_s:g} s"
             print(f"{entry['name']}: simulated, {hops} hops{cut}: see hopdata plan")

@@ -248,12 +248,15 @@ def _draft(
     if roles.reasons["home"]:
         reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}
-    if inspection.unit.is_sure and inspection.unit.value in READABLE_UNITS:
-        settings["input"]["unit"] = inspection.unit.value
-        reasons["input.unit"] = f"{inspection.unit.reason}."
-    if inspection.up.value != "z":
-        settings["input"]["vertical_axis"] = inspection.up.value
-        reasons["input.vertical_axis"] = f"{inspection.up.reason}."
+    unit, up = inspection.unit, inspection.up
+    if unit.is_sure and unit.value in READABLE_UNITS and (options.unit or not options.more):
+        settings["input"]["unit"] = unit.value
+        reasons["input.unit"] = f"{unit.reason}."
+    if options.more and not options.vertical_axis:
+        up = replace(up, value="auto", reason="of each file that along which its markers fall")
+    if up.value != "z":
+        settings["input"]["vertical_axis"] = up.value
+        reasons["input.vertical_axis"] = f"{up.reason}."
     if options.rate is not None:
         settings["input"]["rate_hz"] = options.rate
         reasons["input.rate_hz"] = "As given."
@@ -297,8 +300,7 @@ def _remarks(inspection: Inspection) -> list[str]:
     remarks, unit = terminal.notes(inspection), inspection.unit
     if unit.value not in READABLE_UNITS:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
-    found = inspection.suspects()
-    if found:
+    if found := inspection.suspects():
         more = f" and {len(found) - 1} more" if len(found) > 1 else ""
         remarks.append(
             f"frame {found[0].start + 1}: {found[0].text}{more}; hopdata inspect shows all"

@@ -359,8 +359,7 @@ def _columns_of_plane(rest: floor_surface.RestPoints, rows: slice = slice(None))
 
 def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:
     """Raise an error that names the feet which are never at rest."""
-    names = recording.names("foot")
-    if not names:
+    if not (names := recording.names("foot")):
         raise AnalysisError(f"{recording.name}: floor: expected at least one foot, found none")
     moving = [name for name, start in zip(names, rest.start_m, strict=True) if np.isnan(start)]
     if moving:

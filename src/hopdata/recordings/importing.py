@@ -13,7 +13,7 @@ from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings import raw as reading
-from hopdata.recordings.quality.orientation import choose_unit, speak_for_silent, unit_remarks
+from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.rigid import recorded_frames
 from hopdata.recordings.raw import RawRecording, rotate_up
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw, suffixes
@@ -73,8 +73,7 @@ def _starts(
     paths: Sequence[Path], raws: Sequence[RawRecording]
 ) -> tuple[list[float], tuple[str, ...]]:
     """Time of each file's first frame on the clock of the first file, s."""
-    by_clock = _starts_by_clock(paths, raws)
-    if by_clock is not None:
+    if (by_clock := _starts_by_clock(paths, raws)) is not None:
         return by_clock, ()
     starts, end = [float(raws[0].time[0])], float(raws[0].time[-1])
     moved = []
@@ -153,8 +152,9 @@ def import_recording(
     unit : {"auto", "m", "mm"}
         Unit of the file's positions; ``"auto"`` takes the format's own unit, or the other one if
         only that gives a plausible size, which a remark of the recording says.
-    vertical_axis : {"x", "y", "z", "-x", "-y", "-z"}
-        Axis of the file that points up.
+    vertical_axis : {"auto", "x", "y", "z", "-x", "-y", "-z"}
+        Axis of the file that points up; ``"auto"`` takes the one along which the markers fall,
+        which a remark of the recording says.
     rate_hz : float, optional
         Frame rate, for files that do not state it, or not the true one (`raw.overrule_rate`).
     most_unpacked_mb : float
@@ -188,10 +188,12 @@ def import_recording(
         stated.append(dict(zip(file.markers, file.roles, strict=False)))
         pieces.append(_chosen(p, file, markers))
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
-    raw = join(paths, speak_for_silent(sources, pieces, unit)) if len(paths) > 1 else pieces[0]
+    spoken = orientation.speak_for_silent(sources, pieces, unit)
+    raw = join(paths, spoken) if len(paths) > 1 else pieces[0]
     positions = raw.positions
-    taken = choose_unit(positions, unit=unit, nominal=raw.unit)
-    guessed = unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
+    taken = orientation.choose_unit(positions, unit=unit, nominal=raw.unit)
+    guessed = orientation.unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
+    vertical_axis, found = orientation.choose_up(vertical_axis, sources[0], raw, taken)
     for first in range(0, len(positions), BLOCK):
         block = positions[first : first + BLOCK]
         block *= reading.METRES_PER_UNIT[taken]
@@ -207,15 +209,15 @@ def import_recording(
         source_sha256=", ".join(sha256(p) for p in paths),
         vertical_axis=vertical_axis if vertical_axis != "z" else raw.vertical_axis,
         events=raw.events,
-        remarks=raw.remarks + guessed,
+        remarks=raw.remarks + guessed + found,
     )
     if np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5:  # else it is not always the second
         recording = recording.part(recorded_frames(recording.body))
-    if len(recording.time) < len(raw.time):
-        told = f"{recording.source}: every second frame is made up of those beside it, and left out"
-        recording = replace(recording, remarks=(*recording.remarks, told))
-    recording = replace(recording, remarks=recording.remarks + _unseen(recording, exclude))
-    if len(paths) > 1 or vertical_axis != "z" or len(recording.time) < len(raw.time):
+    halved = len(recording.time) < len(raw.time)
+    told = f"{recording.source}: every second frame is made up of those beside it, and left out"
+    more = (told,) * halved + _unseen(recording, exclude)
+    recording = replace(recording, remarks=recording.remarks + more)
+    if len(paths) > 1 or vertical_axis != "z" or halved:
         return recording, None
     return recording, _truth(paths[0], stated[0], recording)
 

@@ -404,8 +404,7 @@ def settle(
     remarks : tuple of str
     """
     number = _with_missing_rows(stamps, number)
-    fitting = _fitting_grid(stamps, number, rate_hz)
-    if fitting is not None:
+    if (fitting := _fitting_grid(stamps, number, rate_hz)) is not None:
         return fitting, ()
     own = rate_of(stamps, number, whole=False)
     near = own is not None and abs(own - rate_hz) <= RATE_TOLERANCE * rate_hz

@@ -10,7 +10,7 @@ from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import RecordingError, chosen, require_choice
 from hopdata.recording import extent, sampled
 from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction, scale_of_all
-from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording, rotate_up
+from hopdata.recordings.raw import FILE_AXES, METRES_PER_UNIT, RawRecording, rotate_up
 
 # The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
 PLAUSIBLE_EXTENT_M = (0.015, 12.0)
@@ -129,6 +129,7 @@ def _shares(measured: FloatArray, metres: float) -> dict[str, float]:
 # The unit of a file's positions: as given, as stated or by their size, and what is said of it.
 
 UNITS = ("auto", *METRES_PER_UNIT)
+UPWARD = ("auto", *FILE_AXES)
 
 
 def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
@@ -269,7 +270,7 @@ def guess_unit_and_up(
     raw : RawRecording
         As read.
     unit, up : str, optional
-        Given by the user: taken as they are.
+        Given by the user: taken as they are, but for an `up` of ``"auto"``.
 
     Returns
     -------
@@ -280,7 +281,25 @@ def guess_unit_and_up(
     raw = replace(raw, rate_hz=_rate_by_stamps(raw))
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
     found = Guess(unit, "as given") if unit else _unit(raw, fall)
-    return found, Guess(up, "as given") if up else _up(raw, fall)
+    return found, _up(raw, fall) if up in (None, "auto") else Guess(up, "as given")
+
+
+def choose_up(asked: str, source: str, raw: RawRecording, unit: str) -> tuple[str, tuple[str, ...]]:
+    """Choose the direction of a file that is up: as asked, or for ``"auto"`` as things fall.
+
+    Also say so, in remarks of the recording.
+
+    Raises
+    ------
+    RecordingError
+        If it is to be found, and nothing shows it clearly.
+    """
+    if asked != "auto":
+        return asked, ()
+    up = guess_unit_and_up(raw, unit=unit)[1]
+    if up.is_sure:
+        return up.value, (f"{source}: {up.value} is up: {up.reason}",)
+    raise RecordingError.at(f"{source}: input.vertical_axis: auto", "a clear fall", up.reason)
 
 
 def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
