@@ -32,8 +32,6 @@ from hopdata.recordings import (
     raw as axes,
 )
 from hopdata.recordings.quality import orientation
-from hopdata.recordings.quality import orientation as free_fall
-from hopdata.recordings.quality import orientation as length_unit
 from hopdata.scenes import SCENES
 from hopdata.steering import OBSERVATIONS
 from hopdata.steering.experiments import tasks
@@ -89,11 +87,11 @@ ASKED = {
     ),
     "input.vertical_axis": (axes.FILE_AXES, lambda name: axes.rotate_up(NONE, name)),
     "input.unit": (
-        length_unit.UNITS,
-        lambda name: length_unit.choose_unit(NONE, unit=name, nominal="m"),
+        orientation.UNITS,
+        lambda name: orientation.choose_unit(NONE, unit=name, nominal="m"),
     ),
     "unit to inspect": (
-        free_fall.UNITS_IN_M,
+        orientation.UNITS_IN_M,
         lambda name: orientation.guess_unit_and_up(ANY, unit=name),
     ),
     "role": (
@@ -130,7 +128,7 @@ ASKED = {
 CONFIGURED = {
     "recordings.contacts.unit": external_contacts.SECONDS_PER_UNIT,
     "recordings.forces.unit": force_signals.NEWTONS_PER_UNIT,
-    "input.unit": length_unit.UNITS,
+    "input.unit": orientation.UNITS,
     "input.vertical_axis": orientation.UPWARD,
     "sections.frames": sections.FRAMES,
     "touchdowns.method": contacts.METHODS,

@@ -97,11 +97,6 @@ def test_errors_of_zero_do_not_break_the_axis():
     assert text_faults(figure) == []
 
 
-def test_nothing_measured_is_said():
-    figure = order_figure(errors().iloc[:0])
-    assert "No errors" in figure.texts[0].get_text()
-
-
 def trajectories(solvers=tuple(LINES)):
     time = np.linspace(0, 2, 101)
     parts = [
@@ -144,10 +139,6 @@ def test_a_solver_may_be_missing():
     figure = calibration_figure(trajectories(("exact", "hopdata")))
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["exact", "hopdata"]
     assert text_faults(figure) == []
-
-
-def test_no_trajectories_are_said():
-    assert "No trajectories" in calibration_figure(trajectories(())).texts[0].get_text()
 
 
 COUNTS = np.arange(2, 36)
@@ -216,10 +207,6 @@ def test_other_solvers_are_left_out_and_missing_ones_are_no_fault():
     figure = scaling_figure(pd.concat([table, other]), marginal())
     assert len(figure.axes[0].lines) == 1
     assert text_faults(figure) == []
-
-
-def test_no_times_are_said():
-    assert "No run times" in scaling_figure(times(()), marginal()).texts[0].get_text()
 
 
 def results(scenes=tuple(SCENE_NAMES), ways=tuple(WAYS), methods=("first", "second")):
@@ -295,14 +282,6 @@ def test_an_unknown_way_is_drawn_and_named_too():
     assert text_faults(figure) == []
 
 
-def test_without_results_the_figure_says_so():
-    table = results().assign(time_median_us=np.nan)
-    assert (
-        "No work-precision results"
-        in work_precision_figure(table, chosen(table)).texts[0].get_text()
-    )
-
-
 # Errors of the landing map.
 
 SIZES = (60, 120, 250, 500, 1000, 2784)
@@ -339,11 +318,6 @@ def test_lines_of_errors_are_the_table():
         np.testing.assert_array_equal(line.get_xdata(), rows["landings"])
         np.testing.assert_array_equal(line.get_ydata(), rows["median"])
     assert axes.get_xscale() == axes.get_yscale() == "log"
-
-
-def test_nothing_to_show_is_said():
-    (text,) = map_error_figure(map_errors().iloc[:0]).texts
-    assert "No errors" in text.get_text()
 
 
 # Size and power of the verdict.
@@ -393,6 +367,19 @@ def test_kinds_that_were_not_simulated_are_left_out(kinds):
     assert text_faults(figure) == []
 
 
-def test_no_studies_are_said_in_words():
-    figure = verdict_power_figure(table().iloc[:0])
-    assert "No simulated studies" in figure.texts[0].get_text()
+NONE = results().assign(time_median_us=np.nan)
+NOTHING = {
+    "No errors: no method": (order_figure, errors().iloc[:0]),
+    "No trajectories": (calibration_figure, trajectories(())),
+    "No run times": (scaling_figure, times(()), marginal()),
+    "No work-precision results": (work_precision_figure, NONE, chosen(NONE)),
+    "No errors of maps": (map_error_figure, map_errors().iloc[:0]),
+    "No simulated studies": (verdict_power_figure, table().iloc[:0]),
+}
+
+
+@pytest.mark.parametrize("said", NOTHING)
+def test_nothing_to_show_is_said(said):
+    draw, *tables = NOTHING[said]
+    (text,) = draw(*tables).texts
+    assert said in text.get_text()

@@ -9,8 +9,7 @@ import mpmath
 import numpy as np
 from method_harness import Stepper, compiled, specialised
 
-from hopdata.hybrid.methods import stiff as differences
-from hopdata.hybrid.methods import stiff as rosenbrock
+from hopdata.hybrid.methods import stiff
 
 SMOOTH, KAPS, FOLLOWER, CONTACT = 0.0, 1.0, 2.0, 3.0
 
@@ -78,16 +77,16 @@ CODES = {}
 
 def made(given):
     names = {"FIELD": field, "JACOBIAN": jacobian, "N": 2}
-    template = differences.jacobian_by_user if given else differences.jacobian_by_differences
+    template = stiff.jacobian_by_user if given else stiff.jacobian_by_differences
     return Stepper(
-        rosenbrock, field, 2,
+        stiff, field, 2,
         FILL_JACOBIAN=specialised(template, **names),
-        TIME_DERIVATIVE=specialised(differences.time_derivative, **names),
+        TIME_DERIVATIVE=specialised(stiff.time_derivative, **names),
     )  # fmt: skip
 
 
 def stepper(params, t, y, *, given=True, rtol=1e-9, atol=1e-12):
-    """A Rosenbrock stepper at (t, y), with the Jacobian given or by differences."""
+    """A Rosenbrock stepper at (t, y), with the Jacobian given or by stiff."""
     if given not in CODES:
         CODES[given] = made(given)
     one = CODES[given]

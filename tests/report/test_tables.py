@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from fake_study import distances, floors, prediction, sections, touchdowns, truth
 
-from hopdata.report import tables as landing_tables
-from hopdata.report import tables as result_tables
+from hopdata.report import tables
 from hopdata.report.formatting import Table, mapping_table
 from hopdata.report.inputs import ReportFigure, ReportInputs, picture_of, rendered
 from hopdata.report.page import build_report
@@ -175,15 +174,15 @@ def assert_rectangular(table):
 
 def test_every_table_is_rectangular_and_all_text():
     made = [
-        landing_tables.recordings_table([{"name": "a"}]),
-        landing_tables.floor_table(floors()),
-        landing_tables.sections_table(sections()),
-        landing_tables.schedules_table(touchdowns()),
-        landing_tables.exclusions_table(touchdowns()),
-        result_tables.prediction_table(prediction()),
-        result_tables.distances_table(distances()),
-        result_tables.truth_table(truth()),
-        result_tables.times_table({"level": 1.0}),
+        tables.recordings_table([{"name": "a"}]),
+        tables.floor_table(floors()),
+        tables.sections_table(sections()),
+        tables.schedules_table(touchdowns()),
+        tables.exclusions_table(touchdowns()),
+        tables.prediction_table(prediction()),
+        tables.distances_table(distances()),
+        tables.truth_table(truth()),
+        tables.times_table({"level": 1.0}),
         mapping_table("t", ("a", "b"), {"x": 1, "y": {"z": 2}}),
     ]
     for table in made:
@@ -194,7 +193,7 @@ def test_every_table_is_rectangular_and_all_text():
 @pytest.mark.parametrize("n_feet", [2, 3, 4])
 def test_schedules_are_counted_commonest_first(n_feet):
     data = touchdowns(n_feet=n_feet)
-    table = landing_tables.schedules_table(data)
+    table = tables.schedules_table(data)
     counts = [int(cell) for cell in column(table, "touchdowns")]
     used = data[~data["excluded"]]
     assert counts == sorted(used["schedule"].value_counts().tolist(), reverse=True)[:24]
@@ -203,7 +202,7 @@ def test_schedules_are_counted_commonest_first(n_feet):
 
 def test_rare_schedules_beyond_the_list_are_mentioned():
     data = touchdowns(3000, n_feet=5)
-    table = landing_tables.schedules_table(data)
+    table = tables.schedules_table(data)
     assert len(table.rows) == 24
     counts = data.loc[~data["excluded"], "schedule"].value_counts().to_numpy()
     left = f"{counts[24:].sum()} touchdowns, at most {counts[24]} each."
@@ -213,7 +212,7 @@ def test_rare_schedules_beyond_the_list_are_mentioned():
 
 def test_exclusions_by_reason_and_recording():
     data = touchdowns(recordings=("a", "b"))
-    table = landing_tables.exclusions_table(data)
+    table = tables.exclusions_table(data)
     assert table.head == ("reason", "a", "b", "descents")
     assert table.rows[-1][0] == "all reasons"
     for row in table.rows:
@@ -223,25 +222,25 @@ def test_exclusions_by_reason_and_recording():
 
 def test_reasons_name_the_feet():
     data = touchdowns().assign(contact_toe_s=0.0, contact_heel_s=0.0)
-    rows = landing_tables.exclusions_table(data).rows[:-1]
+    rows = tables.exclusions_table(data).rows[:-1]
     assert {row[0] for row in rows} == {
         "heel down before the pre section",
         "toe not down at the post section",
     }
-    listed = landing_tables.excluded_table(data).rows
+    listed = tables.excluded_table(data).rows
     assert all(row[1].startswith(("toe ", "heel ")) for row in listed)
 
 
 def test_one_recording_needs_no_columns_of_its_own_and_a_lost_reason_is_said():
     data = touchdowns().assign(reason=np.nan)
-    table = landing_tables.exclusions_table(data)
+    table = tables.exclusions_table(data)
     assert table.head == ("reason", "descents")
     assert table.rows[0][0] == "no reason given"
-    assert landing_tables.exclusions_table(data[~data["excluded"]]) is None
+    assert tables.exclusions_table(data[~data["excluded"]]) is None
 
 
 def test_sections_begin_with_what_matters_and_keep_the_rest():
-    table = landing_tables.sections_table(sections())
+    table = tables.sections_table(sections())
     rows = {row[0]: row[1:] for row in table.rows}
     assert rows["travel from pre to post"] == ("210.80", "mm")
     assert rows["ground mode of the minimum foot height"] == ("−0.2", "mm")
@@ -252,7 +251,7 @@ def test_sections_begin_with_what_matters_and_keep_the_rest():
 
 def test_a_height_from_the_configuration_is_marked():
     decided = {"pre_height_m": "config", "post_height_m": "data"}
-    names = column(landing_tables.sections_table(sections() | {"decided": decided}), "quantity")
+    names = column(tables.sections_table(sections() | {"decided": decided}), "quantity")
     assert "pre section (from the configuration)" in names
     assert "post section" in names
     assert not any("decided" in name for name in names)
@@ -260,7 +259,7 @@ def test_a_height_from_the_configuration_is_marked():
 
 def test_prediction_keeps_the_printed_order_and_names_what_is_missing():
     data = prediction().iloc[::-1]
-    table = result_tables.prediction_table(data[data["model"] != "far"])
+    table = tables.prediction_table(data[data["model"] != "far"])
     assert column(table, "model") == [
         "affine (specialised)",
         "affine (near)",
@@ -272,38 +271,38 @@ def test_prediction_keeps_the_printed_order_and_names_what_is_missing():
     assert column(table, "median") == ["1.95", "2.03", "3.13", "—", "15.40", "29.50"]
     assert "10⁻³ units²" in table.note
     assert "not fitted" in table.note
-    assert "not fitted" not in result_tables.prediction_table(prediction()).note
+    assert "not fitted" not in tables.prediction_table(prediction()).note
 
 
 def test_an_unknown_model_or_kind_is_shown_too():
     extra = pd.concat([prediction(), prediction().tail(1).assign(model="ridge")])
-    assert column(result_tables.prediction_table(extra), "model")[-1] == "ridge"
+    assert column(tables.prediction_table(extra), "model")[-1] == "ridge"
     kinds = pd.concat([distances(), distances().tail(1).assign(kind="shuffled")])
-    assert column(result_tables.distances_table(kinds), "subspaces")[-1] == "shuffled"
+    assert column(tables.distances_table(kinds), "subspaces")[-1] == "shuffled"
 
 
 def test_a_kind_without_pairs_has_zero():
-    table = result_tables.distances_table(distances().iloc[2:])
+    table = tables.distances_table(distances().iloc[2:])
     assert column(table, "pairs") == ["0", "0", "1000", "1000"]
 
 
 def test_truth_reads_as_sentences():
-    rows = {row[0]: row[1:] for row in result_tables.truth_table(truth()).rows}
+    rows = {row[0]: row[1:] for row in tables.truth_table(truth()).rows}
     assert rows["Whether near < all < far"] == ("yes", "")
     assert rows["Rms of fitted minus true floor height"] == ("—", "mm")
     assert rows["Pre section found minus that of the truth"] == ("−0.42", "mm")
 
 
 def test_truth_is_measured_as_elsewhere_on_the_page():
-    rows = {row[0]: row[1:] for row in result_tables.truth_table(truth()).rows}
+    rows = {row[0]: row[1:] for row in tables.truth_table(truth()).rows}
     assert rows["Share of right mode schedules, kink method"] == ("97.9", "%")
     assert rows["Touchdowns without a true landing nearby"] == ("0", "touchdowns")
     height = {"section_pre_true": {"value": 0.50318, "unit": "m", "what": "pre section"}}
-    assert result_tables.truth_table(height).rows == (("Pre section", "503.2", "mm"),)
+    assert tables.truth_table(height).rows == (("Pre section", "503.2", "mm"),)
 
 
 def test_the_worst_coordinate_is_explained():
-    assert "97.5\u00a0% of the bootstraps" in result_tables.prediction_table(prediction()).note
+    assert "97.5\u00a0% of the bootstraps" in tables.prediction_table(prediction()).note
 
 
 def test_a_check_that_must_find_nothing_wants_zero():
@@ -313,20 +312,20 @@ def test_a_check_that_must_find_nothing_wants_zero():
 
 
 def test_times_stand_longest_first():
-    table = result_tables.times_table({"a": 0.5, "b": 12.25})
+    table = tables.times_table({"a": 0.5, "b": 12.25})
     assert table.rows == (("b", "12.25"), ("a", "0.50"))
 
 
 def test_what_is_missing_has_no_table():
     empty = pd.DataFrame()
-    assert landing_tables.recordings_table([]) is None
-    assert landing_tables.floor_table({}) is None
-    assert landing_tables.sections_table(None) is None
-    assert landing_tables.schedules_table(empty) is None
-    assert landing_tables.exclusions_table(None) is None
-    assert result_tables.prediction_table(empty) is None
-    assert result_tables.distances_table(None) is None
-    assert result_tables.truth_table({}) is None
+    assert tables.recordings_table([]) is None
+    assert tables.floor_table({}) is None
+    assert tables.sections_table(None) is None
+    assert tables.schedules_table(empty) is None
+    assert tables.exclusions_table(None) is None
+    assert tables.prediction_table(empty) is None
+    assert tables.distances_table(None) is None
+    assert tables.truth_table({}) is None
 
 
 def filled():
@@ -336,7 +335,7 @@ def filled():
 
 
 def test_filled_gaps_with_the_marker_most_often_unseen_first():
-    table = landing_tables.filled_table(filled())
+    table = tables.filled_table(filled())
     assert [row[1] for row in table.rows] == ["b2", "b1"]
     assert table.rows[0][3:] == ("3", "0.50", "70", "7.00", "20", "50")
     assert "78" in table.note
@@ -344,16 +343,16 @@ def test_filled_gaps_with_the_marker_most_often_unseen_first():
     resting = touchdowns().assign(filled_share=0.0)
     resting.loc[~resting["excluded"], "filled_share"] = 0.1
     used = int((~resting["excluded"]).sum())
-    assert f"{used} of {used} touchdowns" in landing_tables.filled_table(filled(), resting).note
-    assert landing_tables.filled_table(filled(), touchdowns()).note == table.note
-    assert landing_tables.filled_table(None) is None
-    assert landing_tables.filled_table(filled().iloc[2:]) is None
+    assert f"{used} of {used} touchdowns" in tables.filled_table(filled(), resting).note
+    assert tables.filled_table(filled(), touchdowns()).note == table.note
+    assert tables.filled_table(None) is None
+    assert tables.filled_table(filled().iloc[2:]) is None
 
 
 def test_ambiguous_touchdowns_are_counted_by_schedule():
     data = touchdowns()
-    assert {row[2] for row in landing_tables.schedules_table(data).rows} == {"0"}
+    assert {row[2] for row in tables.schedules_table(data).rows} == {"0"}
     data["class"] = data["schedule"].where(data.index % 7 != 0, "ambiguous")
-    table = landing_tables.schedules_table(data)
+    table = tables.schedules_table(data)
     used = data[~data["excluded"]]
     assert sum(int(row[2]) for row in table.rows) == (used["class"] == "ambiguous").sum()

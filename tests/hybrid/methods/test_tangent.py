@@ -13,9 +13,7 @@ from scipy.integrate import solve_ivp
 from hopdata.hybrid import System, field, jacobian, solve, solve_batch
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.layout import PHI_MOTION, PHI_ROWS
-from hopdata.hybrid.methods import tangent as products
-from hopdata.hybrid.methods import tangent as short_tangent
-from hopdata.hybrid.methods import taylor as motion
+from hopdata.hybrid.methods import tangent, taylor
 from hopdata.hybrid.methods.tangent import LOOSER
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
@@ -183,7 +181,7 @@ def test_a_derivative_that_is_not_finite_is_a_failure():
 
 N = 3
 CONSTANT, VARYING = np.random.default_rng(7).normal(size=(2, N, N))
-ROWS = (3 + short_tangent.BLOCKS) * N + PHI_ROWS
+ROWS = (3 + tangent.BLOCKS) * N + PHI_ROWS
 
 
 def derivative(t):
@@ -217,11 +215,11 @@ class Table(np.ndarray):
 
 def short_flow(dt, rtol=1e-6):
     """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
-    fastest = with_digest(motion.fastest_motion, N=N)
+    fastest = with_digest(taylor.fastest_motion, N=N)
     names = {"STAGE_JACOBIAN": stage_jacobian, "FASTEST_MOTION": fastest, "N": N}
-    multiply = with_digest(products.multiply, N=N, fma=plain_fma)
-    add = with_digest(products.add_product, MULTIPLY=multiply, N=N, fma=plain_fma)
-    step = with_digest(short_tangent.short_tangent, ADD_PRODUCT=add, **names)
+    multiply = with_digest(tangent.multiply, N=N, fma=plain_fma)
+    add = with_digest(tangent.add_product, MULTIPLY=multiply, N=N, fma=plain_fma)
+    step = with_digest(tangent.short_tangent, ADD_PRODUCT=add, **names)
     phi = np.zeros((ROWS, N)).view(Table)
     phi[:N] = np.eye(N)
     error = step(0.0, dt, rtol, np.zeros((40, N)), None, None, None, phi)

@@ -10,8 +10,6 @@ import pytest
 from method_harness import END, K1, KEND, NO_ADDRESS, P1, Stepper, Y, compiled, specialised
 
 from hopdata.hybrid.methods import taylor
-from hopdata.hybrid.methods import taylor as motion
-from hopdata.hybrid.methods import taylor as series
 
 EPS = 2.0**-52
 
@@ -44,12 +42,12 @@ def stepper(a, b, y, **options):
     """A stepper at t = 0 for y' = a y + b."""
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     n = len(b)
-    method = SimpleNamespace(**{**vars(taylor), "step": series.step_function(n)})
+    method = SimpleNamespace(**{**vars(taylor), "step": taylor.step_function(n)})
     made = CODES.setdefault(n, Stepper(method, affine_field, n, AFFINE=affine))
     made.s[:] = np.nan
     made.params = np.concatenate([a.ravel(), b])
     made.rtol, made.atol = options.get("rtol", 1e-9), np.full(n, options.get("atol", 1e-12))
-    fastest = specialised(motion.fastest_motion, N=n)
+    fastest = specialised(taylor.fastest_motion, N=n)
     names = {"AFFINE": affine, "N": n, "FASTEST_MOTION": fastest}
     refresh = CODES.setdefault((n, "refresh"), specialised(taylor.refresh, **names))
     refresh(made.s, made.mode, made.params)
@@ -148,7 +146,7 @@ def test_the_error_estimate_bounds_the_error(turn, rtol):
     """Beyond degree 32, the error is truncation: estimated, and not ten times too large."""
     a, b, y = SPRING
     one = stepper(a, b, y, rtol=rtol, atol=1e-12 * rtol)
-    estimate = one.step(turn / OMEGA) / max(rtol / series.SHARP, 1.0)
+    estimate = one.step(turn / OMEGA) / max(rtol / taylor.SHARP, 1.0)
     error = np.abs(one.s[END] - flow(a, b, y, turn / OMEGA))
     size = np.maximum(np.abs(y), np.abs(one.s[P1]))
     in_tolerances = (error / (rtol * size)).max()
@@ -161,7 +159,7 @@ def test_the_error_estimate_bounds_the_error(turn, rtol):
 def test_the_estimate_goes_with_the_power_that_is_declared():
     estimates = [stepper(*SPRING).step(turn / OMEGA) for turn in (0.5, 1.0, 2.0, 4.0, 8.0)]
     orders = np.diff(np.log2(estimates))
-    assert orders == pytest.approx(np.full(4, series.ORDER), abs=1.5)
+    assert orders == pytest.approx(np.full(4, taylor.ORDER), abs=1.5)
 
 
 def test_step_control_needs_few_rejections():
@@ -214,7 +212,7 @@ def test_a_field_that_is_not_the_affine_one_is_found():
 def test_a_step_far_too_long_is_cut_to_size_at_once(turn):
     one, dt, rejected = stepper(*SPRING), turn / OMEGA, 0
     while not (error := one.step(dt)) <= 1.0:
-        dt *= 0.9 / error ** (1.0 / series.ORDER)
+        dt *= 0.9 / error ** (1.0 / taylor.ORDER)
         rejected += 1
     assert rejected <= 2
     assert 3.0 < dt * OMEGA < 5.0
