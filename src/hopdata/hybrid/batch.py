@@ -17,7 +17,6 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.derived import derive, goes_back
 from hopdata.hybrid.driver.loop import END_STATE, many_entry
-from hopdata.hybrid.layout import describe
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
@@ -163,7 +162,7 @@ class BatchSolution:
         guard = self.guard_names[number] if number >= 0 else ""
         time, status = float(self.t_end[place]), int(self.status[place])
         below, above = (0.0, 0.0) if self.rates is None else self.rates[place]
-        return describe(status, time=time, guard=guard, rates=(float(below), float(above)))
+        return at.describe(status, time=time, guard=guard, rates=(float(below), float(above)))
 
 
 class _Room:

@@ -16,7 +16,6 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import Told
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
-from hopdata.hybrid.layout import describe
 
 MOST_SHOWN = 10  # events, in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # where in `end` the counters begin
@@ -259,7 +258,7 @@ class Solution(Told):
         culprit = int(self.counts[layout.CULPRIT])
         below, above = self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]]
         guard = self.form.guard_names[culprit] if culprit >= 0 else ""
-        return describe(self.status, time=self.t_end, guard=guard, rates=(below, above))
+        return layout.describe(self.status, time=self.t_end, guard=guard, rates=(below, above))
 
     @property
     def nfev(self) -> int:

@@ -29,7 +29,6 @@ from hopdata.hybrid.compiled.digest import driver_digest, with_digest
 from hopdata.hybrid.compiled.memory import array_of, float_table, float_vector, int_vector, row
 from hopdata.hybrid.layout import PHI_ROWS
 from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
-from hopdata.hybrid.methods.explicit import Tableau
 
 Function = Callable[..., Any]
 KEPT = 128  # of what is made for scenes: systems of the same functions share it
@@ -225,7 +224,7 @@ STEP_ARGUMENTS = "t, dt, rtol, s, mode, params, atol, field"
 INTERPOLANT_ARGUMENTS = "t, dt, s, mode, params, field"
 
 
-def explicit_method(tableau: Tableau, scene: Scene | None = None) -> Method:
+def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Method:
     """Return the method of a tableau for a scene or, with generic code, for all."""
     known, body, derivatives = {"TINY": explicit.TINY, "sqrt": sqrt}, [], {}
     if scene is None:
@@ -251,7 +250,7 @@ def explicit_method(tableau: Tableau, scene: Scene | None = None) -> Method:
     )
 
 
-def _tangents(tableau: Tableau, scene: Scene, known: dict[str, Any]) -> dict[str, Any]:
+def _tangents(tableau: explicit.Tableau, scene: Scene, known: dict[str, Any]) -> dict[str, Any]:
     """Return the parts of an explicit method that carry the flow's Jacobian."""
     n, stages, short = scene.n_states, len(tableau.weights), None
     if tableau.order <= tangent.HIGHEST_ORDER:

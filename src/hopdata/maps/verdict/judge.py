@@ -15,7 +15,6 @@ from hopdata.arrays import BoolArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
-from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import section_landings, two_kinds
 from hopdata.maps.verdict.model import LEFT, fit_kinks
 from hopdata.recording import numbers
@@ -68,7 +67,7 @@ class Verdict(Shown):
     margin: float
     power: float
     flips: int
-    effect: EffectSize | None = None
+    effect: sizing.EffectSize | None = None
     landings_needed: int | None = None
     notes: Notes = field(default_factory=list)
 
@@ -111,7 +110,7 @@ def sentence(
     )
 
 
-def outlook(effect: EffectSize, needed: int | None, power: float) -> str:
+def outlook(effect: sizing.EffectSize, needed: int | None, power: float) -> str:
     """Say what these data could have shown, and what would show more."""
     seen = (
         "Nothing could have been seen here: a difference would have to be larger than the map"
