@@ -246,7 +246,7 @@ def find_contacts(
         short = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
         alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
         feet, common = (short, own) if rolls else (feet, common)
-        rises = (fits.n_after < FRAMES_AFTER) & (not rolls)  # as toes do while their heel comes down
+        rises = (fits.n_after < FRAMES_AFTER) & (not rolls)  # as toes do while the heel comes down
         fits = kink_law.merged(fits, alone, np.asarray(rises | rolls))
     hidden = _hidden(time, heights, near, feet.windows_s)
     found = _judged(fits, status, hidden, kink_law.pooled_noise(fits), maximum_misfit)
