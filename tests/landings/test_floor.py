@@ -360,6 +360,18 @@ def test_a_floor_that_moves_is_told_and_followed(bent, fitted, motion):
     np.testing.assert_array_equal(again.moved_m, floor.moved_m)
 
 
+@pytest.mark.parametrize("when", ["slowly", "at once"])
+def test_a_floor_that_turns_is_told(bent, when):
+    share = bent.time / bent.time[-1]
+    slope = 0.035 * share if when == "slowly" else 0.0175 * (share > 0.6)
+    turned = bent.positions.copy()
+    turned[..., 2] += slope[:, None] * turned[..., 1]
+    deck = replace(bent, positions=turned)
+    (told,) = re.findall(r"the floor lies (\d\.\d) degrees otherwise", moving(deck))
+    assert float(told) == pytest.approx(1.0, abs=0.2)
+    assert moving(deck) in fit_floor(deck, degree=3).note
+
+
 def test_a_floor_that_stays_is_not_followed(bent):
     slope = bent.positions.copy()
     slope[..., 2] += 0.15 * slope[..., 0] - 0.01 * slope[..., 1] ** 2

@@ -190,7 +190,7 @@ def fit_floor(
     moved = floor_motion(rest)
     rest.points[:, 2] -= np.interp(rest.time, *moved)
     rest = rest.take(_near_floor(rest, 3 * rest_band_m))
-    n_steps = rest.n_steps
+    n_steps, turned = rest.n_steps, turning(rest)
     rest = floor_surface.thinned(rest, max_points)
     centre, scale = _centre_and_scale(rest.points[:, :2], least_m=1e-3 * recording.scale)
     scaled = (rest.points[:, :2] - centre) / scale
@@ -214,7 +214,7 @@ def fit_floor(
     ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
     rim = floor_surface.rim_of(scaled[inlier], floor_surface.RIM_DIRECTIONS) * scale
     note = _notes(recording, rest, raised, (fit.degree, degree), largest_error_m, ground[inlier])
-    note = "; ".join(filter(None, [_told_motion(moved[1]), note]))
+    note = "; ".join(filter(None, [_told_motion(moved[1]), turned, note]))
     n = int((used | raised).sum())
     feet = recording.names("foot")
     own = (feet, fit.offsets_m, rms, n, n - int(inlier.sum()), fit.degree, degree, note, *moved)
@@ -227,6 +227,8 @@ _SPAN_S, _REST_S = 0.3, 0.06  # a foot's rest is one point a span; a shorter one
 _LEAST_RESTS = 10  # of a foot: two jumps on a soft sole do not tell
 _LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # a box is higher
 _SELDOM, _FAR = 5.0, 0.9  # of the range of nine in ten rests; feet that roll alike differ there
+# So far the floor must turn between the halves, and leave so many times as much if that is ignored.
+_TURNED_DEG, _TURN_SHOWS = 0.3, 1.3
 # Of feet that rest one after the other: chance makes it 3.5, a hand that lifts slowly 8, decks 50.
 _MOVE_PER_APART = 12.0
 
@@ -289,7 +291,33 @@ def _range(moved_m: FloatArray) -> float:
 
 def moving(recording: Recording) -> str:
     """Say how far the floor under a recording moves, and what to do; empty if it does not."""
-    return _told_motion(floor_motion(floor_surface.rest_points(recording))[1])
+    rest = floor_surface.rest_points(recording)
+    moved = floor_motion(rest)
+    rest.points[:, 2] -= np.interp(rest.time, *moved)
+    rest = rest.take(_near_floor(rest, 3 * floor_surface.REST_BAND_M * recording.scale))
+    return "; ".join(filter(None, [_told_motion(moved[1]), turning(rest)]))
+
+
+def turning(rest: floor_surface.RestPoints) -> str:
+    """Say if the floor lies otherwise in the second half of a recording; empty if it does not."""
+    rest = floor_surface.thinned(rest, _MOST_OF_PLANE)
+    if len(np.unique(rest.foot)) < 2 or rest.n_steps < _LEAST_RESTS * len(rest.start_m):
+        return ""
+    late = (rest.time > np.median(rest.time))[:, None]
+    at = rest.points[:, :2] - rest.points[:, :2].mean(axis=0)
+    bends = floor_surface.design(at / np.abs(at).max(), floor_surface.polynomial_terms(3))[:, 1:]
+    place = np.hstack([np.eye(len(rest.start_m))[rest.foot], bends, late])
+    columns = np.hstack([place, late * at])
+    height = rest.points[:, 2]
+    fits = [floor_surface.robust_regression(one, height) for one in (place, columns)]
+    left = [robust_rms(height - c @ fit) for c, fit in zip((place, columns), fits, strict=True)]
+    turned = np.rad2deg(np.hypot(*fits[1][-2:]))
+    if turned < _TURNED_DEG or left[0] < _TURN_SHOWS * left[1]:
+        return ""
+    return (
+        f"the floor lies {turned:.1f} degrees otherwise in the second half: it or the cameras "
+        "turned, which is not followed, or a foot's marker moved; make two recordings of it"
+    )
 
 
 def _told_motion(moved_m: FloatArray) -> str:
