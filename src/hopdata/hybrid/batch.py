@@ -272,8 +272,7 @@ def solve_batch(
     begun = len(states) - len(left)
 
     def run(first: int, last: int) -> int:
-        methods, work = system.methods(method, jacobian), system.take_workspace()
-        done = first
+        methods, work, done = system.methods(method, jacobian), system.take_workspace(), first
         try:
             work.begin(methods, times if len(times) else None, jacobian)
             work.make_params_room(numbers.shape[1] - system.n_memory)
@@ -304,11 +303,9 @@ def solve_batch(
     done = begun
     if len(left) > 0:  # the first alone: it compiles what is not compiled yet
         done += run_left(begun, begun + 1)
-        steps = int(room.counts[left[0], at.STEPS]) * len(left)
-        system.methods(method, jacobian).specialise(steps)
+        system.methods(method, jacobian).specialise(int(room.counts[left[0], at.STEPS]) * len(left))
     run_in_threads(run_left, done, len(states), workers, progress)
-    here = np.ones(len(states), dtype=bool)
-    here[left] = False
+    here = ~np.isin(np.arange(len(states)), left)
     return replace(_solution(room, times, jacobian, system), lanes=here, lanes_reason=reason)
 
 

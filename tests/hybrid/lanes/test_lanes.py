@@ -15,7 +15,7 @@ from bent_systems import bent, bent_params
 from hybrid_systems import relay
 from stress_quick import ball_on_table
 
-from hopdata.hybrid import System, field, guards, solve_batch
+from hopdata.hybrid import System, field, guards, on_event, solve_batch
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.layout import SLIDING
 
@@ -233,6 +233,37 @@ def test_why_there_are_no_lanes(system, options, said):
     plain = solve_batch(system, (0.0, 1.0), y0, workers=1, **options)
     assert plain.y_end.tobytes() == batch.y_end.tobytes()
     assert plain.lanes_reason == "they were not asked for"
+
+
+@field
+def runs(t, y, mode, params, dy):
+    dy[0] = params[0]
+
+
+@guards
+def line(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - 1.0, dy[0]
+
+
+@on_event
+def start_again(t, y, mode, params, guard, direction):
+    if t > 2.95:
+        raise OverflowError("too late")
+    if direction > 0:
+        y[0], params[0] = 0.0, 0.5 * params[0]
+    return 0
+
+
+@pytest.mark.parametrize("params", [[1.0], np.ones((3, 1))])
+def test_handlers_that_raise_or_change_parameters(params):
+    """No lane sees another's parameters, and an exception is raised, as by the driver."""
+    system, y0 = System(runs, line, start_again, guard_names=("line",)), [[0.0], [0.1], [0.2]]
+    options = {"params": params, "workers": 1, "lanes": True}
+    here = solve_batch(system, (0.0, 2.95), y0, **options)
+    assert here.success, here.message
+    np.testing.assert_allclose(here.y_end[:, 0], [0.975, 0.0125, 0.0375], rtol=0, atol=1e-12)
+    with pytest.raises(OverflowError, match="too late"):
+        solve_batch(system, (0.0, 3.5), y0, **options)
 
 
 def test_a_handler_that_pushes_another_guard_across():

@@ -13,6 +13,7 @@ from numba import NumbaError, njit, types
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import DIGITS, compiled_in_cache, function_digest
 from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
@@ -83,8 +84,7 @@ def lane_runner(
     reason = reason_against(system, method, jacobian)
     if reason:
         return None, reason
-    params = arrays[1]
-    key = params.shape[1], len(params) > 1 or system.n_memory > 0
+    key = arrays[1].shape[1], len(arrays[1]) > 1 or system.n_memory > 0
     if key not in system.lane_codes:
         system.lane_codes[key] = LaneCode(system, *key)
     code = system.lane_codes[key]
@@ -93,7 +93,10 @@ def lane_runner(
     handler = 0 if system.on_event is None else system.on_event.address
 
     def run(first: int, last: int) -> int:
-        code.run(first, last, *arrays, handler, system.rules, *code.room(), *options)
+        with Caught() as caught:
+            code.run(first, last, *arrays, handler, system.rules, *code.room(), *options)
+        if caught:
+            raise caught[0]
         return last - first
 
     return run, ""

@@ -309,7 +309,8 @@ def fire(
 ) -> int:  # fmt: skip
     """Let the guards flip that are due in these lanes, and tell the handler.
 
-    Returns the lanes that end by that.
+    Rows of `own_params` are the parameters, for the handler, and as they were. Returns the lanes
+    that end by that, or are given up: one whose handler changes parameters that all systems share.
     """
     over = 0
     for j in range(WIDTH):
@@ -319,8 +320,8 @@ def fire(
         r.book[DUE, j] = 0
         for i in range(N):
             own[i] = r.table[i, j]
-        for i in range(N_PARAMS if PARAMS_IN_LANES else 0):
-            own_params[i] = r.table[FIRST_PARAM + i, j]
+        for i in range(N_PARAMS):
+            own_params[0, i] = r.table[FIRST_PARAM + i, j] if PARAMS_IN_LANES else own_params[1, i]
         for g in range(N_GUARDS):
             if due >> g & 1:
                 r.modes[j, g] = -r.modes[j, g]
@@ -331,7 +332,7 @@ def fire(
                 continue
             stop, mode = rules[at.TERMINAL, g], row(r.modes, j)
             if handler != 0:
-                stop |= call_on_event(handler, now, own, mode, own_params, g, direction)
+                stop |= call_on_event(handler, now, own, mode, own_params[0], g, direction)
             r.book[EVENTS, j] += 1
             if stop != 0 or over >> j & 1 == 0:
                 r.book[CULPRIT, j] = g
@@ -342,9 +343,12 @@ def fire(
             r.table[FIRST_LOCK + g, j] = r.modes[j, g]
         for i in range(N if handler != 0 else 0):
             r.table[i, j] = own[i]
-        for i in range(N_PARAMS if PARAMS_IN_LANES and handler != 0 else 0):
-            r.table[FIRST_PARAM + i, j] = own_params[i]
-        if r.book[EVENTS, j] >= most_events and over >> j & 1 == 0:
+        lost = r.book[EVENTS, j] >= most_events and over >> j & 1 == 0
+        for i in range(N_PARAMS if handler != 0 else 0):
+            if PARAMS_IN_LANES:
+                r.table[FIRST_PARAM + i, j] = own_params[0, i]
+            lost |= not PARAMS_IN_LANES and own_params[0, i] != own_params[1, i]
+        if lost:
             r.book[STATUS, j] = GIVEN_UP
             over |= 1 << j
     return over
@@ -377,8 +381,7 @@ def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> A
     for i in range(N):
         per = 1.0 / largest(fma(rtol, absolute(r.y[i]), atol[i]), TINY)
         size, steep = largest(absolute(r.y[i]) * per, size), largest(absolute(r.k[i]) * per, steep)
-    trial = where((size > 0.0) & (steep > 0.0), 0.01 * size / steep, 1e-3 * longest)
-    trial = least(trial, longest)
+    trial = least(where(least(size, steep) > 0.0, 0.01 * size / steep, 1e-3 * longest), longest)
     for i in range(N):
         r.work[i] = fma(trial, r.k[i], r.y[i])
     FIELD(t + trial, r.work, r, slope)
@@ -562,9 +565,8 @@ def sample(
             prepare(t, h, r)
             ready = True
         interpolate((now - t) / h, r)
-        at_end = now == t_new
         for i in range(N):
-            r.work[i] = where(at_end, r.moved[i], r.work[i])
+            r.work[i] = where(now == t_new, r.moved[i], r.work[i])
         for j in range(WIDTH):
             if pending >> j & 1:
                 for i in range(N):
@@ -627,13 +629,13 @@ def run(
     The status of a system that is given up is GIVEN_UP.
     """
     r = room(table, params, lane_modes, book)
-    own, own_params = np.empty(N), params[0].copy()
+    own, own_params = np.empty(N), np.stack((params[0], params[0]))
     t, run_s = spread(t_start), t_end - t_start
     h_next = resume = tries = stiff = tried = taken = idle = landed = spread(0.0)
     before, cuts = spread(1.0), spread(0.0)
     active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
     while True:
-        begun = open_ones = 0
+        begun = open_ones = rounds = 0
         if want != 0:
             begun, first = take_systems(
                 want, first, last, y0, params, modes, times, samples, t_start, r
@@ -647,7 +649,6 @@ def run(
             landed, cuts = where(new, 0.0, landed), where(new, 0.0, cuts)
             open_ones = settle(begun, t, r)
             fresh, rejected, aimed = fresh | begun, rejected & ~begun, aimed & ~begun
-        rounds = 0
         while fresh != 0:
             due = refresh(fresh, t, r) & ~over
             fresh = close(open_ones, r) if open_ones != 0 else 0
