@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hybrid_systems import ball, ladder, throw
 
-from hopdata.hybrid import System, affine, field, guards, solve
+from hopdata.hybrid import System, affine, field, guards, on_event, solve
 from hopdata.hybrid.driver.watch import flip_time
 
 # params: rate of the slow swing, rate and size of the fast one, level
@@ -134,3 +134,29 @@ def test_a_bounce_takes_one_step():
     solution = solve(ball(directions=(1,)), (0, 201), [1.0, 0.0], params=(2.0, 0.0, 1.0))
     assert len(solution.events) == 100
     assert solution.n_steps <= 120
+
+
+@field
+def turns(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -y[0]
+
+
+@guards
+def without_the_time(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - 0.3 * np.cos(2.0 * t), dy[0]
+
+
+@on_event
+def push(t, y, mode, params, guard, direction):
+    y[1] += 0.2 * (direction > 0)
+    return 0
+
+
+def test_rates_that_leave_out_the_time_end_soon():
+    """Behind a flip the shortest windows told nothing, and were walked on in for ever."""
+    system = System(turns, without_the_time, push, n_states=2, guard_names=("line",))
+    for start in np.random.default_rng(1).uniform(-1.0, 1.0, (5, 2)):
+        solution = solve(system, (0.0, 20.0), start)
+        assert solution.status == -12, solution.message
+        assert "'line'" in solution.message
+        assert solution.t_end < 5.0

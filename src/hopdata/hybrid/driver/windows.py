@@ -231,7 +231,7 @@ def judge_all(
             lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
         )  # fmt: skip
         room = own / max(error, 1e-300)
-        if (room < 1.0 or kind == DIVIDE) and m.counts[at.ROUGH] >= MOST_ROUGH - 1:
+        if (room < min(least, ROOMY) or kind == DIVIDE) and m.counts[at.ROUGH] >= MOST_ROUGH - 1:
             m.counts[at.CULPRIT] = k
         moves = error <= MOVES * change
         rough, long = room < 1.0 and span > FINE * longest, span > longest and not moves
@@ -271,8 +271,7 @@ def unused(a: int, b: int) -> int:
     """Return a row of the guards, of three to spare, that is neither of two."""
     if a != at.H and b != at.H:
         return at.H
-    row = at.H0 + 2
-    return row if row not in (a, b) else row + 2
+    return at.H0 + 2 if at.H0 + 2 not in (a, b) else at.H0 + 4
 
 
 @kernel
@@ -307,7 +306,8 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
             if kind != DIVIDE or high - low <= shortest:
                 break
             high, b, divided = middle, c, True
-        rough = 2 if room < 1.0 or kind == DIVIDE else -1
+        crawls = not divided and room <= ROOMY and high - low <= shortest
+        rough = 2 if room < 1.0 or kind == DIVIDE or crawls else -1
         m.counts[at.ROUGH] = max(0, m.counts[at.ROUGH] + rough)
         if divided or room <= ROOMY:
             width = min(width, high - low)
