@@ -271,7 +271,8 @@ def unused(a: int, b: int) -> int:
     """Return a row of the guards, of three to spare, that is neither of two."""
     if a != at.H and b != at.H:
         return at.H
-    return at.H0 + 2 if at.H0 + 2 not in (a, b) else at.H0 + 4
+    row = at.H0 + 2
+    return row if row not in (a, b) else row + 2
 
 
 @kernel

@@ -383,7 +383,8 @@ def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> A
     for i in range(N):
         per = 1.0 / largest(fma(rtol, absolute(r.y[i]), atol[i]), TINY)
         size, steep = largest(absolute(r.y[i]) * per, size), largest(absolute(r.k[i]) * per, steep)
-    trial = least(where(least(size, steep) > 0.0, 0.01 * size / steep, 1e-3 * longest), longest)
+    trial = where((size > 0.0) & (steep > 0.0), 0.01 * size / steep, 1e-3 * longest)
+    trial = least(trial, longest)
     for i in range(N):
         r.work[i] = fma(trial, r.k[i], r.y[i])
     FIELD(t + trial, r.work, r, slope)
