@@ -47,6 +47,14 @@ def test_motive_solved_markers_only_where_there_are_no_others(tmp_path):
     assert any("solved" in remark for remark in found.remarks)
 
 
+def test_motive_solved_markers_beside_others_are_said_to_be_left_out(tmp_path):
+    found = read(tmp_path, motive(track(), NAMES))
+    assert found.markers == NAMES
+    assert any("1 solved markers are left out (pelvis:Marker1)" in x for x in found.remarks)
+    found = read(tmp_path, motive(track(), ("pelvis:Marker1", *NAMES[1:])))
+    assert not any("solved markers" in remark for remark in found.remarks)
+
+
 def test_motive_rate_of_the_configuration_must_agree(tmp_path):
     with pytest.raises(RecordingError, match=r"expected 100 Hz as its time stamps run"):
         read(tmp_path, motive(track(), NAMES), rate_hz=120.0)

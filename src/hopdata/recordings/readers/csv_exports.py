@@ -163,12 +163,12 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     }
     solved = of_kind["Rigid Body Marker"] or of_kind["Bone Marker"]
     places = of_kind["Marker"] or solved
-    remarks: tuple[str, ...] = ()
-    unnamed = [p for p in places if _at(names, p).lower().startswith("unlabel")]
-    if solved and unnamed == places:
+    if solved and all(_at(names, p).lower().startswith("unlabel") for p in places):
         places = solved
-    if places is solved and places:
-        remarks = (f"{path}: markers are those of the solved bodies, none was exported as seen",)
+    left = {_at(names, p) for p in solved} - {_at(names, p) for p in places}
+    told = f"{len(left)} solved markers are left out ({', '.join(sorted(left)[:6])})"
+    if places is solved:
+        told = "markers are those of the solved bodies, none was exported as seen"
     if not places:
         wanted = "positions of markers"
         raise RecordingError.at(path, wanted, "none; export them from Motive as well")
@@ -176,8 +176,8 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     rate = _stated(place, keys, "Export Frame Rate", "Capture Frame Rate")
     found = _recording(
         sheet, axes_at, axes_at, places, [_at(names, p) for p in places], (rate, rate_hz),
-        unit=(f"{place}: Length Units", keys.get("Length Units", "")), remarks=remarks,
-        counters=("frame", "time"),
+        unit=(f"{place}: Length Units", keys.get("Length Units", "")), counters=("frame", "time"),
+        remarks=(f"{path}: {told}",) * bool(left or places is solved),
     )  # fmt: skip
     return replace(found, started=qtm.moment(keys.get("Capture Start Time")))
 
@@ -251,7 +251,7 @@ def _recording(
         stamps=counted[:, 1].copy() if len(counters) > 1 else None,
         unit=unit,
         rates_hz=rates_hz,
-        remarks=remarks + left_out,
+        remarks=left_out + remarks,
     )
 
 
