@@ -245,7 +245,6 @@ def synthesize(
 
 
 def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recording, Truth]:
-
     name, seed = config["recordings"][number]["name"], (config["seed"], number)
     return simulate(
         consistency.simulation_of(config, name), config["motion_capture"], seed=seed, name=name
@@ -700,7 +699,6 @@ class Figures:
         return f"<figures of study '{self.of.config['study']}': {', '.join(self.names)}>"
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-
         if name.startswith("_") or name not in self.names:
             raise absent("study.figures", name, self.names)
         full = self.names[name]
