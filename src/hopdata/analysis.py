@@ -484,8 +484,7 @@ class Study(Shown):
         pairs = self.pairs
         self.progress("verdict")
         instants: Any = pairs.instants
-        options = {"seed": self.config["seed"], **self.config["verdict"]}
-        return judge(pairs.x, pairs.y, instants, **options)
+        return judge(pairs.x, pairs.y, instants, seed=self.config["seed"], **self.config["verdict"])
 
     @cached_property
     @one_blas_thread()

@@ -129,7 +129,7 @@ def _low_surface(heights: FloatArray, columns: FloatArray, still_m: float = 1e-6
 
 
 _STAYS = 0.01  # singular value, against the largest, of feet that keep to their places: no slope
-_MOST_OF_PLANE = 200_000  # rests, evenly taken, that tell whether the floor slopes
+_MOST_OF_PLANE = 20_000  # rests, evenly taken, that tell whether the floor slopes
 
 
 @one_blas_thread()

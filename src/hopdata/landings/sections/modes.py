@@ -222,7 +222,8 @@ def _printed_step(values: FloatArray, place: float) -> float:
     """Return the step in which heights near `place` were printed, m; 0 if none is to be seen."""
     first, last = np.searchsorted(values, (place - _STEP_REACH_M, place + _STEP_REACH_M))
     near = np.round(values[first:last], 6)
-    levels, ties = np.unique(near, return_counts=True)
+    starts = np.flatnonzero(np.diff(near, prepend=-np.inf))  # they are sorted
+    levels, ties = near[starts], np.diff(starts, append=len(near))
     if len(levels) < 2 or ties.mean() <= _TIES or np.median(ties) <= _LEAST_TIES:
         return 0.0
     step = float(np.median(np.diff(levels)))
