@@ -166,11 +166,12 @@ def no_answer() -> dict[str, object]:
 def quality() -> list[dict[str, object]]:
     seen = {"what": "frames seen, worst marker", "value": 97.2, "unit": "%", "good": 99.0}
     noise = {"what": "noise of a coordinate over expected", "value": None, "unit": "", "good": 1.5}
+    seen, noise = ({**one, "about": "Recordings"} for one in (seen, noise))
     return [
         seen | {"poor": 95.0, "status": "look", "remark": "foot2 in hopper; longest gap 0.4 s"},
         noise | {"poor": 3.0, "status": "not known", "remark": "0.6 mm found; none configured"},
-        noise | {"what": "drift, in spreads", "value": 0.1, "poor": 3.0, "status": "good",
-                 "remark": "nothing beyond three standard errors"},
+        noise | {"what": "drift, in spreads", "about": "Stability", "value": 0.1, "poor": 3.0,
+                 "status": "good", "remark": "nothing beyond three standard errors"},
     ]  # fmt: skip
 
 

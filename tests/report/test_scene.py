@@ -86,12 +86,12 @@ def test_each_excluded_landing_has_its_plot():
 
 def test_lights_show_the_worst_check_of_their_kind():
     checks = [
-        {"what": "frames seen, worst marker", "status": "good", "remark": "all"},
-        {"what": "noise of a coordinate", "status": "poor", "remark": "5 mm"},
-        {"what": "drift, in spreads", "status": "good", "remark": ""},
+        {"what": "seen", "about": "Recordings", "status": "good", "remark": "all"},
+        {"what": "noise", "about": "Recordings", "status": "poor", "remark": "5 mm"},
+        {"what": "drift", "about": "Stability", "status": "good", "remark": ""},
     ]
     assert lights(checks) == [
-        ("Recordings", "poor", "noise of a coordinate: 5 mm"),
+        ("Recordings", "poor", "noise: 5 mm"),
         ("Stability", "good", "1 check"),
     ]
 

@@ -26,7 +26,9 @@ class Check:
     Parameters
     ----------
     what : str
-        What is asked about.
+        What is asked.
+    about : str
+        What it is asked about: the page has a light for each.
     value : float or None
         What was found, in `unit`; None if it cannot be known.
     unit : str
@@ -40,6 +42,7 @@ class Check:
     """
 
     what: str
+    about: str
     value: float | None
     unit: str
     good: float
@@ -94,27 +97,27 @@ def check_study(
     ]
 
 
-# What is asked about: unit, and the values from which it is good and from which it is poor.
+# What is asked, and about what; unit, and the values from which it is good and from which poor.
 QUESTIONS = {
-    "frames seen, worst marker": ("%", 99.0, 95.0),
-    "swaps, spikes, jumps, frozen, time": ("", 0.0, 10.0),
-    "noise of a coordinate over expected": ("", 1.5, 3.0),
-    "touchdowns used": ("%", 80.0, 50.0),
-    "error of a contact over the spread": ("", 0.1, 0.3),
-    f"orders less sure than {SURE:g}": ("%", 10.0, 30.0),
-    "sections move, over their distance": ("%", 5.0, 15.0),
-    "drift, in spreads": ("", 0.5, 1.0),
+    "frames seen, worst marker": ("Recordings", "%", 99.0, 95.0),
+    "swaps, spikes, jumps, frozen, time": ("Recordings", "", 0.0, 10.0),
+    "noise of a coordinate over expected": ("Recordings", "", 1.5, 3.0),
+    "touchdowns used": ("Landings", "%", 80.0, 50.0),
+    "error of a contact over the spread": ("Landings", "", 0.1, 0.3),
+    f"orders less sure than {SURE:g}": ("Landings", "%", 10.0, 30.0),
+    "sections move, over their distance": ("Stability", "%", 5.0, 15.0),
+    "drift, in spreads": ("Stability", "", 0.5, 1.0),
 }
 
 
 def _check(what: str, value: float | None, remark: str) -> Check:
     """Judge a value by its limits; the larger one is good if it comes first."""
-    unit, good, poor = QUESTIONS[what]
+    about, unit, good, poor = QUESTIONS[what]
     if value is None or not np.isfinite(value):
-        return Check(what, None, unit, good, poor, UNKNOWN, remark)
+        return Check(what, about, None, unit, good, poor, UNKNOWN, remark)
     sign = 1.0 if good <= poor else -1.0
     status = GOOD if sign * value <= sign * good else POOR if sign * value > sign * poor else LOOK
-    return Check(what, float(value), unit, good, poor, status, remark)
+    return Check(what, about, float(value), unit, good, poor, status, remark)
 
 
 def _seen(markers: pd.DataFrame) -> Check:
@@ -245,7 +248,7 @@ def _sections(stability: pd.DataFrame) -> Check:
     remark = f"{1e3 * float(largest.max()):.2g} mm {how}"
     remark += f"; {failed} of {len(others)} variants have no sections" if failed else ""
     share = 100.0 * float(largest.max()) / (pre - post)
-    if failed or share > QUESTIONS[what][1]:
+    if failed or share > QUESTIONS[what][2]:
         remark += "; look at Fig. 2.2: if they look wrong, set sections.pre_height_m, post_height_m"
     return _check(what, share, remark)
 

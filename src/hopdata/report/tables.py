@@ -349,9 +349,7 @@ STATUS = {
     for status, sign in {"good": "●", "look": "◐", "poor": "○", "not known": "–"}.items()
 }
 WORSE = ("good", "not known", "look", "poor")
-LIGHTS: dict[str, list[str]] = show.WORDS["lights"]
-MOST_FAULTS = 30
-MOST_EXCLUDED = 500
+MOST_FAULTS, MOST_EXCLUDED = 30, 500
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
@@ -411,14 +409,13 @@ def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
 
 
 def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
-    """Return name, worst status and remark of each of `LIGHTS` that has checks."""
+    """Return what the checks are about, with the worst status of each and its remark."""
     shown = []
-    for name, words in LIGHTS.items():
-        own = [check for check in checks or () if str(check["what"]).startswith(tuple(words))]
-        if own:
-            worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
-            told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])
-            shown.append((name, status, counted(len(own), "check") if status == "good" else told))
+    for name in dict.fromkeys(str(check["about"]) for check in checks or ()):
+        own = [check for check in checks or () if check["about"] == name]
+        worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
+        told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])
+        shown.append((name, status, counted(len(own), "check") if status == "good" else told))
     return shown
 
 
