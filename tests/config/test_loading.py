@@ -1,8 +1,8 @@
 from dataclasses import asdict
-from importlib import import_module
 from inspect import signature
 from math import ceil
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 import yaml
@@ -446,34 +446,37 @@ def listed(value):
     return [listed(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
-# The function that takes a section's keys as its options, and the keys that go elsewhere.
-LABELS = ("method", "ambiguous", "ambiguous_below")
+# The functions that take a section's keys as their options, and the keys that go elsewhere.
 STAGES = {
-    "input": ("hopdata.recordings.importing", "import_recording", set()),
-    "floor": ("hopdata.landings.floor", "fit_floor", set()),
-    "filling": ("hopdata.landings.filling", "fill_gaps", {"largest_share"}),
-    "sections": ("hopdata.landings.sections.select", "select_sections", {"grid_nodes"}),
-    "touchdowns": ("hopdata.landings.contacts.find", "find_landings", {*LABELS}),
-    "states": ("hopdata.landings.states.assemble", "assemble_pairs", set()),
-    "units": ("hopdata.maps.units", "choose_units", set()),
-    "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
-    "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
-    "distances": ("hopdata.maps.subspaces", "measure_distances", set()),
-    "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
-    "figures": ("hopdata.figures.style", "save_figure", set()),
+    "input": ["hopdata.recordings.importing:import_recording"],
+    "floor": ["hopdata.landings.floor:fit_floor"],
+    "filling": ["hopdata.landings.filling:fill_gaps"],
+    "sections": ["hopdata.landings.sections.select:select_sections"],
+    "touchdowns": [
+        "hopdata.landings.contacts.find:find_landings",
+        "hopdata.landings.touchdowns:touchdown_table",
+    ],
+    "states": ["hopdata.landings.states.assemble:assemble_pairs"],
+    "units": ["hopdata.maps.units:choose_units"],
+    "prediction": ["hopdata.maps.prediction:bootstrap_prediction"],
+    "subspaces": ["hopdata.maps.subspaces:bootstrap_subspaces"],
+    "distances": ["hopdata.maps.subspaces:measure_distances"],
+    "scaling_study": ["hopdata.synthesis.scaling:study_landings"],
+    "figures": ["hopdata.figures.style:save_figure"],
 }
+ELSEWHERE = {("filling", "largest_share"), ("sections", "grid_nodes")}
 
 
 @pytest.mark.parametrize("section", STAGES)
 def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
-    module, name, elsewhere = STAGES[section]
-    options = signature(getattr(import_module(module), name)).parameters
+    stages = STAGES[section]
+    options = {k: v for one in stages for k, v in signature(resolve_name(one)).parameters.items()}
     content = {**yaml.safe_load(SOUND), "sections": {}}
     config = load_config(content, check_files=False)
     for key, default in config[section].items():
-        if key not in elsewhere:
-            assert key in options
-            assert listed(options[key].default) == default
+        if (section, key) not in ELSEWHERE:
+            assert key in options, f"{section}.{key}: no option of {' or '.join(stages)}"
+            assert listed(options[key].default) == default, f"{section}.{key}: another default"
 
 
 def test_aliases_that_unfold_to_very_much_are_refused(tmp_path):

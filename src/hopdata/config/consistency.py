@@ -3,10 +3,12 @@
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
+from inspect import signature
 from itertools import pairwise
 from math import pi
 from operator import getitem
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from hopdata.errors import ConfigError, did_you_mean, mismatch
@@ -90,13 +92,11 @@ def files_of(entry: Mapping[str, Any]) -> list[str]:
 
 # What follows from several keys.
 
-#: Keys of ``touchdowns`` that say what is made of contacts once they are found.
-_LABELLING = ("method", "ambiguous", "ambiguous_below")
-
 
 def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options with which contacts are looked for."""
-    return {key: value for key, value in config["touchdowns"].items() if key not in _LABELLING}
+    """Return the options of `find_landings`; other ``touchdowns`` say what becomes of contacts."""
+    taken = signature(resolve_name("hopdata.landings.contacts.find:find_landings")).parameters
+    return {key: value for key, value in config["touchdowns"].items() if key in taken}
 
 
 def fills(config: Mapping[str, Any]) -> bool:
