@@ -126,7 +126,7 @@ class HopperParameters(Scene):
         self, preloads_n: FloatArray, variant: Variant | None, since_apex_s: FloatArray | float
     ) -> FloatArray:
         """Parameter vectors (L, p) whose boom has swung so long already."""
-        vectors = np.tile(self.vector(variant=variant), (len(preloads_n), 1))
+        vectors = np.tile(self.vector(None, variant), (len(preloads_n), 1))
         vectors[:, LEGS + LEG_STRIDE * np.arange(self.n_legs)] = preloads_n
         vectors[:, BOOM_START] -= since_apex_s
         return vectors

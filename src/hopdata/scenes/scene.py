@@ -102,12 +102,12 @@ class Scene(ABC):
         """Feet at rest length, (n, 3), body frame, m; at a gap of zero they touch."""
 
     @abstractmethod
-    def system(self, variant: Variant | None = None) -> System:
+    def system(self, variant: Variant | None = None, /) -> System:
         """Return the hybrid system, always the same object for the same variant."""
 
     @abstractmethod
     def vector(
-        self, preloads_n: FloatArray | None = None, variant: Variant | None = None
+        self, preloads_n: FloatArray | None = None, variant: Variant | None = None, /
     ) -> FloatArray:
         """Flat parameter vector for the compiled functions.
 

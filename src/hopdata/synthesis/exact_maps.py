@@ -114,7 +114,7 @@ def _contact(
     Returns the derivative of the state there by the apex state, the instant, the derivatives of
     the contact instants by that state, and these instants relative to it.
     """
-    n, system, vector = scene.n_legs, scene.system(control), scene.vector(variant=control)
+    n, system, vector = scene.n_legs, scene.system(control), scene.vector(None, control)
     fall = fall or float(np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2))
     for _ in range(MOST_STEPS):
         flight = _flown(system, vector, (0.0, fall), apex)
@@ -203,7 +203,7 @@ def section_jacobians(
         wanted = f"a simultaneous contact below the pre section ({sections.pre_m:.4g} m)"
         raise AnalysisError.at("sections", wanted, "it above")
     pre, centre = fall.pre_state[0], sections.centre_m
-    system, vector = scene.system(control), scene.vector(variant=control)
+    system, vector = scene.system(control), scene.vector(None, control)
     flight = _flown(system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre)
     start = Instant(landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector)
     tree = BouligandDerivative(system, start, range(scene.n_legs), np.ones(system.n_states))
