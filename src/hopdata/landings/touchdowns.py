@@ -93,8 +93,8 @@ def touchdown_table(
         The sections: mean height of the body markers, m.
     landings : pandas.DataFrame, optional
         Its landings and their contacts, as from `find_landings`; by default found here.
-    method : {"kink", "velocity_minimum", "velocity_minimum_parabola"}
-        See `hopdata.landings.contacts.find.find_contacts`; the printed methods look between the
+    method : str
+        See `hopdata.landings.contacts.find.find_contacts`; all but the kink fit look between the
         sections.
     ambiguous_below : float
         Touchdowns whose schedule is less probable are of the class ``ambiguous``.
