@@ -100,11 +100,15 @@ def test_scripts_are_thin():
         assert len(lines) <= 40, f"{path.name} has {len(lines)} lines"
 
 
+SMALL = "shorten first; what a new reader or scene then needs raises the limit, in the same commit"
+
+
 def test_the_house_stays_small():
     sizes = [size for room in rooms().values() for size in room]
     lines = sum(size.lines for size in sizes)
-    assert len(sizes) <= 208
-    assert lines <= 28_994, "27,000 were asked, before lanes, groups, the page and the drive"
+    assert len(sizes) <= 208, SMALL
+    # 27,000 were asked, before lanes, groups, the page and the drive.
+    assert lines <= 28_994, SMALL
     assert sum(size.imports for size in sizes) <= 0.085 * lines
     assert max(size.lines for size in sizes) <= 600
 

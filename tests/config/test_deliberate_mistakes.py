@@ -10,6 +10,8 @@ import pytest
 from hopdata.config.loading import key_lines, load_config, place_of
 from hopdata.config.schema import hint
 from hopdata.errors import ConfigError
+from hopdata.landings.contacts import find as contacts
+from hopdata.scenes import SCENES
 
 FILE = """\
 study: trial
@@ -30,7 +32,8 @@ markers:
 """
 RECORDINGS = "recordings:\n  - name: one\n    file: one.tsv"
 GRAVITIES = "expected one of 'learned', 'free', 'known'"
-METHODS = "expected one of 'kink', 'velocity_minimum', 'velocity_minimum_parabola'"
+METHODS = f"expected one of {', '.join(map(repr, contacts.METHODS))}"
+SCENE_NAMES = ", ".join(map(repr, SCENES))
 
 # What is wrong: the file's text, the line that the message names, and the message behind it.
 ADDED = {
@@ -176,7 +179,7 @@ SIMULATION = {
     ),
     "scene: a name misspelt": (
         "simulation: {scene: hoper}",
-        "7: simulation.scene: expected one of 'hopper', 'quadruped', found 'hoper'; "
+        f"7: simulation.scene: expected one of {SCENE_NAMES}, found 'hoper'; "
         "did you mean 'hopper'?",
     ),
     "scene: the parameters of another": (

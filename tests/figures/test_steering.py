@@ -7,10 +7,12 @@ from steered_runs import HORIZONS, curves, film, outcomes, runs
 from hopdata.errors import AnalysisError
 from hopdata.figures.steering import (
     CURVES,
+    LOOKS,
     save_film,
     steering_outcomes_figure,
     steering_run_figure,
 )
+from hopdata.steering.experiments.tasks import CEILING, CONTROLLERS
 
 
 @pytest.mark.parametrize(
@@ -107,3 +109,7 @@ def test_a_film_wants_frames(tmp_path):
     with pytest.raises(AnalysisError, match="expected frames of a run, found 0"):
         save_film(tmp_path / "film.gif", pd.DataFrame(film()).iloc[:0], curves())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_every_controller_is_drawn():
+    assert set(LOOKS) == {*CONTROLLERS, CEILING}

@@ -219,8 +219,8 @@ def read(path):
         message = str(error)
         assert message.startswith(str(path.parent)), f"no file named: {message}"
         assert "\n" not in message, f"more than one line: {message}"
-        assert "expected" in message, f"nothing expected: {message}"
-        assert "found" in message, f"nothing found: {message}"
+        assert "expected" in message, f"no 'expected' in the message: {message}"
+        assert "found" in message, f"no 'found' in the message: {message}"
         return message
     assert recording.positions.shape == (len(recording.time), len(recording.markers), 3)
     assert np.isfinite(recording.time).all()

@@ -14,7 +14,7 @@ from hopdata.recording import Event
 from hopdata.recordings.importing import PER_FOOT, import_recording, join
 from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.raw import FILE_AXES, PAUSE_S, RawRecording, rotate_up
-from hopdata.recordings.readers.formats import read_raw
+from hopdata.recordings.readers.formats import READERS, read_raw
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
@@ -219,7 +219,7 @@ MISTAKES = {
     "other format": lambda f: (
         f / "trial.xlsx",
         {},
-        [".tsv, .txt, .csv, .mat, .c3d, .trc, .h5", "found '.xlsx'"],
+        [*READERS, "found '.xlsx'"],
     ),
     "mm taken for m": lambda f: (
         good(f),

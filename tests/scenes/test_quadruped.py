@@ -233,7 +233,7 @@ def test_every_scene_of_the_table_is_one(name):
 
 
 def test_an_unknown_scene_is_answered_with_those_there_are():
-    with pytest.raises(ConfigError, match=r"one of hopper, quadruped, found 'pronk'"):
+    with pytest.raises(ConfigError, match=rf"one of {', '.join(SCENES)}, found 'pronk'"):
         simulate_recording({"scene": "pronk"}, seed=1)
 
 

@@ -67,7 +67,7 @@ def test_tables_and_json_hold_the_same():
     before, after, instants = landings(120)
     found = estimate_maps(before, after, instants, time_unit_s=TIME_S)
     table = found.table()
-    assert len(table) == 5 * 88
+    assert len(table) == len(ESTIMATORS) * 88
     row = table[(table["estimator"] == "ols") & (table["output"] == "turn_rad")].iloc[3]
     assert (row["input"], row["value"]) == ("sideways_m_s", found.maps["ols"].coefficients[3, 2])
     said = json.loads(json.dumps(found.to_dict(), allow_nan=False))
@@ -91,7 +91,7 @@ def test_too_few_landings_are_said():
     before, after, instants = landings(9)
     found = estimate_maps(before, after, instants, time_unit_s=TIME_S)
     assert found.maps == {}
-    assert len(found.notes) == 5
+    assert len(found.notes) == len(ESTIMATORS)
     assert "9 landings" in found.notes[0]["reason"]
     assert found.table().empty
     assert list(found.table())[:3] == ["estimator", "input", "output"]
