@@ -158,7 +158,7 @@ def kink_fits(
     foot = np.arange(len(wanted))[:, None], columns
     rows = np.full((len(wanted), 7 + 2 * units.shape[1]), np.nan)
     frame_s = float(np.median(np.diff(time)))
-    step_s = max(GRID_FRAMES * frame_s, GRID_S)
+    steps = max(int(np.ceil(2 * search_s / max(GRID_FRAMES * frame_s, GRID_S))), 2)
     means = (priors.mean / units[:, 2:])[wanted % n][foot]
     weights = ((noise_m / priors.sd * units[:, 2:]) ** 2)[wanted % n][foot]
     for first in range(0, len(wanted), BLOCK):
@@ -167,20 +167,10 @@ def kink_fits(
         times, z = _windows(time, heights, wanted[part] % n, centre[part], *seen_s)
         z = _standing(times - centre[part, None], z, windows_s[1], leaves_m)
         fit_all(
-            (times - centre[part, None]) / before_s,
-            z,
-            bounds[part],
-            reach,
-            max(int(np.ceil(2 * search_s / step_s)), 2),
-            (contact[part] < reach).sum(axis=1),
-            others[part],
-            compliance_s / before_s,
-            creeps,
-            means[part],
-            weights[part],
-            noise_m**2,
-            rows[part],
-        )
+            (times - centre[part, None]) / before_s, z, bounds[part], reach, steps,
+            (contact[part] < reach).sum(axis=1), others[part], compliance_s / before_s, creeps,
+            means[part], weights[part], noise_m**2, rows[part],
+        )  # fmt: skip
     return _unpack(rows, wanted, (landings, n), columns, units, centre)
 
 

@@ -5,7 +5,8 @@ other feet's contacts (with 1 beside those of markers of the same foot, else 0),
 weight) of each coefficient but the first two. The coefficients are floor, velocity, own
 acceleration, change of acceleration and of jerk (of the same foot, of velocity) at each other
 contact, and the creep of the foot that stands. The code is plain loops with one call site for each
-function, since Numba compiles it on a user's first run.
+function, since Numba compiles it on a user's first run; so no count is the literal 0 that it begins
+as, for which the whole would be compiled once more.
 """
 
 from math import exp, isnan, log, sqrt
@@ -227,6 +228,17 @@ def _summary(  # type: ignore[no-untyped-def]
 
 
 @kept_njit()
+def _seen(times, heights, t, z):  # type: ignore[no-untyped-def]
+    """Fill `t` and `z` with the frames that show the foot; return their number."""
+    n = 0
+    for i in range(len(times)):
+        if not isnan(heights[i]):
+            t[n], z[n] = times[i], heights[i]
+            n += 1
+    return n
+
+
+@kept_njit()
 def fit_all(  # type: ignore[no-untyped-def]
     times, heights, bounds, reach, steps, contacts, others, soft, creeps, mean, weight, noise2, out
 ):
@@ -266,11 +278,7 @@ def fit_all(  # type: ignore[no-untyped-def]
     priors, weights = np.zeros(full), np.zeros(full)
     t, z, grid = np.zeros(times.shape[1]), np.zeros(times.shape[1]), np.zeros(steps + 1)
     for p in range(times.shape[0]):
-        n = 0
-        for i in range(times.shape[1]):
-            if not isnan(heights[p, i]):
-                t[n], z[n] = times[p, i], heights[p, i]
-                n += 1
+        n = _seen(times[p], heights[p], t, z)
         if n < LEAST_FRAMES:
             continue
         m, other = contacts[p], others[p]
@@ -293,9 +301,8 @@ def fit_all(  # type: ignore[no-untyped-def]
         for i in range(n):
             out[p, 4 if t[i] < tau else 5] += 1.0
         for a in range(full):
-            used = a < 2 + flight
-            k = a
-            if a == full - 1 and creeps:
-                used, k = True, size - 1
+            is_creep = creeps and a == full - 1
+            k = size - 1 if is_creep else a
+            used = is_creep or a < 2 + flight
             out[p, 7 + a] = right[k] if used else mean[p, a - 2]
             out[p, 7 + full + a] = variance[k] if used else 1 / weight[p, a - 2]
