@@ -17,19 +17,6 @@ from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
 
 __all__ = [
-    "BatchSolution",
-    "Callback",
-    "EventLog",
-    "SlowCallbackWarning",
-    "Solution",
-    "System",
-    "affine",
-    "field",
-    "guard",
-    "guards",
-    "jacobian",
-    "on_event",
-    "rate_bound",
-    "solve",
-    "solve_batch",
-]
+    "BatchSolution", "Callback", "EventLog", "SlowCallbackWarning", "Solution", "System", "affine",
+    "field", "guard", "guards", "jacobian", "on_event", "rate_bound", "solve", "solve_batch",
+]  # fmt: skip

@@ -17,8 +17,8 @@ from hopdata.errors import ArgumentError
 from hopdata.hybrid import arguments
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
+from hopdata.hybrid.methods import tangent
 from hopdata.hybrid.methods.explicit import compose
-from hopdata.hybrid.methods.tangent import FIFTH_ROOT_OF_EPS
 from hopdata.hybrid.system import System
 
 RATES = ("dy", "hdot", "jac", "a", "b")  # arguments that change their sign with that of time
@@ -108,21 +108,24 @@ def backward(system: System) -> System:
 
 # Of a guard that depends on a parameter, which does not move: how it would change if it did.
 BY_PARAMETERS = """
+n = len(h)
 for j in range(N, len(y)):
     if dy[j] != 0.0:
-        q, values, rates = y[j], np.empty_like(h), np.empty_like(h)
-        step = ROOT * (abs(q) if q != 0.0 else 1.0)
-        for side in range(4):
-            y[j] = q + SHIFTS[side] * step
-            INNER({call})
-            for i in {guards}:
-                hdot[i] += WEIGHTS[side] * values[i] * dy[j] / (12.0 * step)
+        q, values, rates = y[j], np.zeros((6, n)), np.empty(n)
+        step, slopes = ROOT * (abs(q) if q != 0.0 else 1.0), np.empty((n, 1))
+        for attempt in range(ATTEMPTS):
+            for side in range(4):
+                y[j] = q + SHIFTS[side] * step
+                INNER({call})
+            if settle(values, 0, attempt, step, slopes, 0, 0, n):
+                break
+            step *= SHORTER
+        for i in {guards}:
+            hdot[i] += slopes[i, 0] * dy[j]
         y[j] = q
 """
-KNOWN = {
-    "ROOT": FIFTH_ROOT_OF_EPS,
-    "SHIFTS": (2.0, 1.0, -1.0, -2.0),
-    "WEIGHTS": (-1.0, 8.0, -8.0, 1.0),
+KNOWN = {"ROOT": tangent.FIFTH_ROOT_OF_EPS} | {
+    name: getattr(tangent, name) for name in ("ATTEMPTS", "SHIFTS", "SHORTER", "settle")
 }
 
 
@@ -143,8 +146,8 @@ def with_parameters(system: System, n_params: int) -> System:
         if kind.name == "field":
             body.append("dy[N:] = 0.0")
         if "hdot" in kind.arguments:
-            guards = "range(k, k + 1)" if "k" in kind.arguments else "range(len(h))"
-            call = call.replace("hdot", "rates").replace("h, ", "values, ")
+            guards = "range(k, k + 1)" if "k" in kind.arguments else "range(n)"
+            call = call.replace("hdot", "rates").replace("h, ", "values[side], ")
             body += BY_PARAMETERS.format(call=call, guards=guards).strip().splitlines()
         return Around(inner, [*body, "return result"], 0, N=n, **KNOWN)
 

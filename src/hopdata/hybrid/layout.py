@@ -30,7 +30,9 @@ PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = numbers(6)
 # RATE_INPUTS is 1 where the rates of the guards may depend on that component of the state's rate;
 # STEADY begins with 1 if no guard depends on time.
 PHI_MOTION, RATE_INPUTS, STEADY = numbers(3, 6)
-PHI_ROWS = 9
+# For differences: four rows of values, which are good, by how much they may err, and what part of
+# an increment was small enough lately.
+PHI_VALUES, PHI_PART, PHI_ROWS = 9, 15, 16
 GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
 
 # Rows of `guards`: event functions and their rates at the start of a step, at up to two knots in

@@ -306,3 +306,47 @@ def plate_jacobian_of(form):
     system = PLATE.system(**{form: True})
     options = {"params": PLATE.params, "method": "dop853"}
     return solve(system, (0, 0.15), FLAT, jacobian=True, **options)
+
+
+@field
+def turning(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -np.sin(y[0])
+
+
+@pytest.mark.parametrize(("turns", "method"), [(160, "dopri5"), (1600, "dop853")])
+def test_an_angle_of_many_turns(turns, method):
+    """Parts of its size are whole turns by which to take differences."""
+    pendulum = System(turning, n_states=2)
+    here, there = (
+        carried(pendulum, (0, 4), [2 * np.pi * count, 3.0], method=method, rtol=1e-9)
+        for count in (0, turns)
+    )
+    assert gap(there.jacobian, here.jacobian) < 1e-6
+
+
+@field
+def driven(t, y, mode, params, dy):
+    dy[0] = np.cos(params[0] * t)
+
+
+@pytest.mark.parametrize(("frequency", "start"), [(10.0, 0.0), (200.0, 0.0), (10.0, 1000.0)])
+def test_the_frequency_of_a_drive_after_many_periods(frequency, start):
+    def slope(t):
+        return t * np.cos(frequency * t) / frequency - np.sin(frequency * t) / frequency**2
+
+    end = start + 5.0
+    options = {"params": [frequency], "jacobian": "params", "rtol": 1e-11}
+    found = solve(System(driven, n_states=1), (start, end), [0.0], **options).sensitivity
+    assert abs(found[0, 0] - slope(end) + slope(start)) < 1e-7 * end / frequency
+
+
+@field
+def with_spin(t, y, mode, params, dy):
+    dy[0], dy[1] = params[0] * y[1] * y[2], -params[0] * y[0] * y[2]
+    dy[2] = ((0.1 + params[1]) - params[1] - 0.1) * y[0] * y[1]  # nothing but rounding
+
+
+def test_rounding_costs_no_digits():
+    top, options = System(with_spin, n_states=3), {"params": (0.7, 0.3)}
+    found = carried(top, (0, 5), [1.0, 0.2, 3.0], **options)
+    assert gap(found.jacobian, differences(top, (0, 5), [1.0, 0.2, 3.0], **options)) < 1e-9

@@ -169,6 +169,55 @@ def test_a_bouncing_ball():
 
 
 @field
+def fall_on(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -9.81
+
+
+@guards
+def shaking_table(t, y, dy, mode, params, h, hdot):
+    phase = params[1] * t
+    h[0] = params[0] * np.sin(phase) - y[0]
+    hdot[0] = params[0] * params[1] * np.cos(phase) - dy[0]
+    h[1], hdot[1] = params[2] - y[0], -dy[0]
+
+
+@on_event
+def off_the_table(t, y, mode, params, guard, direction):
+    if guard == 0 and direction > 0:
+        y[1] = 1.8 * params[0] * params[1] * np.cos(params[1] * t) - 0.8 * y[1]
+    return 0
+
+
+@pytest.mark.parametrize("above_m", [1.0, 1e-9])
+@pytest.mark.parametrize("frequency", [5.0, 157.0, 600.0])
+def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
+    """And another guard just above it: neither fall nor gap is how long the table takes."""
+    size, start, end = 1e-3, np.array([500.0, 0.0]), 12.0
+    table = System(
+        fall_on, shaking_table, off_the_table, n_states=2, guard_names=("table", "level")
+    )
+    params = (size, frequency, above_m)
+    options = {"params": params, "jacobian": "params", "method": "dopri5", **TIGHT}
+    found = solve(table, (0, end), start, **options)
+    t, before = found.events.of("table").time[0], found.events.of("table").before[0]
+    speed = size * frequency * np.cos(frequency * t)
+    changes = np.array(
+        [1.0, t, size * t * np.cos(frequency * t)]
+    )  # of the gap, by y0 and frequency
+    changes[2] *= -1.0
+    dt = changes / (speed - before[1])
+    fall = np.array([0.0, 1.0, 0.0])
+    bend = -size * frequency**2 * np.sin(frequency * t)
+    by_frequency = size * np.cos(frequency * t) - size * frequency * t * np.sin(frequency * t)
+    hit = np.array([1.0, t, 0.0]) + before[1] * dt
+    after = 1.8 * (bend * dt + [0, 0, by_frequency]) - 0.8 * (fall - 9.81 * dt)
+    left, speed_after = end - t, 1.8 * speed - 0.8 * before[1]
+    ends = [hit + after * left - speed_after * dt + 9.81 * left * dt, after + 9.81 * dt]
+    got = np.column_stack([found.jacobian, found.sensitivity[:, 1]])
+    assert got == pytest.approx(np.array(ends), rel=1e-6, abs=1e-7)
+
+
+@field
 def wheel_field(t, y, mode, params, dy):
     dy[0], dy[1] = y[1], np.sin(y[0])
 

@@ -8,22 +8,10 @@ import numpy as np
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.driver import watch
+from hopdata.hybrid.driver import problem, watch
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.jacobian import has_short_tangent
 from hopdata.hybrid.driver.localise import CROSSING, DIP, first_cut
-from hopdata.hybrid.driver.problem import (
-    Problem,
-    blur,
-    count_as_rounding,
-    eval_field,
-    guards_at_end,
-    is_leaving,
-    mark_due,
-    mark_one,
-    remember_residuals,
-    time_resolution,
-)
 from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.windows import BY_WINDOWS, NONE_NEAR, leave_out_bent
 from hopdata.hybrid.layout import Memory
@@ -36,7 +24,7 @@ RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpo
 
 
 @kernel
-def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
+def nearest_surface(p: problem.Problem, m: Memory, k: int) -> tuple[float, int]:
     """Return how far the end of the step is from guard k, s, or from a rival that is past.
 
     And which guard that is: the first of those past, if there are any.
@@ -53,41 +41,42 @@ def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
 
 
 @kernel
-def move_end(p: Problem, m: Memory, t: float, shift: float) -> None:
+def move_end(p: problem.Problem, m: Memory, t: float, shift: float) -> None:
     """Move the end of the step, at time t, by a short midpoint step."""
     s = m.states
     for i in range(s.width):
         s[at.SCRATCH, i] = s[at.END, i] + 0.5 * shift * s[at.KEND, i]
-    eval_field(p, m, t + 0.5 * shift, at.SCRATCH, at.SLOPE)
+    problem.eval_field(p, m, t + 0.5 * shift, at.SCRATCH, at.SLOPE)
     for i in range(s.width):
         s[at.END, i] += shift * s[at.SLOPE, i]
-    eval_field(p, m, t + shift, at.END, at.KEND)
+    problem.eval_field(p, m, t + shift, at.END, at.KEND)
 
 
 @kernel
-def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
+def take_part(p: problem.Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
     """Take the first part of the step: anew, or on its interpolant."""
     if on_interpolant:
         interpolate(p, m, span / m.clock[at.SPAN], at.END)
-        eval_field(p, m, t + span, at.END, at.KEND)
+        problem.eval_field(p, m, t + span, at.END, at.KEND)
     else:
         take_step(p, m, t, span)
 
 
 @kernel
-def look_at_end(p: Problem, m: Memory, t: float, resolution: float) -> None:
+def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> None:
     """Evaluate the guards at the end of the step, at time t; those that it has reached are near."""
-    guards_at_end(p, m, t)
+    problem.guards_at_end(p, m, t)
     watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        if is_leaving(m, k, p.mode[k] * m.guards[at.RATE1, k], t - m.clock[at.T], resolution):
-            count_as_rounding(m, k, -p.mode[k] * m.guards[at.H1, k])
+        rate = p.mode[k] * m.guards[at.RATE1, k]
+        if problem.is_leaving(m, k, rate, t - m.clock[at.T], resolution):
+            problem.count_as_rounding(m, k, -p.mode[k] * m.guards[at.H1, k])
 
 
 @kernel_apart
 def end_at(
-    p: Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
+    p: problem.Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
 ) -> float:
     """Take the first part of the step, look at the guards there; return the margin of guard k."""
     take_part(p, m, m.clock[at.T], span, on_interpolant)
@@ -97,7 +86,7 @@ def end_at(
 
 @kernel_apart
 def end_behind_jump(
-    p: Problem, m: Memory, k: int, span: float, on_interpolant: bool, resolution: float
+    p: problem.Problem, m: Memory, k: int, span: float, on_interpolant: bool, resolution: float
 ) -> float:
     """Make the step end directly behind the jump of guard k, near `span`; return its length.
 
@@ -121,7 +110,9 @@ def end_behind_jump(
 
 
 @kernel_apart
-def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
+def land(
+    p: problem.Problem, m: Memory, k: int, span: float, resolution: float
+) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from now.
 
     It is taken again to there, unless the interpolant, which is worst in the middle and as good as
@@ -145,7 +136,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
         if not abs(shift) > resolution:
             break
         if not (abs(shift) < last and abs(m.guards[at.H1, k]) < left):
-            noise = blur(m.guards[at.SIZE, k], m.guards[at.RATE1, k], resolution)
+            noise = problem.blur(m.guards[at.SIZE, k], m.guards[at.RATE1, k], resolution)
             if abs(shift) > HOVER * span and abs(m.guards[at.H1, k]) > noise:
                 span = end_behind_jump(p, m, k, place, on_interpolant, resolution)
             break
@@ -163,7 +154,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
 
 
 @kernel_in_loop
-def gather(p: Problem, m: Memory, dt: float) -> int:
+def gather(p: problem.Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step into NEAR; return how many they are."""
     watch.set_knots(p, m, dt)
     count = (
@@ -176,25 +167,25 @@ def gather(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel_apart
 def end_at_dips(
-    p: Problem, m: Memory, dt: float, kind: int, k: int, theta: float
+    p: problem.Problem, m: Memory, dt: float, kind: int, k: int, theta: float
 ) -> tuple[float, int, int, float]:
     """End the step at a dip, if its first cut is one: the sign of h there decides. And so on.
 
     Returns the step's length, and kind, guard and place of the cut that remains.
     """
     for _ in range(2 * m.counts[at.N_AWAKE] + 4):
-        if kind != DIP or theta * dt <= time_resolution(m.clock[at.T], dt):
+        if kind != DIP or theta * dt <= problem.time_resolution(m.clock[at.T], dt):
             break
         dt *= theta
         take_step(p, m, m.clock[at.T], dt)
-        guards_at_end(p, m, m.clock[at.T] + dt)
+        problem.guards_at_end(p, m, m.clock[at.T] + dt)
         gather(p, m, dt)
         kind, k, theta = first_cut(p, m, dt)
     return dt, kind, k, theta
 
 
 @kernel
-def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
+def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 
     Marks in DUE the guards that flip at its end; returns its length (0 if they flip at its very
@@ -214,20 +205,20 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
         left = p.mode[j] * m.guards[at.H0, j] > 0.0
         size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
         m.guards[at.SIZE, j] = max(size, m.guards[at.PARTS if left else at.SIZE, j])
-    resolution = time_resolution(m.clock[at.T], dt)
+    resolution = problem.time_resolution(m.clock[at.T], dt)
     if theta * dt <= resolution:
         h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]
-        if p.mode[k] * h <= blur(h, rate, resolution):
-            mark_one(m, k)
-            remember_residuals(p, m, at.H0)
+        if p.mode[k] * h <= problem.blur(h, rate, resolution):
+            problem.mark_one(m, k)
+            problem.remember_residuals(p, m, at.H0)
             return 0.0, 1
         dt = min(resolution, dt)  # an event function that jumps: just past it
         take_step(p, m, m.clock[at.T], dt)
         look_at_end(p, m, m.clock[at.T] + dt, resolution)
     else:
         dt, k = land(p, m, k, theta * dt, resolution)
-    total = mark_due(p, m, at.H1, at.RATE1, resolution)
+    total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
     if total == 0 and p.mode[k] * m.guards[at.RATE1, k] < 0.0:
-        total = mark_one(m, k)
-    remember_residuals(p, m, at.H1)
+        total = problem.mark_one(m, k)
+    problem.remember_residuals(p, m, at.H1)
     return dt, total

@@ -6,20 +6,8 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
+from hopdata.hybrid.driver import problem
 from hopdata.hybrid.driver.jacobian import HANDLERS, RESET, SALTATE, first_order, keep, on_another
-from hopdata.hybrid.driver.problem import (
-    CROWDED,
-    Problem,
-    eval_field,
-    first_not_finite,
-    guards_at_start,
-    guards_inside,
-    mark_due,
-    next_due,
-    remember_parts,
-    remember_residuals,
-    time_resolution,
-)
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
 from hopdata.hybrid.layout import Memory
@@ -48,7 +36,7 @@ def flips_alone(m: Memory, k: int) -> bool:
 
 
 @kernel
-def flip(p: Problem, m: Memory) -> int:
+def flip(p: problem.Problem, m: Memory) -> int:
     """Flip the locks of all guards that are due; refuse the third flip at one instant.
 
     It slides if the field alone, and no handler at this instant, has turned the guard back.
@@ -70,7 +58,7 @@ def flip(p: Problem, m: Memory) -> int:
 
 
 @kernel_in_loop
-def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
+def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
     """Tell the scene that guard k has flipped, if that is an event, and log it.
 
     Returns TERMINATED if it ends the integration, else RUNNING.
@@ -109,29 +97,30 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
 
 
 @kernel_in_loop
-def fire_due(p: Problem, m: Memory, log: Log) -> int:
+def fire_due(p: problem.Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
-    status, k = at.RUNNING, next_due(m, -1)
+    status, k = at.RUNNING, problem.next_due(m, -1)
     while k >= 0:
         ended = fire_one(p, m, log, k) == at.TERMINATED
         if ended or status == at.RUNNING:
             m.counts[at.CULPRIT] = k
         status = at.TERMINATED if ended else status
-        k = next_due(m, k)
+        k = problem.next_due(m, k)
     return status
 
 
 @kernel_in_loop
-def refresh(p: Problem, m: Memory) -> int:
+def refresh(p: problem.Problem, m: Memory) -> int:
     """Evaluate field and guards anew at the present state and mode."""
-    eval_field(p, m, m.clock[at.T], at.Y, at.K1)
+    problem.eval_field(p, m, m.clock[at.T], at.Y, at.K1)
     m.clock[at.SPEED] = speed_at(p, m, m.clock[at.T], at.Y, at.K1)
-    if first_not_finite(m.states, at.K1) >= 0 or first_not_finite(m.states, at.Y) >= 0:
+    wrong = problem.first_not_finite(m.states, at.K1) >= 0
+    if wrong or problem.first_not_finite(m.states, at.Y) >= 0:
         return at.FIELD_NOT_FINITE
     address = p.methods[m.counts[at.METHOD], at.REFRESH]
     if address != 0 and not code.call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT:
         return at.AFFINE_DIFFERS
-    return at.RUNNING if guards_at_start(p, m, m.clock[at.T]) else at.GUARD_NOT_FINITE
+    return at.RUNNING if problem.guards_at_start(p, m, m.clock[at.T]) else at.GUARD_NOT_FINITE
 
 
 @kernel
@@ -139,7 +128,7 @@ def too_crowded(m: Memory, resolution: float) -> bool:
     """Count instants that follow each other too closely; tell whether there are too many."""
     gap = m.clock[at.T] - m.clock[at.INSTANT]
     low = m.counts[at.LOW] != 0 and m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
-    near = low or gap <= CROWDED * resolution
+    near = low or gap <= problem.CROWDED * resolution
     if gap > resolution:
         m.counts[at.INSTANTS] += 1
         m.counts[at.JUMPS_BEFORE] = m.counts[at.JUMPS]
@@ -149,14 +138,14 @@ def too_crowded(m: Memory, resolution: float) -> bool:
 
 
 @kernel_apart
-def fire_all(p: Problem, m: Memory, log: Log) -> int:
+def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
 
     Expects the instant's state in Y, its time in the clock, and its guards in H0 and RATE0.
     """
-    resolution, jumps = time_resolution(m.clock[at.T], 0.0), m.counts[at.JUMPS]
+    resolution, jumps = problem.time_resolution(m.clock[at.T], 0.0), m.counts[at.JUMPS]
     if too_crowded(m, resolution):
-        m.counts[at.CULPRIT] = next_due(m, -1)
+        m.counts[at.CULPRIT] = problem.next_due(m, -1)
         return at.ZENO
     later = False
     while True:
@@ -167,7 +156,7 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
             if pushed or not jumped:
                 wrong = int(first_order(p, SALTATE, 0.0, int(pushed), 0, 0))
             if wrong != at.RUNNING:
-                m.counts[at.CULPRIT] = next_due(m, -1)
+                m.counts[at.CULPRIT] = problem.next_due(m, -1)
                 return wrong
         status = flip(p, m)
         if status == at.RUNNING:
@@ -183,11 +172,11 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
             status = at.TERMINATED
         if status != at.RUNNING:
             return status
-        remember_parts(p, m)
+        problem.remember_parts(p, m)
         gather_reached(p, m, at.H0, at.RATE0, resolution)
-        if mark_due(p, m, at.H0, at.RATE0, resolution) == 0:
+        if problem.mark_due(p, m, at.H0, at.RATE0, resolution) == 0:
             return status
-        remember_residuals(p, m, at.H0)
+        problem.remember_residuals(p, m, at.H0)
         later = True
 
 
@@ -208,18 +197,18 @@ def decide(h: float, rate: float, bend: float) -> int:
 
 
 @kernel
-def look_ahead(p: Problem, m: Memory) -> None:
+def look_ahead(p: problem.Problem, m: Memory) -> None:
     """Put the guards' rates a short way ahead into RATE: for a guard at rest, where it bends."""
     s = m.states
     ahead = LOOK_AHEAD * min(p.t_end - m.clock[at.T], p.max_step)
     for i in range(s.width):
         s[at.SCRATCH, i] = s[at.Y, i] + ahead * s[at.K1, i]
-    eval_field(p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE)
-    guards_inside(p, m, m.clock[at.T] + ahead)
+    problem.eval_field(p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE)
+    problem.guards_inside(p, m, m.clock[at.T] + ahead)
 
 
 @kernel
-def decide_locks(p: Problem, m: Memory) -> bool:
+def decide_locks(p: problem.Problem, m: Memory) -> bool:
     """Set each lock that was left open; tell whether one has changed."""
     g, changed = m.guards, False
     for k in range(g.width):
@@ -233,18 +222,18 @@ def decide_locks(p: Problem, m: Memory) -> bool:
 
 
 @kernel
-def lock_by_side(p: Problem, m: Memory) -> None:
+def lock_by_side(p: problem.Problem, m: Memory) -> None:
     """Set open locks by the sign of h alone: the field may exist on its own side only."""
     for i in range(m.states.width):
         m.states[at.K1, i] = 0.0
-    guards_at_start(p, m, m.clock[at.T])
+    problem.guards_at_start(p, m, m.clock[at.T])
     for k in range(m.guards.width):
         if m.flags[at.OPEN, k] != 0 and m.guards[at.H0, k] > 0.0:
             p.mode[k] = 1
 
 
 @kernel
-def settle_locks(p: Problem, m: Memory) -> int:
+def settle_locks(p: problem.Problem, m: Memory) -> int:
     """Decide each lock that the caller left open (0), and evaluate field and guards."""
     open_ones = 0
     for k in range(m.guards.width):

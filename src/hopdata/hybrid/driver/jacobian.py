@@ -21,7 +21,7 @@ from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, blur, next_due
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
-from hopdata.hybrid.methods.tangent import ABSOLUTELY_TINY, FIFTH_ROOT_OF_EPS
+from hopdata.hybrid.methods import tangent as differences
 
 # The driver calls this code by its address: it is compiled when a Jacobian is first asked for.
 CARRY, RESET, SALTATE, HANDLERS = range(4)
@@ -267,28 +267,30 @@ def bring_back(p: Problem, part: int) -> None:
 
 @kernel
 def reset_by(p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, way: int) -> None:
-    """Write the derivative of the reset by state j, or by time if there is none, into COLUMN.
+    """Write down the derivative of the reset by state j, or by time if there is none.
 
-    By differences, as `methods.tangent` takes them; a time is moved by parts of the last piece.
+    By differences, as `methods.tangent` takes them; into the first column of the third block.
     """
     phi, n, t = p.tangent, m.states.width, m.clock[at.T]
-    moved, column, before = single(m, at.PHI_SHIFTED), single(m, at.COLUMN), at.LOG_STATES
-    size = t - m.clock[at.SEGMENT] if t > m.clock[at.SEGMENT] else p.t_end - p.t_start
+    values, before = single(m, at.PHI_VALUES), at.LOG_STATES
+    size = p.t_end - p.t_start
     if j < n:
-        change = size * abs(phi[single(m, at.F_BEFORE), j])
+        change = (t - m.clock[at.SEGMENT]) * abs(phi[single(m, at.F_BEFORE), j])
         size = max(abs(log[row, before + j]), change, p.atol[j] / p.rtol)
-    step = FIFTH_ROOT_OF_EPS * size if size > ABSOLUTELY_TINY else FIFTH_ROOT_OF_EPS
+    step = differences.FIFTH_ROOT_OF_EPS * (size if size > differences.ABSOLUTELY_TINY else 1.0)
     for i in range(n):
-        phi[column, i] = 0.0
-    for side in range(4):
-        shift, weight = (2.0, 1.0, -1.0, -2.0)[side] * step, (-1.0, 8.0, -8.0, 1.0)[side]
-        for i in range(n):
-            phi[moved, i] = log[row, before + i] + (shift if i == j else 0.0)
-        bring_back(p, 0)
-        then = t + shift if j == n else t
-        code.call_on_event(p.on_event, then, phi, moved, p.mode, p.params, k, way)
-        for i in range(n):
-            phi[column, i] += weight * (phi[moved, i] - m.states[at.Y, i]) / (12.0 * step)
+        phi[values + 5, i] = differences.NOISE * abs(m.states[at.Y, i])
+    for attempt in range(differences.ATTEMPTS):
+        for side in range(4):
+            shift = differences.SHIFTS[side] * step
+            for i in range(n):
+                phi[values + side, i] = log[row, before + i] + (shift if i == j else 0.0)
+            bring_back(p, 0)
+            then = t + shift if j == n else t
+            code.call_on_event(p.on_event, then, phi, values + side, p.mode, p.params, k, way)
+        if differences.settle(phi, values, attempt, step, phi, 2 * n, 0, n):
+            break
+        step *= differences.SHORTER
 
 
 @kernel_apart
@@ -298,7 +300,7 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
     What it is by time is added to f-: `saltate_handlers` takes that away.
     """
     phi, n = p.tangent, m.states.width
-    before, after, column = single(m, at.F_BEFORE), single(m, at.F_AFTER), single(m, at.COLUMN)
+    before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
     keep(p, 1)
     for e in range(n * n):
         phi[n, e] = 0.0
@@ -307,9 +309,10 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
     for j in range(n + 1):
         reset_by(p, m, log, row, j, k, way)
         for i in range(n):
-            phi[after, i] += phi[column, i] * (phi[before, j] if j < n else 1.0)
-            for c in range(n if j < n and phi[column, i] != 0.0 else 0):
-                phi[n + i, c] += phi[column, i] * phi[j, c]
+            slope = phi[2 * n + i, 0]
+            phi[after, i] += slope * (phi[before, j] if j < n else 1.0)
+            for c in range(n if j < n and slope != 0.0 else 0):
+                phi[n + i, c] += slope * phi[j, c]
     for e in range(n * n):
         phi[0, e] = phi[n, e]
     for i in range(n):

@@ -26,25 +26,9 @@ from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
-from hopdata.hybrid.driver import jacobian, stepping
-from hopdata.hybrid.driver.dense import (
-    Output,
-    rewrite_row,
-    sample_start,
-    sample_step,
-    write_inside,
-    write_row,
-)
+from hopdata.hybrid.driver import dense, jacobian, problem, stepping
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
-from hopdata.hybrid.driver.problem import (
-    Problem,
-    copy_row,
-    fill_row,
-    first_not_finite,
-    mark_due,
-    time_resolution,
-)
 from hopdata.hybrid.driver.sleep import travel_on
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.driver.windows import LONGEST, measure, watched
@@ -53,7 +37,7 @@ from hopdata.hybrid.layout import Memory
 # The desk: a table of addresses, on which the driver finds its callbacks and arrays.
 
 desk_problem = memory.reader(
-    Problem,
+    problem.Problem,
     field=at.FIELD, guards=at.GUARDS, guard=at.GUARD, rate_bound=at.RATE_BOUND,
     on_event=at.ON_EVENT, methods=at.METHOD_TABLE, params=at.PARAMS, mode=at.MODE, rules=at.RULES,
     rtol=at.RTOL, atol=at.ATOL, max_step=at.MAX_STEP, t_end=at.T_END, tangent=at.TANGENT_TABLE,
@@ -66,7 +50,7 @@ desk_memory = memory.reader(
     wake_at=at.WAKE_AT, clock=at.CLOCK, counts=at.COUNTS,
 )  # fmt: skip
 desk_output = memory.reader(
-    Output,
+    dense.Output,
     wanted=at.WANTED, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, n_rows=at.N_ROWS,
     per_step=at.ROWS_PER_STEP,
 )  # fmt: skip
@@ -77,25 +61,25 @@ EVENTS_PER_INSTANT = 2  # of each guard, at most
 
 
 @kernel
-def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
+def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
     t_new = p.t_end if dt >= p.t_end - m.clock[at.T] else m.clock[at.T] + dt
-    sample_step(p, m, out, t_new, dt)
+    dense.sample_step(p, m, out, t_new, dt)
     if out.per_step > 1:
-        write_inside(p, m, out, dt)
+        dense.write_inside(p, m, out, dt)
     carry_guards(p, m, dt)
     travel_on(p, m, dt)
     m.clock[at.T] = t_new
-    copy_row(m.states, at.END, at.Y)
-    copy_row(m.states, at.KEND, at.K1)
-    write_row(m, out)
+    problem.copy_row(m.states, at.END, at.Y)
+    problem.copy_row(m.states, at.KEND, at.K1)
+    dense.write_row(m, out)
 
 
 @kernel_apart
-def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
+def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     """Let the events of this instant happen, and write down the state after them."""
     status = fire_all(p, m, log)
-    rewrite_row(m, out)
+    dense.rewrite_row(m, out)
     stepping.choose_after_event(p, m)
     return status
 
@@ -110,7 +94,7 @@ def retry(m: Memory, shrink: float) -> int:
 
 
 @kernel_in_loop
-def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
+def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     """Take one step, to its end or to the first flip in it, and let the flips happen."""
     dt = stepping.accepted_step(p, m)
     if dt < 0.0:
@@ -134,10 +118,10 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
 
 
 @kernel_apart
-def clear(p: Problem, m: Memory) -> bool:
+def clear(p: problem.Problem, m: Memory) -> bool:
     """Make the memory that of an integration from the start; tell whether that is finite."""
     for row in range(at.GUARD_ROWS):
-        fill_row(m.guards, row, 0.0)
+        problem.fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
         m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k], m.flags[at.FIRED, k] = 0, 0, 0
         m.lists[at.AWAKE, k] = k
@@ -151,11 +135,13 @@ def clear(p: Problem, m: Memory) -> bool:
     m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = p.first_step, stepping.LOG_ERROR_FLOOR
     for i in range(m.states.width):
         m.states[at.Y, i] = p.start_state[i]
-    return first_not_finite(m.states, at.Y) < 0
+        if p.first_order != 0:
+            p.tangent[jacobian.single(m, at.PHI_PART), i] = 1.0
+    return problem.first_not_finite(m.states, at.Y) < 0
 
 
 @kernel_apart
-def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
+def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     """Settle the locks at t0, choose the first step, and fire what is past its surface already."""
     m.counts[at.METHOD] = stepping.first_method(p)
     status = settle_locks(p, m)
@@ -164,19 +150,19 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     if not m.clock[at.NEXT_DT] > 0.0:
         m.clock[at.NEXT_DT] = stepping.first_step(p, m)
     measure(p, m)
-    sample_start(m, out)
-    write_row(m, out)
+    dense.sample_start(m, out)
+    dense.write_row(m, out)
     for k in range(m.guards.width):
         m.guards[at.SIZE, k] = abs(m.guards[at.H0, k])
-    resolution = time_resolution(m.clock[at.T], 0.0)
+    resolution = problem.time_resolution(m.clock[at.T], 0.0)
     gather_reached(p, m, at.H0, at.RATE0, resolution)
-    if mark_due(p, m, at.H0, at.RATE0, resolution) > 0:
+    if problem.mark_due(p, m, at.H0, at.RATE0, resolution) > 0:
         status = fire(p, m, out, log)
     return status
 
 
 @kernel
-def lacks_room(m: Memory, out: Output, log: Log) -> bool:
+def lacks_room(m: Memory, out: dense.Output, log: Log) -> bool:
     """Tell whether the next step might not find room for its output."""
     events = m.counts[at.EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
     return events > log.n_rows or m.counts[at.ROWS] + out.per_step > out.n_rows

@@ -273,6 +273,7 @@ def _tangent_names(scene: Scene, *, apart: bool) -> dict[str, Any]:
         fill = put_in(tangent.jacobian_by_user, compiled if apart else code.kernel_in_loop, **names)
     else:
         names = {"FIELD": scene.field.dispatcher, "N": n}
+        names["SMALLER"] = put_in(tangent.smaller, code.kernel_apart, **names)
         fill = put_in(tangent.jacobian_by_differences, compiled, **names)
     multiply = put_in(tangent.multiply, compiled, N=n)
     return {

@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled.kernel import kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, fma, row, square
-from hopdata.hybrid.layout import GAUSS_1, GAUSS_2, K1, PHI_MOTION, PHI_ROWS, SCRATCH, SLOPE, Y
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
 
 # Products of the blocks of a tangent's table, named by their first rows. Sums are taken in order,
@@ -60,11 +61,45 @@ def add_product(
 # Put in for each scene.
 FIELD: Any = None
 JACOBIAN: Any = None
+SMALLER: Any = None
 N = 0
 
 FIFTH_ROOT_OF_EPS = 2.0 ** (-52 / 5)  # best for differences of fourth order
 ABSOLUTELY_TINY = 1e-290
 LOOSER = 10.0  # than the state: the Jacobian may err by so many relative tolerances a step
+
+# Differences of fourth order: where values are taken, in increments, and their weights. Two pairs,
+# at the golden ratio: no period has both of them at whole turns. How far the derivatives by either
+# pair are apart tells whether the increment is small. If not, as for the sine of a thousand turns,
+# a smaller one is taken.
+GOLDEN = 0.5 + sqrt(1.25)
+SHIFTS = (GOLDEN, 1.0, -1.0, -GOLDEN)
+INNER, OUTER = 0.5 * GOLDEN, 0.5 / GOLDEN**2
+BENT = 1e-5  # part of the derivative by which those may differ: it then errs by 1e-10
+NOISE = 2.0**-44  # part of a state by which nothing matters
+SHORTER, LONGER, ATTEMPTS = 1.0 / 16.0, 16.0, 7
+
+
+@kernel_in_loop
+def settle(
+    v: Any, first: int, attempt: int, step: float, slopes: Any, into: int, j: int, n: int
+) -> bool:
+    """Write those of n derivatives into column `j` that are good now; tell whether all are.
+
+    Those of the first attempt stand where none is. In rows of `v` from `first` on are four values,
+    which are good, and by how much values may err.
+    """
+    all_good, again = True, attempt > 0
+    for i in range(n):
+        outer, inner = v[first, i] - v[first + 3, i], v[first + 1, i] - v[first + 2, i]
+        change, apart = INNER * inner - OUTER * outer, abs(inner - outer * (GOLDEN - 1.0))
+        limit, done = BENT * abs(change), again and v[first + 4, i] != 0.0
+        good = apart < limit if again else apart <= limit + v[first + 5, i]
+        if not again or (good and not done):
+            slopes[into + i, j] = change / step
+        v[first + 4, i] = 1.0 if good or done else 0.0
+        all_good = all_good and (good or done)
+    return all_good
 
 
 def jacobian_by_user(
@@ -74,39 +109,53 @@ def jacobian_by_user(
     for i in range(N, 2 * N):
         for j in range(N):
             phi[i, j] = 0.0
-    JACOBIAN(t, row(s, SCRATCH), mode, params, square(phi, N))
+    JACOBIAN(t, row(s, at.SCRATCH), mode, params, square(phi, N))
+
+
+def smaller(
+    t: float, j: int, step: float, part: float, s: FloatTable, mode: Any, params: Any, phi: Any
+) -> None:
+    """Take the differences by state j with smaller increments, until they are good."""
+    shifted, values = 3 * N, 3 * N + at.PHI_VALUES
+    for attempt in range(1, ATTEMPTS):
+        step, part = step * SHORTER, part * SHORTER
+        for side in range(4):
+            phi[shifted, j] = s[at.SCRATCH, j] + SHIFTS[side] * step
+            FIELD(t, row(phi, shifted), mode, params, row(phi, values + side))
+        if settle(phi, values, attempt, step, phi, N, j, N):
+            phi[3 * N + at.PHI_PART, j] = part
+            return
+    phi[3 * N + at.PHI_PART, j] = 1.0
 
 
 def jacobian_by_differences(
     t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
 ) -> None:
-    """Take central differences of fourth order at SCRATCH: 4 n field evaluations.
+    """Take central differences of fourth order at SCRATCH: 4 n field evaluations, mostly.
 
     The increments are parts of a state's size, of its change in the step, or of the size where the
     absolute tolerance takes over from the relative one, whichever is largest: no unit enters.
     """
-    shifted, slope = 3 * N, 3 * N + 1
+    shifted, values, per_s = 3 * N, 3 * N + at.PHI_VALUES, 1.0 / dt
     for i in range(N):
-        phi[shifted, i] = s[SCRATCH, i]
+        phi[shifted, i] = s[at.SCRATCH, i]
+        phi[values + 5, i] = NOISE * (per_s * abs(s[at.Y, i]) + abs(s[at.K1, i]))
     for j in range(N):
-        size = max(abs(s[SCRATCH, j]), abs(s[Y, j]), dt * abs(s[K1, j]), atol[j] / rtol)
-        step = FIFTH_ROOT_OF_EPS * size if size > ABSOLUTELY_TINY else FIFTH_ROOT_OF_EPS
-        for i in range(N):
-            phi[N + i, j] = 0.0
+        size = max(abs(s[at.SCRATCH, j]), abs(s[at.Y, j]), dt * abs(s[at.K1, j]), atol[j] / rtol)
+        part = min(phi[3 * N + at.PHI_PART, j] * LONGER, 1.0)
+        step = part * FIFTH_ROOT_OF_EPS * (size if size > ABSOLUTELY_TINY else 1.0)
         for side in range(4):
-            part = (2.0, 1.0, -1.0, -2.0)[side]
-            weight = (-1.0, 8.0, -8.0, 1.0)[side]
-            phi[shifted, j] = s[SCRATCH, j] + part * step
-            FIELD(t, row(phi, shifted), mode, params, row(phi, slope))
-            for i in range(N):
-                phi[N + i, j] += weight * phi[slope, i]
-        phi[shifted, j] = s[SCRATCH, j]
-        for i in range(N):
-            phi[N + i, j] /= 12.0 * step
+            phi[shifted, j] = s[at.SCRATCH, j] + SHIFTS[side] * step
+            FIELD(t, row(phi, shifted), mode, params, row(phi, values + side))
+        if settle(phi, values, 0, step, phi, N, j, N):
+            phi[3 * N + at.PHI_PART, j] = part
+        else:
+            SMALLER(t, j, step, part, s, mode, params, phi)
+        phi[shifted, j] = s[at.SCRATCH, j]
 
 
 def _block(stage: int) -> str:
-    return f"3 * N + {PHI_ROWS} + {stage} * N"
+    return f"3 * N + {at.PHI_ROWS} + {stage} * N"
 
 
 def _sum(weights: Sequence[float], rows: Sequence[Any], table: str) -> str:
@@ -140,7 +189,7 @@ def _error(tableau: Tableau) -> list[str]:
     return [
         "fastest = FASTEST_MOTION(phi, N)",
         *_matrices("N", tableau.weights),
-        f"phi[3 * N + {PHI_MOTION}, 0] = fastest",
+        f"phi[3 * N + {at.PHI_MOTION}, 0] = fastest",
         f"error = {error_constant(tableau)!r} * (dt * dt * fastest) ** {power!r}",
         f"return error / ({LOOSER!r} * rtol)",
     ]
@@ -153,11 +202,11 @@ def tangent_code(tableau: Tableau) -> list[str]:
     for k in range(len(tableau.weights)):
         weights = tableau.stages[k - 1] if k > 0 else ()
         node = tableau.nodes[k - 1] if k > 0 else 0.0
-        state = f"s[{SCRATCH}, i] = s[{Y}, i] + dt * ({combination(weights, slopes)})"
+        state = f"s[{at.SCRATCH}, i] = s[{at.Y}, i] + dt * ({combination(weights, slopes)})"
         code += ["for i in range(N):", INDENT + state, *_matrices("2 * N", weights)]
         code += [
             f"STAGE_JACOBIAN(t + {node!r} * dt, dt, rtol, s, mode, params, atol, phi)",
-            f"MULTIPLY(phi, 3 * N + {PHI_ROWS} + {k} * N, N, 2 * N)",
+            f"MULTIPLY(phi, 3 * N + {at.PHI_ROWS} + {k} * N, N, 2 * N)",
         ]
     return [*code, *_error(tableau)]
 
@@ -195,14 +244,15 @@ def short_tangent(
     t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
 ) -> float:
     """Write the new Jacobian into the second block; return its error in units of the tolerance."""
-    begin, middle = 3 * N + PHI_ROWS, 4 * N + PHI_ROWS  # A there
-    end, second, third, fourth = 5 * N + PHI_ROWS, 6 * N + PHI_ROWS, 7 * N + PHI_ROWS, 2 * N
-    STAGE_JACOBIAN(t + GAUSS_1 * dt, dt, rtol, s, mode, params, atol, phi)
+    begin = 3 * N + at.PHI_ROWS
+    middle, end = begin + N, begin + 2 * N  # A there
+    second, third, fourth = begin + 3 * N, begin + 4 * N, 2 * N
+    STAGE_JACOBIAN(t + at.GAUSS_1 * dt, dt, rtol, s, mode, params, atol, phi)
     for e in range(N * N):
         phi[begin, e] = phi[N, e]
     for i in range(N):
-        s[SCRATCH, i] = s[SLOPE, i]
-    STAGE_JACOBIAN(t + GAUSS_2 * dt, dt, rtol, s, mode, params, atol, phi)
+        s[at.SCRATCH, i] = s[at.SLOPE, i]
+    STAGE_JACOBIAN(t + at.GAUSS_2 * dt, dt, rtol, s, mode, params, atol, phi)
     for e in range(N * N):
         mean, tilt = 0.5 * (phi[begin, e] + phi[N, e]), TILT * (phi[N, e] - phi[begin, e])
         phi[begin, e] = mean - tilt
@@ -215,6 +265,6 @@ def short_tangent(
         phi[second, e] = (phi[second, e] + 2.0 * phi[third, e] + phi[fourth, e] - phi[0, e]) / 3.0
     ADD_PRODUCT(phi, N, second, end, fourth, dt / 6.0)
     fastest = FASTEST_MOTION(phi, middle)
-    phi[3 * N + PHI_MOTION, 0] = fastest
+    phi[3 * N + at.PHI_MOTION, 0] = fastest
     turn = dt * dt * fastest
     return ERROR * turn * turn * sqrt(turn) / (LOOSER * rtol)
