@@ -152,6 +152,7 @@ JACOBIAN_NOT_FINITE = -10
 TIE_IN_JACOBIAN = -11
 RATE_DIFFERS = -12
 RAISED = -13
+NO_LOCK = -14
 
 # Within the driver only.
 RUNNING = 2
@@ -182,6 +183,8 @@ SENTENCES = {
     RATE_DIFFERS: "The rate hdot of guard '{guard}' is not that of its values h, up to {at}: "
     "correct @guards (a guard may jump and have kinks, but not everywhere).",
     RAISED: "It was interrupted, or a function of the system raised an exception, after {at}.",
+    NO_LOCK: "on_event has set the lock of guard '{guard}' to what is neither -1 nor +1 at {at}: "
+    "mode[k] is the lock of guard k, and the system's own integers stand behind the locks.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
     "they must be the same field, in every mode.",
     GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero, as far as the "

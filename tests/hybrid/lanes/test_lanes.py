@@ -17,7 +17,7 @@ from stress_quick import ball_on_table
 
 from hopdata.hybrid import System, field, guards, on_event, solve_batch
 from hopdata.hybrid.arguments import SMALLEST_RTOL
-from hopdata.hybrid.layout import SLIDING
+from hopdata.hybrid.layout import NO_LOCK, SLIDING
 
 SPAN, COUNT = (0.0, 6.0), 200
 OPTIONS = {"method": "dop853", "workers": 1}
@@ -264,6 +264,23 @@ def test_handlers_that_raise_or_change_parameters(params):
     np.testing.assert_allclose(here.y_end[:, 0], [0.975, 0.0125, 0.0375], rtol=0, atol=1e-12)
     with pytest.raises(OverflowError, match="too late"):
         solve_batch(system, (0.0, 3.5), y0, **options)
+
+
+@on_event
+def no_lock(t, y, mode, params, guard, direction):
+    mode[0] = int(params[1])
+    return 0
+
+
+@pytest.mark.parametrize("lock", [0, 7, -7])
+def test_a_lock_that_is_none_is_named(lock):
+    """Else its guard would flip no more, or to what field and handler do not know."""
+    system, y0 = System(runs, line, no_lock, guard_names=("line",)), [[0.0], [0.1], [5.0]]
+    batch = solve_batch(system, (0.0, 2.0), y0, params=[1.0, lock], lanes=True)
+    assert batch.status.tolist() == [NO_LOCK, NO_LOCK, 0]
+    assert "lock of guard 'line'" in batch.message
+    assert batch.lanes.tolist() == [False, False, True]
+    assert batch.t_end == pytest.approx([1.0, 0.9, 2.0])
 
 
 def test_a_handler_that_pushes_another_guard_across():

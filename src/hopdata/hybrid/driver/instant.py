@@ -138,6 +138,17 @@ def too_crowded(m: Memory, resolution: float) -> bool:
 
 
 @kernel_apart
+def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
+    """Tell whether a handler has made a lock that is none, and keep its guard."""
+    for a in range(m.counts[at.N_AWAKE]):
+        k = problem.awake(p, m, a)
+        if p.mode[k] * p.mode[k] != 1:
+            m.counts[at.CULPRIT] = k
+            return True
+    return False
+
+
+@kernel_apart
 def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
 
@@ -161,6 +172,8 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
         status = flip(p, m)
         if status == at.RUNNING:
             status = fire_due(p, m, log)
+        if p.on_event != 0 and sets_no_lock(p, m):
+            return at.NO_LOCK
         ended = status == at.TERMINATED
         if status == at.RUNNING or (ended and p.first_order != 0):
             status = refresh(p, m)

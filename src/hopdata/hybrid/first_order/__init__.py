@@ -9,9 +9,6 @@ from hopdata.hybrid.first_order.saltation import (
 from hopdata.hybrid.first_order.smoothness import check_c1
 
 __all__ = [
-    "NotTransversalError",
-    "bouligand_derivative",
-    "check_c1",
-    "project_onto_section",
+    "NotTransversalError", "bouligand_derivative", "check_c1", "project_onto_section",
     "saltation_matrix",
-]
+]  # fmt: skip

@@ -341,11 +341,12 @@ def fire(
             if stop != 0:
                 r.book[STATUS, j] = at.TERMINATED
                 over |= 1 << j
+        lost = r.book[EVENTS, j] >= most_events and over >> j & 1 == 0
         for g in range(N_GUARDS):
             r.table[FIRST_LOCK + g, j] = r.modes[j, g]
+            lost |= r.modes[j, g] * r.modes[j, g] != 1
         for i in range(N if handler != 0 else 0):
             r.table[i, j] = own[i]
-        lost = r.book[EVENTS, j] >= most_events and over >> j & 1 == 0
         for i in range(N_PARAMS if handler != 0 else 0):
             if PARAMS_IN_LANES:
                 r.table[FIRST_PARAM + i, j] = own_params[0, i]
