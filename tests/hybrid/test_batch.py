@@ -14,8 +14,9 @@ from bent_systems import bent, bent_params
 from exact import Plate
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
 
+from hopdata.hybrid import batch as batches
 from hopdata.hybrid import solve, solve_batch
-from hopdata.hybrid.batch import run_in_threads
+from hopdata.hybrid.batch import CHUNK, run_in_threads
 
 PARAMS = bent_params(
     [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], sways=0.1, gains=[0.4, -0.8, -0.5]
@@ -285,6 +286,16 @@ def test_ctrl_c_ends_the_threads():
     finally:
         signal.signal(signal.SIGINT, handler)
     assert threading.active_count() == before
+
+
+def test_long_integrations_are_taken_one_at_a_time(monkeypatch):
+    """Ctrl-C need not wait for 64 of them."""
+    chunks, run = [], run_in_threads
+    monkeypatch.setattr(batches, "run_in_threads", lambda *a: chunks.append(a[-1]) or run(*a))
+    for max_step in (4e-6, 0.1):
+        options = {"params": (5.0, 1.0), "max_step": max_step}
+        assert solve_batch(ladder(1), (0, 1), np.zeros((3, 2)), **options).success
+    assert chunks == [1, CHUNK]
 
 
 def interrupt_when_threads_run(others):

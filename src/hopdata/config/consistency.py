@@ -340,17 +340,7 @@ def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
 
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
-    _repeated,
-    _left_out,
-    _joined_feet,
-    _home_marker,
-    _in_order,
-    _scales_in_order,
-    _simulated_markers,
-    _simulated_files,
-    external_mistakes,
-    _braces,
-    _reserved_study,
-    _enough_flips,
-    steering_mistakes,
-]
+    _repeated, _left_out, _joined_feet, _home_marker, _in_order, _scales_in_order,
+    _simulated_markers, _simulated_files, external_mistakes, _braces, _reserved_study,
+    _enough_flips, steering_mistakes,
+]  # fmt: skip

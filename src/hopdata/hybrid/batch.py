@@ -23,6 +23,7 @@ from hopdata.hybrid.workspace import FIRST_PATIENCE
 # Chunks of a job in threads, with progress shown.
 
 CHUNK = 64  # numbers that a thread takes at a time: results do not depend on it
+STEPS_AT_A_TIME = 200_000  # at most, or one integration: only between chunks does Ctrl-C end it
 # Systems from which lanes repay their compilation, 5 to 10 s, by 10 to 20 us saved of each.
 LARGE = 500_000
 BETWEEN_S = 0.1  # words on stderr
@@ -300,11 +301,13 @@ def solve_batch(
             run(int(piece[0]), int(piece[-1]) + 1)
         return last - first
 
-    done = begun
+    done, chunk = begun, CHUNK
     if len(left) > 0:  # the first alone: it compiles what is not compiled yet
         done += run_left(begun, begun + 1)
-        system.methods(method, jacobian).specialise(int(room.counts[left[0], at.STEPS]) * len(left))
-    run_in_threads(run_left, done, len(states), workers, progress)
+        steps = int(room.counts[left[0], at.STEPS])
+        system.methods(method, jacobian).specialise(steps * len(left))
+        chunk = min(STEPS_AT_A_TIME // (steps + 1) + 1, CHUNK)
+    run_in_threads(run_left, done, len(states), workers, progress, chunk)
     here = ~np.isin(np.arange(len(states)), left)
     return replace(_solution(room, times, jacobian, system), lanes=here, lanes_reason=reason)
 

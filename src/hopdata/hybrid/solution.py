@@ -194,7 +194,7 @@ class Solution(Told):
         knots, before, after, steps = self._pieces
         times = self.form.way * np.asarray(t, dtype=np.float64)
         inside, ends = (times >= knots[0]) & (times <= knots[-1]), self.form.way * knots[[0, -1]]
-        expect(inside.all(), "t", f"times within {tuple(ends)}", times * self.form.way)
+        expect(inside.all(), "t", f"times within {tuple(ends.tolist())}", times * self.form.way)
         at_knots = before if (side == "left") == (self.form.way > 0.0) else after
         place = np.searchsorted(knots, times.ravel())
         states = at_knots[place]
