@@ -292,9 +292,17 @@ def test_a_seed_gives_the_same_sequence_again():
 
 
 @pytest.mark.parametrize("name", ["n_angles", "n_steps", "repeats"])
-def test_sizes_below_one_are_refused(name):
-    with pytest.raises(ConfigError, match=f"{name}: expected at least 1, found 0"):
-        ControlGrid(**{name: 0})
+@pytest.mark.parametrize("size", [0, 2.5, "16"])
+def test_sizes_below_one_are_refused(name, size):
+    with pytest.raises(ConfigError, match=rf"{name}: expected a whole .* found {size!r}"):
+        ControlGrid(**{name: size})
+
+
+@pytest.mark.parametrize("draw", [eulerian_excitation, random_excitation])
+def test_a_seed_does_for_its_generator(draw):
+    np.testing.assert_array_equal(
+        draw(ControlGrid(), 5), draw(ControlGrid(), np.random.default_rng(5))
+    )
 
 
 @settings(max_examples=20, deadline=None)

@@ -39,7 +39,7 @@ class ControlGrid:
     Raises
     ------
     ConfigError
-        If one of them is below 1.
+        If one of them is no whole number or below 1.
     """
 
     n_angles: int = 16
@@ -47,8 +47,9 @@ class ControlGrid:
     repeats: int = 3
 
     def __post_init__(self) -> None:
-        for name in ("n_angles", "n_steps", "repeats"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
+        for name, size in vars(self).items():
+            whole = isinstance(size, int | np.integer)
+            require(whole and size >= 1, name, "a whole number of at least 1", f"{size!r}")
 
     @property
     def step_rad(self) -> float:
@@ -61,7 +62,7 @@ class ControlGrid:
         return np.arange(-self.n_steps, self.n_steps + 1)
 
 
-def eulerian_excitation(grid: ControlGrid, rng: np.random.Generator) -> FloatArray:
+def eulerian_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> FloatArray:
     """Draw a sequence that makes every move exactly as often as wanted, and ends where it began.
 
     It goes in laps, each of which makes every move once, so that the first lap covers the grid
@@ -74,6 +75,7 @@ def eulerian_excitation(grid: ControlGrid, rng: np.random.Generator) -> FloatArr
     (n,) array
         Swing in the flight after each stance but the last, rad.
     """
+    rng = np.random.default_rng(rng)
     return grid.step_rad * np.concatenate([_random_lap(grid, rng) for _ in range(grid.repeats)])
 
 
@@ -111,7 +113,7 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
     return step
 
 
-def random_excitation(grid: ControlGrid, rng: np.random.Generator) -> FloatArray:
+def random_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> FloatArray:
     """Draw moves at random until all are made (Algorithm 1).
 
     The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
@@ -124,6 +126,7 @@ def random_excitation(grid: ControlGrid, rng: np.random.Generator) -> FloatArray
     (n,) array
         Swing in the flight after each stance but the last, rad.
     """
+    rng = np.random.default_rng(rng)
     wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
     made, k = list[int](), 0
     while wanted.any():
