@@ -130,10 +130,20 @@ def test_forces_in_another_unit_are_pointed_out(plate, unit, weight_n, extent_m,
     assert ("is forces.unit right?" in line) == bool(said)
 
 
-def test_of_a_group_the_first_member_is_checked(tmp_path, capsys):
+def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(tmp_path, capsys):
     table, config = tmp_path / "group.tsv", tmp_path / "group.yaml"
-    table.write_text("subject\tfile\ncat\t\ndog\t\n")
+    (_, positions), other = hopping(1), tmp_path / "other"
+    other.mkdir()
+    files = export(tmp_path), export(other, positions[..., [0, 2, 1]])
     markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}"
     config.write_text(f"study: all\nsamples: {table}\n{markers}\n")
+    table.write_text("subject\tfile\ncat\t\ndog\t\n")
     assert main(["check", str(config)]) == 0
     assert capsys.readouterr().out.startswith("study cat, the first of 2 of a group\n")
+    config.write_text(config.read_text().replace("body1, body2, body3", "hip1, hip2, hip3"))
+    config.write_text(config.read_text().replace("foot", "toe"))
+    table.write_text(f"subject\tfile\ncat\t{files[0]}\ndog\t{files[0]}\nemu\t{files[1]}\n")
+    assert main(["check", str(config)]) == 1
+    told = capsys.readouterr()
+    assert "study dog: 'recording1': " in told.out
+    assert f"{files[1]}: vertical axis z: expected" in told.err

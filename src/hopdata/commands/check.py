@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Check a configuration and read all its recordings."""
+    """Check a configuration, read all its recordings and foretell what its first study finds."""
     from hopdata.config.consistency import feet_of, files_of, simulation_of
     from hopdata.config.loading import load_config, place_of, read_yaml
     from hopdata.group import read_group
@@ -28,16 +28,15 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
 
-    content, of = read_yaml(options.config), ""
+    content, studies = read_yaml(options.config), [options.config]
     if isinstance(content, Mapping) and "samples" in content:
-        members = read_group(options.config)["members"].values()
-        content, of = next(iter(members))["config"], f", the first of {len(members)} of a group"
-    config = load_config(content if of else options.config, files=[options.config])
-    print(f"study {config['study']}{of}")
+        studies = [one["config"] for one in read_group(options.config)["members"].values()]
+    first, *others = (load_config(one, files=[options.config]) for one in studies)
+    print(f"study {first['study']}" + f", the first of {len(studies)} of a group" * bool(others))
     mistakes: list[str] = []
     remarks: list[str] = []
     sound: list[Recording] = []
-    for entry in config["recordings"]:
+    for config, entry in ((one, entry) for one in (first, *others) for entry in one["recordings"]):
         if not (files := files_of(entry)):
             hops, cut_s = map(simulation_of(config, entry["name"]).get, ("hops", "duration_s"))
             cut = "" if cut_s is None else f", cut at {cut_s:g} s"
@@ -61,19 +60,17 @@ def check(options: argparse.Namespace) -> int:
             place = place_of(key[0], [options.config], "") if key else ""
             mistakes.append(f"{place}: {error}" if place else str(error))
             continue
-        print("\n".join([_summary(recording, config), *known]))
+        brief = f"study {config['study']}: {recording.told()}"
+        print("\n".join([_summary(recording, config), *known]) if config is first else brief)
+        sound += [recording] * (config is first)
         remarks += [*notes(recording), *_suspects(recording, rate_hz)]
-        remarks += [f"{recording.name}: {moves}" for moves in [moving(recording)] if moves]
-        sound.append(recording)
+        remarks += [f"{recording.place}: {moves}" for moves in [moving(recording)] if moves]
     for remark in remarks:
         print(f"note: {remark}")
-    try:
-        require_distinct(sound)
-    except RecordingError as error:
-        mistakes.append(str(error))
     if mistakes:
         raise RecordingError(*mistakes)
-    but = _foretell(config, sound) if len(sound) == len(config["recordings"]) else ""
+    require_distinct(sound)
+    but = _foretell(first, sound) if len(sound) == len(first["recordings"]) else ""
     print(f"{options.config} " + (f"can be run, but {but}" if but else "is sound"))
     return terminal.OK
 
