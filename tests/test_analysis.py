@@ -128,6 +128,25 @@ def test_wrong_arrays_are_told_by_name(changed, told):
         hd.Recording.from_arrays(**given)
 
 
+def test_recordings_in_a_list_are_one_study(sample_path):
+    whole = hd.read(sample_path, feet=FEET, body=BODY)
+    monday = replace(whole.part(slice(4000)), name="monday", source="", source_sha256="")
+    friday = replace(monday, name="friday", positions=whole.positions[4000:8000])
+    both = hd.study([monday, friday], study="week")
+    counts = both.touchdowns.groupby("recording").size()
+    alone = [len(hd.study(one).contacts[one.name]) for one in (monday, friday)]
+    assert counts[["monday", "friday"]].tolist() == alone
+    other = replace(friday, roles=("other", *friday.roles[1:]))
+    for wrong, told in (
+        ([monday, other], "source: expected recordings of the same markers in one order"),
+        ([monday, sample_path], "source: expected a file, .*, found list"),
+        ([monday, monday], "recordings"),
+        ([], "source: expected a file, a configuration, a recording or a list of recordings"),
+    ):
+        with pytest.raises(hd.HopdataError, match=told):
+            hd.study(wrong)
+
+
 def test_millimetres_for_metres_and_a_text_for_a_list_are_told(sample_path):
     whole = hd.read(sample_path, feet=FEET, body=BODY).part(slice(3000))
     roles = {"feet": FEET, "body": BODY}

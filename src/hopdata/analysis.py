@@ -109,7 +109,7 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, lis
 
 @told_call
 def study(
-    source: str | Path | Mapping[str, Any] | Recording,
+    source: str | Path | Mapping[str, Any] | Recording | Sequence[Recording],
     *,
     feet: Sequence[str] = (),
     body: Sequence[str] = (),
@@ -125,19 +125,23 @@ def study(
     files: list[str | Path] = []
     content: Mapping[str, Any]
     roles = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
-    if isinstance(source, Recording):
+    several = [source] if isinstance(source, Recording) else source
+    if isinstance(several, list | tuple) and {*map(type, several)} == {Recording}:
         if feet or body:
             raise RecordingError("feet, body: expected none, since the recording has its roles")
-        given, entry = (source,), {"name": source.name, "file": source.source or source.name}
-        roles = {"feet": [*source.names("foot")], "body": [*source.names("body")]}
-        content = {"study": source.name, "recordings": [entry]}
+        given = tuple(several)
+        roles, *rest = ({"feet": [*r.names("foot")], "body": [*r.names("body")]} for r in given)
+        if rest != [roles] * len(rest):
+            wanted = "recordings of the same markers in one order"
+            raise RecordingError.at("source", wanted, f"{roles} and {rest}")
+        entries = [{"name": one.name, "file": one.source or one.name} for one in given]
+        content = {"study": given[0].name, "recordings": entries}
     elif isinstance(source, Mapping):
         content = source
     elif not isinstance(source, str | Path):
         raise RecordingError(
-            "source: expected a file, a configuration or a recording, found "
-            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays; hd.read joins "
-            "files to one recording, and several recordings are named by a configuration"
+            "source: expected a file, a configuration, a recording or a list of recordings, found "
+            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays, files by hd.read"
         )
     elif Path(source).suffix.lower() in {".yaml", ".yml"}:
         content, files = read_yaml(source), [source]
@@ -152,13 +156,11 @@ def study(
         if others and "frames" not in sections:
             keys["sections"] = {**sections, "frames": "landings"}
             progress(f"sections.frames: landings, since other feet land too ({', '.join(others)})")
-    given_keys = {**({"markers": roles} if any(roles.values()) else {}), **keys}
-    beside = {key: one for key, one in content.items() if isinstance(one, Mapping)}
-    merged = {
-        key: {**beside.get(key, {}), **one} if isinstance(one, Mapping) else one
-        for key, one in given_keys.items()
-    }
-    config = load_config({**content, **merged}, files=files, check_files=not given)
+    keys = {"markers": roles, **keys} if any(roles.values()) else keys
+    for key, one in keys.items():  # what a section of the source says besides stays
+        if isinstance(one, Mapping) and isinstance(beside := content.get(key), Mapping):
+            keys[key] = {**beside, **one}
+    config = load_config({**content, **keys}, files=files, check_files=not given)
     for recording in given:
         check_plausible(recording, **config["quality"])
     return Study(config, given, progress)
@@ -166,7 +168,7 @@ def study(
 
 @told_call
 def analyse(
-    source: str | Path | Mapping[str, Any] | Recording,
+    source: str | Path | Mapping[str, Any] | Recording | Sequence[Recording],
     *,
     feet: Sequence[str] = (),
     body: Sequence[str] = (),
@@ -177,8 +179,8 @@ def analyse(
 
     Parameters
     ----------
-    source : path, mapping or Recording
-        A configuration (YAML file or its content), a file of motion capture, or a recording.
+    source : path, mapping, Recording or list of Recording
+        A configuration (YAML file or its content), a file of motion capture, or recordings.
     feet, body : sequence of str
         Marker names by role, for a file of motion capture.
     progress : callable
