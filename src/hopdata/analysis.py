@@ -132,17 +132,14 @@ def study(
         given = tuple(several)
         roles, *rest = ({"feet": [*r.names("foot")], "body": [*r.names("body")]} for r in given)
         if rest != [roles] * len(rest):
-            wanted = "recordings of the same markers in one order"
-            raise RecordingError.at("source", wanted, f"{roles} and {rest}")
+            raise RecordingError.at("source", "the same markers in one order", [roles, *rest])
         entries = [{"name": one.name, "file": one.source or one.name} for one in given]
         content = {"study": given[0].name, "recordings": entries}
     elif isinstance(source, Mapping):
         content = source
     elif not isinstance(source, str | Path):
-        raise RecordingError(
-            "source: expected a file, a configuration, a recording or a list of recordings, found "
-            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays, files by hd.read"
-        )
+        wanted = "a file, a configuration, recordings (arrays go through hd.Recording.from_arrays)"
+        raise RecordingError.at("source", wanted, type(source).__name__)
     elif Path(source).suffix.lower() in {".yaml", ".yml"}:
         content, files = read_yaml(source), [source]
     else:

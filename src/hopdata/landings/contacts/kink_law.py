@@ -165,6 +165,7 @@ LEAST_STEP_S = 3e-4  # between compliances that are tried, s
 OVERSURE, SHAPE_SHARE = 1.3, 0.03
 # So many times as long as the foot takes to fall by the misfit, and by its way after the contact.
 MISFIT_HIDES, TURN_HIDES = 2.0, 0.5
+JUMP_S = 1e-3  # an instant that moves by more than the compliance explains is in a gap, and unsure
 SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
 
 
@@ -276,7 +277,11 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
     trials = [replace(law, compliance_s=time_s) for time_s in trials_s.tolist()]
     found = [feet.fits(some, one) for one in trials]
     each = np.array([one.evidence for one in found]) / (-2 * law.noise_m**2)
-    gains = np.where(np.isfinite(each).all(axis=0), each, 0.0).sum(axis=1)
+    # Where instants jump matters at likely trials alone: at a much too soft one they jump anyhow.
+    likely = (total := np.nansum(each, axis=(1, 2))) > total.max() - TELLING_LOSS
+    moves = np.abs(np.diff(np.array([one.instant for one in found])[likely], axis=0))
+    steady = (moves < 2 * np.diff(trials_s[likely])[:, None, None] + JUMP_S).all(axis=0)
+    gains = np.where(steady & np.isfinite(each).all(axis=0), each, 0.0).sum(axis=1)
     if alike:
         gains[:] = gains.sum(axis=1, keepdims=True)
     mean, sd = _compliance(trials_s, gains)
