@@ -4,6 +4,7 @@ from overlaps import text_faults
 
 from hopdata.figures.verdict import (
     ASKED,
+    group_figure,
     verdict_figure,
     verdicts_figure,
 )
@@ -139,3 +140,11 @@ def test_verdicts_share_their_scale():
     none = verdict(effect=None, sentence="Nothing.")
     figure = verdicts_figure(verdict(), touchdowns(), none, touchdowns(), names=("a", "b"))
     assert [len(part.axes) for part in figure.subfigs] == [2, 2]
+
+
+def test_what_counts_as_none_is_seen_where_all_subjects_are_below():
+    effect = {"estimate": 0.05, "low": 0.0, "high": 0.1, "upper_bound": 0.12}
+    known = {"conclusion": "no difference", "margin": 0.2, "effect": effect}
+    rows = [{"name": name, "reason": "", **known, **effect} for name in ("ann", "bob")]
+    (axes,) = group_figure({**known, "members": rows}).axes
+    assert axes.get_xlim()[1] > 20
