@@ -211,3 +211,41 @@ def test_python_functions_and_guards_that_sleep_go_back():
         assert same_instants(there, back) < 1e-7
         ends.append(there.y_end)
     assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+
+
+@field
+def rise(t, y, mode, params, dy):
+    dy[0], dy[1] = 0.3, 1.0
+
+
+@guards
+def same_line(t, y, dy, mode, params, h, hdot):
+    for k in range(3):
+        h[k], hdot[k] = y[1] - 1.0, dy[1]
+
+
+@on_event
+def grow(t, y, mode, params, guard, direction):
+    y[0] = (2.0 * y[0], y[0] + 1.0, 3.0 * y[0])[guard]
+    return 0
+
+
+@on_event
+def shrink(t, y, mode, params, guard, direction):
+    y[0] = (y[0] / 2.0, y[0] - 1.0, y[0] / 3.0)[guard]
+    return 0
+
+
+def test_what_happened_at_one_instant_is_undone_in_reverse():
+    names = ("twice", "one_more", "three_times")
+    system = System(rise, same_line, grow, n_states=2, guard_names=names, undo=shrink)
+    there = solve(system, (0, 2), [1.0, 0.0])
+    back = solve(system, (2, 0), there.y_end)
+    assert there.events.guard.tolist() == [0, 1, 2]
+    assert back.events.guard.tolist() == [2, 1, 0]
+    assert back.y_end == pytest.approx([1.0, 0.0], abs=1e-14)
+    again = solve(system, (2, 0), there.y_end, debug=True)
+    assert again.y_end.tobytes() == back.y_end.tobytes()
+    batch = solve_batch(system, (2, 0), [there.y_end] * 3, lanes=True)
+    assert batch.lanes.all(), batch.lanes_reason
+    assert batch.y_end == pytest.approx(np.tile([1.0, 0.0], (3, 1)), abs=1e-12)

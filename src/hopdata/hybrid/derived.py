@@ -74,8 +74,11 @@ def _made(
 def _backward(inner: Callback) -> Around:
     kind = inner.signature
     one = "hdot[k] = -hdot[k]"  # of many guards: the others' rates may stand there
+    each = (
+        "for i in range(len({0})): {0}[i] = -{0}[i]"  # of matrices the rows; lanes know this, too
+    )
     turned = {
-        name: one if name == "hdot" and "k" in kind.arguments else f"np.negative({name}, {name})"
+        name: one if name == "hdot" and "k" in kind.arguments else each.format(name)
         for name in kind.arguments
         if name in RATES
     }
@@ -100,8 +103,9 @@ def backward(system: System) -> System:
             "undoes it when the same guard is crossed from the other side; or on_event itself, if "
             "it changes nothing that matters"
         )
+    is_new = "backward" not in system.derived
     turned = _made(system, "backward", _backward, {}, way=-system.way)
-    if system.undo is not None and turned.undo is not None:
+    if is_new and system.undo is not None:
         vars(turned).update(on_event=turned.undo, undo=turned.on_event)
     return turned
 

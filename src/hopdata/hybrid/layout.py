@@ -53,8 +53,9 @@ FLAG_ROWS = 5
 AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 
-# Rows of `rules`: which crossings are events, and how many of these end the integration (0: none).
-DIRECTION, TERMINAL = numbers(2)
+# Rows of `rules`: which crossings are events, how many of these end the integration (0: none), and
+# the way of time, -1 for backward.
+DIRECTION, TERMINAL, WAY = numbers(3)
 
 # Columns of `methods`. Addresses (0: there is none); the short tangent is that for short steps.
 STEP, INTERPOLANT, TANGENT, SHORT_TANGENT, REFRESH = numbers(5)

@@ -148,9 +148,9 @@ class System(Told):
 
     @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """Directions, and how many events end it, (2, n_guards)."""
-        none = (0,) * self.n_guards
-        return np.array([self.directions or none, self.terminal or none], dtype=np.int64)
+        """Directions, how many events end it, and the way of time, (3, n_guards)."""
+        none, ways = (0,) * self.n_guards, (self.way,) * self.n_guards
+        return np.array([self.directions or none, self.terminal or none, ways], dtype=np.int64)
 
     @property
     def callbacks(self) -> tuple[Callback, ...]:

@@ -99,13 +99,13 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
 @kernel_in_loop
 def fire_due(p: problem.Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
-    status, k = at.RUNNING, problem.next_due(m, -1)
+    status, k = at.RUNNING, problem.next_due(p, m, -1)
     while k >= 0:
         ended = fire_one(p, m, log, k) == at.TERMINATED
         if ended or status == at.RUNNING:
             m.counts[at.CULPRIT] = k
         status = at.TERMINATED if ended else status
-        k = problem.next_due(m, k)
+        k = problem.next_due(p, m, k)
     return status
 
 
@@ -156,7 +156,7 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
     """
     resolution, jumps = problem.time_resolution(m.clock[at.T], 0.0), m.counts[at.JUMPS]
     if too_crowded(m, resolution):
-        m.counts[at.CULPRIT] = problem.next_due(m, -1)
+        m.counts[at.CULPRIT] = problem.next_due(p, m, -1)
         return at.ZENO
     later = False
     while True:
@@ -167,7 +167,7 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
             if pushed or not jumped:
                 wrong = int(first_order(p, SALTATE, 0.0, int(pushed), 0, 0))
             if wrong != at.RUNNING:
-                m.counts[at.CULPRIT] = problem.next_due(m, -1)
+                m.counts[at.CULPRIT] = problem.next_due(p, m, -1)
                 return wrong
         status = flip(p, m)
         if status == at.RUNNING:

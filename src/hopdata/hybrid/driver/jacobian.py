@@ -224,7 +224,7 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
         phi[before, i] = m.states[at.K1, i]
     if pushed:
         return at.RUNNING
-    k = next_due(m, -1)
+    k = next_due(p, m, -1)
     rate = m.guards[at.RATE0, k]
     if m.counts[at.N_DUE] == 1:
         grazing = grazes(p, m, k, rate, project(p, m, k, rate))
@@ -236,7 +236,7 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
         m.counts[at.NFEV] += 1
         code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
         add_jump(p, m)
-        k = next_due(m, k)
+        k = next_due(p, m, k)
         if k >= 0:
             rate = rate_along(p, m, k, before, m.clock[at.T], m.states, at.Y)
     for a in range(m.counts[at.N_DUE]):  # they flip in earnest afterwards

@@ -287,11 +287,15 @@ def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) 
 
 
 @kernel
-def next_due(m: Memory, last: int) -> int:
-    """Return the first guard after `last` that flips now, by number, or -1: waking up shuffles."""
+def next_due(p: Problem, m: Memory, last: int) -> int:
+    """Return the first guard after `last` that flips now, by number, or -1: waking up shuffles.
+
+    Where time runs backward, so do the numbers: what was done last is undone first.
+    """
     found = -1
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        if k > last and (found < 0 or k < found):
+        place, way = p.rules[at.WAY, k] * k, p.rules[at.WAY, k]
+        if (last < 0 or place > way * last) and (found < 0 or place < way * found):
             found = k
     return found

@@ -327,7 +327,8 @@ def fire(
         for g in range(N_GUARDS):
             if due >> g & 1:
                 r.modes[j, g] = -r.modes[j, g]
-        for g in range(N_GUARDS):
+        for place in range(N_GUARDS):
+            g = place if rules[at.WAY, place] > 0 else N_GUARDS - 1 - place
             direction = r.modes[j, g]
             wanted = rules[at.DIRECTION, g]
             if due >> g & 1 == 0 or (wanted != 0 and wanted != direction):
