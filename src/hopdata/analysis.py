@@ -138,7 +138,7 @@ def study(
     elif isinstance(source, Mapping):
         content = source
     elif not isinstance(source, str | Path):
-        wanted = "a file, a configuration, recordings (arrays go through hd.Recording.from_arrays)"
+        wanted = "a file, a configuration or recordings (by hd.read or hd.Recording.from_arrays)"
         raise RecordingError.at("source", wanted, type(source).__name__)
     elif Path(source).suffix.lower() in {".yaml", ".yml"}:
         content, files = read_yaml(source), [source]
