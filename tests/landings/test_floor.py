@@ -142,6 +142,25 @@ def test_a_floor_that_slopes_by_degrees_is_told_and_fitted(bent, fitted, degrees
     assert np.quantile(np.abs(flat - same)[..., 2], 0.99) < 1e-3
 
 
+def test_where_a_sloping_floor_lies_in_the_world_does_not_matter(bent):
+    """Far from the origin columns of places were all but one with that of ones: no slope."""
+    tilted = on_floor(bent, lambda x, y: 0.07 * x - 0.01 * y, np.zeros(3))
+    away = replace(tilted, positions=tilted.positions + np.array([1000.0, -1000.0, 0.0]))
+    here, there = (fit_floor(one, degree=1) for one in (tilted, away))
+    assert (there.n_points, there.degree) == (here.n_points, here.degree)
+    np.testing.assert_allclose(level(away, there).feet[..., 2], level(tilted, here).feet[..., 2],
+                               atol=1e-9)  # fmt: skip
+
+
+def test_a_sloping_floor_under_an_animal_of_a_millimetre_is_that_under_one_of_a_metre(bent):
+    tilted = on_floor(bent, lambda x, y: 0.07 * x - 0.01 * y, np.zeros(3))
+    size, pace = 4.0**-5, 2.0**-5
+    small = replace(tilted, time=pace * tilted.time, positions=size * tilted.positions,
+                    rate_hz=tilted.rate_hz / pace)  # fmt: skip
+    here, there = (fit_floor(one, degree=1) for one in (tilted, small))
+    assert (there.n_points, there.degree) == (here.n_points, here.degree)
+
+
 def test_without_noise_the_floor_is_exact():
     clean = on_floor(hopper(np.random.default_rng(3), noise_m=0.0).recording, curved, MOUNTS)
     assert np.abs(floor_error(fit_floor(clean))).max() < 1e-5

@@ -382,7 +382,8 @@ def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
 
 
 def _columns_of_plane(rest: floor_surface.RestPoints, rows: slice = slice(None)) -> FloatArray:
-    return np.hstack([np.eye(len(rest.start_m))[rest.foot[rows]], rest.points[rows, :2]])
+    places = rest.points[rows, :2] - rest.points[:, :2].mean(axis=0)  # far from the origin or not
+    return np.hstack([rest.scale * np.eye(len(rest.start_m))[rest.foot[rows]], places])
 
 
 def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:
