@@ -32,6 +32,13 @@ def test_two_feet_against_the_closed_form():
     np.testing.assert_allclose(order_probability(mean, sd), exact, atol=1e-11)
 
 
+def test_a_clock_that_counts_seconds_since_1970_rounds_no_probability():
+    se = np.full((50, 2), 2e-5)
+    now = 1.7e9 + np.random.default_rng(2).normal(0, 3e-5, (50, 2))
+    exact = norm.cdf(np.abs(now[:, 1] - now[:, 0]) / np.hypot(se[:, 0], se[:, 1]))
+    np.testing.assert_allclose(order_probability(now, se), exact, atol=1e-11)
+
+
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 6])
 def test_equal_feet_have_every_order_equally(n):
     value = order_probability(np.zeros((1, n)), np.full((1, n), 0.001))

@@ -74,6 +74,7 @@ def order_probability(
     """
     order = contact_order(instants) if order is None else np.broadcast_to(order, instants.shape)
     mean, sd = np.take_along_axis(instants, order, axis=1), np.take_along_axis(se, order, axis=1)
+    mean -= mean[:, :1]  # a clock of 1.7e9 s would round the nodes between them
     out = np.full(len(instants), np.nan)
     rows = np.flatnonzero(~(np.isnan(instants) | np.isnan(se)).any(axis=1))
     for chunk in np.split(rows, range(CHUNK, len(rows), CHUNK)) if len(rows) else ():
