@@ -95,6 +95,16 @@ def test_a_model_does_not_depend_on_which_others_are_there():
     assert (other.errors["mse"] != whole.errors["mse"]).all()
 
 
+def test_arrays_that_do_not_match_are_refused():
+    x, y, schedule, spread = study(np.random.default_rng(6), n=100)
+    for wrong in ((x, y, schedule[:10], spread), (x, y, schedule, spread[:10]), (x, y[:10])):
+        with pytest.raises(ValueError, match=r"expected .* of one length, found .*\(10,"):
+            bootstrap_prediction(*wrong, *(schedule, spread)[len(wrong) - 2 :], seed=1)
+    x[3, 2] = np.nan
+    with pytest.raises(ValueError, match="finite"):
+        bootstrap_prediction(x, y, schedule, spread, seed=1)
+
+
 def test_a_small_class_is_named_and_left_out():
     x, y, schedule, spread = study(np.random.default_rng(7))
     keep = np.r_[np.flatnonzero(schedule != "2>1>3"), np.flatnonzero(schedule == "2>1>3")[:5]]

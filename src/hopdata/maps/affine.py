@@ -6,6 +6,7 @@ of the identity, so that they cost one small matrix product and lose no digits.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
@@ -160,17 +161,18 @@ def _minimum_norm_errors(
     return np.mean(misses**2, axis=1)
 
 
-def checked(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def checked(x: FloatArray, y: FloatArray, *beside: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return inputs (n, p) and outputs (n, q) as arrays of floats, if they are such.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, or a number is not finite.
+        If shapes do not fit, also to the length of what stands beside, or a number is not finite.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
-    if x.ndim != 2 or y.ndim != 2 or len(x) != len(y):
-        raise ValueError(f"expected (n, p) and (n, q) arrays, found {x.shape} and {y.shape}")
+    if x.ndim != 2 or y.ndim != 2 or {len(x)} != {*map(np.size, beside), len(y)}:
+        found = ", ".join(map(str, map(np.shape, (x, y, *beside))))
+        raise ValueError(f"expected (n, p) and (n, q) arrays and all of one length, found {found}")
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise ValueError("inputs and outputs must be finite")
     return x, y

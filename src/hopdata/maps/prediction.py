@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
-from hopdata.maps.affine import affine_test_errors, mean_test_errors, pooled_basis
+from hopdata.maps.affine import affine_test_errors, checked, mean_test_errors, pooled_basis
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 
 # Which landings each model of Fig. 2.4 draws from, and how large its splits are.
@@ -203,13 +203,18 @@ def bootstrap_prediction(
     minimum_class
         Classes with fewer landings are left out of the specialised models.
 
+    Raises
+    ------
+    ValueError
+        If the arrays do not match or hold values that are not finite.
+
     Notes
     -----
     An affine map is fitted only where the training set is large enough for it (see
     `needed_training`); otherwise it is noted and left out. Few landings
     never raise: an empty table with its notes is a result too.
     """
-    x, y = np.asarray(x, float), np.asarray(y, float)
+    x, y = checked(x, y, schedule, spread)
     populations, notes = select_populations(
         np.asarray(schedule, str), np.asarray(spread, float), minimum_class
     )
@@ -301,8 +306,7 @@ def _rows(
     model: str, population: Population, errors: FloatArray, sizes: tuple[int, int], unit: FloatArray
 ) -> pd.DataFrame:
     """Return the table of one model and population from its (R, 6B) squared errors."""
-    half = errors.shape[1] // 2
-    position, velocity = errors[:, :half], errors[:, half:]
+    position, velocity = np.split(errors, 2, axis=1)
     values = (
         *(model, population.schedule, np.arange(len(errors)), *sizes),
         *(part.mean(axis=1) for part in (errors, position, velocity)),

@@ -106,6 +106,17 @@ def test_standard_errors_are_those_of_repeated_data():
     assert abs(np.mean(said / found) - 1) < 0.1
 
 
+@pytest.mark.parametrize("count", [11, 12, 14])
+def test_hardly_more_landings_than_inputs_have_no_standard_errors_of_zero(count):
+    noise = InputErrors(0.25 * np.eye(8), np.zeros((8, 2)))
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        x = rng.normal(size=(count, 8))
+        y = x @ SLOPES + 0.3 * rng.standard_t(3, (count, 2))
+        fit = corrected_map(x + 0.5 * rng.normal(size=x.shape), y, noise)
+        assert (fit.standard_errors > 1e-4).all(), seed
+
+
 def test_the_units_of_inputs_and_outputs_do_not_matter():
     x, y, t = measured(400, bend=0.3)
     a, b = np.logspace(-3, 3, 8), np.array([1e-4, 1e4])

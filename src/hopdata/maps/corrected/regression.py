@@ -292,9 +292,9 @@ def _regress(
     if astray is None:
         return slopes, np.sqrt(influence**2 @ residuals**2)
     lost = astray[1] - astray[0] @ slopes
-    bias = influence @ lost  # what the corrections stand for: no scatter
-    residuals = residuals + lost
-    square = influence**2 @ residuals**2 - bias**2 / len(residuals)
+    residuals, mean = residuals + lost, influence @ lost / len(lost)
+    # The mean is what the corrections stand for: no scatter. Squares about it are never negative.
+    square = influence**2 @ residuals**2 + mean * (len(lost) * mean - 2 * influence @ residuals)
     return slopes, np.sqrt(np.maximum(square, 0.0))
 
 
