@@ -12,6 +12,7 @@ from hopdata.landings.stability import (
     BANDWIDTH_FACTORS,
     LEAST,
     QUANTITIES,
+    _rows,
     drift_table,
     section_stability,
 )
@@ -97,6 +98,18 @@ def test_recordings_of_one_kind_do_not_drift(recordings, sections):
     assert set(drift["part"]) == {"a", "b"}
     off = ((drift["median"] - drift["typical"]) / drift["se"]).abs()
     assert off.max() < 4.0
+
+
+@pytest.mark.parametrize("touchdowns", [5, 6, 8, 20])
+def test_parts_of_few_touchdowns_spread_as_they_do(touchdowns):
+    found = []
+    for seed in range(300):
+        values = np.random.default_rng(seed).normal(size=4 * touchdowns)
+        table = {"contact spread": values, "part": np.repeat([*"abcd"], touchdowns)}
+        row = _rows(pd.DataFrame(table), "contact spread")[0]
+        assert row[5] == pytest.approx(1.2533 * row[7] / np.sqrt(touchdowns))
+        found.append(row[7])
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(1.0, abs=0.06)
 
 
 def test_a_moved_marker_is_drift_of_the_body_alone(recordings, sections):

@@ -101,7 +101,8 @@ def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
     if len(parts) < 2:  # nothing to compare
         return []
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
-    spread = MAD_TO_SD * float(np.median(within))
+    # Each part's own median lies amid its values: of five, a deviation in five is zero.
+    spread = MAD_TO_SD * float(np.median(within)) / (1 - len(parts) / len(within))
     typical = float(np.median(np.concatenate(list(parts.values()))))
     told: list[tuple[object, ...]] = []
     for part, v in parts.items():
