@@ -68,6 +68,13 @@ def test_an_exact_map_leaves_its_rounding_alone():
     assert units.time_unit_s == pytest.approx(expected, rel=0.02)
 
 
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_fewer_than_three_landings_are_refused(count):
+    x, y = pairs(np.random.default_rng(6))
+    with pytest.raises(AnalysisError, match=f"at least 3 landings, found {count}"):
+        choose_units(x[:count], y[:count])
+
+
 def test_equal_landings_are_refused():
     with pytest.raises(AnalysisError, match="differ from each other"):
         choose_units(np.ones((30, 18)), np.ones((30, 18)))

@@ -76,10 +76,11 @@ def choose_units(
         If there are fewer than three landings, or if the data do not vary at all.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
+    if len(x) < 3:
+        raise AnalysisError.at("units", "at least 3 landings", len(x))
     errors, predictor = prediction_errors(x, y)
-    half = y.shape[1] // 2
-    position, velocity = _rms(errors[:, :half]), _rms(errors[:, half:])
-    places = y[:, :half] - y[:, :half].mean(0)
+    position, velocity = map(_rms, np.split(errors, 2, axis=1))
+    places = np.split(y - y.mean(0), 2, axis=1)[0]
     spread = float(np.sqrt(np.mean(np.sum(places**2, axis=1))))
     length = spread if length_m is None else float(length_m)
     time = position / velocity if time_s is None and velocity > 0 else float(time_s or 0)
@@ -112,11 +113,9 @@ def prediction_errors(x: FloatArray, y: FloatArray) -> tuple[FloatArray, str]:
         errors = leave_one_out_residuals(x, y)
     except AnalysisError:
         return of_mean, "mean"
-    half = y.shape[1] // 2
-    for part in (slice(0, half), slice(half, None)):
-        if _rms(errors[:, part]) < 1e-9 * _rms(of_mean[:, part]):
-            return of_mean, "mean"
-    return errors, "affine"
+    parts = zip(np.split(errors, 2, axis=1), np.split(of_mean, 2, axis=1), strict=True)
+    exact = any(_rms(left) < 1e-9 * _rms(whole) for left, whole in parts)
+    return (of_mean, "mean") if exact else (errors, "affine")
 
 
 _TIME_RULE = "rms position error over rms velocity error, leave-one-out {} predictor"

@@ -43,6 +43,34 @@ def test_the_printed_map_is_least_squares_in_other_coordinates():
     assert miss < 0.01
 
 
+@pytest.mark.parametrize("count", [40, 200])
+def test_standard_errors_of_affine_maps_are_those_of_repeated_data(count):
+    """The predictions of the printed map scatter less than the landings that it was fitted to."""
+    fits = []
+    for seed in range(40):
+        before, after, instants = landings(count, seed=seed)
+        before = noisy(before, 2e-4, 1e-2, seed=(seed, 1))
+        after = noisy(after, 1e-3, 5e-2, seed=(seed, 2))
+        fits.append(estimate_maps(before, after, instants, time_unit_s=TIME_S).maps)
+    for name in ("printed", "ols", "corrected"):
+        found = np.std([fit[name].coefficients for fit in fits], axis=0)
+        said = np.sqrt(np.mean([fit[name].standard_errors ** 2 for fit in fits], axis=0))
+        assert 0.8 < np.median(found / said) < 1.2, name
+        assert (found / said).max() < 1.6, name
+
+
+def test_landings_with_an_unknown_state_take_no_part():
+    before, after, instants = landings(60)
+    lost = before.copy()
+    lost[3, 4] = np.nan
+    found = estimate_maps(lost, after, instants, time_unit_s=TIME_S)
+    others = (np.delete(one, 3, axis=0) for one in (before, after, instants))
+    rest = estimate_maps(*others, time_unit_s=TIME_S)
+    assert found.n_landings == 59
+    for name, one in rest.maps.items():
+        np.testing.assert_array_equal(found.maps[name].coefficients, one.coefficients)
+
+
 def test_noise_biases_least_squares_and_not_the_correction():
     before, after, instants = landings(4000)
     true = estimate_maps(before, after, instants, time_unit_s=TIME_S).maps["ols"].coefficients

@@ -10,7 +10,7 @@ that is least squares on these coordinates (Frisch and Waugh 1933).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -143,7 +143,7 @@ def estimate_maps(
         (n, 6B) home-frame states at the pre and the post section: positions, m, and velocities,
         m/s, of the markers of a rigid body.
     instants
-        (n, feet) contact instants, s; landings where one is not known take no part.
+        (n, feet) contact instants, s. Landings take part where they and both states are known.
     time_unit_s
         Unit of time that weighs velocities against positions.
 
@@ -153,7 +153,7 @@ def estimate_maps(
         Without maps, but with a note, if the markers do not show a rigid body.
     """
     before, after, times = (np.asarray(part, float) for part in (x, y, instants))
-    known = np.asarray(np.isfinite(times).all(axis=1))
+    known = np.asarray(np.isfinite(np.hstack([before, after, times])).all(axis=1))
     before, after, times = before[known], after[known], times[known]
     try:
         return _estimates(before, after, times, time_unit_s)
@@ -195,6 +195,9 @@ def _estimates(
 def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> LinearMap:
     """Return what the affine map of the marker coordinates says in rigid-body coordinates.
 
+    Its predictions lie on the map, so they do not scatter as landings do: standard errors are those
+    of least squares on the landings themselves, which it is to first order.
+
     Parameters
     ----------
     before, after
@@ -202,5 +205,6 @@ def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> Lin
     shape
         (B, 3) markers in the body, m.
     """
-    said = affine_predictions(before, after)
-    return ols_map(*section_coordinates(rigid_states(before, shape), rigid_states(said, shape)))
+    start, ends = rigid_states(before, shape), (affine_predictions(before, after), after)
+    said, seen = (ols_map(*section_coordinates(start, rigid_states(y, shape))) for y in ends)
+    return replace(said, standard_errors=seen.standard_errors)
