@@ -315,6 +315,8 @@ def test_a_marker_named_as_the_feet_that_stays_higher_makes_them_unsure():
     positions = hopping(1)[1]
     positions[:, MARKERS.index("toe1"), 2] += 0.09  # it sits on the shank
     assert "toe1, which stays 9" in roles(positions).unsure["feet"]
+    positions[:, MARKERS.index("toe1")] = np.nan  # a name without a marker
+    assert "feet" not in roles(positions).unsure
 
 
 def test_feet_that_land_once_are_not_sure():

@@ -166,7 +166,7 @@ def guess_roles(inspection: Inspection) -> Roles:
     unsure = {"body": other_body} if body and other_body else {}
     rested = min((len(runs(rests[:, m])) for m in group), default=0)
     if feet and (doubt := _doubt(feet, markers, rested) or _high(group, taken, inspection)):
-        unsure["feet"] = " or ".join([doubt, *(", ".join(other) for other in rivals)])
+        unsure["feet"] = ", or ".join([doubt, *(", ".join(other) for other in rivals)])
     if body and rested < LEAST_RESTS and "body" not in unsure:
         unsure["body"] = "parts that bend, where too little lands to show it"
     spare = [m for m in range(len(markers)) if markers[m] not in {*feet, *body_names, *boom}]
@@ -241,8 +241,8 @@ def _high(feet: list[int], taken: set[int], inspection: Inspection) -> str:
     """Say which markers are named as the feet are but for a number, and stay higher than they."""
     stems = [re.sub(r"\d+", "", name) for name in inspection.markers]
     alike = {stems[m] for m in feet if part_by_name(stems[m]) == "foot"}
-    high = [m for m, stem in enumerate(stems) if stem in alike and m not in taken]
     above = lowest(inspection.positions[:, :, 2]) - lowest(inspection.positions[:, feet, 2]).min()
+    high = [m for m in np.flatnonzero(np.isfinite(above)) if stems[m] in alike and m not in taken]
     told = (f"{inspection.markers[m]}, which stays {1e3 * above[m]:.0f} mm above" for m in high)
     return " and ".join(told)
 
