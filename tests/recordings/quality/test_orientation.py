@@ -110,6 +110,15 @@ def test_the_rate_is_asked_for_with_what_free_fall_says(seed, rate_hz):
     assert asked.value == f"{rate_hz:g}"
 
 
+def test_of_six_markers_the_two_that_are_pulled_least_speak_for_the_rate():
+    time = np.arange(2000) / 100
+    pulls = np.array([0.9, 0.9, 1.6, 2.0, 2.0, 2.0])[:, None]  # g; a hip marker shakes
+    swing = np.sin(2 * np.pi * time / 0.6)[:, None, None] * pulls * 9.81 * (0.6 / 2 / np.pi) ** 2
+    positions = (np.arange(6)[:, None] + swing) * [0.0, 0.0, 1.0]
+    found = guess_rate(RawRecording(MARKERS[:6], time, positions, 100.0, "m"), "m")
+    assert "at most 0.88 g pull down" in found.reason
+
+
 def test_time_stamps_speak_against_the_rate_that_is_stated():
     sound = raw(walking(), rate_hz=100.0)
     slow = guess_rate(sound, "m")  # or fast, at another rate: nothing tells

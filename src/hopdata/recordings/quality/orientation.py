@@ -400,7 +400,7 @@ def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
     if not len(seen):
         return np.nan
     last = np.isfinite(seen).sum(axis=1, keepdims=True) - 1
-    quarter = np.take_along_axis(np.sort(seen, axis=1), 3 * last // 4, axis=1)
+    quarter = np.take_along_axis(np.sort(seen, axis=1), -(-3 * last // 4), axis=1)
     middle, least = (
         float(-np.quantile(pulled, 0.02) * metres / GRAVITY_M_S2)
         for pulled in (np.nanmedian(seen, axis=1), quarter)
