@@ -480,6 +480,8 @@ def test_a_table_may_spell_its_columns_in_its_own_way(tmp_path, separator):
     [
         ("Time [s]", 1, ""),
         ("time (sec)", 1, ""),
+        ("t", 1, ""),
+        ("t [s]", 1, ""),
         ("Time", 1000, "time: expected s, at most 0.5 from frame to frame, found 10; if these are"),
         ("Time (ms)", 1000, r"line 1: expected Frame or Time \(in s\) .*, found 'Time \(ms\)'"),
     ],

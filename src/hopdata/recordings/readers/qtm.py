@@ -192,9 +192,9 @@ def is_column_row(fields: list[str]) -> bool:
 
 
 def counter(column: str) -> str:
-    """Return Frame or Time if a column is that, as ``time`` and ``Time [s]`` are; else nothing."""
-    name = _IN_SECONDS.sub("", column).title()
-    return name if name in COUNTERS else ""
+    """Return Frame or Time if a column is that, as ``t``, ``Time [s]`` are; else nothing."""
+    name = _IN_SECONDS.sub("", column)
+    return "Time" if name == "t" else name.title() if name.title() in COUNTERS else ""
 
 
 def coordinate(column: str) -> tuple[str, ...]:
