@@ -16,7 +16,6 @@ from hopdata.report.scene import landings_scene
 # The few numbers that the page opens with, and that captions may name.
 
 COUNTS = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded", "n_schedules")
-NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
 
 
 def study_facts(inputs: ReportInputs) -> dict[str, Any]:
@@ -56,7 +55,7 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
     counts: dict[str, Any] = dict.fromkeys((*COUNTS, "spread"))
     if table is not None:
         used = table[~tables.excluded(table)]
-        landings = int((table["reason"] != NO_FOOT_LANDED).sum())
+        landings = int((table["reason"] != tables.NO_FOOT_LANDED).sum())
         names |= set(table["recording"].astype(str))
         orders = int(used["schedule"].replace("", None).nunique())
         others = len(table) - landings, len(used), landings - len(used), orders

@@ -157,8 +157,9 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
 
 
 def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
-    """Return the descents that are not used, with the names of feet in their reasons."""
+    """Return the descents that are not used, landings first, with the feet's names in reasons."""
     out = touchdowns[excluded(touchdowns)]
+    out = out.iloc[(out["reason"] == NO_FOOT_LANDED).argsort(kind="stable")]
     feet = {
         f"foot {k}": str(c)[8:-2] for k, c in enumerate(touchdowns.filter(regex="^contact_"), 1)
     }
@@ -350,6 +351,7 @@ STATUS = {
 }
 WORSE = ("good", "not known", "look", "poor")
 MOST_FAULTS, MOST_EXCLUDED = 30, 500
+NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
