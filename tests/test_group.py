@@ -116,6 +116,8 @@ def test_those_without_an_answer_are_listed_and_not_counted():
     assert found["effect"]["combined"]["n"] == 5
     assert found["conclusion"] == "different"
     assert len(found["members"]) == 6
+    assert "Without an answer: 1 of 6 studies." in found["sentence"]
+    assert "Without" not in put_together(rows[:5], GROUP)["sentence"]
 
 
 def test_the_page_says_how_many_landings_a_subject_lacks():
@@ -126,7 +128,7 @@ def test_the_page_says_how_many_landings_a_subject_lacks():
         row("b", 0.1) | sizes | {"name": "b", "landings_needed": needed} for needed in (None, 9)
     ]
     page = build_group_page(put_together(rows, GROUP), [])
-    assert page.count('<td class="number">300 of 1') == 1
+    assert page.count('<td class="number">300 (1') == page.count(" needed)</td>") == 1
     assert page.count('<td class="number">300</td>') == 2
 
 

@@ -176,5 +176,7 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     sure = group["verdict"]["confidence"]
     conditions = compare_conditions(answered, confidence=sure)
     found["conditions"] = conditions.to_dict("records")
-    said = effect.sentence + told_apart(conditions, confidence=sure)
+    left = f" Without an answer: {len(rows) - len(answered)} of {len(rows)} studies."
+    said = effect.sentence + left * (len(rows) > len(answered))
+    said += told_apart(conditions, confidence=sure)
     return {"conclusion": effect.conclusion, "sentence": said, "effect": asdict(effect), **found}

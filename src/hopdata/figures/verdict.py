@@ -284,7 +284,7 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
             axes.plot(100 * top, y, ">", markersize=4, **look)
     axes.axvline(100 * group["margin"], color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     shown = [(row.get("subject", row["name"]), row.get("condition")) for row in (*rows, *whole)]
-    axes.set_yticks(places, [style.label_of("_".join(filter(None, one))) for one in shown])
+    axes.set_yticks(places, [style.label_of(", ".join(filter(None, one))) for one in shown])
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * max(top, group["margin"]))
     axes.set_xlabel(f"{ASKED} (% of the map)")
