@@ -70,6 +70,7 @@ def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):
     assert main(["init", "monday.tsv", "-o", "config/mine.yaml"]) == 0
     out = capsys.readouterr().out
     assert "config/mine.yaml: written" in out
+    assert "  unit  mm (in " in out
     assert "hopdata run config/mine.yaml" in out
     config = load_config("config/mine.yaml")
     assert config["study"] == "mine"

@@ -254,7 +254,7 @@ def _changes(
             f"record more: at least {needed} landings before anything can be compared; "
             "verdict.margin typically takes more than 1000"
             if forecast.detectable is None
-            else f"record more: some {float(f'{needed:.2g}'):,.0f} landings for verdict.margin"
+            else f"record some {float(f'{needed:.2g}'):,.0f} landings in all for verdict.margin"
             + MORE_SPREAD * (needed > MOST_LANDINGS)
         )
     orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]

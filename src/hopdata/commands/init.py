@@ -186,10 +186,10 @@ def init(options: argparse.Namespace) -> int:
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
     guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
-    for key, found in (guessed | {"home": roles.home}).items():
-        names = found or "not guessed" * (key in ("body", "feet"))
-        if names:
-            reason = roles.reasons.get(key)
+    guessed |= {"home": roles.home, "unit": str(draft.settings.get("input", {}).get("unit", ""))}
+    for key, found in guessed.items():
+        if names := found or "not guessed" * (key in ("body", "feet")):
+            reason = (roles.reasons | {"unit": inspection.unit.reason}).get(key)
             print(f"  {key:5} {names}" + (f" ({reason})" if reason else ""))
     for remark in remarks:
         print(f"note: {remark}")

@@ -111,13 +111,12 @@ def inspection_html(inspection: Inspection, file: str) -> str:
 
 
 def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
-    timing = inspection.timing
-    unit, up = inspection.unit, inspection.up
+    timing, unit, up = inspection.timing, inspection.unit, inspection.up
     noise = f"{1e3 * inspection.typical_noise_m:.2f} mm"
     return [
         ("Frames", f"{len(inspection.time)}", f"{inspection.duration_s:.1f} s"),
         ("Rate", f"{inspection.rate_hz:g} Hz", f"{counted(timing.n_dropped, 'frame')} dropped"),
-        ("Markers", f"{len(inspection.markers)}", ", ".join(inspection.markers)),
+        ("Markers", f"{len(inspection.markers)}", "their names beside the picture"),
         ("Unit", unit.value, unit.reason),
         ("Up", up.value, up.reason),
         ("Noise", noise, "a coordinate, from frame to frame; median of the markers"),
