@@ -132,7 +132,11 @@ def test_thirty_nine_landings_give_what_they_can():
     result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=20)
     assert result.summary["model"].tolist() == ["all", "mean"]
     assert result.summary[["n_train", "n_test"]].to_numpy().tolist() == [[29, 10]] * 2
-    assert {note["what"] for note in result.notes} >= {"specialised models", "near", "far"}
+    assert {note["what"] for note in result.notes} >= {
+        "specialised models",
+        "affine (near)",
+        "affine (far)",
+    }
     assert np.isfinite(result.summary.select_dtypes("number").to_numpy()).all()
 
 
@@ -141,7 +145,7 @@ def test_almost_no_landings_do_not_crash(n, models):
     x, y, schedule, spread = (part[:n] for part in study(np.random.default_rng(10), n=40))
     result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=5)
     assert result.summary["model"].tolist() == models
-    assert "affine model of all touchdowns" in {note["what"] for note in result.notes}
+    assert "affine (all)" in {note["what"] for note in result.notes}
 
 
 def test_constant_columns_and_duplicates_are_harmless():
@@ -234,7 +238,8 @@ def test_what_is_too_small_does_not_shrink_the_others():
     populations, _ = select_populations(schedule, np.arange(39.0), 5)
     kept, notes = large_enough(populations, 120, 41, 20)
     assert [item.name for item in kept] == ["schedule 2>1", "all"]
-    assert [note["what"] for note in notes] == ["affine models of schedule 1>2", "near", "far"]
+    kinds = ["affine models of schedule 1>2", "affine (near)", "affine (far)"]
+    assert [note["what"] for note in notes] == kinds
     assert common_split(kept, 120, 41)[0] == split_sizes(29, 120, 41)
 
 

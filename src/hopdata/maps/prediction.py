@@ -103,8 +103,8 @@ def large_enough(
         if not enough and population.kind == "class":
             thin[population.schedule] = fitted
         elif not enough:
-            what = "affine model of all touchdowns" if population.kind == "all" else population.name
-            notes.append({"what": what, "reason": f"{fitted} touchdowns to fit, {wanted}"})
+            reason = f"{fitted} touchdowns to fit, {wanted}"
+            notes.append({"what": f"affine ({population.name})", "reason": reason})
         if enough or (population.kind == "all" and size >= 2):
             kept.append(population)
     return kept, rare_notes("affine models", thin, f"left to fit: {wanted}") + notes
