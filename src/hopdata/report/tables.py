@@ -160,9 +160,8 @@ def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
     """Return the descents that are not used, landings first, with the feet's names in reasons."""
     out = touchdowns[excluded(touchdowns)]
     out = out.iloc[(out["reason"] == NO_FOOT_LANDED).argsort(kind="stable")]
-    feet = {
-        f"foot {k}": str(c)[8:-2] for k, c in enumerate(touchdowns.filter(regex="^contact_"), 1)
-    }
+    contacts = touchdowns.filter(regex="^contact_")
+    feet = {f"foot {k}": str(c)[8:-2] for k, c in enumerate(contacts, 1)}
     reasons = out["reason"].astype(object).fillna("").astype(str)
     names = [re.sub(r"foot \d+", lambda n: feet.get(n[0], n[0]), reason) for reason in reasons]
     return out.assign(reason=names)

@@ -401,10 +401,8 @@ def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
         return np.nan
     last = np.isfinite(seen).sum(axis=1, keepdims=True) - 1
     quarter = np.take_along_axis(np.sort(seen, axis=1), -(-3 * last // 4), axis=1)
-    middle, least = (
-        float(-np.quantile(pulled, 0.02) * metres / GRAVITY_M_S2)
-        for pulled in (np.nanmedian(seen, axis=1), quarter)
-    )
+    pulled = np.nanmedian(seen, axis=1), quarter
+    middle, least = (float(-np.quantile(p, 0.02) * metres / GRAVITY_M_S2) for p in pulled)
     return least if middle > FALLING[1] else middle
 
 
