@@ -36,3 +36,13 @@ def test_the_rate_of_arrays_is_that_of_stamps_that_were_not_rounded(rate_hz, wri
     made = Recording.from_arrays(written(time), still, names, feet=names[:1], body=names[1:])
     assert made.rate_hz == pytest.approx(rate_hz, rel=1e-12 if rate_hz % 1 == 0 else 1e-6)
     assert np.abs(made.time - time).max() < 2e-5
+
+
+def test_what_an_array_masks_was_not_seen():
+    names = ["toe", "hip1", "hip2", "hip3"]
+    still = np.ma.masked_array(np.ones((20, 4, 3)), mask=False)
+    still[5, 2] = np.ma.masked
+    made = Recording.from_arrays(np.arange(20) / 100, still, names, feet=names[:1], body=names[1:])
+    assert np.isnan(made.positions[5, 2]).all()
+    assert np.isnan(made.positions).sum() == 3
+    assert type(made.positions) is np.ndarray

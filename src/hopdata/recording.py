@@ -261,7 +261,7 @@ def _together(markers: list[int]) -> list[int] | slice:
 def numbers(key: str, values: ArrayLike) -> FloatArray:
     """Return what is given for an argument as an array; refuse all but numbers by its name."""
     try:
-        return np.asarray(values, float)
+        return np.ma.asarray(values, float).filled(np.nan)
     except (TypeError, ValueError) as error:
         raise ArgumentError.at(key, "an array of numbers", str(error).partition(". ")[0]) from None
 
