@@ -97,6 +97,16 @@ def test_the_residual_is_the_noise_of_a_coordinate():
     assert np.sqrt(np.mean(residual**2)) == pytest.approx(0.0006, rel=0.03)
 
 
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_the_residual_of_markers_on_a_line_is_their_noise_too(count):
+    line = np.linspace(0.0, 0.3, count)[:, None] * [0.6, 0.0, 0.8]
+    markers, rotation, *_ = moved(line, 4000, 9)
+    noise = 0.0006 * generator(10).standard_normal(markers.shape)
+    fit = rigid_fit(markers + noise, line, rotation)
+    assert fit.leaned.all()
+    assert np.sqrt(np.mean(fit.residual_m**2)) == pytest.approx(0.0006, rel=0.03)
+
+
 def test_heading_is_the_yaw_whatever_the_tilt():
     _, rotation, _, angles = moved(SHAPE, 50, 9, tilt=0.4)
     np.testing.assert_allclose(headings(rotation), angles[:, 0], atol=1e-12)

@@ -78,7 +78,7 @@ def rigid_fit(
     rotation = left @ right
     rotation[~(determined | leaned)] = np.nan
     misses = points - np.einsum("nij,nbj->nbi", rotation, arms)
-    free = np.where(leaned, 1, 3 * count - 6).clip(1)
+    free = (3 * count - 6 + leaned).clip(1)
     square = np.einsum("nb,nbi,nbi->n", weight, misses, misses)
     centre = middle - np.einsum("nij,nj->ni", rotation, home)
     return RigidFit(centre, rotation, np.sqrt(square / free), leaned)
