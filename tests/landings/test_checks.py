@@ -149,10 +149,12 @@ def test_drift_beyond_its_errors_is_named(tables):
 
 
 def test_faults_are_counted_by_kind(tables):
-    tables["faults"] = pd.DataFrame({"kind": ["swap", "swap", "spike"]})
+    rows = [("swap", "a", 1.0), ("swap", "b", 1.0), ("swap", "a", 7.0), ("swap", "b", 7.0)]
+    rows += [("spike", "b", 1.0)]  # a swap has a row for each of its markers
+    tables["faults"] = pd.DataFrame(rows, columns=["kind", "marker", "start_s"])
     found = judged(tables)[WHAT["faults"]]
     assert (found.status, found.value) == (LOOK, 3.0)
-    assert found.remark == "2 swap, 1 spike"
+    assert found.remark == "2 × swap, 1 × spike"
 
 
 @pytest.mark.parametrize(("marker", "told"), [("b1", True), ("f1", False)])

@@ -132,8 +132,9 @@ def _seen(markers: pd.DataFrame) -> Check:
 
 
 def _faults(faults: pd.DataFrame) -> Check:
+    faults = faults.drop(columns="marker", errors="ignore").drop_duplicates()
     kinds = faults["kind"].value_counts()
-    remark = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "none found"
+    remark = ", ".join(f"{n} × {kind}" for kind, n in kinds.items()) or "none found"
     return _check("swaps, spikes, jumps, frozen, time", float(len(faults)), remark)
 
 
