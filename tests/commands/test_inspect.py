@@ -146,11 +146,12 @@ def test_a_marker_that_is_never_seen_is_told_and_no_fault(tmp_path, capsys):
 def test_a_marker_unseen_for_long_and_what_the_reader_said_are_noted(tmp_path, capsys):
     positions = hopping(2)[1]
     positions[::2, 4] = np.nan
+    positions[np.arange(2000) % 4 > 0, 3] = np.nan
     text = export(tmp_path, positions).read_text().replace("NO_OF_FRAMES\t2000", "NO_OF_FRAMES\t9")
     (tmp_path / "monday.tsv").write_text(text)
     assert main(["inspect", str(tmp_path / "monday.tsv")]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert "note toe2 is unseen in 50 % of the frames" in told
+    assert "note unseen in many of the frames: toe1 (75 %), toe2 (50 %); that may" in told
     assert "NO_OF_FRAMES: expected 9 frames as stated, found 2000 rows" in told
 
 

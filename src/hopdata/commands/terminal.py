@@ -95,12 +95,11 @@ def notes(inspection: Inspection) -> list[str]:
         "input.rate_hz": inspection.rate,
     }
     questions = [one for key, guess in guesses.items() for one in question(key, guess)]
-    lost = [
-        f"{gaps.marker} is unseen in {100 * gaps.share:.0f} % of the frames and may lose landings; "
-        "on a foot, those of other legs would count in their place: take one that is seen"
-        for gaps in inspection.gaps
-        if LONG_UNSEEN < gaps.share < 1
-    ]
+    gaps = [one for one in inspection.gaps if LONG_UNSEEN < one.share < 1]
+    told = "unseen in many of the frames: "
+    told += ", ".join(f"{one.marker} ({100 * one.share:.0f} %)" for one in gaps)
+    told += "; that may lose landings, and on a foot those of other legs would count in their place"
+    lost = [f"{told}: take markers that are seen"] * bool(gaps)
     return [*questions, *inspection.remarks, *inspection.treated, *inspection.lost, *lost]
 
 
