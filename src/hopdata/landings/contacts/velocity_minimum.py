@@ -92,7 +92,9 @@ def velocity_minima(
     instant, se : (L, n) array
         Instants and standard errors, s; NaN where the transition is incomplete or a frame of the
         filter's window is missing in it. The error is that of rounding to a frame, or what the
-        noise of the heights makes of the vertex.
+        noise of the heights makes of the vertex. Instants scatter by more: by several times
+        this at 1000 Hz, where noise decides which frame is the least, and about a vertex,
+        which depends on where in a frame the contact falls.
     """
     frame_s = float(np.median(np.diff(time)))
     velocity = savitzky_golay_velocity(heights, 1 / frame_s)
