@@ -141,6 +141,7 @@ def test_nothing_is_replaced_unless_asked(folder, capsys):
     assert (folder / "config/monday.yaml").read_text() == before
 
 
+@pytest.mark.filterwarnings("error")
 def test_what_cannot_be_guessed_is_said_and_left_to_fill_in(folder, capsys):
     drift = np.cumsum(np.random.default_rng(2).normal(0, 1e-3, (3000, 4, 3)), axis=0)
     export(folder, drift + np.arange(4)[:, None] * 0.1, names=("a", "b", "c", "d"))

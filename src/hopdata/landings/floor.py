@@ -382,7 +382,8 @@ def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
 
 
 def _columns_of_plane(rest: floor_surface.RestPoints, rows: slice = slice(None)) -> FloatArray:
-    places = rest.points[rows, :2] - rest.points[:, :2].mean(axis=0)  # far from the origin or not
+    middle = rest.points[:, :2].sum(axis=0) / max(len(rest.points), 1)  # far from the origin or not
+    places = rest.points[rows, :2] - middle
     return np.hstack([rest.scale * np.eye(len(rest.start_m))[rest.foot[rows]], places])
 
 
