@@ -474,7 +474,7 @@ def _feet_reason(group: list[int], rests: BoolArray) -> str:
     often = f"{low}" if low == high else f"{low} to {high}"
     together = (any(_overlap(rests[:, m], rests[:, k]) for k in group if k != m) for m in group)
     apart = "" if all(together) else "; not at the same time"
-    return f"rest near the floor {often} times, {share:.0f} % of the time{apart}"
+    return f"rest near the floor {often} time{'s' * (high != 1)}, {share:.0f} % of the time{apart}"
 
 
 def _sole(group: list[int], inspection: Inspection) -> tuple[list[int], str]:
