@@ -70,6 +70,19 @@ def test_a_hole_at_the_lowest_point_is_bridged_and_said():
     np.testing.assert_array_equal(found.pairs, true_pairs(hopper))
 
 
+@pytest.mark.parametrize("rate", [100.0, 500.0])
+@pytest.mark.parametrize("hole_s", [0.012, 0.03, 0.1])
+def test_a_hole_beside_the_lowest_point_is_no_harm(rate, hole_s):
+    hopper = steered(rate_hz=rate)
+    time, z = hopper.recording.time, heights(hopper)
+    for k, lowest in enumerate(hopper.lowest_s):
+        z[np.abs(time - lowest - (-1) ** k * (0.02 + hole_s / 2)) <= hole_s / 2] = np.nan
+    found = find_stances(time, z)
+    assert len(found.time_s) == len(hopper.lowest_s)
+    assert np.abs(found.time_s - hopper.lowest_s).max() < 0.004
+    assert not found.bridged.any()
+
+
 def test_a_hole_in_flight_is_no_harm_while_it_is_short():
     hopper = steered()
     time, z = hopper.recording.time, heights(hopper)

@@ -87,7 +87,7 @@ def local_fit(
 
 BOTTOM_S = 0.045  # half the window of the fit at the lowest point
 SIDE_S = 0.05  # window of the fit beside a hole
-WIDEST_HOLE_FRAMES = 3.5  # beside the lowest point, for the fit through it
+WIDEST_HOLE_S, WIDEST_HOLE_FRAMES = 0.035, 3.5  # the larger one: holes that the fit may go over
 LONGEST_BRIDGE_S = 0.2
 LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
 
@@ -108,9 +108,9 @@ def find_bottom(
 ) -> Bottom | str:
     """Find the lowest point near the lowest frame, or say why it is none.
 
-    It is the minimum of a cubic through the frames there. If too many of these are missing, it is
-    the `turning_point` of the heights and speeds beside the hole. Either way the acceleration must
-    be half of g at least.
+    It is the minimum of a cubic through the frames there, or the `turning_point` of the heights and
+    speeds beside a hole that is too wide for it, if the height falls before and rises after. Either
+    way the acceleration must be half of g at least.
 
     Parameters
     ----------
@@ -127,27 +127,29 @@ def find_bottom(
     first, last = np.searchsorted(time, [begin - 1e-9, end + 1e-9])
     waits = np.diff(np.concatenate([[begin], time[first:last], [end]]))
     fit = local_fit(time, height, begin, end, degree=3)
-    if fit is None or waits.max() > WIDEST_HOLE_FRAMES * frame_s:
-        return _bridged(time, height, lowest, below_m)
+    allowed_s = max(WIDEST_HOLE_S, WIDEST_HOLE_FRAMES * frame_s) if fit else 0.0
+    for k in np.argsort(-waits, kind="stable")[: np.sum(waits > allowed_s)]:
+        bridged = _bridged(time, height, int(first - 1 + k), below_m)
+        if bridged is not None:
+            return bridged
+    if fit is None:
+        return BOTTOM_UNSEEN
     instant = fit.lowest()
     if instant is None or fit.at(instant, 2) < LEAST_BEND_M_S2:
         return NO_BOUNCE
     return Bottom(instant, float(fit.at(instant)))
 
 
-def _bridged(time: FloatArray, height: FloatArray, lowest: int, below_m: float) -> Bottom | str:
-    """Find the lowest point in the widest hole beside the lowest frame."""
-    if lowest == 0 or lowest == len(time) - 1:
+def _bridged(
+    time: FloatArray, height: FloatArray, before: int, below_m: float
+) -> Bottom | str | None:
+    """Find the lowest point in the hole behind a frame; None if it is on one side of the hole."""
+    if not 0 <= before < len(time) - 1 or time[before + 1] - time[before] > LONGEST_BRIDGE_S:
         return BOTTOM_UNSEEN
-    before = (
-        lowest - 1 if time[lowest] - time[lowest - 1] > time[lowest + 1] - time[lowest] else lowest
-    )
     out_s, in_s = time[before], time[before + 1]
-    if in_s - out_s > LONGEST_BRIDGE_S:
-        return BOTTOM_UNSEEN
     fall, rise = side_speeds(time, height, before)
     if not (fall < 0 < rise):
-        return BOTTOM_UNSEEN
+        return BOTTOM_UNSEEN if np.isnan(fall + rise) else None
     if (rise - fall) / (in_s - out_s) < LEAST_BEND_M_S2:
         return NO_BOUNCE
     falling = (float(out_s), float(height[before]), fall)
@@ -188,9 +190,8 @@ def side_speeds(time: FloatArray, height: FloatArray, before: int) -> tuple[floa
     speeds = []
     for frame, begin, end in ((before, -SIDE_S, 0.0), (before + 1, 0.0, SIDE_S)):
         at = time[frame]
-        fit = local_fit(time, height, at + begin, at + end, degree=2) or local_fit(
-            time, height, at + begin, at + end, degree=1
-        )
+        window = (time, height, at + begin, at + end)
+        fit = local_fit(*window, degree=2) or local_fit(*window, degree=1)
         speeds.append(float("nan") if fit is None else float(fit.at(at, 1)))
     return speeds[0], speeds[1]
 
