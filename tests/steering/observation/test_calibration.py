@@ -199,6 +199,24 @@ def test_a_shape_is_not_taken_for_its_mirror_image():
         assert misfit(marker_shape(seen(mirrored))[0], mirrored) < 0.0001
 
 
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("noises_off", [0.0, 1.5])
+def test_markers_in_one_plane_but_for_the_noise_are_no_mirror_images(seed, noises_off):
+    off = noises_off * 0.002 * np.array([1, -1, 0.5, -0.3, 0.8])
+    flat = np.array([[0.1, 0], [0.03, 0.09], [-0.08, 0.06], [-0.08, -0.06], [0.03, -0.09]])
+    shape = np.column_stack([flat, off])
+    found, noise = marker_shape(seen(shape, noise=0.002, seed=seed))
+    assert misfit(found, shape) < 0.0005
+    assert noise == pytest.approx(0.002, rel=0.05)
+
+
+def test_a_tenth_of_the_frames_tells_a_shape_from_its_mirror_image():
+    shape = generator(7).uniform(-0.2, 0.2, (4, 3))
+    markers = seen(shape)
+    markers[60:, 0][::2], markers[61:, 1][::2] = np.nan, np.nan
+    assert misfit(marker_shape(markers)[0], shape) < 0.0005
+
+
 def test_unseen_markers_are_left_out():
     shape = generator(5).uniform(-0.2, 0.2, (4, 3))
     markers = seen(shape)

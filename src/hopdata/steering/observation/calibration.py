@@ -157,9 +157,8 @@ def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
         )
     span = arc_span((points - circle.centre_m) @ circle.axes.T, np.zeros(2))
     if span < LEAST_ARC_RAD:
-        least = f"{np.rad2deg(LEAST_ARC_RAD):.0f} degrees to define a circle"
-        found = f"{np.rad2deg(span):.1f}"
-        raise AnalysisError.at("boom", f"it to move through at least {least}", found)
+        least = f"at least {np.rad2deg(LEAST_ARC_RAD):.0f} degrees to define a circle"
+        raise AnalysisError.at("boom", f"it to move through {least}", f"{np.rad2deg(span):.1f}")
 
 
 # Where the body markers are in the body: from the recording itself, robustly.
@@ -211,18 +210,19 @@ def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return the shape or its mirror image, which have the same distances."""
+    """Return the shape, its mirror image, which has the same distances, or the flat one between.
+
+    Of markers that are flat but for the noise neither image fits better than the other.
+    """
     widths = np.linalg.norm(shape, axis=0)
     if widths[2] < ON_A_LINE * widths[0]:
         return shape
-    both = [shape, shape * [1, 1, -1]]
-    residuals = [float(np.median(rigid_fit(frames, one).residual_m)) for one in both]
-    if min(residuals) > 0.5 * max(residuals):
-        raise AnalysisError(
-            "body markers: expected four off one plane in sight together in most frames, to tell "
-            "their shape from its mirror image; found them too seldom"
-        )
-    return both[int(np.argmin(residuals))]
+    telling = frames[np.isfinite(frames).all(axis=2).sum(axis=1) > 3]
+    if len(telling) < LEAST_FRAMES:
+        wanted = f"four off one plane in {LEAST_FRAMES} frames, to tell their mirror image"
+        raise AnalysisError.at("body markers", wanted, len(telling))
+    three = [shape * [1, 1, side] for side in (0, 1, -1)]
+    return min(three, key=lambda one: float(np.median(rigid_fit(telling, one).residual_m)))
 
 
 def _usable(markers: FloatArray) -> FloatArray:

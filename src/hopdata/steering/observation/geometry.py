@@ -50,8 +50,8 @@ class BoomCircle:
     def misses(self, boom: FloatArray) -> FloatArray:
         """Distance from the circle, (...), m, of the boom marker (..., 3) in body axes."""
         arm = boom - self.centre_m
-        x, y = np.moveaxis(arm @ self.axes.T, -1, 0)
-        return np.asarray(np.hypot(np.hypot(x, y) - self.radius_m, arm @ self.normal))
+        across = np.linalg.norm(np.cross(arm, self.normal), axis=-1)
+        return np.asarray(np.hypot(across - self.radius_m, arm @ self.normal))
 
 
 @dataclass(frozen=True)
