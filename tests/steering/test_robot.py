@@ -57,6 +57,17 @@ def test_the_stance_is_the_lowest_point_of_the_markers():
     assert hop.frame_time_s[np.argmin(height)] == pytest.approx(hop.stance.time_s, abs=1e-3)
 
 
+# Stances near 0.35 and 0.41 s: a frame there is not quite 35 or 41 times the step of the search.
+@pytest.mark.parametrize("height_m", [0.345, 0.495])
+def test_frames_within_rounding_of_the_search_do_not_move_the_stance(height_m):
+    robot = replace(STILL, release_height_m=height_m)
+    apex = released(robot, np.zeros(3))
+    seen = steer_hop(robot, apex, 0.5, rng=rng(), frame_times_s=np.arange(100) / 100)
+    alone = steer_hop(robot, apex, 0.5, rng=rng())
+    assert seen.stance.time_s == pytest.approx(alone.stance.time_s, abs=1e-9)
+    np.testing.assert_allclose(seen.stance.pose, alone.stance.pose, atol=1e-9)
+
+
 def test_a_board_holds_the_hopper_back_and_is_left_where_it_was_pushed():
     board = Board(direction=(1.0, 0.0), place_m=0.0)
     free = pushing = released(STILL, np.zeros(3), 1.0)

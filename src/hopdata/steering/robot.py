@@ -170,7 +170,8 @@ def steer_hop(
     chance = 1 + robot.kicks.preload_fraction * rng.standard_normal(parameters.n_legs)
     frames = np.asarray(frame_times_s, dtype=float) - apex.time_s
     frames = frames[(frames >= 0) & (frames < robot.hop_limit_s)]
-    times = np.union1d(frames, np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S))
+    searched = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
+    times = np.union1d(frames, searched)
     hop = fly_hop(
         parameters, kicked(apex.state, robot.kicks, rng),
         variant=None if board is None else board.drag, preloads_n=robot.preloads_n * chance,
@@ -180,7 +181,8 @@ def steer_hop(
     shown = np.isin(times, frames)
     boom = parameters.after(hop.end_time_s).boom_angle_rad
     end = Apex(apex.time_s + hop.end_time_s, hop.end_state, boom)
-    stance = _stance(robot, hop, times, apex.time_s, boom)
+    on = np.isin(times, searched)  # no parabola goes through a frame that is as good as there
+    stance = _stance(robot, replace(hop, states=hop.states[on]), times[on], apex.time_s, boom)
     frame_time_s, markers = apex.time_s + times[shown], _markers(robot, hop, shown)
     return SteeredHop(apex, swing, stance, end, frame_time_s, markers, hop)
 
