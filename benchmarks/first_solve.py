@@ -2,11 +2,12 @@
 
     python benchmarks/first_solve.py --out first_solve.csv
 
-One row for each case. `install`: nothing is cached, driver and generic methods are compiled.
+One row for each case. `install`: nothing is cached, driver and generic methods are compiled;
+`install, Jacobian`: then what carries Jacobians.
 `new scene`: a module never seen before, the driver is there. `known scene`: the same module in
 another process. `new scene, Jacobian` and `known scene, Jacobian`: the same with the flow's
-Jacobian, for which a method and its tangents are compiled for the scene; the fall alone, for a
-bounce resets the state. `new scene, plain Python`: its field uses a dictionary, which Numba does
+Jacobian, for which nothing more is compiled for the scene; the fall alone, for a bounce resets the
+state. `new scene, plain Python`: its field uses a dictionary, which Numba does
 not compile; `known scene, plain Python`: the same again. `own code`: `System.compile` before, which
 makes all methods for the scene; `known scene, own code`: the next process.
 
@@ -34,6 +35,7 @@ import pandas as pd
 REPEATS = 7
 CASES = (
     "install",
+    "install, Jacobian",
     "new scene",
     "known scene",
     "new scene, Jacobian",
@@ -130,6 +132,7 @@ def measure(folder: Path, repeats: int) -> dict[str, list[list[float]]]:
     write_scene(folder, "first", 0, plain=False)
     times: dict[str, list[list[float]]] = {case: [] for case in CASES}
     times["install"].append(first_solve(folder, "first"))
+    times["install, Jacobian"].append(first_solve(folder, "first", jacobian=True))
     for number in range(1, repeats + 1):
         for name, plain in ((f"scene{number}", False), (f"plain{number}", True)):
             write_scene(folder, name, number, plain=plain)

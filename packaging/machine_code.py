@@ -53,7 +53,8 @@ def main() -> None:
     loop.compiled_run()
     loop.compiled_first_order()
     for name in table.TABLEAUS:
-        table.generic_code(name)
+        for tangents in (False, True):
+            table.generic_code(name, tangents)
     for file in sorted(folder.iterdir()):
         print(f"{file.name}: {file.stat().st_size} bytes")
 

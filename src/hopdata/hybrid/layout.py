@@ -57,18 +57,19 @@ LIST_ROWS = 4
 # the way of time, -1 for backward.
 DIRECTION, TERMINAL, WAY = numbers(3)
 
-# Columns of `methods`. Addresses (0: there is none); the short tangent is that for short steps.
-STEP, INTERPOLANT, TANGENT, SHORT_TANGENT, REFRESH = numbers(5)
+# Columns of `methods`. Addresses (0: there is none); the short tangent is that for short steps, the
+# derivative the user's.
+STEP, INTERPOLANT, TANGENT, SHORT_TANGENT, REFRESH, DERIVATIVE = numbers(6)
 # Evaluations that each of them takes.
-EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS, SHORT_EVALUATIONS = numbers(4, 5)
+EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS, SHORT_EVALUATIONS = numbers(4, 6)
 # The order by which the step is controlled, the interpolant's error in units of the estimated one
 # of the step, and whether it is in powers of theta.
-ORDER, INTERPOLANT_ERROR, IN_POWERS = numbers(3, 9)
+ORDER, INTERPOLANT_ERROR, IN_POWERS = numbers(3, 10)
 # The methods to change to where events are sparser or denser, where the field is stiff and where it
 # is not (-1: none).
-SPARSER, DENSER, STIFFER, RELAXED = numbers(4, 12)
-LAST_SLOPE, STIFF_TENTHS = numbers(2, 16)  # row of the last stage's slope, limit of stability
-METHOD_SLOTS = 18
+SPARSER, DENSER, STIFFER, RELAXED = numbers(4, 13)
+LAST_SLOPE, STIFF_TENTHS = numbers(2, 17)  # row of the last stage's slope, limit of stability
+METHOD_SLOTS = 19
 
 # Slots of `clock`: the time, the next step, the error of the last one (a logarithm), and its error
 # in units of the tolerance.

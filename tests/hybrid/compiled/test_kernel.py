@@ -13,9 +13,8 @@ from numba import njit
 from numba.core import codegen, compiler, typed_passes
 
 from hopdata.hybrid.compiled import kernel as kernels
-from hopdata.hybrid.compiled.digest import with_digest
-from hopdata.hybrid.compiled.memory import float_table
-from hopdata.hybrid.methods import tangent as products
+from hopdata.hybrid.compiled.memory import view
+from hopdata.hybrid.methods.tangent import add_product, multiply
 
 NATIVE = numba.float64(numba.float64)
 
@@ -114,24 +113,19 @@ def test_with_a_numba_that_lacks_a_name(monkeypatch, owner, name):
 
 # Products of blocks of a table: against NumPy's.
 
-N = 0
-MULTIPLY = ADD_PRODUCT = None
 
-
-def both(address):
-    table = float_table(address, N)
-    MULTIPLY(table, 3 * N, N, 2 * N)
-    ADD_PRODUCT(table, 4 * N, 0, N, 2 * N, 0.3)
+@njit
+def both(blocks):
+    table, n = view(blocks), blocks.shape[1]
+    multiply(table, 3 * n, n, 2 * n)
+    add_product(table, 4 * n, 0, n, 2 * n, 0.3)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 6, 11, 17])
 def test_products(n):
     before = np.random.default_rng(n).normal(size=(6 * n, n))
     after = before.copy()
-    multiply = njit(with_digest(products.multiply, N=n))
-    add_product = njit(with_digest(products.add_product, MULTIPLY=multiply, N=n))
-    run = njit(with_digest(both, N=n, MULTIPLY=multiply, ADD_PRODUCT=add_product))
-    run(after.ctypes.data)
+    both(after)
     base, left, right, product, sum_, beyond = after.reshape(6, n, n)
     assert product == pytest.approx(left @ right, abs=1e-13)
     assert sum_ == pytest.approx(before[:n] + 0.3 * left @ right, abs=1e-13)

@@ -200,11 +200,15 @@ def test_what_the_field_raises_reaches_the_caller(monkeypatch, limit):
     assert len(tiers(system, "dopri5")) == (limit > 0)
 
 
-def test_jacobians_have_code_of_their_own():
-    system = ring(2)
-    s = solve(system, (0.0, 0.1), [0.3, 1.0], mode=[1], method="dopri5", jacobian=True)
-    assert s.jacobian.shape == (2, 2)
-    assert not system.methods("dopri5", True).generic
+@pytest.mark.parametrize("name", ["dopri5", "dop853"])
+def test_jacobians_have_the_same_bytes_by_either_code(name, monkeypatch):
+    system = ring(3)
+    generic = outcome(system, name, jacobian=True)
+    assert system.methods(name, True).generic  # nothing is compiled for a new scene
+    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    own = outcome(system, name, jacobian=True)
+    assert not system.methods(name, True).generic
+    assert generic.jacobian.tobytes() == own.jacobian.tobytes()
 
 
 def test_compiled_beforehand(monkeypatch):

@@ -188,7 +188,7 @@ def derivative(t):
     return CONSTANT + np.sin(3.0 * t) * VARYING
 
 
-def stage_jacobian(t, dt, rtol, s, mode, params, atol, phi):
+def stage_jacobian(t, dt, rtol, s, mode, params, atol, phi, field, jacobian):
     phi[N : 2 * N] = derivative(t)
 
 
@@ -199,6 +199,8 @@ def plain_fma(a, b, c):
 
 class Table(np.ndarray):
     """A table whose rows may be run over, as in compiled code: entry e of a block."""
+
+    width = N
 
     def __getitem__(self, at):
         if isinstance(at, tuple):
@@ -215,14 +217,13 @@ class Table(np.ndarray):
 
 def short_flow(dt, rtol=1e-6):
     """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
-    fastest = with_digest(taylor.fastest_motion, N=N)
-    names = {"STAGE_JACOBIAN": stage_jacobian, "FASTEST_MOTION": fastest, "N": N}
-    multiply = with_digest(tangent.multiply, N=N, fma=plain_fma)
-    add = with_digest(tangent.add_product, MULTIPLY=multiply, N=N, fma=plain_fma)
-    step = with_digest(tangent.short_tangent, ADD_PRODUCT=add, **names)
+    names = {"stage_jacobian": stage_jacobian, "fastest_motion": taylor.fastest_motion.py_func}
+    multiply = with_digest(tangent.multiply.py_func, fma=plain_fma)
+    add = with_digest(tangent.add_product.py_func, multiply=multiply, fma=plain_fma)
+    step = with_digest(tangent.short_tangent, add_product=add, **names)
     phi = np.zeros((ROWS, N)).view(Table)
     phi[:N] = np.eye(N)
-    error = step(0.0, dt, rtol, np.zeros((40, N)), None, None, None, phi)
+    error = step(0.0, dt, rtol, np.zeros((40, N)), None, None, None, phi, 0, 0)
     return np.array(phi[N : 2 * N]), error, phi[3 * N + PHI_MOTION, 0]
 
 

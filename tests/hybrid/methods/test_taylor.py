@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from method_harness import END, K1, KEND, NO_ADDRESS, P1, Stepper, Y, compiled, specialised
 
+from hopdata.hybrid.compiled.memory import view
 from hopdata.hybrid.methods import taylor
 
 EPS = 2.0**-52
@@ -38,6 +39,11 @@ def affine_field(t, y, mode, params, dy):
 CODES = {}
 
 
+@compiled
+def fastest_motion(table, first):
+    return taylor.fastest_motion(view(table), first)
+
+
 def stepper(a, b, y, **options):
     """A stepper at t = 0 for y' = a y + b."""
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
@@ -47,8 +53,7 @@ def stepper(a, b, y, **options):
     made.s[:] = np.nan
     made.params = np.concatenate([a.ravel(), b])
     made.rtol, made.atol = options.get("rtol", 1e-9), np.full(n, options.get("atol", 1e-12))
-    fastest = specialised(taylor.fastest_motion, N=n)
-    names = {"AFFINE": affine, "N": n, "FASTEST_MOTION": fastest}
+    names = {"AFFINE": affine, "N": n, "fastest_motion": fastest_motion}
     refresh = CODES.setdefault((n, "refresh"), specialised(taylor.refresh, **names))
     refresh(made.s, made.mode, made.params)
     made.start(0.0, y)

@@ -101,6 +101,8 @@ _NUMBER = (types.int64, VALUE)
 call_field = caller(FIELD.native, _T, _STATE, _MODE, _PARAMS, _STATE)
 # The same with mode and params as arrays.
 call_field_on_arrays = caller(FIELD.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), _STATE)
+# call_jacobian(address, t, s, y, mode, params, jac)
+call_jacobian = caller(JACOBIAN.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), (MATRIX, VALUE))
 # call_guards(address, t, s, y, s, dy, mode, params, g, h, g, hdot)
 call_guards = caller(GUARDS.native, _T, _STATE, _STATE, _MODE, _PARAMS, _GUARDS, _GUARDS)
 # call_guard(address, t, s, y, s, dy, mode, params, k, g, h, g, hdot)
@@ -111,23 +113,23 @@ call_rate_bound = caller(RATE_BOUND.native, _T, _STATE, _STATE, _MODE, _PARAMS)
 call_on_event = caller(ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _NUMBER, _NUMBER)
 
 _FLOAT, _INT = types.float64, types.int64
-_VIEWS = (_INT,) * 5  # addresses of states, mode and its width, params and their width
-_SPANS = (_INT,) * 6  # the same, with the width of the states
+_SPANS = (_INT,) * 6  # addresses and widths of states, mode and params
 STEP_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_SPANS, _INT, _INT)
 INTERPOLANT_NATIVE = _INT(_FLOAT, _FLOAT, *_SPANS, _INT)
-REFRESH_NATIVE = _FLOAT(*_VIEWS)
-TANGENT_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_VIEWS, _INT, _INT)
-_LAID_OUT = ((TABLE, ADDRESS), (INTEGERS, SPAN), (FLOATS, SPAN))
-_SPREAD = ((TABLE, SPAN), *_LAID_OUT[1:])
+REFRESH_NATIVE = _FLOAT(*_SPANS[1:])
+TANGENT_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_SPANS, _INT, _INT, _INT, _INT)
+_SPREAD = ((TABLE, SPAN), (INTEGERS, SPAN), (FLOATS, SPAN))
 
 # call_step(address, t, dt, rtol, s, mode, params, atol, field): the field's own address
 call_step = caller(STEP_NATIVE, _T, _T, _T, *_SPREAD, (FLOATS, ADDRESS), _NUMBER)
 # call_interpolant(address, t, dt, s, mode, params, field)
 call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_SPREAD, _NUMBER)
-# call_tangent(address, t, dt, rtol, s, mode, params, atol, phi)
-call_tangent = caller(TANGENT_NATIVE, _T, _T, _T, *_LAID_OUT, (FLOATS, ADDRESS), (TABLE, ADDRESS))
+# call_tangent(address, t, dt, rtol, s, mode, params, atol, phi, field, jacobian): their addresses
+call_tangent = caller(
+    TANGENT_NATIVE, _T, _T, _T, *_SPREAD, (FLOATS, ADDRESS), (TABLE, ADDRESS), _NUMBER, _NUMBER
+)
 # call_refresh(address, s, mode, params)
-call_refresh = caller(REFRESH_NATIVE, *_LAID_OUT)
+call_refresh = caller(REFRESH_NATIVE, (TABLE, ADDRESS), *_SPREAD[1:])
 
 
 ENTRY: dict[str, Any] = {"error_model": "numpy"}

@@ -70,8 +70,10 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
         interpolate(p, m, at.GAUSS_1 * dt / m.clock[at.SPAN], at.SCRATCH)
         interpolate(p, m, at.GAUSS_2 * dt / m.clock[at.SPAN], at.SLOPE)
     m.counts[at.NFEV] += evaluations
-    address = p.methods[method, which]
-    return code.call_tangent(address, t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent)
+    return code.call_tangent(
+        p.methods[method, which], t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent,
+        p.field, p.methods[method, at.DERIVATIVE],
+    )  # fmt: skip
 
 
 @kernel_apart

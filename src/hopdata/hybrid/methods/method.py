@@ -8,7 +8,8 @@ more than the evaluations.
     interpolant(t, dt, s, mode, params, field) -> its degree
 
 An explicit method has generic code as well, made for no scene, which calls the field by its
-address; the others do not look at that.
+address; the others do not look at that. Its tangents are always generic, since code of their own
+takes some seconds to compile and saves a third of the time with four states, a tenth with twenty.
 
 The table s holds state and slope at the start of the step in the rows Y and K1; the step fills END
 and KEND with those at its end; the interpolant fills P1 ... (see `driver.dense`).
@@ -54,9 +55,9 @@ class Method:
     work_rows : int
         Rows of the table of states that belong to the method.
     tangent : callable, optional
-        ``tangent(t, dt, rtol, s, mode, params, atol, phi)`` writes the product of the step's
-        Jacobian and that in the first rows of phi into the next rows; returns its error in units
-        of the tolerance.
+        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` writes the product
+        of the step's Jacobian and that in the first rows of phi into the next rows; returns its
+        error in units of the tolerance. The last two are addresses of the user's functions.
     short_tangent : callable, optional
         The same for a short step, along its interpolant (see `methods.tangent`).
     tangent_evaluations, short_evaluations : int
@@ -120,12 +121,14 @@ def _enter_interpolant(
 
 
 def _enter_tangent(
-    t: float, dt: float, rtol: float, s: int, mode: int, n_modes: int,
-    params: int, n_params: int, atol: int, phi: int,
+    t: float, dt: float, rtol: float, s: int, n: int, mode: int, n_modes: int,
+    params: int, n_params: int, atol: int, phi: int, field: int, jacobian: int,
 ) -> float:  # fmt: skip
+    width = n if N == 0 else N
     result: float = FUNCTION(
-        t, dt, rtol, float_table(s, N), array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)), float_vector(atol, N), float_table(phi, N),
+        t, dt, rtol, float_table(s, width), array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)), float_vector(atol, width),
+        float_table(phi, width), field, jacobian,
     )  # fmt: skip
     return result
 
@@ -215,9 +218,9 @@ class Scene:
         return all(one.compiled for one in given if one is not None)
 
 
-def put_in(template: Any, compiled: Any = code.kernel, **names: Any) -> Any:
+def put_in(template: Any, **names: Any) -> Any:
     """Return a template with these names put in, to be called by other compiled code."""
-    return compiled(with_digest(template, **names))
+    return code.kernel(with_digest(template, **names))
 
 
 STEP_ARGUMENTS = "t, dt, rtol, s, mode, params, atol, field"
@@ -226,16 +229,17 @@ INTERPOLANT_ARGUMENTS = "t, dt, s, mode, params, field"
 
 def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Method:
     """Return the method of a tableau for a scene or, with generic code, for all."""
-    known, body, derivatives = {"TINY": explicit.TINY, "sqrt": sqrt}, [], {}
+    known, body, n, of_stage = {"TINY": explicit.TINY, "sqrt": sqrt}, [], 0, 0
     if scene is None:
         evaluation, body = explicit.by_address, ["N = s.width"]
         known |= {"nan": nan, "call_field": code.call_field_on_arrays}
     else:
+        n, of_stage = scene.n_states, 0 if scene.jacobian else 4 * scene.n_states
         evaluation = explicit.inlined
-        known |= {"FIELD": scene.field.dispatcher, "N": scene.n_states, "row": row}
-        derivatives = _tangents(tableau, scene, known)
+        known |= {"FIELD": scene.field.dispatcher, "N": n, "row": row}
     step = body + explicit.step_code(tableau, evaluation)
     interpolant = body + explicit.interpolant_code(tableau, evaluation)
+    short = tangent.short_tangent if tableau.order <= tangent.HIGHEST_ORDER else None
     return Method(
         order=tableau.order,
         step=explicit.compose("step", STEP_ARGUMENTS, step, known),
@@ -244,44 +248,14 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         interpolant_evaluations=len(tableau.dense_nodes),
         interpolant_error=tableau.dense_error,
         work_rows=tableau.work_rows,
+        tangent=tangent.tangent_template(tableau),
+        short_tangent=short,
+        tangent_evaluations=of_stage * len(tableau.weights),
+        short_evaluations=2 * of_stage,
+        tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
         last_slope=tableau.slope_rows[len(tableau.weights) - 1],
         stiff_tenths=tableau.stiff_tenths,
-        **derivatives,
     )
-
-
-def _tangents(tableau: explicit.Tableau, scene: Scene, known: dict[str, Any]) -> dict[str, Any]:
-    """Return the parts of an explicit method that carry the flow's Jacobian."""
-    n, stages, short = scene.n_states, len(tableau.weights), None
-    if tableau.order <= tangent.HIGHEST_ORDER:
-        short = with_digest(tangent.short_tangent, N=n, **_tangent_names(scene, apart=False))
-    of_stage = 0 if scene.jacobian else 4 * n
-    return {
-        "tangent": tangent.tangent_template(tableau, known | _tangent_names(scene, apart=True)),
-        "tangent_rows": 3 * n + PHI_ROWS + n * stages,
-        "tangent_evaluations": of_stage * stages,
-        "short_tangent": short,
-        "short_evaluations": 2 * of_stage,
-    }
-
-
-def _tangent_names(scene: Scene, *, apart: bool) -> dict[str, Any]:
-    """Return what tangents call; `apart`, in many stages: a copy in each takes long to compile."""
-    n, compiled = scene.n_states, code.kernel_apart if apart else code.kernel
-    if scene.jacobian is not None:
-        names = {"JACOBIAN": scene.jacobian.dispatcher, "N": n}
-        fill = put_in(tangent.jacobian_by_user, compiled if apart else code.kernel_in_loop, **names)
-    else:
-        names = {"FIELD": scene.field.dispatcher, "N": n}
-        names["SMALLER"] = put_in(tangent.smaller, code.kernel_apart, **names)
-        fill = put_in(tangent.jacobian_by_differences, compiled, **names)
-    multiply = put_in(tangent.multiply, compiled, N=n)
-    return {
-        "STAGE_JACOBIAN": fill,
-        "MULTIPLY": multiply,
-        "ADD_PRODUCT": put_in(tangent.add_product, MULTIPLY=multiply, N=n),
-        "FASTEST_MOTION": put_in(taylor.fastest_motion, code.kernel_in_loop, N=n),
-    }
 
 
 def taylor_method(scene: Scene) -> Method:
@@ -289,7 +263,6 @@ def taylor_method(scene: Scene) -> Method:
     assert scene.affine is not None
     n = scene.n_states
     names = {"AFFINE": scene.affine.dispatcher, "N": n}
-    fastest = put_in(taylor.fastest_motion, code.kernel_in_loop, N=n)
     return Method(
         order=taylor.ORDER,
         step=taylor.step_function(n),
@@ -298,7 +271,7 @@ def taylor_method(scene: Scene) -> Method:
         interpolant_error=0,  # it is the step itself, in powers of a part of its length
         in_powers=True,
         work_rows=taylor.work_rows(n),
-        refresh=with_digest(taylor.refresh, FASTEST_MOTION=fastest, **names),
+        refresh=with_digest(taylor.refresh, **names),
         tangent=with_digest(taylor.tangent, **names),
         tangent_rows=3 * n + PHI_ROWS,
     )

@@ -23,6 +23,7 @@ from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
 MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
 CHOICES = ("auto", *TABLEAUS, *MAKERS)
+TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
 # Steps in a process, from which a scene gets code of its own: that takes 0.4 to 2.5 s, saves 0.02
@@ -36,10 +37,11 @@ COLUMNS = (
 
 
 @cache
-def generic_code(name: str) -> dict[str, Any]:
+def generic_code(name: str, tangents: bool = False) -> dict[str, Any]:
     """Return the machine code of an explicit method for any scene: compiled once per install."""
     method = made.explicit_method(TABLEAUS[name])
-    return {part: compiled_part(part, method, 0) for part in ("interpolant", "step")}
+    parts = TANGENTS if tangents else ("interpolant", "step")
+    return {part: compiled_part(part, method, 0) for part in parts if getattr(method, part)}
 
 
 @lru_cache(made.KEPT)
@@ -130,14 +132,14 @@ class MethodTable:
     def provide(self, number: int) -> None:
         """Make a method ready, which the driver has asked for."""
         if self._generic_will_do(number):
-            for part, code in generic_code(self._names[number]).items():
-                self._enter(number, part, code)
+            self._enter(number, generic_code(self._names[number]))
+            self._enter_tangents(number)
             self.generic.add(number)
         else:
             self.compile(number)
 
     def _generic_will_do(self, number: int) -> bool:
-        if self._names[number] not in TABLEAUS or self._jacobian:
+        if self._names[number] not in TABLEAUS:
             return False
         if not self.scene.field.compiled:
             return True
@@ -163,19 +165,28 @@ class MethodTable:
             if number in generic or self.rows[number, layout.STEP] == 0:
                 make(number)
 
-    def _enter(self, number: int, part: str, code: Any) -> None:
+    def _enter(self, number: int, parts: dict[str, Any]) -> None:
         """Hand machine code to the driver."""
-        self._kept_alive.append(code)
-        self.rows[number, getattr(layout, part.upper())] = code.address
+        for part, code in parts.items():
+            self._kept_alive.append(code)
+            self.rows[number, getattr(layout, part.upper())] = code.address
+
+    def _enter_tangents(self, number: int) -> None:
+        """Hand over the generic tangents of an explicit method, and the user's derivative."""
+        if self._jacobian and self._names[number] in TABLEAUS:
+            self._enter(number, generic_code(self._names[number], tangents=True))
+            if self.scene.jacobian is not None:
+                self.rows[number, layout.DERIVATIVE] = self.scene.jacobian.address
 
     def compile(self, number: int) -> None:
         """Make the machine code of a method for the scene."""
         method, scene = self._methods[number], self.scene
+        generic = () if self._jacobian and self._names[number] not in TABLEAUS else TANGENTS
         for part in made.ENTRIES:
-            wanted = self._jacobian or "tangent" not in part
-            if wanted and getattr(method, part) is not None:
+            if part not in generic and getattr(method, part) is not None:
                 code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
-                self._enter(number, part, code)
+                self._enter(number, {part: code})
+        self._enter_tangents(number)
 
 
 def tangent_table(methods: MethodTable, n_states: int) -> FloatArray:

@@ -1,4 +1,3 @@
-# ruff: noqa: ARG001 (templates are all called alike)
 """The derivative of an explicit step by its initial state, stage by stage.
 
 It is the derivative of the numerical map itself: with the state, the flow's Jacobian converges with
@@ -10,59 +9,57 @@ new Jacobian) and M, some single rows, and one block dK for each stage (see `dri
 """
 
 from collections.abc import Sequence
-from math import factorial, sqrt
+from math import factorial, nan, sqrt
 from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import kernel_in_loop
-from hopdata.hybrid.compiled.memory import FloatTable, fma, row, square
+from hopdata.hybrid.compiled import kernel as code
+from hopdata.hybrid.compiled.memory import FloatTable, fma, square
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
+from hopdata.hybrid.methods.taylor import fastest_motion
 
 # Products of the blocks of a tangent's table, named by their first rows. Sums are taken in order,
 # each product and sum rounded once (see `fma`).
 
 
+@code.kernel_apart
 def multiply(phi: FloatTable, target: int, left: int, right: int) -> None:
     """Write the product of two blocks into a third one.
 
     Four columns at a time: their sums stay in registers, and become vector instructions.
     """
-    for i in range(N):
-        for j in range(0, N - 3, 4):
+    n = phi.width
+    for i in range(n):
+        for j in range(0, n - 3, 4):
             one = phi[left + i, 0]
             a, b = one * phi[right, j], one * phi[right, j + 1]
             c, d = one * phi[right, j + 2], one * phi[right, j + 3]
-            for k in range(1, N):
+            for k in range(1, n):
                 one, r = phi[left + i, k], right + k
                 a, b = fma(one, phi[r, j], a), fma(one, phi[r, j + 1], b)
                 c, d = fma(one, phi[r, j + 2], c), fma(one, phi[r, j + 3], d)
             phi[target + i, j], phi[target + i, j + 1] = a, b
             phi[target + i, j + 2], phi[target + i, j + 3] = c, d
-        for j in range(N - N % 4, N):
+        for j in range(n - n % 4, n):
             total = phi[left + i, 0] * phi[right, j]
-            for k in range(1, N):
+            for k in range(1, n):
                 total = fma(phi[left + i, k], phi[right + k, j], total)
             phi[target + i, j] = total
 
 
+@code.kernel
 def add_product(
     phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
 ) -> None:
     """Write base + factor left right into the block `target`, which is none of them."""
-    MULTIPLY(phi, target, left, right)
-    for i in range(N):
-        for j in range(N):
+    multiply(phi, target, left, right)
+    for i in range(phi.width):
+        for j in range(phi.width):
             phi[target + i, j] = fma(factor, phi[target + i, j], phi[base + i, j])
 
-
-# Put in for each scene.
-FIELD: Any = None
-JACOBIAN: Any = None
-SMALLER: Any = None
-N = 0
 
 FIFTH_ROOT_OF_EPS = 2.0 ** (-52 / 5)  # best for differences of fourth order
 ABSOLUTELY_TINY = 1e-290
@@ -80,7 +77,7 @@ NOISE = 2.0**-44  # part of a state by which nothing matters
 SHORTER, LONGER, ATTEMPTS = 1.0 / 16.0, 16.0, 7
 
 
-@kernel_in_loop
+@code.kernel_in_loop
 def settle(
     v: Any, first: int, attempt: int, step: float, slopes: Any, into: int, j: int, n: int
 ) -> bool:
@@ -102,55 +99,64 @@ def settle(
     return all_good
 
 
-def jacobian_by_user(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
+@code.kernel
+def evaluate_beside(
+    t: float, j: int, step: float, s: FloatTable, mode: Any, params: Any, phi: Any, field: int
 ) -> None:
-    """Fetch the user's derivative of the field at SCRATCH."""
-    for i in range(N, 2 * N):
-        for j in range(N):
-            phi[i, j] = 0.0
-    JACOBIAN(t, row(s, at.SCRATCH), mode, params, square(phi, N))
+    """Evaluate the field on four sides of SCRATCH in state j; NaN stays behind if it raises."""
+    shifted, values = 3 * phi.width, 3 * phi.width + at.PHI_VALUES
+    for side in range(4):
+        phi[shifted, j] = s[at.SCRATCH, j] + SHIFTS[side] * step
+        phi[values + side, 0] = nan
+        code.call_field_on_arrays(field, t, phi, shifted, mode, params, phi, values + side)
 
 
+@code.kernel_apart
 def smaller(
-    t: float, j: int, step: float, part: float, s: FloatTable, mode: Any, params: Any, phi: Any
-) -> None:
+    t: float, j: int, step: float, part: float, s: FloatTable, mode: Any, params: Any, phi: Any,
+    field: int,
+) -> None:  # fmt: skip
     """Take the differences by state j with smaller increments, until they are good."""
-    shifted, values = 3 * N, 3 * N + at.PHI_VALUES
+    n, values = phi.width, 3 * phi.width + at.PHI_VALUES
     for attempt in range(1, ATTEMPTS):
         step, part = step * SHORTER, part * SHORTER
-        for side in range(4):
-            phi[shifted, j] = s[at.SCRATCH, j] + SHIFTS[side] * step
-            FIELD(t, row(phi, shifted), mode, params, row(phi, values + side))
-        if settle(phi, values, attempt, step, phi, N, j, N):
-            phi[3 * N + at.PHI_PART, j] = part
+        evaluate_beside(t, j, step, s, mode, params, phi, field)
+        if settle(phi, values, attempt, step, phi, n, j, n):
+            phi[3 * n + at.PHI_PART, j] = part
             return
-    phi[3 * N + at.PHI_PART, j] = 1.0
+    phi[3 * n + at.PHI_PART, j] = 1.0
 
 
-def jacobian_by_differences(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
-) -> None:
-    """Take central differences of fourth order at SCRATCH: 4 n field evaluations, mostly.
+@code.kernel_apart
+def stage_jacobian(
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
+    field: int, jacobian: int,
+) -> None:  # fmt: skip
+    """Write the field's derivative at SCRATCH: the user's, or differences.
 
-    The increments are parts of a state's size, of its change in the step, or of the size where the
-    absolute tolerance takes over from the relative one, whichever is largest: no unit enters.
+    These are central and of fourth order: 4 n field evaluations, mostly. The increments are parts
+    of a state's size, of its change in the step, or of the size where the absolute tolerance takes
+    over from the relative one, whichever is largest: no unit enters.
     """
-    shifted, values, per_s = 3 * N, 3 * N + at.PHI_VALUES, 1.0 / dt
-    for i in range(N):
+    n = phi.width
+    if jacobian != 0:
+        for e in range(n * n):
+            phi[n, e] = 0.0
+        code.call_jacobian(jacobian, t, s, at.SCRATCH, mode, params, square(phi, n))
+        return
+    shifted, values, per_s = 3 * n, 3 * n + at.PHI_VALUES, 1.0 / dt
+    for i in range(n):
         phi[shifted, i] = s[at.SCRATCH, i]
         phi[values + 5, i] = NOISE * (per_s * abs(s[at.Y, i]) + abs(s[at.K1, i]))
-    for j in range(N):
+    for j in range(n):
         size = max(abs(s[at.SCRATCH, j]), abs(s[at.Y, j]), dt * abs(s[at.K1, j]), atol[j] / rtol)
-        part = min(phi[3 * N + at.PHI_PART, j] * LONGER, 1.0)
+        part = min(phi[3 * n + at.PHI_PART, j] * LONGER, 1.0)
         step = part * FIFTH_ROOT_OF_EPS * (size if size > ABSOLUTELY_TINY else 1.0)
-        for side in range(4):
-            phi[shifted, j] = s[at.SCRATCH, j] + SHIFTS[side] * step
-            FIELD(t, row(phi, shifted), mode, params, row(phi, values + side))
-        if settle(phi, values, 0, step, phi, N, j, N):
-            phi[3 * N + at.PHI_PART, j] = part
+        evaluate_beside(t, j, step, s, mode, params, phi, field)
+        if settle(phi, values, 0, step, phi, n, j, n):
+            phi[3 * n + at.PHI_PART, j] = part
         else:
-            SMALLER(t, j, step, part, s, mode, params, phi)
+            smaller(t, j, step, part, s, mode, params, phi, field)
         phi[shifted, j] = s[at.SCRATCH, j]
 
 
@@ -187,7 +193,7 @@ def _error(tableau: Tableau) -> list[str]:
     """
     power = 0.5 * (tableau.order + 1)
     return [
-        "fastest = FASTEST_MOTION(phi, N)",
+        "fastest = fastest_motion(phi, N)",
         *_matrices("N", tableau.weights),
         f"phi[3 * N + {at.PHI_MOTION}, 0] = fastest",
         f"error = {error_constant(tableau)!r} * (dt * dt * fastest) ** {power!r}",
@@ -198,23 +204,24 @@ def _error(tableau: Tableau) -> list[str]:
 def tangent_code(tableau: Tableau) -> list[str]:
     """Return the body of the tangent function of a method."""
     slopes = tableau.slope_rows
-    code: list[str] = []
+    lines = ["N = phi.width"]
     for k in range(len(tableau.weights)):
         weights = tableau.stages[k - 1] if k > 0 else ()
         node = tableau.nodes[k - 1] if k > 0 else 0.0
         state = f"s[{at.SCRATCH}, i] = s[{at.Y}, i] + dt * ({combination(weights, slopes)})"
-        code += ["for i in range(N):", INDENT + state, *_matrices("2 * N", weights)]
-        code += [
-            f"STAGE_JACOBIAN(t + {node!r} * dt, dt, rtol, s, mode, params, atol, phi)",
-            f"MULTIPLY(phi, 3 * N + {at.PHI_ROWS} + {k} * N, N, 2 * N)",
+        lines += ["for i in range(N):", INDENT + state, *_matrices("2 * N", weights)]
+        lines += [
+            f"time = t + {node!r} * dt",
+            "stage_jacobian(time, dt, rtol, s, mode, params, atol, phi, field, jacobian)",
+            f"multiply(phi, 3 * N + {at.PHI_ROWS} + {k} * N, N, 2 * N)",
         ]
-    return [*code, *_error(tableau)]
+    return [*lines, *_error(tableau)]
 
 
-def tangent_template(tableau: Tableau, known: dict[str, Any]) -> FunctionType:
-    """Return ``tangent(t, dt, rtol, s, mode, params, atol, phi)`` of a method."""
-    arguments = "t, dt, rtol, s, mode, params, atol, phi"
-    return compose("tangent", arguments, tangent_code(tableau), known)
+def tangent_template(tableau: Tableau) -> FunctionType:
+    """Return ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` of a method."""
+    arguments = "t, dt, rtol, s, mode, params, atol, phi, field, jacobian"
+    return compose("tangent", arguments, tangent_code(tableau), globals())
 
 
 # The flow's Jacobian over a short step, along the interpolant of the state: of order four.
@@ -228,12 +235,6 @@ def tangent_template(tableau: Tableau, known: dict[str, Any]) -> FunctionType:
 #
 # The driver puts the states at the two points into the rows SCRATCH and SLOPE.
 
-# Put in for each scene.
-STAGE_JACOBIAN: Any = None
-MULTIPLY: Any = None
-ADD_PRODUCT: Any = None
-FASTEST_MOTION: Any = None
-
 HIGHEST_ORDER = 5  # of a method: one of higher order takes steps that are long for this
 TILT = 0.5 * sqrt(3.0)  # from the mean of the Gauss points to an end, in units of their distance
 BLOCKS = 5  # of the table, behind the single rows
@@ -241,30 +242,33 @@ ERROR = 0.01  # times (step times fastest motion)^5: 1 / 120, and a little for t
 
 
 def short_tangent(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
-) -> float:
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
+    field: int, jacobian: int,
+) -> float:  # fmt: skip
     """Write the new Jacobian into the second block; return its error in units of the tolerance."""
-    begin = 3 * N + at.PHI_ROWS
-    middle, end = begin + N, begin + 2 * N  # A there
-    second, third, fourth = begin + 3 * N, begin + 4 * N, 2 * N
-    STAGE_JACOBIAN(t + at.GAUSS_1 * dt, dt, rtol, s, mode, params, atol, phi)
-    for e in range(N * N):
-        phi[begin, e] = phi[N, e]
-    for i in range(N):
+    n = phi.width
+    begin = 3 * n + at.PHI_ROWS
+    middle, end = begin + n, begin + 2 * n  # A there
+    second, third, fourth = begin + 3 * n, begin + 4 * n, 2 * n
+    first, last = t + at.GAUSS_1 * dt, t + at.GAUSS_2 * dt
+    stage_jacobian(first, dt, rtol, s, mode, params, atol, phi, field, jacobian)
+    for e in range(n * n):
+        phi[begin, e] = phi[n, e]
+    for i in range(n):
         s[at.SCRATCH, i] = s[at.SLOPE, i]
-    STAGE_JACOBIAN(t + at.GAUSS_2 * dt, dt, rtol, s, mode, params, atol, phi)
-    for e in range(N * N):
-        mean, tilt = 0.5 * (phi[begin, e] + phi[N, e]), TILT * (phi[N, e] - phi[begin, e])
+    stage_jacobian(last, dt, rtol, s, mode, params, atol, phi, field, jacobian)
+    for e in range(n * n):
+        mean, tilt = 0.5 * (phi[begin, e] + phi[n, e]), TILT * (phi[n, e] - phi[begin, e])
         phi[begin, e] = mean - tilt
         phi[middle, e] = mean
         phi[end, e] = mean + tilt
-    ADD_PRODUCT(phi, second, 0, begin, 0, 0.5 * dt)
-    ADD_PRODUCT(phi, third, 0, middle, second, 0.5 * dt)
-    ADD_PRODUCT(phi, fourth, 0, middle, third, dt)
-    for e in range(N * N):
+    add_product(phi, second, 0, begin, 0, 0.5 * dt)
+    add_product(phi, third, 0, middle, second, 0.5 * dt)
+    add_product(phi, fourth, 0, middle, third, dt)
+    for e in range(n * n):
         phi[second, e] = (phi[second, e] + 2.0 * phi[third, e] + phi[fourth, e] - phi[0, e]) / 3.0
-    ADD_PRODUCT(phi, N, second, end, fourth, dt / 6.0)
-    fastest = FASTEST_MOTION(phi, middle)
-    phi[3 * N + at.PHI_MOTION, 0] = fastest
+    add_product(phi, n, second, end, fourth, dt / 6.0)
+    fastest = fastest_motion(phi, middle)
+    phi[3 * n + at.PHI_MOTION, 0] = fastest
     turn = dt * dt * fastest
     return ERROR * turn * turn * sqrt(turn) / (LOOSER * rtol)

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma, row, square
 from hopdata.hybrid.layout import END, K1, KEND, LARGEST_DEGREE, P1, SCRATCH, SLOPE, W1, Y
 from hopdata.hybrid.methods.explicit import INDENT, compose
@@ -29,14 +29,15 @@ from hopdata.hybrid.methods.explicit import INDENT, compose
 # The fastest motion of a linear flow: by its matrix, whatever the state does.
 
 
+@kernel_in_loop
 def fastest_motion(table: FloatTable, first: int) -> float:
-    """Return the fastest motion squared, 1/s^2, of the matrix in the N rows from `first` on.
+    """Return the fastest motion squared, 1/s^2, of the square matrix from row `first` on.
 
     By its diagonal and by pairs of entries: the largest abs(a_ij a_ji), which no choice of units
     changes.
     """
     fastest = 0.0
-    for i in range(N):
+    for i in range(table.width):
         fastest_of_row = 0.0  # the processor works on several rows at a time
         for j in range(i + 1):
             fastest_of_row = max(fastest_of_row, abs(table[first + i, j] * table[first + j, i]))
@@ -206,7 +207,6 @@ def _step_code(n: int) -> list[str]:
 FARTHEST_TURN = 4.5  # radians: nine tenths of z with z^33 / 33! = 64 EPS, the tolerance of a step
 
 AFFINE: Any = None
-FASTEST_MOTION: Any = None
 N: int = 0
 
 
@@ -227,7 +227,7 @@ def refresh(s: FloatTable, mode: Any, params: Any) -> float:
         for j in range(N):
             s[A + i, j] = 0.0
     AFFINE(mode, params, square(s, A), row(s, B))
-    fastest = FASTEST_MOTION(s, A)
+    fastest = fastest_motion(s, A)
     s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest) if 0.0 < fastest < inf else inf
     worst = 0.0
     for i in range(N):
@@ -246,8 +246,9 @@ def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any, fiel
 
 
 def tangent(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
-) -> float:
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
+    field: int, jacobian: int,
+) -> float:  # fmt: skip
     """Write exp(A dt) Phi into the block after Phi; return the error, which is 0 but for rounding.
 
     NaN if the series does not end: the step is too long for it.
