@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
+import json
 import os
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 
 import yaml
 
@@ -37,12 +41,31 @@ def copy_checkout(target):
 
 
 def snakemake(folder, *arguments, cores=2):
+    """Run Snakemake as a user does, but for what it imports, which is there already (on Linux)."""
     environment = {**os.environ, "PYTHONPATH": str((folder / "src").resolve())}
-    here = [] if cores is None else ["--cores", str(cores)]
-    return subprocess.run(
-        [sys.executable, "-m", "snakemake", *here, *arguments],
-        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=1200,
-    )  # fmt: skip
+    arguments = [*([] if cores is None else ["--cores", str(cores)]), *map(str, arguments)]
+    if sys.platform != "linux":
+        return subprocess.run(
+            [sys.executable, "-m", "snakemake", *arguments],
+            cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=1200,
+        )  # fmt: skip
+    with NamedTemporaryFile("r") as out, NamedTemporaryFile("r") as err:
+        ask = [str(folder), environment, arguments, [out.name, err.name]]
+        server = _forked()
+        print(json.dumps(ask), file=server.stdin, flush=True)
+        code = int(server.stdout.readline())
+        return subprocess.CompletedProcess(arguments, code, out.read(), err.read())
+
+
+@cache
+def _forked():
+    """Return a process that has imported Snakemake, and forks for each run that it is asked for."""
+    program = Path(__file__).with_name("forked.py")
+    server = subprocess.Popen(
+        [sys.executable, program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    atexit.register(server.communicate)
+    return server
 
 
 def completed(folder, *arguments, cores=2):
