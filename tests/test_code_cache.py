@@ -17,7 +17,7 @@ import numba
 import pytest
 
 import hopdata
-from hopdata.code_cache import cache_directory, compiled_in_cache, made_with
+from hopdata.code_cache import cache_directory, compiled_in_cache, kept_njit, made_with
 from hopdata.hybrid.driver import loop as entry
 
 PACKAGE = Path(hopdata.__file__).parent
@@ -150,9 +150,9 @@ WITHOUT_ANY_FOLDER = """
 import tempfile
 
 tempfile.tempdir = "/dev/null"
-from hopdata.landings.contacts.kink_kernel import _vertex
+from hopdata.scenes.body import cross
 
-print(_vertex(-1.0, 4.0, 0.0, 1.0, 2.0, 1.0, 0.0))
+print(cross(1.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 """
 
 
@@ -171,7 +171,18 @@ def test_import_where_nothing_can_be_written(tmp_path):
         text=True,
         env=environment,
     )
-    assert (done.stdout, done.stderr) == ("1.0\n", "")
+    assert (done.stdout, done.stderr) == ("(0.0, 0.0, 1.0)\n", "")
+
+
+def test_types_that_are_given_are_compiled_at_once(monkeypatch, tmp_path):
+    """Where it is decorated, one process at a time; later several compile the same."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    assert kept_njit("f8(f8)")(abs_of).signatures == [(numba.float64,)]
+    assert kept_njit()(abs_of).signatures == []
+
+
+def abs_of(number):
+    return abs(number)
 
 
 def tiny_driver(desk, flags):

@@ -238,7 +238,10 @@ def _seen(times, heights, t, z):  # type: ignore[no-untyped-def]
     return n
 
 
-@kept_njit()
+@kept_njit(
+    "void(f8[:,::1], f8[:,::1], f8[::1], f8, i8, i8[::1], f8[:,:,::1], f8, b1, f8[:,::1],"
+    "f8[:,::1], f8, f8[:,::1])"
+)
 def fit_all(  # type: ignore[no-untyped-def]
     times, heights, bounds, reach, steps, contacts, others, soft, creeps, mean, weight, noise2, out
 ):
