@@ -38,7 +38,7 @@ BROUGHT = Path(__file__).parent / "_machine_code"  # by a wheel
 _LOCK = RLock()  # the setting of the folder is Numba's, and there is one for all threads
 
 
-def kept_njit(*types: str, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+def kept_njit(types: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Return `numba.njit` with these options, whose machine code is kept if it can be.
 
     With `types` it is compiled at once, while others wait for it, instead of when it is called.
@@ -46,7 +46,7 @@ def kept_njit(*types: str, **options: Any) -> Callable[[Callable[..., Any]], Any
 
     def decorate(function: Callable[..., Any]) -> Any:
         def compile_it(cached: bool) -> Any:
-            return njit(*types, cache=cached, **options)(function)
+            return njit(types, cache=cached, **options)(function)
 
         return compiled_in_cache(function, function_digest(function), compile_it)
 

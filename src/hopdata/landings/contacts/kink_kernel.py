@@ -19,6 +19,7 @@ GOLDEN = 0.3819660112501051
 REFINEMENTS = 10  # at most, after the grid
 CLOSE = 0.004  # of the grid's step: where the refinement ends
 LEAST_FRAMES = 4
+_T = "f8[:,::1]"  # a table
 
 
 @kept_njit()
@@ -238,10 +239,7 @@ def _seen(times, heights, t, z):  # type: ignore[no-untyped-def]
     return n
 
 
-@kept_njit(
-    "void(f8[:,::1], f8[:,::1], f8[::1], f8, i8, i8[::1], f8[:,:,::1], f8, b1, f8[:,::1],"
-    "f8[:,::1], f8, f8[:,::1])"
-)
+@kept_njit(f"void({_T},{_T},f8[::1],f8,i8,i8[::1],f8[:,:,::1],f8,b1,{_T},{_T},f8,{_T})")
 def fit_all(  # type: ignore[no-untyped-def]
     times, heights, bounds, reach, steps, contacts, others, soft, creeps, mean, weight, noise2, out
 ):
