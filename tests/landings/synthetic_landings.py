@@ -89,17 +89,18 @@ def simulate(
 def _fall(q, v, phase, lever, n_frames, sub, dt):
     """Return states and heights of feet at each landing's frames, and when each foot touched."""
     landings, feet = len(q), len(lever)
-    weights = np.array([1 / MASS, 1 / INERTIA, 1 / INERTIA]) * 3.0 / feet
     frames_q, frames_v = np.empty((landings, n_frames, 3)), np.empty((landings, n_frames, 3))
     frames_foot = np.empty((landings, n_frames, feet))
     touched = np.full((landings, feet), np.nan)
+    mid, speed_mid, pull = np.empty(3), np.empty(3), np.empty(3)
+    gap, gap_mid, gap_new = np.empty(feet), np.empty(feet), np.empty(feet)
     for one in range(landings):
         down, lifted = np.zeros(feet, np.bool_), np.full(feet, np.nan)
         landed = False
         now, speed = q[one].copy(), v[one].copy()
-        gap = lever @ now
         for step in range(phase[one] + n_frames * sub):
             t = step * dt
+            _accelerate(now, speed, down, lever, gap, pull)
             k, rest = divmod(step - phase[one], sub)
             if rest == 0 and k >= 0:
                 frames_q[one, k], frames_v[one, k] = now, speed
@@ -107,29 +108,46 @@ def _fall(q, v, phase, lever, n_frames, sub, dt):
                     since = min(t - lifted[f], RETRACT_S) / RETRACT_S
                     leg = EXTENSION * (1 - since**2 * (3 - 2 * since)) if lifted[f] > 0 else 0.0
                     frames_foot[one, k, f] = 0.0 if down[f] else gap[f] - leg
-            speed_mid = speed + 0.5 * dt * _acceleration(gap, lever @ speed, down, lever, weights)
-            gap_mid = lever @ (now + 0.5 * dt * speed)
-            now = now + dt * speed_mid
-            speed = speed + dt * _acceleration(gap_mid, lever @ speed_mid, down, lever, weights)
-            gap_new = lever @ now
-            hit = ~down & (gap > 0) & (gap_new <= 0) & np.isnan(lifted)
-            for f in np.flatnonzero(hit):
-                touched[one, f] = t + dt * gap[f] / (gap[f] - gap_new[f])
-            down |= hit
-            landed |= down.all()
-            off = down & (gap_new >= (EXTENSION if landed else 0.0)) & ~hit
-            lifted[off] = t + dt
-            down &= ~off
-            gap = gap_new
+            for a in range(3):
+                mid[a] = now[a] + 0.5 * dt * speed[a]
+                speed_mid[a] = speed[a] + 0.5 * dt * pull[a]
+            _accelerate(mid, speed_mid, down, lever, gap_mid, pull)
+            for a in range(3):
+                now[a] += dt * speed_mid[a]
+                speed[a] += dt * pull[a]
+            n_down = 0
+            for f in range(feet):
+                gap_new[f] = _along(lever, f, now)
+                if not down[f] and gap[f] > 0 and gap_new[f] <= 0 and np.isnan(lifted[f]):
+                    touched[one, f] = t + dt * gap[f] / (gap[f] - gap_new[f])
+                    down[f] = True
+                n_down += down[f]
+            landed |= n_down == feet
+            for f in range(feet):
+                if down[f] and touched[one, f] < t and gap_new[f] >= EXTENSION * landed:
+                    lifted[f] = t + dt
+                    down[f] = False
     return frames_q, frames_v, frames_foot, touched
 
 
 @njit(cache=True)
-def _acceleration(gap, rate, down, lever, weights):
-    force = np.where(down, PRELOAD - STIFFNESS * gap - DAMPING * rate, 0.0)
-    out = (force @ lever) * weights
-    out[0] -= GRAVITY
-    return out
+def _along(lever, f, state):
+    return lever[f, 0] * state[0] + lever[f, 1] * state[1] + lever[f, 2] * state[2]
+
+
+@njit(cache=True)
+def _accelerate(now, speed, down, lever, gap, pull):
+    """Fill the heights of the feet over the floor, and the accelerations."""
+    pull[:] = 0.0
+    for f in range(len(lever)):
+        gap[f] = _along(lever, f, now)
+        if down[f]:
+            force = PRELOAD - STIFFNESS * gap[f] - DAMPING * _along(lever, f, speed)
+            for a in range(3):
+                pull[a] += force * lever[f, a]
+    for a in range(3):
+        pull[a] *= 3.0 / len(lever) / (MASS if a == 0 else INERTIA)
+    pull[0] -= GRAVITY
 
 
 def _observe(
