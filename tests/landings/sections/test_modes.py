@@ -74,19 +74,20 @@ def exact(samples, bandwidth, grid):
     return np.exp(-0.5 * scaled**2).sum(axis=1) / (len(samples) * bandwidth * np.sqrt(2 * np.pi))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def heights():
     rng = np.random.default_rng(1)
     return np.concatenate([rng.normal(0, 0.0007, 2000), rng.uniform(0, 0.25, 2000)])
 
 
 @pytest.mark.parametrize("bandwidth", [1e-4, 3e-4, 1e-3, 2.46e-3, 1e-2, 5e-2, 1.0])
-@pytest.mark.parametrize("nodes", [2, 37, 1024])
-def test_agrees_with_the_exact_sum(heights, bandwidth, nodes):
-    grid = np.linspace(-0.02, 0.27, nodes)
-    expected = exact(heights, bandwidth, grid)
-    error = np.abs(kde(heights, bandwidth=bandwidth, grid=grid) - expected)
-    assert error.max() < 1e-8 * exact(heights, bandwidth, np.sort(heights)).max()
+def test_agrees_with_the_exact_sum(heights, bandwidth):
+    peak = exact(heights, bandwidth, np.sort(heights)).max()
+    for nodes in (2, 37, 1024):
+        grid = np.linspace(-0.02, 0.27, nodes)
+        expected = exact(heights, bandwidth, grid)
+        error = np.abs(kde(heights, bandwidth=bandwidth, grid=grid) - expected)
+        assert error.max() < 1e-8 * peak
 
 
 def test_values_that_are_not_finite_are_left_out(heights):
