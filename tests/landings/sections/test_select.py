@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +25,25 @@ def fake():
     return hopper(np.random.default_rng(1))
 
 
+def selecting(recording):
+    """Return `select_sections` of a recording whose landings are found but once."""
+    return partial(
+        select_sections, [recording], landings={recording.name: find_landings(recording)}
+    )
+
+
+@pytest.fixture(scope="module")
+def select(fake):
+    return selecting(fake.recording)
+
+
 @pytest.fixture(scope="module")
 def sections(fake):
     return select_sections([fake.recording])
+
+
+def test_landings_are_found_where_none_are_given(select, sections):
+    assert select() == sections
 
 
 @pytest.fixture(scope="module")
@@ -95,10 +112,10 @@ def test_the_ground_modes_stand_out_at_their_place(table, sections):
         assert height[np.argmax(density)] == pytest.approx(mode.height_m, abs=1e-3)
 
 
-def test_landings_make_the_body_curves(fake):
-    sections = select_sections([fake.recording], frames="landings")
+def test_landings_make_the_body_curves(fake, select):
+    sections = select(frames="landings")
     table = section_densities([fake.recording], sections, nodes=400)
-    whole = section_densities([fake.recording], select_sections([fake.recording]), nodes=400)
+    whole = section_densities([fake.recording], select(), nodes=400)
     for name in ("min_foot", "max_foot"):
         np.testing.assert_array_equal(curve(table, name)[0], curve(whole, name)[0])
     assert not np.array_equal(curve(table, "body_all")[1], curve(whole, "body_all")[1])
@@ -126,20 +143,16 @@ TAIL = 0.01
 
 
 @pytest.fixture(scope="module")
-def fake_sections():
-    return hopper(np.random.default_rng(1))
-
-
-@pytest.fixture(scope="module")
 def sample():
     recording = read_recording(SAMPLE)
-    return level(recording, fit_floor(recording)), read_truth(SAMPLE)
+    flat = level(recording, fit_floor(recording))
+    return flat, read_truth(SAMPLE), selecting(flat)
 
 
 def errors_m(seeds, **options):
     out = []
     for seed in seeds:
-        fake = hopper(np.random.default_rng(seed), **options)
+        fake = hopper(np.random.default_rng(seed), **{"hops": 100, **options})
         found = select_sections([fake.recording], tail_fraction=TAIL)
         pre, post = true_sections(fake, TAIL)
         out.append((found.pre_height_m - pre, found.post_height_m - post))
@@ -151,9 +164,9 @@ def errors_m(seeds, **options):
     [
         {},
         {"extension_m": 0.0},
-        {"rate_hz": 400.0, "hops": 100},
+        {"rate_hz": 400.0},
         {"feet": 2},
-        {"feet": 6},
+        {"feet": 6, "hops": 200},
         {"noise_m": 0.0002},
     ],
 )
@@ -165,8 +178,8 @@ def test_bias_against_truth_is_half_a_threshold_at_most(options):
 
 @pytest.mark.parametrize("tail", [0.001, 0.01])
 def test_sample_within_2_mm_of_its_truth(sample, tail):
-    recording, truth = sample
-    found = select_sections([recording], tail_fraction=tail)
+    _, truth, select = sample
+    found = select(tail_fraction=tail)
     down = truth.foot_down
     pre = np.quantile(truth.body_height[down.any(axis=1)], 1 - tail)
     post = np.quantile(truth.body_height[~down.all(axis=1)], tail)
@@ -176,24 +189,23 @@ def test_sample_within_2_mm_of_its_truth(sample, tail):
 
 
 def test_a_bare_threshold_would_miss_by_centimetres(sample):
-    recording, truth = sample
-    found = select_sections([recording])
+    recording, truth, select = sample
+    found = select()
     highest = recording.feet[:, :, 2].max(axis=1)
     bare = np.quantile(recording.body_height[highest > found.max_foot_threshold_m], 0.001)
     post = np.quantile(truth.body_height[~truth.foot_down.all(axis=1)], 0.001)
     assert abs(bare - post) > 0.02
 
 
-def test_sections_do_not_depend_on_the_bandwidth(sample, fake_sections):
-    for recording in (sample[0], fake_sections.recording):
-        options = {"landings": {recording.name: find_landings(recording)}, "tail_fraction": TAIL}
-        found = [select_sections([recording], bandwidth_m=x, **options) for x in BANDWIDTHS]
+def test_sections_do_not_depend_on_the_bandwidth(sample, select):
+    for selected in (sample[2], select):
+        found = [selected(bandwidth_m=x, tail_fraction=TAIL) for x in BANDWIDTHS]
         assert np.ptp([s.pre_height_m for s in found]) < 5e-4
         assert np.ptp([s.post_height_m for s in found]) < 5e-4
 
 
 def test_halves_of_the_data_agree(sample):
-    recording, _ = sample
+    recording, *_ = sample
     n = len(recording.time)
     halves = [
         select_sections(
@@ -207,25 +219,25 @@ def test_halves_of_the_data_agree(sample):
     assert halves[0].min_foot_threshold_m == pytest.approx(halves[1].min_foot_threshold_m, abs=1e-4)
 
 
-def test_two_recordings_are_pooled(fake_sections):
-    n = len(fake_sections.recording.time) // 2
+def test_two_recordings_are_pooled(fake, select):
+    n = len(fake.recording.time) // 2
     parts = [
         replace(
-            fake_sections.recording,
-            time=fake_sections.recording.time[p],
-            positions=fake_sections.recording.positions[p],
+            fake.recording,
+            time=fake.recording.time[p],
+            positions=fake.recording.positions[p],
         )
         for p in (slice(0, n), slice(n, None))
     ]
-    whole, pooled = select_sections([fake_sections.recording]), select_sections(parts)
+    whole, pooled = select(), select_sections(parts)
     assert pooled.n_frames == whole.n_frames
     assert pooled.pre_height_m == pytest.approx(whole.pre_height_m, abs=1e-4)
     assert pooled.post_height_m == pytest.approx(whole.post_height_m, abs=1e-4)
     assert select_sections(parts[:1]).n_frames == n
 
 
-def test_thresholds_are_the_knees_of_the_ground_modes(fake_sections):
-    found = select_sections([fake_sections.recording], threshold_sigmas=4.0)
+def test_thresholds_are_the_knees_of_the_ground_modes(select):
+    found = select(threshold_sigmas=4.0)
     assert found.min_foot_threshold_m == found.min_foot_mode.knee(4.0)
     assert found.max_foot_threshold_m == found.max_foot_mode.knee(4.0)
     assert found.min_foot_mode.height_m < found.ground_m < found.max_foot_mode.height_m
@@ -245,15 +257,13 @@ def test_a_section_that_loses_many_landings_moves_to_their_contacts():
     assert loose.held["post"] > 0.98
 
 
-def test_gaps_are_left_out(fake_sections):
+def test_gaps_are_left_out(fake, select):
     rng = np.random.default_rng(2)
-    positions = fake_sections.recording.positions.copy()
+    positions = fake.recording.positions.copy()
     hidden = rng.uniform(size=positions.shape[:2]) < 0.02
     positions[hidden] = np.nan
-    found = select_sections(
-        [replace(fake_sections.recording, positions=positions)], tail_fraction=TAIL
-    )
-    whole = select_sections([fake_sections.recording], tail_fraction=TAIL)
+    found = select_sections([replace(fake.recording, positions=positions)], tail_fraction=TAIL)
+    whole = select(tail_fraction=TAIL)
     assert found.n_frames == int((~hidden.any(axis=1)).sum())
     assert found.pre_height_m == pytest.approx(whole.pre_height_m, abs=0.002)
     assert found.post_height_m == pytest.approx(whole.post_height_m, abs=0.002)
@@ -268,9 +278,9 @@ def test_gaps_are_left_out(fake_sections):
         ("max_foot_threshold_m", 0.005),
     ],
 )
-def test_each_height_can_be_given(fake_sections, name, value):
-    free = select_sections([fake_sections.recording])
-    found = select_sections([fake_sections.recording], **{name: value})
+def test_each_height_can_be_given(select, name, value):
+    free = select()
+    found = select(**{name: value})
     assert getattr(found, name) == value
     assert [k for k, how in found.decided.items() if how == "config"] == [name]
     others = [k for k in found.decided if k != name and not k.endswith("height_m")]
@@ -278,22 +288,20 @@ def test_each_height_can_be_given(fake_sections, name, value):
         assert getattr(found, other) == getattr(free, other)
 
 
-def test_a_given_threshold_is_taken_at_its_word(fake_sections):
-    found = select_sections(
-        [fake_sections.recording], min_foot_threshold_m=0.02, tail_fraction=TAIL
-    )
-    lowest = fake_sections.recording.feet[:, :, 2].min(axis=1)
-    expected = np.quantile(fake_sections.recording.body_height[lowest <= 0.02], 1 - TAIL)
+def test_a_given_threshold_is_taken_at_its_word(fake, select):
+    found = select(min_foot_threshold_m=0.02, tail_fraction=TAIL)
+    lowest = fake.recording.feet[:, :, 2].min(axis=1)
+    expected = np.quantile(fake.recording.body_height[lowest <= 0.02], 1 - TAIL)
     assert found.pre_height_m == pytest.approx(expected, abs=1e-3)
 
 
-def test_landings_use_only_the_descents_to_the_ground(fake_sections):
-    found = select_sections([fake_sections.recording], frames="landings", tail_fraction=TAIL)
-    every = select_sections([fake_sections.recording], tail_fraction=TAIL)
-    up, down = (~fake_sections.foot_down).all(axis=1), fake_sections.foot_down.all(axis=1)
-    inside, landed = landing_frames(fake_sections.body_height, up, down)
-    pre = np.quantile(fake_sections.body_height[inside & ~up], 1 - TAIL)
-    post = np.quantile(fake_sections.body_height[inside & ~landed], TAIL)
+def test_landings_use_only_the_descents_to_the_ground(fake, select):
+    found = select(frames="landings", tail_fraction=TAIL)
+    every = select(tail_fraction=TAIL)
+    up, down = (~fake.foot_down).all(axis=1), fake.foot_down.all(axis=1)
+    inside, landed = landing_frames(fake.body_height, up, down)
+    pre = np.quantile(fake.body_height[inside & ~up], 1 - TAIL)
+    post = np.quantile(fake.body_height[inside & ~landed], TAIL)
     assert found.pre_height_m == pytest.approx(pre, abs=0.002)
     assert found.post_height_m == pytest.approx(post, abs=0.002)
     assert found.n_used == pytest.approx(inside.sum(), rel=0.05)
@@ -316,10 +324,10 @@ def test_landings_see_past_feet_that_are_not_followed():
     assert every.post_height_m < found.post_height_m - 0.1  # the body sinks onto other feet
 
 
-def test_feet_that_never_leave_the_ground(fake_sections):
-    positions = fake_sections.recording.positions.copy()
+def test_feet_that_never_leave_the_ground(fake):
+    positions = fake.recording.positions.copy()
     positions[:, 3:, 2] = 0.0006 * np.random.default_rng(4).normal(size=(len(positions), 3))
-    standing = replace(fake_sections.recording, positions=positions)
+    standing = replace(fake.recording, positions=positions)
     with pytest.raises(AnalysisError, match=r"never leave the ground together.*min_foot_thr"):
         select_sections([standing])
     with pytest.raises(AnalysisError, match="go from all up to all down, found none"):
@@ -328,25 +336,25 @@ def test_feet_that_never_leave_the_ground(fake_sections):
     assert (given.pre_height_m, given.post_height_m) == (0.5, 0.4)
 
 
-def test_the_pre_section_must_be_above_the_post_section(fake_sections):
+def test_the_pre_section_must_be_above_the_post_section(select):
     with pytest.raises(AnalysisError, match=r"set sections\.pre_height_m and sections\.post_h"):
-        select_sections([fake_sections.recording], pre_height_m=0.3, post_height_m=0.4)
+        select(pre_height_m=0.3, post_height_m=0.4)
 
 
-def test_goes_through_json(fake_sections):
-    found = select_sections([fake_sections.recording], pre_height_m=0.55)
+def test_goes_through_json(select):
+    found = select(pre_height_m=0.55)
     assert Sections.from_dict(json.loads(json.dumps(found.to_dict()))) == found
 
 
 @pytest.mark.parametrize(
     ("name", "value"), [("min_foot_threshold_m", -1.0), ("max_foot_threshold_m", 5.0)]
 )
-def test_a_threshold_beyond_all_frames_is_told(fake_sections, name, value):
+def test_a_threshold_beyond_all_frames_is_told(select, name, value):
     with pytest.raises(AnalysisError, match=f"{name}: expected a height that divides the frames"):
-        select_sections([fake_sections.recording], **{name: value})
+        select(**{name: value})
 
 
-def test_a_bandwidth_finer_than_any_camera_still_works(fake_sections):
-    usual = select_sections([fake_sections.recording])
-    finest = select_sections([fake_sections.recording], bandwidth_m=1e-12)
+def test_a_bandwidth_finer_than_any_camera_still_works(select):
+    usual = select()
+    finest = select(bandwidth_m=1e-12)
     assert finest.pre_height_m == pytest.approx(usual.pre_height_m, abs=5e-4)
