@@ -1,6 +1,7 @@
 """The house rules that a machine can check: who imports whom, and how long a module may be."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -34,10 +35,17 @@ def modules(room):
     return sorted((PACKAGE / room).rglob("*.py"))
 
 
+@cache
+def walked(path):
+    """Return the tree of a file and all its nodes."""
+    tree = ast.parse(path.read_text())
+    return tree, list(ast.walk(tree))
+
+
 def imported(path, *, top_level_only=False):
     """Absolute module names that a file imports."""
-    tree = ast.parse(path.read_text())
-    nodes = tree.body if top_level_only else ast.walk(tree)
+    tree, every = walked(path)
+    nodes = tree.body if top_level_only else every
     for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -84,7 +92,7 @@ def test_annotations_that_would_load_pandas_are_deferred():
     for path in PACKAGE.rglob("*.py"):
         if path.parent.name == "figures":
             continue
-        nodes = list(ast.walk(ast.parse(path.read_text())))
+        nodes = walked(path)[1]
         told = [
             getattr(node, "annotation", None) or getattr(node, "returns", None) for node in nodes
         ]
@@ -115,4 +123,4 @@ def test_the_house_stays_small():
 
 def test_every_module_explains_itself():
     for path in PACKAGE.rglob("*.py"):
-        assert ast.get_docstring(ast.parse(path.read_text())), path
+        assert ast.get_docstring(walked(path)[0]), path
