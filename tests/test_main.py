@@ -9,6 +9,7 @@ import pytest
 
 from hopdata import __version__
 from hopdata.__main__ import main
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 ROOT = Path(__file__).parents[1]
 CONFIG = """\
@@ -30,10 +31,18 @@ def hopdata(*arguments, **options):
     )
 
 
+@pytest.fixture(scope="module")
+def short_sample(sample_path, tmp_path_factory):
+    """The first 100 s of the bundled recording, in which all that is checked is the same."""
+    path = tmp_path_factory.mktemp("short") / "hopper.h5"
+    write_recording(path, read_recording(sample_path).part(slice(10_000)))
+    return path
+
+
 @pytest.fixture
-def config(tmp_path, sample_path):
+def config(tmp_path, short_sample):
     path = tmp_path / "config.yaml"
-    path.write_text(CONFIG.format(file=sample_path))
+    path.write_text(CONFIG.format(file=short_sample))
     return path
 
 
@@ -55,8 +64,8 @@ def test_check_sums_up_a_sound_study(config, capsys):
     assert err == ""
 
 
-def test_check_names_a_simulated_recording(config, capsys, sample_path):
-    text = config.read_text().replace(f"    file: {sample_path}\n", "")
+def test_check_names_a_simulated_recording(config, capsys, short_sample):
+    text = config.read_text().replace(f"    file: {short_sample}\n", "")
     config.write_text(text)
     assert main(["check", str(config)]) == 0
     assert "hopper: simulated, 1000 hops" in capsys.readouterr().out
@@ -109,7 +118,7 @@ def test_forces_and_contacts_are_read_too(config, capsys, tmp_path):
     assert "is sound" not in out
 
 
-def test_all_unsound_recordings_are_told(config, capsys, sample_path, tmp_path):
+def test_all_unsound_recordings_are_told(config, capsys, tmp_path):
     broken = [tmp_path / f"broken{i}.tsv" for i in range(2)]
     for file in broken:
         file.write_text("hello\n")
