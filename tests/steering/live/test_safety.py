@@ -1,4 +1,5 @@
 import socket
+import threading
 import time
 
 import numpy as np
@@ -8,7 +9,7 @@ from loopback_server import UdpSwings
 
 from hopdata.errors import ConfigError
 from hopdata.steering.live.packets import PortError
-from hopdata.steering.live.safety import Limits, UdpBoom
+from hopdata.steering.live.safety import Limits, NoBoom, UdpBoom, Watch
 
 
 @pytest.fixture
@@ -79,15 +80,38 @@ def test_a_port_in_use_is_a_clear_error(swings):
         UdpSwings(swings.port)
 
 
+def test_an_answer_that_is_late_does_not_lift_a_rest():
+    asked, answer = threading.Event(), threading.Event()
+
+    def ask():
+        if not asked.is_set():
+            asked.set()
+            answer.wait()
+            return ""
+        return "the end"
+
+    watch = Watch(NoBoom(), ask)
+    looks = [threading.Thread(target=watch.look) for _ in range(2)]
+    looks[0].start()
+    asked.wait()
+    looks[1].start()
+    looks[1].join(0.05)
+    answer.set()
+    for look in looks:
+        look.join()
+    assert watch.cause == "the end"
+
+
 def test_no_swing_at_all_and_half_a_turn_are_limits():
     assert Limits(swing_rad=0.0).swing_rad == 0.0
     assert Limits(swing_rad=np.pi).swing_rad == np.pi
 
 
-@pytest.mark.parametrize("swing", [-1.0, np.nan, np.inf, 67.5])
-def test_a_limit_of_the_swing_that_would_not_hold_is_refused(swing):
-    with pytest.raises(ConfigError, match="swing_rad: expected 0 to pi, found"):
-        Limits(swing_rad=swing)
+@pytest.mark.parametrize("name", ["swing_rad", "tilt_rad"])
+@pytest.mark.parametrize("angle", [-1.0, np.nan, np.inf, 67.5])
+def test_an_angle_that_would_not_hold_is_refused(name, angle):
+    with pytest.raises(ConfigError, match=f"{name}: expected 0 to pi, found"):
+        Limits(**{name: angle})
 
 
 @pytest.mark.parametrize("name", ["pose_age_s", "command_s", "hop_s"])

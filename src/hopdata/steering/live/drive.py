@@ -153,9 +153,8 @@ def drive(
                         if on_look is not None:
                             on_look(loop, stream)
                 finally:
-                    loop.rest(
-                        f"told to end by {signals.first.name}" if signals.first else "the end"
-                    )
+                    first = signals.first
+                    loop.rest(f"told to end by {first.name}" if first else "the end")
         finally:
             with suppress(Exception):  # the robot may be gone
                 boom.swing(0.0)

@@ -110,8 +110,8 @@ class Limits:
     Raises
     ------
     ConfigError
-        If a time is not above 0, or the swing is not one from 0 to half a turn: a limit that is
-        not a number, or in degrees, would let every swing through.
+        If a time or the fence is not above 0, or swing or tilt is not from 0 to half a turn: a
+        limit that is not a number, or in degrees, would let every swing or lean through.
     """
 
     pose_age_s: float = 0.1
@@ -122,9 +122,10 @@ class Limits:
     tilt_rad: float = np.pi / 4
 
     def __post_init__(self) -> None:
-        for name in ("pose_age_s", "command_s", "hop_s", "fence_m", "tilt_rad"):
+        for name in ("pose_age_s", "command_s", "hop_s", "fence_m"):
             require(getattr(self, name) > 0, name, "more than 0", getattr(self, name))
-        require(0 <= self.swing_rad <= np.pi, "swing_rad", "0 to pi", self.swing_rad)
+        for name in ("swing_rad", "tilt_rad"):
+            require(0 <= getattr(self, name) <= np.pi, name, "0 to pi", getattr(self, name))
 
 
 # Bringing the boom to rest.
@@ -181,12 +182,12 @@ class Watch:
 
     def look(self) -> None:
         """Ask, and tell the boom to rest if there is a cause that was not there before."""
-        try:
-            cause = self._ask()
-        except Exception as error:
-            cause = f"the watch failed: {error!r}"
-        seen_s = self._clock()
-        with self._lock:
+        with self._lock:  # also to ask: an older answer must not take the place of a newer one
+            try:
+                cause = self._ask()
+            except Exception as error:
+                cause = f"the watch failed: {error!r}"
+            seen_s = self._clock()
             new, self.cause = bool(cause) and not self.cause, cause
             if not new:
                 return
