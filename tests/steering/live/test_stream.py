@@ -241,6 +241,13 @@ def test_frames_in_order_follow_each_other():
     assert verdicts([(k, k / 100) for k in range(1, 6)]) == ["next"] * 5
 
 
+@pytest.mark.parametrize("rate_hz", [33.3, 50.0, 200 / 3, 150.0, 200.0, 400.0])
+@pytest.mark.parametrize("begin_s", [0.0, 1234.567])
+def test_at_another_rate_than_was_told_few_frames_are_lost(rate_hz, begin_s):
+    told = verdicts([(k, begin_s + k / rate_hz) for k in range(1000)])
+    assert told.count("next") >= 990
+
+
 def test_missing_frames_are_counted():
     timeline = Timeline(100.0)
     timeline.judge(1, 0.01)

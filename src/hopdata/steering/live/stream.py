@@ -91,7 +91,8 @@ class Timeline:
         if self._period_s is None:
             return True
         expected = frames * self._period_s
-        return abs(span - expected) <= max(0.5 * self._period_s, SLACK * expected)
+        # With half a period rounding would say whether frames at twice the rate follow.
+        return abs(span - expected) <= max(0.45 * self._period_s, SLACK * expected)
 
 
 class CameraClock:

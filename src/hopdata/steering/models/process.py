@@ -432,16 +432,13 @@ def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray,
 
 def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
     """Units of the inputs, (2,): 1 rad for the boom angle, its standard deviation for the swing."""
-    units = np.ones(2)
-    if options.standardised:
-        units[1:] = inputs[:, 1:].std(axis=0)
-    return np.where(units > 0, units, 1.0)
+    swing = float(inputs[:, 1].std()) if options.standardised else 1.0
+    return np.array([1.0, swing or 1.0])
 
 
 def _copies(inputs: FloatArray) -> FloatArray:
     """Return the inputs a turn before, where they are, and a turn after (Sec. 3.4.2)."""
-    shift = np.zeros(inputs.shape[1])
-    shift[0] = TURN
+    shift = np.array([TURN, 0.0])
     return np.concatenate([inputs - shift, inputs, inputs + shift])
 
 

@@ -74,15 +74,14 @@ def observe_frame(
         Rotation of an earlier frame, to lean on if only two markers are seen.
     """
     fit = rigid_fit(body[None], geometry.body_m, None if earlier is None else earlier[None])
-    status, rotation = str(_statuses(fit, geometry.noise_m)[0]), fit.rotation[0]
-    centre = fit.centre[0]
+    status = str(_statuses(fit, geometry.noise_m)[0])
+    rotation, centre = fit.rotation[0], fit.centre[0]
     if status in (UNSEEN, MISFIT):
         rotation, centre = np.full((3, 3), np.nan), np.full(3, np.nan)
     pose, angle = np.array([centre[0], centre[1], headings(rotation)]), np.nan
     if boom is not None and geometry.circle is not None:
         angle = float(_angles_on(geometry.circle, (boom - centre) @ rotation))
-    height, residual = float(centre[2]), float(fit.residual_m[0])
-    return Observation(pose, height, angle, residual, status, rotation)
+    return Observation(pose, float(centre[2]), angle, float(fit.residual_m[0]), status, rotation)
 
 
 def _angles_on(circle: BoomCircle, boom: FloatArray) -> FloatArray:
