@@ -153,3 +153,8 @@ def test_what_cannot_be_is_refused():
     deep = replace(SECTIONS, post_m=0.05)
     with pytest.raises(AnalysisError, match="sink to the post section"):
         section_jacobians(HOPPER, CONTROLS["hopper"], apexes(), deep)
+
+
+def test_impulses_and_a_delay_together_have_no_simultaneous_contact():
+    with pytest.raises(AnalysisError, match="impulses or a delay, found both"):
+        section_jacobians(HOPPER, Control(impulse=0.1, delay_s=0.005), apexes(), SECTIONS)

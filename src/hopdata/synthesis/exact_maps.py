@@ -192,8 +192,11 @@ def section_jacobians(
     Raises
     ------
     AnalysisError
-        If there is no simultaneous contact between the sections.
+        If there is no simultaneous contact between the sections, or the control has impulses and a
+        delay: after the first contact the others come later, or are over.
     """
+    if control.impulse and control.delay_s:  # an impulse moves the guards that ask for velocities
+        raise AnalysisError("simultaneous contact: expected impulses or a delay, found both")
     landing = simultaneous_landing(scene, control, apex_states)
     preloads = np.full((1, scene.n_legs), scene.preload_n)
     fall = landings.true_landings(
