@@ -16,6 +16,7 @@ import numpy as np
 import psutil
 import pytest
 import yaml
+from checkouts import part_of_sample
 
 from hopdata.__main__ import main
 from hopdata.errors import ConfigError
@@ -143,11 +144,12 @@ def test_too_few_answers_are_no_answer(rows):
 @pytest.mark.workflow
 def test_a_group_runs_to_its_page(tmp_path):
     """One subject's file is missing, another's is no recording: the others have their answer."""
-    sample = ROOT / "data/sample/hopper.h5"
+    sample = part_of_sample(tmp_path / "hopper.h5", 400)
     (tmp_path / "broken.h5").write_bytes(b"no recording")
     table = f"subject\tfile\tkind\nanna\t{sample}\thopper\nben\tgone.h5\t\ncara\tbroken.h5\t\n"
     (tmp_path / "samples.tsv").write_text(table)
-    config = CONFIG | {"figures": {"formats": ["svg"]}, "study": "trio"}
+    few = {"prediction": {"bootstraps": 40}, "subspaces": {"bootstraps": 40}}
+    config = CONFIG | {"figures": {"formats": ["svg"]}, "study": "trio", **few}
     (tmp_path / "group.yaml").write_text(yaml.safe_dump(config))
     result = subprocess.run(
         [sys.executable, "-m", "hopdata", "run", "group.yaml", "--cores", "1"],

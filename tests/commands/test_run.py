@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from checkouts import part_of_sample
 
 import hopdata
 from hopdata import __version__
@@ -221,7 +222,7 @@ def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tm
         kept["LD_PRELOAD"] = str(shim)
     folder = tmp_path / "Grüße und Maße"
     folder.mkdir()
-    (folder / "Läufer 1.h5").symlink_to(ROOT / "data/sample/hopper.h5")
+    (folder / "Läufer 1.h5").symlink_to(part_of_sample(tmp_path / "hopper.h5", 120))
     markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}\n"
     recordings = "recordings: [{name: one, file: Läufer 1.h5}]\n"
     (folder / "k.yaml").write_text(f"study: odd\n{recordings}{markers}", encoding="utf-8")

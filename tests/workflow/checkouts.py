@@ -14,6 +14,8 @@ from tempfile import NamedTemporaryFile
 
 import yaml
 
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
+
 ROOT = Path(__file__).parents[2]
 PARTS = ("Snakefile", "workflow", "config", "profiles", "data/sample", "pyproject.toml")
 FIGURES = (
@@ -38,6 +40,14 @@ def copy_checkout(target):
         else:
             shutil.copy(source, copy)
     return target
+
+
+def part_of_sample(path, seconds):
+    """Write the beginning of the bundled recording, for tests that look at no more."""
+    sample = read_recording(ROOT / "data/sample/hopper.h5")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_recording(path, sample.part(slice(int(seconds * sample.rate_hz))), None)
+    return path
 
 
 def snakemake(folder, *arguments, cores=2):

@@ -8,11 +8,28 @@ from html import escape
 import numpy as np
 import pandas as pd
 import pytest
-from checkouts import FIGURES, completed, copy_checkout, edit_config, planned_rules, snakemake
+from checkouts import (
+    FIGURES,
+    completed,
+    copy_checkout,
+    edit_config,
+    part_of_sample,
+    planned_rules,
+    snakemake,
+)
 
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
 pytestmark = pytest.mark.workflow
+
+# Draws that no test here looks at; that of the sample has as many as a user's study, and the PNGs.
+FEW = {
+    "prediction": {"bootstraps": 40, "train": 30, "test": 10, "minimum_class": 15},
+    "subspaces": {"bootstraps": 40},
+    "distances": {"pairs": 40},
+    "verdict": {"flips": 99},
+    "figures": {"formats": ["svg"]},
+}
 
 # Names that other programs read as code, for a study whose markers are free to be called anything.
 CALLED = {
@@ -56,6 +73,7 @@ def test_a_small_study_of_a_control_runs_to_a_report(checkout):
             recording["simulation"]["duration_s"] = seconds
         config["sections"] = {"pre_height_m": 0.52, "post_height_m": 0.275}
         config["scaling_study"] = {"landings": 200}
+        config.update(FEW)
 
     edited = edit_config(checkout, shorten, source="config/control.yaml")
     completed(checkout, "--configfile", edited)
@@ -82,11 +100,8 @@ def small(config, hops):
     """Cut a study of an animal down to what a test needs."""
     config["recordings"] = config["recordings"][:1]
     config["recordings"][0]["simulation"] = {"hops": hops}
-    config["prediction"] = {"bootstraps": 40, "train": 30, "test": 10, "minimum_class": 15}
-    config["subspaces"] = {"bootstraps": 40}
-    config["distances"] = {"pairs": 40}
-    config["verdict"] = {"flips": 99}
     config["scaling_study"] = {"landings": 100, "scales": [1.0, 0.25]}
+    config.update(FEW)
 
 
 def test_a_small_study_of_a_hexapod_runs_to_a_report(checkout):
@@ -159,10 +174,11 @@ def steered(checkout):
 
     def shorten(config):
         config["study"] = "steered"
+        config["figures"] = FEW["figures"]
         config["steering"] = {
             "observations": ["corrected", "printed"],
             "excitation": {"repeats": 1},
-            "model": {"training_hops": 60, "draws": 2},
+            "model": {"training_hops": 40, "draws": 2},
             "experiments": {
                 "seeds": 1,
                 "starts": 1,
@@ -226,10 +242,11 @@ def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
 
     def use(config):
         config["study"] = "mine"
+        config["figures"] = FEW["figures"]
         config["recordings"] = [{"name": "monday", "file": "data/mine.h5"}]
         config["steering"] = {
             "recordings": ["monday"],
-            "model": {"training_hops": 60, "draws": 2},
+            "model": {"training_hops": 20, "draws": 2},
         }
 
     completed(folder, "steering", "--configfile", edit_config(folder, use))
@@ -242,11 +259,14 @@ def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
 
 
 def test_a_boom_that_does_not_move_is_told_in_words(steered):
+    folder = steered[0]
+    part_of_sample(folder / "data/still.h5", 60)
+
     def use(config):
         config["study"] = "still"
+        config["recordings"] = [{"name": "hopper", "file": "data/still.h5"}]
         config["steering"] = {"recordings": ["hopper"]}
 
-    folder = steered[0]
     run = snakemake(folder, "steering", "--configfile", edit_config(folder, use))
     assert run.returncode != 0
     assert "hopdata: error:" in run.stdout + run.stderr

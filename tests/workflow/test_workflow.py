@@ -14,7 +14,16 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from checkouts import FIGURES, ROOT, completed, copy_checkout, edit_config, planned_rules, snakemake
+from checkouts import (
+    FIGURES,
+    ROOT,
+    completed,
+    copy_checkout,
+    edit_config,
+    part_of_sample,
+    planned_rules,
+    snakemake,
+)
 
 import hopdata
 from hopdata.commands.forecast import foretell
@@ -309,7 +318,7 @@ rule everything:
 def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path):
     """All is planned from another folder; the job is submitted, as to a cluster."""
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
-    config["recordings"][0]["file"] = str(ROOT / config["recordings"][0]["file"])
+    config["recordings"][0]["file"] = str(part_of_sample(tmp_path / "hopper.h5", 60))
     (tmp_path / "landing.yaml").write_text(yaml.safe_dump({"landing": config}))
     (tmp_path / "Snakefile").write_text(MODULE.format(snakefile=str(ROOT / "Snakefile")))
     run = snakemake(
