@@ -4,8 +4,9 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
+from itertools import islice
 from math import inf
 
 import numpy as np
@@ -70,9 +71,13 @@ def _counts(
     if workers <= 1:
         yield from (run(*chunk) for chunk in chunks)
         return
-    pool = ThreadPoolExecutor(workers)
-    try:
-        yield from (job.result() for job in as_completed(pool.submit(run, *c) for c in chunks))
+    pool, rest = ThreadPoolExecutor(workers), iter(chunks)
+    try:  # few wait: Ctrl-C while one is handed over may come out as an error of the threads' lock
+        under_way = {pool.submit(run, *c) for c in islice(rest, 2 * workers)}
+        while under_way:
+            ended, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+            under_way |= {pool.submit(run, *c) for c in islice(rest, len(ended))}
+            yield from (job.result() for job in ended)
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 

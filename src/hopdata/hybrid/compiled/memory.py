@@ -124,15 +124,21 @@ float_vector, float_table = (_view_at(View(types.float64, ndim)) for ndim in (1,
 int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
 
 
+class FirstTried(AbstractTemplate):
+    """What an operator means for types of ours: asked before all that Numba knows of it."""
+
+    metadata = {"target": "cpu"}  # noqa: RUF012
+
+
 @infer_global(operator.getitem)
-class _GetItem(AbstractTemplate):
+class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
         return signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
 
 
 @infer_global(operator.setitem)
-class _SetItem(AbstractTemplate):
+class _SetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
         if not isinstance(kind, View):

@@ -25,8 +25,10 @@ from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.core.imputils import lower_cast
 from numba.core.typeconv import Conversion
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.core.typing.templates import infer_global, signature
 from numba.extending import intrinsic, lower_builtin, overload, overload_attribute, register_model
+
+from hopdata.hybrid.compiled.memory import FirstTried
 
 Function = Callable[..., Any]
 
@@ -122,7 +124,7 @@ def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> An
 def _operator(key: Any, count: int, fits: Function, result: Any, emit: Function) -> None:
     """Make an operator known for arguments that fit; `emit(builder, *lanes)` builds it."""
 
-    class Template(AbstractTemplate):
+    class Template(FirstTried):
         def generic(self, args: Any, kws: Any) -> Any:
             plain = tuple(map(types.unliteral, args))
             return signature(result, *plain) if len(plain) == count and fits(*plain) else None
@@ -177,14 +179,14 @@ _operator(operator.invert, 1, _are_masks, mask, lambda b, x: b.not_(x))
 
 
 @infer_global(operator.getitem)
-class _GetItem(AbstractTemplate):
+class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         fits = isinstance(args[0], Rows) and isinstance(args[1], types.Integer)
         return signature(lanes, args[0], INDEX) if fits else None
 
 
 @infer_global(operator.setitem)
-class _SetItem(AbstractTemplate):
+class _SetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = types.unliteral(args[2])
         fits = isinstance(args[0], Rows) and isinstance(args[1], types.Integer)

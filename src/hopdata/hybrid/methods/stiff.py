@@ -24,23 +24,6 @@ from hopdata.hybrid.methods.explicit import coefficients
 
 
 @kernel
-def swap_rows(s: FloatTable, first: int, second: int, n: int) -> None:
-    """Exchange two rows of the table."""
-    for j in range(n):
-        s[first, j], s[second, j] = s[second, j], s[first, j]
-
-
-@kernel
-def largest_below(s: FloatTable, lu: int, k: int, n: int) -> int:
-    """Return where column `k` is largest, from its diagonal down."""
-    best = k
-    for i in range(k + 1, n):
-        if abs(s[lu + i, k]) > abs(s[lu + best, k]):
-            best = i
-    return best
-
-
-@kernel
 def factorise(s: FloatTable, lu: int, pivots: int, n: int) -> None:
     """Replace the (n, n) matrix in the rows from `lu` on by its factors, with partial pivoting.
 
@@ -48,10 +31,14 @@ def factorise(s: FloatTable, lu: int, pivots: int, n: int) -> None:
     matrix gives infinities, and so a solution that is not finite.
     """
     for k in range(n):
-        best = largest_below(s, lu, k, n)
+        best = k
+        for i in range(k + 1, n):
+            if abs(s[lu + i, k]) > abs(s[lu + best, k]):
+                best = i
         s[pivots, k] = best
         if best != k:
-            swap_rows(s, lu + k, lu + best, n)
+            for j in range(n):
+                s[lu + k, j], s[lu + best, j] = s[lu + best, j], s[lu + k, j]
         s[lu + k, k] = 1.0 / s[lu + k, k]
         for i in range(k + 1, n):
             factor = s[lu + i, k] * s[lu + k, k]

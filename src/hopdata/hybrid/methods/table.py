@@ -132,8 +132,8 @@ class MethodTable:
     def provide(self, number: int) -> None:
         """Make a method ready, which the driver has asked for."""
         if self._generic_will_do(number):
-            self._enter(number, generic_code(self._names[number]))
             self._enter_tangents(number)
+            self._enter(number, generic_code(self._names[number]))
             self.generic.add(number)
         else:
             self.compile(number)
@@ -166,7 +166,7 @@ class MethodTable:
                 make(number)
 
     def _enter(self, number: int, parts: dict[str, Any]) -> None:
-        """Hand machine code to the driver."""
+        """Hand machine code to the driver; the step last, by which other threads see it ready."""
         for part, code in parts.items():
             self._kept_alive.append(code)
             self.rows[number, getattr(layout, part.upper())] = code.address
@@ -181,12 +181,12 @@ class MethodTable:
     def compile(self, number: int) -> None:
         """Make the machine code of a method for the scene."""
         method, scene = self._methods[number], self.scene
+        self._enter_tangents(number)
         generic = () if self._jacobian and self._names[number] not in TABLEAUS else TANGENTS
         for part in made.ENTRIES:
             if part not in generic and getattr(method, part) is not None:
                 code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
                 self._enter(number, {part: code})
-        self._enter_tangents(number)
 
 
 def tangent_table(methods: MethodTable, n_states: int) -> FloatArray:
