@@ -24,14 +24,17 @@ _T = "f8[:,::1]"  # a table
 
 @kept_njit()
 def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyped-def]
-    """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients."""
+    """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients.
+
+    An even number of them ends with the creep. Before the contact, only m others are filled in.
+    """
     row[0] = 1.0
     if s >= 0.0:
         for a in range(1, size):
             row[a] = 0.0
         row[1] = soft * (1.0 - exp(-s / soft)) if soft > 0.0 else 0.0
-        if size > 3 + 2 * m:
-            row[3 + 2 * m] = s
+        if size % 2 == 0:
+            row[size - 1] = s
         return
     row[1] = s
     row[2] = 0.5 * s * s
@@ -41,23 +44,21 @@ def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyp
         row[4 + 2 * j] = (now * now * now - top * top * top) / 6 - s * top * top / 2
         if others[j, 1] > 0.0:
             row[4 + 2 * j] = now - top - (s if top > 0.0 else 0.0)
-    if size > 3 + 2 * m:
-        row[3 + 2 * m] = 0.0
+    if size % 2 == 0:
+        row[size - 1] = 0.0
 
 
 @kept_njit()
 def _factor(size, gram):  # type: ignore[no-untyped-def]
     """Cholesky-factor `gram` in place (lower triangle); False if it is singular."""
     for a in range(size):
-        pivot = gram[a, a]
-        for b in range(a):
+        for b in range(a + 1):
+            value = gram[a, b]
             for k in range(b):
-                gram[a, b] -= gram[a, k] * gram[b, k]
-            gram[a, b] /= gram[b, b]
-            gram[a, a] -= gram[a, b] * gram[a, b]
-        if gram[a, a] <= 1e-12 * pivot or pivot <= 0.0:
-            return False
-        gram[a, a] = sqrt(gram[a, a])
+                value -= gram[a, k] * gram[b, k]
+            if b == a and (value <= 1e-12 * gram[a, a] or gram[a, a] <= 0.0):
+                return False
+            gram[a, b] = sqrt(value) if b == a else value / gram[b, b]
     return True
 
 
@@ -66,14 +67,16 @@ def _solve(size, factor, right):  # type: ignore[no-untyped-def]
     """Solve L L^T x = right in place; return the sum of squares of L^-1 right."""
     total = 0.0
     for a in range(size):
+        value = right[a]
         for k in range(a):
-            right[a] -= factor[a, k] * right[k]
-        right[a] /= factor[a, a]
+            value -= factor[a, k] * right[k]
+        right[a] = value / factor[a, a]
         total += right[a] * right[a]
     for a in range(size - 1, -1, -1):
+        value = right[a]
         for k in range(a + 1, size):
-            right[a] -= factor[k, a] * right[k]
-        right[a] /= factor[a, a]
+            value -= factor[k, a] * right[k]
+        right[a] = value / factor[a, a]
     return total
 
 
@@ -94,16 +97,14 @@ def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, rig
             gram[a, a] = weight[a - 2]
             right[a] = weight[a - 2] * mean[a - 2]
             total += right[a] * mean[a - 2] - noise2 * log(weight[a - 2])
-    hard = soft <= 0.0 and size == 3 + 2 * m
+    live = 0  # contacts before this one: the others have no part in the flight
+    while live < m and others[live, 0] < tau:
+        live += 1
     for i in range(n):
         s = t[i] - tau
         total += z[i] * z[i]
-        if hard and s >= 0.0:
-            right[0] += z[i]
-            gram[0, 0] += 1.0
-            continue
-        _design_row(s, tau, t[i], m, others, soft, size, row)
-        for a in range(size):
+        _design_row(s, tau, t[i], live, others, soft, size, row)
+        for a in range(3 + 2 * live if s < 0.0 else size if size % 2 == 0 else 2):
             right[a] += row[a] * z[i]
             for b in range(a + 1):
                 gram[a, b] += row[a] * row[b]
@@ -256,7 +257,7 @@ def fit_all(  # type: ignore[no-untyped-def]
     steps : int
         Steps of the grid.
     contacts : (P,) int array
-        How many of `others` (P, (F - 4) / 2, 2) to take: instants of other contacts, and 1 where
+        How many of `others` (P, (F - 4) / 2, 2) to take, in order of time: contacts, and 1 where
         they are of the same foot.
     soft : float
         Time in which a contact takes up the foot's velocity; 0 for a hard one.
