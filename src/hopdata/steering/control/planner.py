@@ -39,7 +39,7 @@ SWEEPS_BETWEEN = 24  # under the policy chosen last
 # How much closer the distances lie near the goal than at the far end: exp(STRETCH).
 STRETCH = 3.5
 SHARPNESS = 8  # of the edge of what is near enough: most of it from 0.8 to 1.3 times that error
-BEYOND = 1.0  # cost per metre beyond the last distance
+BEYOND = 5.0  # cost per metre beyond the last distance: as at that, where hops make 4 to 9 cm
 
 #: Swings of each hop that are tried before refinement, by the number of hops.
 SWINGS_TRIED = {1: 101, 2: 31, 3: 13}
@@ -70,7 +70,7 @@ class PointGrid(_Grid):
     distances, bearings, boom_angles, swings : int
         Number of nodes of each. Distances lie closer near the goal.
     farthest_m : float
-        Largest distance, m; beyond it each metre costs as much as it takes hops.
+        Largest distance, m; beyond it each metre costs as much as the last one before.
     width : float
         Distance that is near enough, m.
     scatter : tuple of float
