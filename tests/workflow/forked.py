@@ -2,21 +2,28 @@
 
 Each line on stdin is a run: its folder, environment, arguments, files for its stdout and stderr.
 A fork of this process, which has imported Snakemake and nothing of hopdata, does it; its exit code
-is a line on stdout.
+is a line on stdout. A script that it runs is a fork in turn: another half second each.
 """
 
 import json
 import os
 import runpy
 import signal
+import subprocess
 import sys
+import traceback
+from importlib import import_module
 
-import jsonschema  # noqa: F401, as those below: what Snakemake and its rules import when they run
-import pandas as pd  # noqa: F401
-import smart_open  # noqa: F401
+from snakemake.benchmark import benchmarked
 from snakemake.cli import get_argument_parser
+from snakemake.script import PythonScript
 
-get_argument_parser()  # imports the plugins, too
+# What Snakemake, its rules and the scripts import when they run.
+LIBRARIES = (
+    *("h5py", "jinja2", "jsonschema", "numba", "numpy", "pandas", "smart_open"),
+    *("matplotlib.backends.backend_svg", "matplotlib.figure"),
+    *("scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special", "scipy.stats"),
+)
 TIMEOUT_S = 1200
 
 
@@ -29,6 +36,36 @@ def serve():
     return sys.exit()
 
 
+def execute_script(script, file, edit=False):
+    """Run a script of a job, with what Snakemake writes before it, and end as it ends."""
+    if not (job := os.fork()):
+        os._exit(_code_of(file))
+    with benchmarked(job, script.bench_record):
+        code = os.waitstatus_to_exitcode(os.waitpid(job, 0)[1])
+    if code:
+        raise subprocess.CalledProcessError(code, file)
+
+
+def _code_of(file):
+    # A thread that is not in this fork may have held the old ones.
+    sys.stdout, sys.stderr = (os.fdopen(number, "w", closefd=False) for number in (1, 2))
+    try:
+        runpy.run_path(file, run_name="__main__")
+    except SystemExit as end:
+        return end.code or 0
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    return 0
+
+
+get_argument_parser()  # imports the plugins, too
+for library in LIBRARIES:
+    import_module(library)
+PythonScript.execute_script = execute_script
 folder, environment, arguments, files = serve()
 signal.alarm(TIMEOUT_S)
 for number, file in enumerate([os.devnull, *files]):
