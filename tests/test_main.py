@@ -5,6 +5,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hopdata import __version__
@@ -62,6 +63,17 @@ def test_check_sums_up_a_sound_study(config, capsys):
     assert "100 % of all markers" in out
     assert out.rstrip().endswith("is sound")
     assert err == ""
+
+
+def test_check_does_not_call_sound_what_it_has_a_note_on(config, short_sample, capsys, tmp_path):
+    recording = read_recording(short_sample)
+    recording.positions[::9, recording.markers.index("body3")] = np.nan
+    write_recording(tmp_path / "gap.h5", recording, None)
+    assert main(["check", edited(config, str(short_sample), str(tmp_path / "gap.h5"))]) == 0
+    *told, last = capsys.readouterr().out.splitlines()
+    note = f"note: {tmp_path / 'gap.h5'}: marker 'body3' is missing in 11.1 % of frames"
+    assert note in told
+    assert last == f"{config} can be run, but see the notes above"
 
 
 def test_check_names_a_simulated_recording(config, capsys, short_sample):

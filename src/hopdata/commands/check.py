@@ -71,6 +71,7 @@ def check(options: argparse.Namespace) -> int:
         raise RecordingError(*mistakes)
     require_distinct(sound)
     but = _foretell(first, sound) if len(sound) == len(first["recordings"]) else ""
+    but = but or "see the notes above" * bool(remarks)
     print(f"{options.config} " + (f"can be run, but {but}" if but else "is sound"))
     return terminal.OK
 
