@@ -10,8 +10,7 @@ from hopdata.config.consistency import files_of, simulation_of
 from hopdata.config.loading import load_config
 from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
-from hopdata.figures.catalogue import FIGURES as CATALOGUE
-from hopdata.figures.catalogue import source_of, tables_of
+from hopdata.figures.catalogue import FIGURES as CATALOGUE, source_of, tables_of
 from hopdata.provenance import code_digest
 
 # Snakemake writes Python's path into the shell command of each script, and does not quote it.

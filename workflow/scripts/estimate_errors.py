@@ -4,9 +4,8 @@ import numpy as np
 
 from hopdata.jobs import read_json, read_table, reported, write_table
 from hopdata.landings.states.pairs import read_pairs
+from hopdata.maps.truth.maps import estimate_errors, exact_map, true_effect, verdict_errors
 from hopdata.maps.truth.scoring import state_errors, true_rows
-from hopdata.maps.truth.maps import estimate_errors, exact_map
-from hopdata.maps.truth.maps import true_effect, verdict_errors
 from hopdata.recordings.readers.hdf5 import read_truth
 
 with reported(snakemake.log[0]):

@@ -3,9 +3,8 @@
 from hopdata.jobs import read_json, read_table, reported, write_json, write_table
 from hopdata.landings.checks import check_study
 from hopdata.landings.filling import filled_table
-from hopdata.landings.stability import drift_table
-from hopdata.landings.stability import section_stability
 from hopdata.landings.sections.select import Sections
+from hopdata.landings.stability import drift_table, section_stability
 from hopdata.recordings.readers.hdf5 import read_recording
 
 with reported(snakemake.log[0]):

@@ -1,8 +1,8 @@
 """Score pose, boom angle, stances and model against the truth of the simulation."""
 
 from hopdata.jobs import read_table, reported, write_json
-from hopdata.steering.models.process import load_process
 from hopdata.steering.experiments.outcomes import truth_entries
+from hopdata.steering.models.process import load_process
 from hopdata.steering.trial import true_map_of
 
 with reported(snakemake.log[0]):

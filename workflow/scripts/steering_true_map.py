@@ -1,9 +1,8 @@
 """Measure the frame changes of the simulated robot without chance."""
 
 from hopdata.jobs import reported, write_table
-from hopdata.steering.trial import true_frame_changes
 from hopdata.steering.robot import camera_of, robot_of
-from hopdata.steering.trial import true_map_table
+from hopdata.steering.trial import true_frame_changes, true_map_table
 
 with reported(snakemake.log[0]):
     camera = camera_of(snakemake.params.motion_capture)

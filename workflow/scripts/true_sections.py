@@ -3,12 +3,10 @@
 import numpy as np
 
 from hopdata.jobs import read_json, reported, write_json
-from hopdata.landings.states.pairs import write_pairs
-from hopdata.landings.states.pairs import Pairs
+from hopdata.landings.states.pairs import Pairs, write_pairs
 from hopdata.recordings.readers.hdf5 import read_truth
-from hopdata.synthesis.scaling import common_scene
 from hopdata.synthesis.landings import SectionHeights
-from hopdata.synthesis.scaling import exact_maps, true_states
+from hopdata.synthesis.scaling import common_scene, exact_maps, true_states
 
 with reported(snakemake.log[0]):
     found, body = read_json(snakemake.input.sections), snakemake.params.markers["body"]
