@@ -59,6 +59,15 @@ def test_rows_of_a_subject_and_condition_are_one_study(group):
     assert len(seeds) == 3
 
 
+def test_only_a_line_that_begins_with_a_hash_is_a_remark(group):
+    table = "# runs\nsubject\tfile\tmass\nP#1\ta#2.h5\t60\t\n#P2\tb.h5\t\nP3\t\n"
+    members = group(table)["members"].values()
+    assert [member["subject"] for member in members] == ["P#1", "P3"]
+    files = [member["config"]["recordings"][0]["file"] for member in members]
+    assert files == ["a#2.h5", None]
+    assert [member["further"]["mass"] for member in members] == ["60", ""]
+
+
 def test_a_subject_more_leaves_the_others_alone(group):
     few = group("subject\tfile\nanna\ta.h5\nben\tb.h5\n")["members"]
     more = group("subject\tfile\nzoe\tz.h5\nanna\ta.h5\nben\tb.h5\n")["members"]
@@ -82,7 +91,9 @@ def test_names_are_shown_as_written_and_made_safe_for_folders(group):
             "columns subject, file, parted by tabs, found 1 rows of subject, path",
         ),
         ("subject\tfile\n", "found 0 rows"),
-        ("subject\tfile\n\ta.h5\n", "line 2: subject: expected a name"),
+        ("# runs\n\nsubject\tfile\n\ta.h5\n", "line 4: subject: expected a name"),
+        ("subject\tfile\nanna\n", "line 2: expected the 2 columns subject, file, parted by tabs"),
+        ("subject\tfile\nanna\ta.h5\tb.h5\n", "parted by tabs, found 3"),
         ("subject\tfile\nanna\ta.h5\nAnna\tb.h5\nben\tc.h5\n", "found 'anna', 'Anna'"),
         ("subject\tfile\nmüde\ta.h5\nben\tc.h5\nmude\tb.h5\n", "found 'müde', 'mude'"),
     ],

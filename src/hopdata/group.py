@@ -1,5 +1,6 @@
 """A group: subjects in a table, each a study of its own, and a page of them all."""
 
+import csv
 import logging
 import traceback
 from collections import Counter
@@ -53,7 +54,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
         raise ConfigError.at(config, "samples or recordings", "both")
     file = Path(str(content.pop("samples")))
     members: dict[tuple[str, str], Any] = {}
-    for line, row in enumerate(_rows(file), start=2):
+    for line, row in _rows(file).items():
         who = row["subject"], row.get("condition", "")
         name = study_name("_".join(filter(None, who)))
         member = members.setdefault(
@@ -91,25 +92,29 @@ def read_group(config: str | Path) -> dict[str, Any]:
     }
 
 
-def _rows(file: Path) -> list[dict[str, str]]:
-    """Read the table of samples, all as text."""
-    options: Any = {"sep": "\t", "dtype": str, "keep_default_na": False, "comment": "#"}
+def _rows(file: Path) -> dict[int, dict[str, str]]:
+    """Read the table of samples, all as text, by line; lines that begin with # are remarks."""
     try:
-        table = pd.read_csv(file, **options)
-    except OSError as error:
-        raise ConfigError(
-            f"samples: {file}: expected a readable table, found: {error.strerror}"
-        ) from None
-    except ValueError as error:
-        raise ConfigError(
-            f"samples: {file}: expected a tab-separated table, found: {str(error).strip()}"
-        ) from None
-    missing = [name for name in NEEDED if name not in table]
-    if missing or table.empty:
-        found = f"{len(table)} rows of {', '.join(map(str, table.columns)) or 'nothing'}"
+        lines = enumerate(file.read_text(encoding="utf-8-sig").splitlines(), start=1)
+    except (OSError, UnicodeDecodeError) as error:
+        found = str(getattr(error, "strerror", error))
+        raise ConfigError.at(f"samples: {file}", "a readable table, in UTF-8", found) from None
+    cells = {
+        line: [cell.strip() for cell in next(csv.reader([text], delimiter="\t"))]
+        for line, text in lines
+        if text.strip() and not text.startswith("#")
+    }
+    names = cells.pop(min(cells), []) if cells else []
+    if not cells or not {*NEEDED} <= {*names}:
+        found = f"{len(cells)} rows of {', '.join(names) or 'nothing'}"
         wanted = f"a row for each file with the columns {', '.join(NEEDED)}, parted by tabs"
         raise ConfigError.at(f"samples: {file}", wanted, found)
-    return [{str(k): str(v).strip() for k, v in row.items()} for row in table.to_dict("records")]
+    for line, row in cells.items():
+        if len(row) <= names.index("file") or any(row[len(names) :]):
+            wanted = f"the {len(names)} columns {', '.join(names)}, parted by tabs"
+            raise ConfigError.at(f"{file}, line {line}", wanted, f"{len(row)}")
+    empty = [""] * len(names)  # a row may end before its last columns
+    return {line: dict(zip(names, row + empty, strict=False)) for line, row in cells.items()}
 
 
 def run_member(member: Mapping[str, Any], folder: Path) -> None:

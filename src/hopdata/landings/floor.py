@@ -192,7 +192,8 @@ def fit_floor(
     rest = rest.take(_near_floor(rest, 3 * rest_band_m))
     n_steps, turned = rest.n_steps, turning(rest)
     rest = floor_surface.thinned(rest, max_points)
-    centre, scale = _centre_and_scale(rest.points[:, :2], least_m=1e-3 * recording.scale)
+    low, high = np.quantile(rest.points[:, :2], [0.005, 0.995], axis=0)  # the ground stepped on
+    centre, scale = 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3 * recording.scale)
     scaled = (rest.points[:, :2] - centre) / scale
     share = min(1.0, n_steps / len(rest.foot))
     by: Any = {"degree": degree, "largest_error_m": largest_error_m, "independent_share": share}
@@ -359,12 +360,6 @@ def level(
         part[:, :, 2] -= floor.height(part[:, :, 0], part[:, :, 1])
     positions[:, recording.indices("foot"), 2] -= floor.foot_offsets_m
     return replace(recording, positions=positions)
-
-
-def _centre_and_scale(places: FloatArray, *, least_m: float) -> tuple[FloatArray, float]:
-    """Middle of the ground stepped on, (2,), and half of its longer side, m."""
-    low, high = np.quantile(places, [0.005, 0.995], axis=0)
-    return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), least_m)
 
 
 def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:

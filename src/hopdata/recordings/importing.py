@@ -203,7 +203,7 @@ def import_recording(
         time=raw.time,
         positions=positions,
         markers=raw.markers,
-        roles=_roles(markers),
+        roles=tuple(role for key, role in ROLE_OF_KEY.items() for _ in markers.get(key) or ()),
         rate_hz=raw.rate_hz,
         source=", ".join(sources),
         source_sha256=", ".join(sha256(p) for p in paths),
@@ -291,11 +291,6 @@ def _only(positions: FloatArray, order: Sequence[int]) -> FloatArray:
         block = slice(first, first + BLOCK)
         kept[block] = positions[block][:, order]
     return kept
-
-
-def _roles(wanted: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """Role of each configured marker, in the order of `_chosen`."""
-    return tuple(role for key, role in ROLE_OF_KEY.items() for _ in wanted.get(key) or ())
 
 
 def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth | None:

@@ -41,13 +41,9 @@ def significant(value: Any, digits: int = 3) -> str:
     if (number == int(number) and abs(number) < 10**15) or abs(number) >= 10**digits:
         return count(number)
     if abs(number) < 1e-4:
-        return _power_of_ten(number, digits)
+        mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
+        return f"{mantissa.replace('-', MINUS)} × 10{str(int(exponent)).translate(RAISED)}"
     return f"{number:.{digits}g}".replace("-", MINUS)
-
-
-def _power_of_ten(number: float, digits: int) -> str:
-    mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
-    return f"{mantissa.replace('-', MINUS)} × 10{str(int(exponent)).translate(RAISED)}"
 
 
 def fixed(value: Any, decimals: int) -> str:
