@@ -245,6 +245,29 @@ def test_wrong_arguments_are_named(change, message):
         solve_batch(ladder(1), **arguments)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"y0": np.zeros(2)}, r"y0: expected shape \(B, 2\), found \(2,\)"),
+        ({"params": np.ones((2, 2))}, r"params: expected shape \(p,\) or \(3, p\), found \(2, 2\)"),
+        ({"params": np.ones((2, 3, 2))}, r"params: expected shape"),
+        ({"params": [5.0, np.nan]}, r"params: expected finite numbers, found .* nan"),
+    ],
+)
+def test_wrong_arguments_are_named_where_parameters_are_states(change, message):
+    arguments = {"y0": np.zeros((3, 2)), "params": (5.0, 1.0), **change}
+    with pytest.raises(ValueError, match=message):
+        solve_batch(ladder(1), (0, 1), jacobian="params", **arguments)
+
+
+def test_params_are_a_vector_whatever_their_shape():
+    found = [
+        solve(ladder(1), (0, 1), [0.0, 0.0], params=params, jacobian="params").sensitivity.tobytes()
+        for params in ([0.5, 1.0], [[0.5, 1.0]], [[0.5], [1.0]])
+    ]
+    assert len(set(found)) == 1
+
+
 @pytest.mark.parametrize("params", [(2.0, 0.0), np.ones((3, 2))])
 def test_missing_parameters_are_named(params):
     with pytest.raises(ValueError, match=r"uses params\[2\]"):

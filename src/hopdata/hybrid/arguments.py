@@ -103,16 +103,21 @@ def check_params(params: ArrayLike, name: str = "params") -> FloatArray:
     return numbers_of(name, params).ravel()
 
 
-def check_memory(memory: ArrayLike | None, length: int) -> FloatArray:
-    """Return the scene's memory at the start, by default zeros."""
-    start = np.zeros(length) if memory is None else check_params(memory, "memory")
-    expect(len(start) == length, "memory", f"{length} numbers", len(start))
-    return start
+def check_rows(params: ArrayLike, n_runs: int) -> FloatArray:
+    """Return the parameters of all runs, (1, p), or of each, (n_runs, p)."""
+    numbers = np.atleast_2d(numbers_of("params", params))
+    fits = numbers.ndim == 2 and len(numbers) in (1, n_runs)
+    expect(fits, "params", f"shape (p,) or ({n_runs}, p)", np.shape(params))
+    return numbers
 
 
 def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
-    """Return the parameters, a row for each integration, with the memory behind them."""
-    start = check_memory(memory, n_memory)
+    """Return the parameters, one or a row for each integration, with the memory behind them.
+
+    At the start that is zeros, if not given.
+    """
+    start = np.zeros(n_memory) if memory is None else check_params(memory, "memory")
+    expect(len(start) == n_memory, "memory", f"{n_memory} numbers", len(start))
     return np.concatenate([params, np.broadcast_to(start, (*params.shape[:-1], n_memory))], axis=-1)
 
 

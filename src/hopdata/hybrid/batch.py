@@ -239,9 +239,10 @@ def solve_batch(
     Exception
         Whatever the system's functions raise.
     """
+    states = _states(y0, system.n_states)
     if goes_back(t_span) or isinstance(jacobian, str):
         asked = derive(
-            system, t_span=t_span, y0=y0, params=params, t_eval=t_eval, atol=atol,
+            system, t_span=t_span, y0=states, params=params, t_eval=t_eval, atol=atol,
             jacobian=jacobian, debug=False,
         )  # fmt: skip
         return solve_batch(
@@ -253,8 +254,8 @@ def solve_batch(
     if workers is not None:
         workers = arguments.check_count("workers", workers)
     jacobian = arguments.check_flag("jacobian", jacobian)
-    states = _states(y0, system.n_states)
-    numbers = arguments.with_memory(_parameters(params, len(states)), memory, system.n_memory)
+    numbers = arguments.check_rows(params, len(states))
+    numbers = arguments.with_memory(numbers, memory, system.n_memory)
     system.check_params_length(numbers.shape[1])
     modes = np.zeros((1, system.n_modes), dtype=np.int64)
     if mode is not None:
@@ -324,13 +325,6 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     for row in np.flatnonzero(~np.isfinite(states).all(axis=1)):
         arguments.expect(False, "y0", "finite numbers", f"{states[row]} in row {row}")
     return states
-
-
-def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
-    numbers = np.atleast_2d(arguments.numbers_of("params", params))
-    fits = numbers.ndim == 2 and len(numbers) in (1, n_runs)
-    arguments.expect(fits, "params", f"shape (p,) or ({n_runs}, p)", np.shape(params))
-    return np.ascontiguousarray(numbers)
 
 
 def _solution(room: _Room, times: FloatArray, jacobian: bool, system: System) -> BatchSolution:

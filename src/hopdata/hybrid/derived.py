@@ -182,10 +182,15 @@ def derive(
     if isinstance(jacobian, str):
         known = jacobian == WITH_PARAMS
         arguments.expect(known, "jacobian", "True or False, or 'params'", repr(jacobian))
-        states, given = arguments.numbers_of("y0", y0), arguments.numbers_of("params", params)
+        states = arguments.numbers_of("y0", y0)
         fits = states.shape[-1:] == (system.n_states,)
         arguments.expect(fits, "y0", f"{system.n_states} states", f"shape {states.shape}")
-        given = np.broadcast_to(given, (*states.shape[:-1], given.shape[-1]))
+        rows = states.shape[:-1]
+        given = (
+            arguments.check_rows(params, len(states)) if rows else arguments.check_params(params)
+        )
+        arguments.expect(np.isfinite(given).all(), "params", "finite numbers", given)
+        given = np.broadcast_to(given, (*rows, given.shape[-1]))
         full = np.zeros(system.n_states)
         arguments.set_tolerance(full, atol)
         atol = np.concatenate([full, np.zeros(given.shape[-1])])

@@ -27,12 +27,11 @@ W1 = P1 + LARGEST_DEGREE
 # blocks of n rows for the method, these single rows, and what the method has of its own.
 PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = numbers(6)
 # PHI_MOTION begins with the fastest motion squared, by which the method has judged its error;
-# RATE_INPUTS is 1 where the rates of the guards may depend on that component of the state's rate;
-# STEADY begins with 1 if no guard depends on time.
-PHI_MOTION, RATE_INPUTS, STEADY = numbers(3, 6)
+# RATE_INPUTS is 1 where the rates of the guards may depend on that component of the state's rate.
+PHI_MOTION, RATE_INPUTS = numbers(2, 6)
 # For differences: four rows of values, which are good, by how much they may err, and what part of
 # an increment was small enough lately.
-PHI_VALUES, PHI_PART, PHI_ROWS = 9, 15, 16
+PHI_VALUES, PHI_PART, PHI_ROWS = 8, 14, 15
 GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
 
 # Rows of `guards`: event functions and their rates at the start of a step, at up to two knots in
@@ -183,7 +182,7 @@ SENTENCES = {
     "known.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
     RATE_DIFFERS: "The rate hdot of guard '{guard}' is not that of its values h, up to {at}: "
-    "correct @guards (a guard may jump and have kinks, but not everywhere).",
+    "correct @guards (by dy[0], say, not y[1]; they may jump and have kinks, but not everywhere).",
     RAISED: "It was interrupted, or a function of the system raised an exception, after {at}.",
     NO_LOCK: "on_event has set the lock of guard '{guard}' to what is neither -1 nor +1 at {at}: "
     "mode[k] is the lock of guard k, and the system's own integers stand behind the locks.",

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import layout
-from hopdata.hybrid.arguments import check_memory, check_params, check_shape, set_tolerance
+from hopdata.hybrid.arguments import check_params, check_shape, set_tolerance, with_memory
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
 from hopdata.hybrid.methods.table import MethodTable, tangent_table
@@ -148,20 +148,14 @@ class Workspace:
         They are written as they are: whether they can be asked for the driver looks up, in a
         hundredth of the time that Python would take. Returns whether it is written.
         """
-        if not (
-            type(method) is str
-            and method == self.ready_for
-            and not (self.methods.generic and self.methods.wants_own_code())
-        ):
+        ready = type(method) is str and method == self.ready_for
+        if not ready or (self.methods.generic and self.methods.wants_own_code()):
             return False
         y0 = y0.tolist() if type(y0) is ndarray else y0
         params = params.tolist() if type(params) is ndarray else params
-        if not (
-            type(y0) in PLAIN
-            and len(y0) == self._n_states
-            and type(params) in PLAIN
-            and len(params) == self._n_params
-        ):
+        if not (type(y0) in PLAIN and type(params) in PLAIN):
+            return False
+        if len(y0) != self._n_states or len(params) != self._n_params:
             return False
         try:
             if not (isinstance(atol, float) and atol == self._atol_of_all):
@@ -183,11 +177,11 @@ class Workspace:
     ) -> None:  # fmt: skip
         """Write on the desk what is asked for, whatever it is given as."""
         state, given = check_shape("y0", y0, self._n_states), check_params(params)
-        system.check_params_length(len(given) + self._n_memory)
+        full = with_memory(given, memory, self._n_memory)
+        system.check_params_length(len(full))
         self.make_params_room(len(given))
         WRITE_OPTIONS(self._block, ASKED_AT, *options)
-        self._start[:], self._params[: len(given)] = state, given
-        self._params[len(given) :] = check_memory(memory, self._n_memory)
+        self._start[:], self._params[:] = state, full
 
     def set_tolerance(self, atol: ArrayLike) -> None:
         """Put the absolute tolerance in its place, unless it is there already."""
@@ -313,9 +307,8 @@ class Workspace:
         per_step, trajectory = self._rows_per_step, self._joined(0, rows)
         if per_step > 1:
             fields["dense"] = per_step, trajectory
-            trajectory = (
-                np.frombuffer(trajectory).reshape(-1, self._widths[0])[::per_step].tobytes()
-            )
+            table = np.frombuffer(trajectory).reshape(-1, self._widths[0])
+            trajectory = table[::per_step].tobytes()
         if len(self._wanted) > 0:
             count = int(self.counts[layout.SAMPLES])
             taken = [self._wanted[:count], self._samples[:count]]

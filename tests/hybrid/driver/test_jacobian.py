@@ -70,14 +70,27 @@ def test_whatever_the_code_of_a_guard_tells_of_what_it_depends_on(one):
     assert gap(found.jacobian, differences(system, (0, 4), [0.1, 0.4, 0.6])) < 1e-9
 
 
+@guards
+def by_velocities(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] + 0.3 * y[1] * y[1] - 0.5
+    hdot[0] = y[2] + 0.6 * y[1] * dy[1]
+
+
+def test_a_rate_that_does_not_follow_dy_is_refused():
+    system = System(pushed, by_velocities, n_states=3, guard_names=("bend",))
+    assert solve(system, (0, 4), [0.1, 0.4, 0.6]).success
+    found = solve(system, (0, 4), [0.1, 0.4, 0.6], jacobian=True)
+    assert found.status == -12
+    assert "'bend'" in found.message
+    assert "dy[0]" in found.message
+
+
 def test_a_guard_whose_inputs_are_named_costs_fewer_evaluations():
     named, looped = (
         System(pushed, one, n_states=3, guard_names=("bend",)) for one in (by_numbers, by_a_loop)
     )
     assert named.methods("dopri5", True).scene.rate_inputs == (0, 1)
-    assert named.methods("dopri5", True).scene.steady
     assert looped.methods("dopri5", True).scene.rate_inputs == (0, 1, 2)
-    assert not looped.methods("dopri5", True).scene.steady
 
 
 def test_ladder_of_speeds():

@@ -9,6 +9,7 @@ from jacobian_checks import TIGHT, carried, differences, gap
 from scipy.linalg import expm
 
 from hopdata.hybrid import System, field, guard, guards, on_event, solve, solve_batch
+from hopdata.hybrid.first_order import bouligand_derivative
 from hopdata.hybrid.layout import GRAZING_IN_JACOBIAN, TIE_IN_JACOBIAN
 
 # Random systems: affine before and after one reset, which is not, at a plane that moves in time.
@@ -273,6 +274,32 @@ def test_a_reset_that_pushes_another_guard():
     tied = carried(system, (0, 1.5), [0.0, 1.0], params=(0.5, 0.5))
     assert tied.status == TIE_IN_JACOBIAN
     assert "Several guards flip" in tied.message
+
+
+@guards
+def one_plane(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - params[0], dy[0]
+
+
+@field
+def add_up(t, y, mode, params, dy):
+    dy[0], dy[1], dy[2] = 1.0, 0.0, y[1]
+
+
+@on_event
+def clear(t, y, mode, params, guard, direction):
+    y[1] = 0.0
+    return 0
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+def test_a_reset_to_the_value_that_the_state_has(speed):
+    system = System(add_up, one_plane, clear, n_states=3, guard_names=("plane",))
+    right = [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-speed, 1.0, 1.0]]
+    found = solve(system, (0, 2), [0.0, speed, 0.0], params=(1.0,), jacobian=True).jacobian
+    np.testing.assert_allclose(found, right, rtol=0, atol=1e-10)
+    at_once = bouligand_derivative(system, [1.0, speed, 0.0], params=(1.0,), mode=[-1])
+    np.testing.assert_allclose(at_once(np.eye(3)), [*right[:2], [-speed, 0, 1]], rtol=0, atol=1e-10)
 
 
 def test_where_a_guard_is_grazed_there_is_no_derivative():

@@ -82,11 +82,11 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
     for i in range(n):
         jumped = jumped or m.states[at.Y, i] != log.floats[row, at.LOG_STATES + i]
         log.floats[row, at.LOG_STATES + n + i] = m.states[at.Y, i]
+    if p.first_order and p.on_event != 0:
+        jumped = first_order(p, RESET, 0.0, row, k, direction) != 0.0
     if jumped:
         m.counts[at.JUMPS] += 1
         wake_all(m)
-        if p.first_order:
-            first_order(p, RESET, 0.0, row, k, direction)
     first = at.LOG_STATES + 2 * n
     n_logged = log.floats.width - first
     for i in range(n_logged):

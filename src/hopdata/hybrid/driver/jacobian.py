@@ -18,7 +18,8 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import FloatTable
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.driver.problem import Problem, blur, next_due
+from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, next_due
+from hopdata.hybrid.driver.problem import way as some_way
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.methods import tangent as differences
@@ -45,6 +46,8 @@ EASY = 0.2  # of the tolerance: a step with so little error may have the short t
 SHORT = 300.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
 SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothing of the next step
 LOOK, LEAST_LOOK = 1e-6, 1e-9  # of a piece, of t_span: how far ahead a guard's rate is looked at
+ASIDE = 1e-7  # of a state's size: how far beside it handlers and guards are looked at
+SAME_SLOPE = 1e-3  # part of a guard's slope by which those of its rates and values may differ
 
 
 @kernel
@@ -118,17 +121,6 @@ def rate_along(
 
 
 @kernel
-def largest_input(p: Problem, m: Memory) -> int:
-    """Return the largest component of f- on which the guards' rates may depend; -1 if all are 0."""
-    phi, largest, found = p.tangent, 0.0, -1
-    before, inputs = single(m, at.F_BEFORE), single(m, at.RATE_INPUTS)
-    for i in range(m.states.width):
-        if phi[inputs, i] != 0.0 and abs(phi[before, i]) > largest:
-            largest, found = abs(phi[before, i]), i
-    return found
-
-
-@kernel
 def add_part(p: Problem, m: Memory, i: int, part: float) -> float:
     """Add `part` times row i of Phi to the row ALONG; return `part` times the state's tolerance."""
     phi, along = p.tangent, single(m, at.ALONG)
@@ -144,28 +136,23 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> float:
     Returns the time, s, by which its instant is unknown.
 
     The rate is affine in f-: Dh comes by changing one component of it after the other, those alone
-    that the guards' code may use, by the size of the largest. What belongs to the largest is what
-    is left of the rate, if time does not matter.
+    that the guards' code may use, by the size of the largest.
     """
-    phi, n = p.tangent, m.states.width
+    phi, n, unknown, change = p.tangent, m.states.width, 0.0, 0.0
     moved, before = single(m, at.COLUMN), single(m, at.F_BEFORE)
     inputs = single(m, at.RATE_INPUTS)
     for i in range(n):
         phi[moved, i] = phi[before, i]
         phi[single(m, at.ALONG), i] = 0.0
-    largest, left, unknown = largest_input(p, m), 1.0, 0.0
-    change = abs(phi[before, largest]) if largest >= 0 else 1.0
-    last = largest if phi[single(m, at.STEADY), 0] != 0.0 else -1
+        change = max(change, phi[inputs, i] * abs(phi[before, i]))
+    change = change if change > 0.0 else 1.0
     for i in range(n):
-        if phi[inputs, i] != 0.0 and i != last:
+        if phi[inputs, i] != 0.0:
             phi[moved, i] += change
             moved_rate = rate_along(p, m, k, moved, m.clock[at.T], m.states, at.Y)
             part = (moved_rate - rate) / (phi[moved, i] - phi[before, i]) / rate
             phi[moved, i] = phi[before, i]
-            left -= part * phi[before, i]
             unknown += add_part(p, m, i, part)
-    if last >= 0:
-        unknown += add_part(p, m, last, left / phi[before, last])
     return unknown
 
 
@@ -196,10 +183,45 @@ def add_jump(p: Problem, m: Memory) -> None:
 
 
 @kernel
-def grazes(p: Problem, m: Memory, k: int, rate: float, unknown: float) -> bool:
-    """Tell whether the rate of guard k may be zero: its instant is unknown by too much for that."""
-    bend = bend_of(p, m, k, rate)
-    return not abs(bend) * unknown <= 0.5 * abs(rate)
+def size_of(p: Problem, m: Memory, i: int, value: float) -> float:
+    """Return the size of state i: its own, its change since the last event, or its tolerance's."""
+    change = (m.clock[at.T] - m.clock[at.SEGMENT]) * abs(p.tangent[single(m, at.F_BEFORE), i])
+    return max(abs(value), change, p.atol[i] / p.rtol)
+
+
+@kernel
+def look_beside(p: Problem, m: Memory, side: float) -> None:
+    """Write a state beside the present one, into two rows, and the way to there, on either side."""
+    moved, slope, given = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE), single(m, at.COLUMN)
+    for i in range(m.states.width):
+        y = m.states[at.Y, i]
+        p.tangent[slope, i] = side * some_way(i) * size_of(p, m, i, y)
+        p.tangent[moved, i] = p.tangent[given, i] = y + ASIDE * p.tangent[slope, i]
+
+
+@kernel_apart
+def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
+    """Tell whether guard k's rate is that of its values when the state moves some other way."""
+    told, seen = 0.0, 0.0
+    moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
+    for side in (1.0, -1.0):
+        look_beside(p, m, side)
+        told += side * rate_along(p, m, k, slope, m.clock[at.T], p.tangent, moved)
+        seen += side * m.guards[at.H, k] / ASIDE
+    noise = blur(m.guards[at.SIZE, k], 0.0, 0.0) / ASIDE
+    return abs(told - seen) <= SAME_SLOPE * max(abs(told), abs(seen)) + noise
+
+
+@kernel
+def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
+    """Write what `project` does, and return a status.
+
+    Its rate may be zero where its instant is unknown by too much for that.
+    """
+    unknown = project(p, m, k, rate)
+    if not abs(bend_of(p, m, k, rate)) * unknown <= 0.5 * abs(rate):
+        return at.GRAZING_IN_JACOBIAN
+    return at.RUNNING if has_slope_of_rate(p, m, k) else at.RATE_DIFFERS
 
 
 @kernel
@@ -228,12 +250,8 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
         return at.RUNNING
     k = next_due(p, m, -1)
     rate = m.guards[at.RATE0, k]
-    if m.counts[at.N_DUE] == 1:
-        grazing = grazes(p, m, k, rate, project(p, m, k, rate))
-        return at.GRAZING_IN_JACOBIAN if grazing else at.RUNNING
-    grazing = False
-    while k >= 0:
-        grazing = grazes(p, m, k, rate, project(p, m, k, rate)) or grazing
+    status = passes(p, m, k, rate)
+    while k >= 0 and m.counts[at.N_DUE] > 1:
         p.mode[k] = -p.mode[k]
         m.counts[at.NFEV] += 1
         code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
@@ -241,10 +259,12 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
         k = next_due(p, m, k)
         if k >= 0:
             rate = rate_along(p, m, k, before, m.clock[at.T], m.states, at.Y)
-    for a in range(m.counts[at.N_DUE]):  # they flip in earnest afterwards
+            one = passes(p, m, k, rate)
+            status = one if status == at.RUNNING else status
+    for a in range(m.counts[at.N_DUE] if m.counts[at.N_DUE] > 1 else 0):  # in earnest afterwards
         k = m.lists[at.DUE, a]
         p.mode[k] = -p.mode[k]
-    return at.GRAZING_IN_JACOBIAN if grazing else at.RUNNING
+    return status
 
 
 @kernel
@@ -275,10 +295,7 @@ def reset_by(p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, w
     """
     phi, n, t = p.tangent, m.states.width, m.clock[at.T]
     values, before = single(m, at.PHI_VALUES), at.LOG_STATES
-    size = p.t_end - p.t_start
-    if j < n:
-        change = (t - m.clock[at.SEGMENT]) * abs(phi[single(m, at.F_BEFORE), j])
-        size = max(abs(log[row, before + j]), change, p.atol[j] / p.rtol)
+    size = size_of(p, m, j, log[row, before + j]) if j < n else p.t_end - p.t_start
     step = differences.FIFTH_ROOT_OF_EPS * (size if size > differences.ABSOLUTELY_TINY else 1.0)
     for i in range(n):
         phi[values + 5, i] = differences.NOISE * abs(m.states[at.Y, i])
@@ -295,19 +312,37 @@ def reset_by(p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, w
         step *= differences.SHORTER
 
 
+@kernel
+def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> bool:
+    """Tell whether a handler has changed the state, or changes one beside it."""
+    phi, t, changed = p.tangent, m.clock[at.T], False
+    moved, given = single(m, at.PHI_SHIFTED), single(m, at.COLUMN)
+    for i in range(m.states.width):
+        changed = changed or m.states[at.Y, i] != log[row, at.LOG_STATES + i]
+    if not changed:
+        look_beside(p, m, 1.0)
+        bring_back(p, 0)
+        code.call_on_event(p.on_event, t, phi, moved, p.mode, p.params, k, way)
+        for i in range(m.states.width):
+            changed = changed or phi[moved, i] != phi[given, i]
+    return changed
+
+
 @kernel_apart
-def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> None:
-    """Multiply Phi and f- by the derivative of the reset that a row of the log tells of.
+def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> bool:
+    """Multiply Phi and f- by the derivative of the reset that a row of the log tells of, if any.
 
     What it is by time is added to f-: `saltate_handlers` takes that away.
     """
     phi, n = p.tangent, m.states.width
     before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
     keep(p, 1)
+    if not resets(p, m, log, row, k, way):
+        bring_back(p, 1)
+        return False
     for e in range(n * n):
         phi[n, e] = 0.0
-    for i in range(n):
-        phi[after, i] = 0.0
+    fill_row(phi, after, 0.0)
     for j in range(n + 1):
         reset_by(p, m, log, row, j, k, way)
         for i in range(n):
@@ -317,9 +352,9 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
                 phi[n + i, c] += slope * phi[j, c]
     for e in range(n * n):
         phi[0, e] = phi[n, e]
-    for i in range(n):
-        phi[before, i] = phi[after, i]
+    copy_row(phi, after, before)
     bring_back(p, 1)
+    return True
 
 
 @kernel

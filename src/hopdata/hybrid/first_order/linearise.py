@@ -145,12 +145,9 @@ def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
     size = np.abs(slopes) @ scale + np.abs(slopes_in_time)
     rounding = 4 * (system.n_states + 1) * np.finfo(float).eps * np.abs(h) / STEP
     trusted = off <= SAME_SLOPE * size + rounding
-    return Linearisation(
-        at,
-        field_at(system, at),
-        np.where(trusted[:, None], exact, slopes),
-        np.where(trusted, in_time, slopes_in_time),
-    )
+    gradients = np.where(trusted[:, None], exact, slopes)
+    in_time = np.where(trusted, in_time, slopes_in_time)
+    return Linearisation(at, field_at(system, at), gradients, in_time)
 
 
 def cross(system: System, at: Instant, guard: int) -> Instant:

@@ -67,30 +67,29 @@ def _rate(f: FloatArray, slope: FloatArray, time_rate: float) -> float:
     return rate
 
 
+BESIDE = 1e-7  # of a coordinate's size
+
+
 def crossing(
     system: System, here: Linearisation, guard: int, scale: FloatArray
 ) -> tuple[FloatArray, Linearisation]:
     """Return the saltation matrix of a guard's crossing, and the linearisation after it.
 
-    A handler that leaves the state alone here is taken to do so nearby; the derivative of one that
-    changes it is found by differences.
+    The derivative of a handler that changes the state, here or beside it, is found by differences.
     """
     at = here.instant
     there = local.linearise(system, local.cross(system, at, guard), scale)
     reset = reset_rate = None
-    if not np.array_equal(there.instant.y, at.y):
 
-        def after(p: Instant) -> FloatArray:
-            return local.cross(system, p, guard).y
+    def after(p: Instant) -> FloatArray:
+        return local.cross(system, p, guard).y
 
+    beside = at.moved(at.y + BESIDE * scale * np.sqrt(1.0 + np.arange(len(scale))), at.t)
+    if any((after(p) != p.y).any() for p in (at, beside)):
         reset, reset_rate = local.differentiate(after, at, scale)
+    slope, in_time = here.gradients[guard], float(here.time_rates[guard])
     matrix = saltation_matrix(
-        here.rate,
-        there.rate,
-        here.gradients[guard],
-        time_rate=float(here.time_rates[guard]),
-        reset=reset,
-        reset_rate=reset_rate,
+        here.rate, there.rate, slope, time_rate=in_time, reset=reset, reset_rate=reset_rate
     )
     return matrix, there
 

@@ -207,11 +207,6 @@ class Scene:
         return () if self.guards is None else self.guards.elements_of("dy", self.n_states)
 
     @property
-    def steady(self) -> bool:
-        """Whether the code of the event functions does not name the time."""
-        return self.guards is None or self.guards.elements_of("t", 1) == ()
-
-    @property
     def cacheable(self) -> bool:
         """Whether all functions are machine code, which may be kept for the next process."""
         given = (self.field, self.jacobian, self.affine)

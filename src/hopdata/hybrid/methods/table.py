@@ -194,5 +194,4 @@ def tangent_table(methods: MethodTable, n_states: int) -> FloatArray:
     table = np.zeros((methods.tangent_rows, n_states))
     np.fill_diagonal(table[:n_states], 1.0)
     table[3 * n_states + layout.RATE_INPUTS, list(methods.scene.rate_inputs)] = 1.0
-    table[3 * n_states + layout.STEADY] = methods.scene.steady
     return table

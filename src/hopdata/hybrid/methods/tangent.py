@@ -112,22 +112,6 @@ def evaluate_beside(
 
 
 @code.kernel_apart
-def smaller(
-    t: float, j: int, step: float, part: float, s: FloatTable, mode: Any, params: Any, phi: Any,
-    field: int,
-) -> None:  # fmt: skip
-    """Take the differences by state j with smaller increments, until they are good."""
-    n, values = phi.width, 3 * phi.width + at.PHI_VALUES
-    for attempt in range(1, ATTEMPTS):
-        step, part = step * SHORTER, part * SHORTER
-        evaluate_beside(t, j, step, s, mode, params, phi, field)
-        if settle(phi, values, attempt, step, phi, n, j, n):
-            phi[3 * n + at.PHI_PART, j] = part
-            return
-    phi[3 * n + at.PHI_PART, j] = 1.0
-
-
-@code.kernel_apart
 def stage_jacobian(
     t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
     field: int, jacobian: int,
@@ -151,12 +135,15 @@ def stage_jacobian(
     for j in range(n):
         size = max(abs(s[at.SCRATCH, j]), abs(s[at.Y, j]), dt * abs(s[at.K1, j]), atol[j] / rtol)
         part = min(phi[3 * n + at.PHI_PART, j] * LONGER, 1.0)
-        step = part * FIFTH_ROOT_OF_EPS * (size if size > ABSOLUTELY_TINY else 1.0)
-        evaluate_beside(t, j, step, s, mode, params, phi, field)
-        if settle(phi, values, 0, step, phi, n, j, n):
-            phi[3 * n + at.PHI_PART, j] = part
+        largest = FIFTH_ROOT_OF_EPS * (size if size > ABSOLUTELY_TINY else 1.0)
+        for attempt in range(ATTEMPTS):
+            evaluate_beside(t, j, part * largest, s, mode, params, phi, field)
+            if settle(phi, values, attempt, part * largest, phi, n, j, n):
+                break
+            part *= SHORTER
         else:
-            smaller(t, j, step, part, s, mode, params, phi, field)
+            part = 1.0
+        phi[3 * n + at.PHI_PART, j] = part
         phi[shifted, j] = s[at.SCRATCH, j]
 
 
