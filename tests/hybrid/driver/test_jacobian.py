@@ -85,6 +85,27 @@ def test_a_rate_that_does_not_follow_dy_is_refused():
     assert "dy[0]" in found.message
 
 
+@field
+def drifting(t, y, mode, params, dy):
+    dy[0] = 2.0 if mode[0] > 0 else 1.0
+
+
+@guards
+def by_offset_and_turns(t, y, dy, mode, params, h, hdot):
+    offset, turns = params[0], params[1]
+    h[0] = np.sin(turns * ((y[0] + offset) - offset - 0.5))
+    hdot[0] = turns * np.cos(turns * ((y[0] + offset) - offset - 0.5)) * dy[0]
+
+
+@pytest.mark.parametrize("params", [(1e8, 1.0), (1e3, 1e3), (0.0, 1e7)])
+def test_a_rate_that_follows_dy_is_believed_whatever_rounding_and_bends(params):
+    system = System(drifting, by_offset_and_turns, n_states=1, guard_names=("turn",))
+    start = 0.5 - 1.0 / params[1]
+    found = solve(system, (0, 1.5 / params[1]), [start], params=params, jacobian=True)
+    assert found.n_events == 1
+    np.testing.assert_allclose(found.jacobian, 2.0, rtol=1e-6)
+
+
 def test_a_guard_whose_inputs_are_named_costs_fewer_evaluations():
     named, looped = (
         System(pushed, one, n_states=3, guard_names=("bend",)) for one in (by_numbers, by_a_loop)

@@ -46,7 +46,7 @@ EASY = 0.2  # of the tolerance: a step with so little error may have the short t
 SHORT = 300.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
 SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothing of the next step
 LOOK, LEAST_LOOK = 1e-6, 1e-9  # of a piece, of t_span: how far ahead a guard's rate is looked at
-ASIDE = 1e-7  # of a state's size: how far beside it handlers and guards are looked at
+ASIDE = (1e-7, 1e-5, 1e-3, 1e-9)  # of a state's size: how far beside it one looks
 SAME_SLOPE = 1e-3  # part of a guard's slope by which those of its rates and values may differ
 
 
@@ -190,26 +190,31 @@ def size_of(p: Problem, m: Memory, i: int, value: float) -> float:
 
 
 @kernel
-def look_beside(p: Problem, m: Memory, side: float) -> None:
+def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
     """Write a state beside the present one, into two rows, and the way to there, on either side."""
     moved, slope, given = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE), single(m, at.COLUMN)
     for i in range(m.states.width):
         y = m.states[at.Y, i]
         p.tangent[slope, i] = side * some_way(i) * size_of(p, m, i, y)
-        p.tangent[moved, i] = p.tangent[given, i] = y + ASIDE * p.tangent[slope, i]
+        p.tangent[moved, i] = p.tangent[given, i] = y + aside * p.tangent[slope, i]
 
 
 @kernel_apart
 def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
-    """Tell whether guard k's rate is that of its values when the state moves some other way."""
-    told, seen = 0.0, 0.0
+    """Tell whether guard k's rate is that of its values when the state moves some other way.
+
+    Near by, values may be the same by rounding; farther away, a guard may bend.
+    """
     moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
-    for side in (1.0, -1.0):
-        look_beside(p, m, side)
-        told += side * rate_along(p, m, k, slope, m.clock[at.T], p.tangent, moved)
-        seen += side * m.guards[at.H, k] / ASIDE
-    noise = blur(m.guards[at.SIZE, k], 0.0, 0.0) / ASIDE
-    return abs(told - seen) <= SAME_SLOPE * max(abs(told), abs(seen)) + noise
+    for aside in ASIDE:
+        told, seen = 0.0, 0.0
+        for side in (1.0, -1.0):
+            look_beside(p, m, side, aside)
+            told += side * rate_along(p, m, k, slope, m.clock[at.T], p.tangent, moved)
+            seen += side * m.guards[at.H, k] / aside
+        if abs(told - seen) <= SAME_SLOPE * max(abs(told), abs(seen)):
+            return True
+    return False
 
 
 @kernel
@@ -218,8 +223,7 @@ def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
 
     Its rate may be zero where its instant is unknown by too much for that.
     """
-    unknown = project(p, m, k, rate)
-    if not abs(bend_of(p, m, k, rate)) * unknown <= 0.5 * abs(rate):
+    if not project(p, m, k, rate) * abs(bend_of(p, m, k, rate)) <= 0.5 * abs(rate):
         return at.GRAZING_IN_JACOBIAN
     return at.RUNNING if has_slope_of_rate(p, m, k) else at.RATE_DIFFERS
 
@@ -320,7 +324,7 @@ def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -
     for i in range(m.states.width):
         changed = changed or m.states[at.Y, i] != log[row, at.LOG_STATES + i]
     if not changed:
-        look_beside(p, m, 1.0)
+        look_beside(p, m, 1.0, ASIDE[0])
         bring_back(p, 0)
         code.call_on_event(p.on_event, t, phi, moved, p.mode, p.params, k, way)
         for i in range(m.states.width):

@@ -234,8 +234,7 @@ def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) 
     if part == jacobian.SALTATE:
         return float(jacobian.saltate(p, m, which != 0))
     if part == jacobian.RESET:
-        log = desk_log(slots).floats
-        return 1.0 if jacobian.carry_reset(p, m, log, which, k, way) else 0.0
+        return 1.0 if jacobian.carry_reset(p, m, desk_log(slots).floats, which, k, way) else 0.0
     return 1.0 if jacobian.saltate_handlers(p, m, which != 0) else 0.0
 
 
