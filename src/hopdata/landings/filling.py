@@ -181,8 +181,7 @@ def fill_gaps(
     positions = recording.positions if overwrite else recording.positions.copy()
     filled = np.zeros(positions.shape[:2], bool)
     longest_s = LONGEST_S * recording.pace if longest_s is None else longest_s
-    longest = int(longest_s * recording.rate_hz + 1e-6)
-    wanted = _short_gaps(~seen(recording.body), longest)
+    wanted = _short_gaps(~seen(recording.body), int(longest_s * recording.rate_hz + 1e-6))
     frames = np.flatnonzero(wanted.any(axis=1))
     if len(frames) and (shape := learn_shape(recording.body)) is not None:
         places = rigid_places(recording.body[frames], wanted[frames], shape)

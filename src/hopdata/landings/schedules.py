@@ -126,8 +126,7 @@ def schedule_classes(
     ambiguous_below : float
         The least probability of a class that is sure.
     """
-    doubtful = probability < ambiguous_below
-    pairs = zip(names, doubtful, strict=True)
+    pairs = zip(names, probability < ambiguous_below, strict=True)
     return [AMBIGUOUS if name and doubt else name for name, doubt in pairs]
 
 

@@ -120,8 +120,7 @@ def foot_sets(n_feet: int) -> list[Feet]:
     >>> foot_sets(3)
     [(0, 1), (0, 2), (1, 2), (0, 1, 2)]
     """
-    largest = n_feet if n_feet <= ALL_SETS_UP_TO else 2
-    sizes = range(2, largest + 1)
+    sizes = range(2, 1 + (n_feet if n_feet <= ALL_SETS_UP_TO else 2))
     return [feet for size in sizes for feet in combinations(range(n_feet), size)]
 
 

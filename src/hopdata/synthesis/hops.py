@@ -163,8 +163,7 @@ def _ending(solution: Solution, apex: int) -> str:
 
 def rest_foot(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
     """Place of one leg's foot at rest length, world frame, (..., 3), m."""
-    arm = rotation_matrices(states[..., 3:6]) @ scene.rest_feet()[leg]
-    return states[..., :3] + arm
+    return states[..., :3] + rotation_matrices(states[..., 3:6]) @ scene.rest_feet()[leg]
 
 
 def rest_foot_climb(scene: Scene, states: FloatArray, leg: int) -> FloatArray:

@@ -129,8 +129,7 @@ def find_transitions(
     seen = ~np.isnan(height)
     t, h = time[seen], height[seen]
     steps = np.diff(t, prepend=-np.inf, append=np.inf)  # step k ends in frame k
-    levels = pre_height_m, post_height_m
-    rows = [_crossings(t, h, steps, span, levels) for span in spans]
+    rows = [_crossings(t, h, steps, span, (pre_height_m, post_height_m)) for span in spans]
     return Transitions(*np.array(rows).reshape(-1, 4).T)
 
 

@@ -291,8 +291,7 @@ def section_states(
 def _split_fit(tracks: Tracks, window_s: float | None, flying: Fitting | None) -> Fit:
     if tracks.flight and flying is not None:
         return flying(tracks, window_s)
-    enough = len(tracks.near) >= LEAST_LANDINGS
-    return (together if enough else alone)(tracks, window_s)
+    return (together if len(tracks.near) >= LEAST_LANDINGS else alone)(tracks, window_s)
 
 
 METHODS = {"split_fit": _split_fit, "savitzky_golay": lambda tracks, *_: filtered(tracks)}

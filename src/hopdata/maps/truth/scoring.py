@@ -337,5 +337,4 @@ def score_distances(summary: pd.DataFrame) -> Entries:
     if "random" not in rows.index or others.empty:
         return {}
     what = "5 % quantile of the random distances minus the largest 95 % quantile of the others"
-    clearance = rows.loc["random", "q05"] - others.max()
-    return {"random_clearance": entry(clearance, "rad", what)}
+    return {"random_clearance": entry(rows.loc["random", "q05"] - others.max(), "rad", what)}

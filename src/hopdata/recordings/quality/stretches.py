@@ -21,8 +21,7 @@ def runs(holds: BoolArray) -> IntArray:
         First frame of each stretch and the frame after its last.
     """
     padded = np.concatenate([[False], holds, [False]])
-    edges = np.flatnonzero(padded[1:] != padded[:-1])
-    return edges.reshape(-1, 2).astype(np.int64)
+    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2).astype(np.int64)
 
 
 # Frozen markers: the same position again and again, which noise makes all but impossible.

@@ -74,8 +74,7 @@ class LiveHopper:
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the markers, in the order of the frames."""
-        body = [f"body{k + 1}" for k in range(len(self.robot.markers.body_m))]
-        return (*body, "boom")
+        return (*(f"body{k + 1}" for k in range(len(self.robot.markers.body_m))), "boom")
 
     def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
         """Hop for ever: yields the time, s, and the markers (M, 3), m, of each frame."""
