@@ -35,11 +35,12 @@ def falls(
     creep_m_s: float = 0.0,
     stands_s: float = np.inf,
     push_m_s2: float = 0.0,
+    strike_m_s: float = 0.0,
 ) -> Falls:
     """Simulate landings with contacts from N(0, 10 ms), or so far apart, in random order.
 
     `missing` frames about each contact are not seen; a foot leaves the floor after `stands_s`. Each
-    that stands pushes the others up.
+    that stands pushes the others up, and slows them by `strike_m_s` as it lands.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(landings * FRAMES) / RATE_HZ
@@ -58,6 +59,8 @@ def falls(
     waits = np.maximum(contacts[:, :, None] - contacts[:, None, :], 0.0)[:, None]
     pushed = (after[:, :, None] ** 2 - waits**2) / 2 - s[..., None] * waits
     height += push_m_s2 * np.where(s < 0, pushed.sum(axis=3), 0.0)
+    struck = after[:, :, None] - waits
+    height += strike_m_s * np.where(s < 0, struck.sum(axis=3), 0.0)
     height += rng.normal(0, NOISE_M, height.shape)
     if missing:
         nearest = np.abs(s).argmin(axis=1)[:, None]

@@ -13,6 +13,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
+from hopdata.landings.contacts.kink_law import FRAMES_AFTER, FRAMES_BEFORE
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
 from hopdata.recordings.quality.rigid import low_pass
@@ -21,7 +22,6 @@ LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight 
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
 LEAVES = 8.0  # standard deviations of a height: a foot that rises by more has left again
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
-FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
 FILTER_DELAYS = 0.21  # periods of its cut-off by which a low-pass may make contacts late
 DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0  # of the median descent, and of the noise: a foot that is down
 

@@ -155,6 +155,7 @@ STANCE_GAIN, STANCE_GAIN_PER_FIT, TELLING_LOSS = 6.0, 0.15, 20.0
 # a foot's law does not do if it leaves more than this share of its contacts so, one odd
 # one of ten or more apart.
 UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
+FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
 AT_BOUND_S = 1e-3  # so near to the earliest instant it is the bound that was found
 SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)
 SOFTNESS_ODDS, SURE_OF_SOFT = 6.0, 2.0  # of soft against hard; and sds away from it to be sure
@@ -210,19 +211,14 @@ class FootHeights:
     leaves_m: float = np.inf
     foot_of: tuple[int, ...] = ()
 
-    def search_s(self) -> tuple[float, float]:
-        """Half widths of the first and of the later searches for an instant, s."""
-        frame_s = float(np.median(np.diff(self.time)))
-        return max(0.015, 2.5 * frame_s), max(0.008, 1.5 * frame_s)
-
     def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
         """Fit each foot about its rough or its last instant (L, n), s, which asks for less."""
-        search_s = self.search_s()[0 if widely else 1]
+        frame_s = float(np.median(np.diff(self.time)))
+        search_s = max(0.015, 2.5 * frame_s) if widely else max(0.008, 1.5 * frame_s)
         earliest = np.full(near.shape, -np.inf)
         for foot, bounds in enumerate(np.sort(self.earliest, axis=0).T):
             bounds = np.insert(bounds, 0, -np.inf)
-            last = np.searchsorted(bounds, near[:, foot] + search_s) - 1
-            earliest[:, foot] = bounds[last]
+            earliest[:, foot] = bounds[np.searchsorted(bounds, near[:, foot] + search_s) - 1]
         fits = kink_fits(
             self.time, self.heights, near, priors=law.priors, noise_m=law.noise_m,
             windows_s=self.windows_s, search_s=search_s, earliest=earliest,
@@ -248,16 +244,28 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     gravity : {"learned", "free", "known"}
         See `hopdata.landings.contacts.find.find_contacts`.
     """
-    law = Law(weak_priors(feet.heights.shape[1], gravity, feet.foot_of), noise_m)
-    instant = feet.fits(near, replace(law, pushes=False), widely=True).instant
-    law = learned_law(feet, instant, law, own=gravity == "learned")
-    instant = feet.fits(instant, law, widely=True).instant  # of all else one is held at a time
+    weak = Law(weak_priors(n := feet.heights.shape[1], gravity, feet.foot_of), noise_m)
+    alone = feet.fits(near, replace(weak, pushes=False), widely=True)
+
+    def learned(start: Law) -> tuple[Law, FloatArray]:
+        law = learned_law(feet, _telling(alone), start, own=gravity == "learned")
+        # Of all else one is held at a time.
+        return law, feet.fits(alone.instant, law, widely=True).instant
+
+    law, instant = learned(weak)
+    if law.pushes:  # or legs strike: velocities change at once, as of markers of one rigid foot
+        other, others = learned(replace(weak, priors=weak_priors(n, gravity, (0,) * n)))
+        same = replace(other, noise_m=law.noise_m)
+        some, also = (some_landings(at, STANCE_LANDINGS) for at in (instant, others))
+        gain = _gain(_log_likelihood(feet, also, same), _log_likelihood(feet, some, law))
+        if gain.sum() > TELLING_LOSS:
+            law, instant = other, others
     fits, common = _with_softness(feet, feet.fits(instant, law), law, alike=True)
     # What the law leaves beyond the noise is alike in all landings.
     left_m = np.sqrt(max(law.noise_m**2 - noise_m**2, 0.0))
     falls = np.abs(fits.velocity[np.isfinite(fits.instant)])
     # A foot that turns about its toes creeps unevenly: some of its way may be a contact's softness.
-    turns_m_s = np.abs(law.priors.mean[:, -1]) * (law.creeps & law.priors.hinged.any(axis=1))
+    turns_m_s = np.abs(law.priors.mean[:, -1]) * (law.creeps & weak.priors.hinged.any(axis=1))
     hidden_m = np.hypot(MISFIT_HIDES * left_m, TURN_HIDES * turns_m_s * feet.windows_s[1])
     return fits, np.hypot(common, hidden_m / np.median(falls) if len(falls) else 0.0)
 
@@ -270,7 +278,7 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
     are alike, and sure to be soft, get the instants of the mean compliance. How far a foot's
     landings may be off alike is its common error (n,), s; what they do not share is in `unit_se`.
     """
-    some, own_s = some_landings(fits.instant, STANCE_LANDINGS), law.compliance_s
+    some, own_s = some_landings(_telling(fits), STANCE_LANDINGS), law.compliance_s
     step_s = max(0.1 * own_s, LEAST_STEP_S)
     others = {time_s for time_s in (0.0, *SOFTNESS_S) if abs(time_s - own_s) > 1.5 * step_s}
     trials_s = np.array(sorted({max(own_s - step_s, 0.0), own_s, own_s + step_s, *others}))
@@ -417,6 +425,11 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     # Weak pushes hardly pay for the freedom they take, and left out make errors larger than stated;
     # kept where there are none they only widen them. So they go where the data speak against them.
     return law if gain.sum() > -TELLING_LOSS else free
+
+
+def _telling(fits: KinkFits) -> FloatArray:
+    """Instants (L, n) of which flight was seen: after a gap any velocity fits, and any law."""
+    return np.where(fits.n_before < FRAMES_BEFORE, np.nan, fits.instant)
 
 
 def some_landings(instant: FloatArray, most: int) -> FloatArray:
