@@ -81,16 +81,6 @@ def numbers_of(name: str, value: ArrayLike) -> FloatArray:
         raise ArgumentError(f"{name}: expected numbers, found {value!r}") from None
 
 
-def _integers(name: str, value: ArrayLike) -> IntArray:
-    """Return an array of whole numbers."""
-    given = np.asarray(value)
-    if given.dtype.kind not in "iub":
-        given = numbers_of(name, value)
-        whole = np.isfinite(given) & (given == np.rint(given))
-        expect(whole.all(), name, "integers", repr(value))
-    return given.astype(np.int64)
-
-
 def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
     """Return a state as an array; whether it is finite, the driver looks up."""
     state = numbers_of(name, value)
@@ -124,7 +114,12 @@ def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
     """Write the initial mode into `full`: all of it, or the scene's own integers behind locks 0."""
     full.fill(0)
-    given = _integers("mode", mode).ravel()
+    given = np.asarray(mode)
+    if given.dtype.kind not in "iub":
+        given = numbers_of("mode", mode)
+        whole = np.isfinite(given) & (given == np.rint(given))
+        expect(whole.all(), "mode", "integers", repr(mode))
+    given = given.astype(np.int64).ravel()
     if len(given) == len(full):
         full[:] = given
         locks = _LOCKS.issuperset(given[:n_guards].tolist())

@@ -101,8 +101,9 @@ class System(Told):
             expect(listed, name, "one entry for each guard", repr(values))
             count = self.n_guards if values is None else len(values)
             expect(count == self.n_guards, name, f"{self.n_guards} entries", count)
-        wanted = set(self.directions or ()) <= {-1, 0, 1}
-        expect(wanted, "directions", "-1, 0 or +1", self.directions)
+        expect(
+            set(self.directions or ()) <= {-1, 0, 1}, "directions", "-1, 0 or +1", self.directions
+        )
         counts = all(one in (True, False) or int(one) == one > 0 for one in self.terminal or ())
         expect(counts, "terminal", "truths or counts", self.terminal)
         states, guards = self.n_states, self.n_guards

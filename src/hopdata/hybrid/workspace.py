@@ -187,10 +187,8 @@ class Workspace:
         """Put the absolute tolerance in its place, unless it is there already."""
         if isinstance(atol, float) and atol == self._atol_of_all:
             return
-        self._atol_of_all = nan
         set_tolerance(self._atol, atol)
-        if isinstance(atol, float):
-            self._atol_of_all = float(atol)
+        self._atol_of_all = float(atol) if isinstance(atol, float) else nan
 
     def begin(
         self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool, dense: bool = False

@@ -290,3 +290,29 @@ def test_a_handler_that_pushes_another_guard_across():
     assert here.n_events.tolist() == plain.n_events.tolist()
     assert here.mode.tolist() == plain.mode.tolist()
     assert np.allclose(here.y_end, plain.y_end, rtol=0, atol=1e-9)
+
+
+@field
+def pulled(t, y, mode, params, dy):
+    dy[0] = 1.0 + (params[0] if mode[1] > 0 else 0.0)
+    dy[1] = 1.0 + (params[1] if mode[0] > 0 else 0.0)
+
+
+@guards
+def both_axes(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0], dy[0]
+    h[1], hdot[1] = y[1], dy[1]
+
+
+def test_locks_of_guards_on_their_surfaces_at_the_start_are_those_of_the_driver():
+    """Rates decide, which depend on the other lock, and none is an event."""
+    system = System(pulled, both_axes, n_states=2, guard_names=("x", "y"))
+    pulls = [[0.5, 0.5], [-3, 0], [0, -3], [-1.5, 0.5], [-3, 2], [-1, 0]]
+    y0 = np.repeat([[0.0, 0.0], [0.0, -0.4], [-0.3, 0.0]], len(pulls), axis=0)
+    options = {"params": np.tile(np.array(pulls, dtype=float), (3, 1)), "workers": 1}
+    here = solve_batch(system, (0.0, 1.0), y0, lanes=True, **options)
+    plain = solve_batch(system, (0.0, 1.0), y0, lanes=False, **options)
+    assert here.lanes.sum() > len(pulls)
+    assert here.n_events.tolist() == plain.n_events.tolist()
+    assert here.mode.tolist() == plain.mode.tolist()
+    assert np.allclose(here.y_end, plain.y_end, rtol=0, atol=1e-9)

@@ -194,9 +194,8 @@ def lock_combinations(guards: Sequence[int], seed: int = 0) -> Iterator[Combinat
     seen = {(), chosen, *((guard,) for guard in chosen)}
     rng = np.random.default_rng(seed)
     while len(seen) < 2**ALL_COMBINATIONS_UP_TO:
-        seen.add(
-            tuple(k for k, crossed in zip(chosen, rng.random(n) < 0.5, strict=True) if crossed)
-        )
+        drawn = zip(chosen, rng.random(n) < 0.5, strict=True)
+        seen.add(tuple(k for k, crossed in drawn if crossed))
     yield from sorted(seen, key=lambda combination: (len(combination), combination))
 
 

@@ -38,9 +38,9 @@ NATIVE = _I(
 )  # fmt: skip
 # The parts of the loop that a system goes into, each after those that it calls.
 PARTS = (
-    code.group, code.take_systems, code.settle, code.close, code.fire, code.refresh,
-    code.first_step, code.clipped, code.look, code.look_along, code.judge, code.cut, code.land,
-    code.sample, code.sample_again, code.give_up, code.leave,
+    code.group, code.take_systems, code.settle, code.give_up, code.close, code.fire,
+    code.refresh, code.first_step, code.clipped, code.look, code.look_along, code.judge, code.cut,
+    code.land, code.sample, code.sample_again, code.leave,
 )  # fmt: skip
 STATE_ROWS = {"y": 1, "k": written.SLOPES, "inner": 1, "end": 1, "moved": 1, "work": 1, "other": 1,
               "dense": 7}  # fmt: skip

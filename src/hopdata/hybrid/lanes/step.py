@@ -293,16 +293,21 @@ def settle(started: int, t: Any, r: Any) -> int:
     return open_ones
 
 
-def close(open_ones: int, r: Any) -> int:
-    """Decide the locks that are still open in these lanes by rates; return where one changed."""
-    changed = 0
+def close(open_ones: int, r: Any) -> tuple[int, int]:
+    """Decide the locks that are open in these lanes by rates.
+
+    Returns the lanes where one has changed, and those where a rate is zero, which are given up.
+    """
+    changed = resting = 0
     for g in range(N_GUARDS):
-        rising = bits(r.rate0[g] > 0.0)
+        rising, still = bits(r.rate0[g] > 0.0), bits(r.rate0[g] == 0.0)
         for j in range(WIDTH):
-            if open_ones >> j & 1 and r.book[OPEN, j] >> g & 1 and rising >> j & 1:
-                r.modes[j, g] = r.table[FIRST_LOCK + g, j] = 1
-                changed |= 1 << j
-    return changed
+            if open_ones >> j & 1 and r.book[OPEN, j] >> g & 1:
+                lock, resting = 1 if rising >> j & 1 else -1, resting | (still & 1 << j)
+                if lock != r.modes[j, g]:
+                    r.modes[j, g] = r.table[FIRST_LOCK + g, j] = lock
+                    r.book[DUE, j], changed = 0, changed | 1 << j
+    return changed, give_up(resting, r)
 
 
 def fire(
@@ -656,8 +661,10 @@ def run(
             fresh, rejected, aimed = fresh | begun, rejected & ~begun, aimed & ~begun
         while fresh != 0:
             due = refresh(fresh, t, r) & ~over
-            fresh = close(open_ones, r) if open_ones != 0 else 0
-            due, open_ones, rounds = due & ~fresh, 0, rounds + 1
+            fresh, resting = close(open_ones, r) if open_ones != 0 else (0, 0)
+            over, rounds = over | resting, rounds + 1
+            fresh, due = fresh & ~over, due & ~(fresh | over)
+            open_ones = fresh if rounds < MOST_ROUNDS else 0  # rates may depend on other locks
             if due != 0:
                 over |= fire(due, t, handler, rules, own, own_params, max_events, r)
                 sample_again(due, t, times, samples, r)
