@@ -11,9 +11,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import stress_quick as quick
+from hybrid_systems import table_ball
 from numba import njit
 
 from hopdata.hybrid import guards, solve_batch
+from hopdata.hybrid.layout import ZENO
 
 SMOOTH = [name for name in quick.FAMILIES if name not in ("abs", "max", "table")]
 MEMBERS = 6  # of each family at each tolerance
@@ -84,3 +86,14 @@ def test_no_contact_with_a_shaking_table_is_missed(rtol):
         case = quick.table_member(rng, rtol)
         here.append(judge(case, quick.ball_on_table()))
     assert np.mean(here) > 0.8
+
+
+def test_no_ball_falls_through_a_table_on_which_it_comes_to_rest():
+    rng, n = np.random.default_rng(0), 1200
+    y0 = np.column_stack([rng.uniform(0.1, 0.5, n), rng.uniform(-0.5, 0.5, n)])
+    ranges = ((9.8, 9.9), (0.0, 0.0), (1e-4, 1e-3), (5.0, 20.0), (0.3, 0.5))
+    params = np.column_stack([rng.uniform(*one, n) for one in ranges])
+    ends = solve_batch(table_ball(), (0.0, 5.0), y0, params=params, lanes=True)
+    assert not ends.lanes_reason, ends.lanes_reason
+    assert ends.y_end[:, 0].min() > -2e-3
+    assert set(ends.status) == {ZENO}

@@ -228,7 +228,9 @@ HUGE, TINY_ERROR = 1e30, 1e-12
 ALMOST_THERE = 1.01  # stretch the last step by this much rather than leave a sliver
 MOST_ROUNDS = 4
 MOST_TRIES = 60  # for one step
-SHORTEST = 1e-12  # of the run: a step that is shorter, or lands in vain, comes nowhere
+# Of the run: a step that is shorter, or lands in vain, comes nowhere; where flips follow so soon,
+# rounding may hide the next, as of a ball that comes to rest.
+SHORTEST, SOON = 1e-12, 1e-8
 IN_VAIN, MOST_IDLE = 1.5, 8.5  # of these in a row: a guard flips where it is, a system is given up
 STIFF_STEPS = 15.0  # too near to the limit of stability, more than those that are not
 SAFETY, SHRINK_MOST, GROW_MOST = 0.8, 0.2, 6.0
@@ -640,9 +642,8 @@ def run(
     """
     r = room(table, params, lane_modes, book)
     own, own_params = np.empty(N), np.stack((params[0], params[0]))
-    t, run_s = spread(t_start), t_end - t_start
-    h_next = resume = tries = stiff = tried = taken = idle = landed = spread(0.0)
-    before, cuts = spread(1.0), spread(0.0)
+    t, run_s, before = spread(t_start), t_end - t_start, spread(1.0)
+    h_next = resume = tries = stiff = tried = taken = idle = landed = hit = cuts = spread(0.0)
     active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
     while True:
         begun = open_ones = rounds = 0
@@ -654,9 +655,9 @@ def run(
             if active == 0:
                 return last
             t, tries, stiff = where(new, t_start, t), where(new, 0.0, tries), where(new, 0.0, stiff)
-            resume, tried = where(new, 0.0, resume), where(new, 0.0, tried)
-            taken, idle = where(new, 0.0, taken), where(new, 0.0, idle)
-            landed, cuts = where(new, 0.0, landed), where(new, 0.0, cuts)
+            idle, cuts, tried = where(new, 0.0, idle), where(new, 0.0, cuts), where(new, 0.0, tried)
+            resume, taken = where(new, 0.0, resume), where(new, 0.0, taken)
+            landed, hit = where(new, 0.0, landed), where(new, t_start, hit)
             open_ones = settle(begun, t, r)
             fresh, rejected, aimed = fresh | begun, rejected & ~begun, aimed & ~begun
         while fresh != 0:
@@ -739,7 +740,8 @@ def run(
         idle = where(accepted, where(nowhere, idle + 1.0, 0.0), idle)
         lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | ~(h > ROUNDING * absolute(t))
         lost = lost | (idle > MOST_IDLE) | ((taken >= float(max_steps)) & (t < t_end))
-        over |= give_up(bits(lost & live) & ~over, r)
+        soon, hit = mask_of(fresh) & (t - hit < SOON * run_s), where(mask_of(fresh), t, hit)
+        over |= give_up(bits((lost | soon) & live) & ~over, r)
         want = ((bits(t >= t_end) & active & ~fresh) | over) & active
         if want != 0:
             leave(want, t, tried, taken, cuts, status, ends, end_modes, counts, r)
