@@ -379,6 +379,28 @@ def test_a_floor_that_moves_is_told_and_followed(bent, fitted, motion):
     np.testing.assert_array_equal(again.moved_m, floor.moved_m)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_feet_that_stand_for_a_tenth_of_a_second_show_that_the_floor_sinks_and_turns(seed):
+    rng, hop_s = np.random.default_rng(seed), 0.35
+    time = np.arange(0, 30, 1 / 200)
+    hop = (time / hop_s).astype(int)
+    s = time - hop_s * hop
+    up = np.where(s < 0.09, 0.0, 4.9 * (s - 0.09) * (hop_s - s))
+    walk = np.cumsum(rng.normal(0, 0.05, (hop[-1] + 1, 2)), axis=0)[hop]
+    angle = 2 * np.pi * np.arange(3) / 3
+    feet = walk[:, None] + 0.16 * np.column_stack([np.cos(angle), np.sin(angle)])
+    floor = -0.04 * time[:, None] / 30 + 0.01 * time[:, None] / 30 * feet[..., 0]
+    markers = np.dstack([feet, floor + up[:, None]])
+    positions = np.hstack([markers, markers + np.array([0.0, 0.0, 0.4])])
+    positions += rng.normal(0, 3e-4, positions.shape)
+    recording = Recording.from_arrays(
+        time, positions, list("abcdef"), feet=list("abc"), body=list("def"), name="sinks"
+    )
+    assert "floor moves" in moving(recording)
+    heights = level(recording, fit_floor(recording)).feet[(s > 0.03) & (s < 0.07), :, 2]
+    assert np.std(heights) < 6e-4
+
+
 @pytest.mark.parametrize("when", ["slowly", "at once"])
 def test_a_floor_that_turns_is_told(bent, when):
     share = bent.time / bent.time[-1]

@@ -224,7 +224,7 @@ def fit_floor(
 
 # A floor that moves up and down: the deck of a treadmill or a ship, or under cameras that sink.
 
-_SPAN_S, _REST_S = 0.3, 0.06  # a foot's rest is one point a span; a shorter one may be in the air
+_SPAN_S, _REST_S = 0.3, 0.04  # a foot's rest is one point a span; a shorter one may be in the air
 _LEAST_RESTS = 10  # of a foot: two jumps on a soft sole do not tell
 _LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # a box is higher
 _SELDOM, _FAR = 5.0, 0.9  # of the range of nine in ten rests; feet that roll alike differ there
