@@ -143,7 +143,7 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
         study.report(folder / "report.html", drawn=drawn)
         checks = study.quality.to_dict("records")
         row |= {"conclusion": verdict.conclusion, "landings": verdict.n_landings}
-        row["landings_needed"] = verdict.landings_needed
+        row |= {"landings_needed": verdict.landings_needed, "decided_by": verdict.decided_by}
         row["quality"] = [[check["what"], check["status"]] for check in checks]
     except (OSError, MemoryError):
         raise
@@ -184,4 +184,6 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     left = f" Without an answer: {len(rows) - len(answered)} of {len(rows)} studies."
     said = effect.sentence + left * (len(rows) > len(answered))
     said += told_apart(conditions, confidence=sure)
+    jumps = sum(row.get("decided_by") == "jump" for row in rows)
+    said += f" In {jumps} studies the outcome itself jumps, which the size is not of." * (jumps > 0)
     return {"conclusion": effect.conclusion, "sentence": said, "effect": asdict(effect), **found}

@@ -14,6 +14,11 @@ from hopdata.figures.schedule import ARROW
 
 ROW_MM, MEMBER_MM = 58.0, 4.2
 ASKED = "difference between the maps of the contact orders"
+# What the answer follows from: the words at its axis.
+AXES = {
+    "effect": f"{ASKED}\n(% of the map; 0: one and the same map)",
+    "jump": "jump of the outcome between contact orders\n(% of what it varies; 0: none)",
+}
 # Conclusion: the answer in two words, and its colour.
 ANSWERS = {
     "different": ("Different maps", style.VERMILION),
@@ -108,9 +113,14 @@ def _draw_without_answer(
     _draw_landings(right, "cannot tell", touchdowns)
 
 
+def _decided(verdict: Mapping[str, Any]) -> str:
+    """Name what the answer follows from: the difference of the maps, or a jump of the outcome."""
+    return str(verdict.get("decided_by", "effect"))
+
+
 def _top(verdict: Mapping[str, Any]) -> float:
     """Upper end of the axis of differences, per cent: all points, and the end of the interval."""
-    effect = verdict["effect"]
+    effect = verdict[_decided(verdict)]
     most = max(verdict["margin"], effect["estimate"], min(effect["detectable"], 1.0))
     return 112.0 * max(most, min(_end(verdict["conclusion"], effect), LONGEST * most))
 
@@ -122,7 +132,7 @@ def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
 
 def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     """Draw what is known of the difference above an axis that begins at none."""
-    effect = verdict["effect"]
+    effect = verdict[_decided(verdict)]
     colour = ANSWERS[verdict["conclusion"]][1]
     margin, seen = 100.0 * verdict["margin"], 100.0 * effect["detectable"]
     low, end = 100.0 * effect["low"], 100.0 * _end(verdict["conclusion"], effect)
@@ -153,7 +163,7 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     axes.set_xlim(0.0, top)
     axes.set_yticks([])
     axes.spines["left"].set_linewidth(2.0)
-    axes.set_xlabel(f"{ASKED}\n(% of the map; 0: one and the same map)")
+    axes.set_xlabel(AXES[_decided(verdict)])
 
 
 def _write(
@@ -167,14 +177,15 @@ def _write(
 
 def in_short(verdict: Mapping[str, Any]) -> str:
     """Return the answer in a few words, with its size."""
-    answer, effect = ANSWERS[verdict["conclusion"]][0], verdict["effect"]
+    answer, effect = ANSWERS[verdict["conclusion"]][0], verdict[_decided(verdict)]
     if effect is None:
         return answer
     size, low, high, bound = (
         _percent(effect[key]) for key in ("estimate", "low", "high", "upper_bound")
     )
+    by = {"effect": "by", "jump": "a jump of"}[_decided(verdict)]
     sizes = {
-        "different": f"by {size} ({low} to {high})",
+        "different": f"{by} {size} ({low} to {high})",
         "no difference": f"no difference above {bound}",
         "cannot tell": f"up to {bound} possible",
     }

@@ -10,6 +10,7 @@ from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
 
+OF_WHAT = {"effect": "the map", "jump": "what the outcome varies, which jumps by so much"}
 MEANING: str = show.NOTES["meaning"]
 
 
@@ -26,7 +27,7 @@ def verdict_facts(
         ``confidence``, ``power``; ``found``, whether there is an effect at all.
     """
     known: Verdict = verdict or {}
-    effect = known.get("effect")
+    effect = known.get(known.get("decided_by", "effect"))
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
         "outlook": known.get("outlook"),
@@ -47,7 +48,7 @@ def verdict_facts(
     facts["true"] = None if show.is_missing(true) else _percent(float(true))
     return facts | {
         "difference": show.with_unit(f"{estimate} ({low} to {high})", "%"),
-        "remark": f"of the map, {facts['confidence']} interval"
+        "remark": f"of {OF_WHAT[known.get('decided_by', 'effect')]}, {facts['confidence']} interval"
         + ("" if known["conclusion"] == "different" else bounded)
         + (f"; true in this simulation: {facts['true']}" if facts["true"] else ""),
     }

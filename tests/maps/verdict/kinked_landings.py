@@ -32,11 +32,14 @@ def landings(
     cubic=0.0,
     faster=0.0,
     of_these=0.5,
+    jump=0.0,
 ):
     """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
 
     `cubic` those of the cube of how much later the first foot comes than the mean. The input of the
-    number `constant` does not vary. A part `of_these` is `faster` by so many standard deviations.
+    number `constant` does not vary. The outcome jumps by twice `jump`, times the slopes of a kink,
+    where two feet exchange their order. A part `of_these` is `faster` by so many standard
+    deviations.
     """
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(99)  # one map for all seeds
@@ -52,6 +55,7 @@ def landings(
     instants = x @ onto
     y = x @ linear + np.einsum("ni,nj,ijk->nk", x, x, square)
     y += strength * kinks(instants / SPREAD_S) @ bends
+    y += jump * np.sign(instants[:, :1] - instants[:, 1:2]) * bends[0]
     if cubic:
         y += cubic * (instants[:, :1] / instants[:, 0].std()) ** 3 * bends[0]
     y += noise * rng.standard_normal(y.shape)

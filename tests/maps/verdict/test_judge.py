@@ -43,6 +43,26 @@ def test_a_map_with_kinks_is_different_and_the_interval_holds_its_size():
     assert answer.effect.low < exact.effect.estimate < answer.effect.high
 
 
+@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("strength", [0.0, 0.3])
+def test_a_jump_of_the_outcome_is_a_difference_beside_kinks_or_without(seed, strength):
+    none = verdict(landings(strength=strength, seed=seed))
+    assert none.jump.low == 0.0
+    assert "jumps" not in none.sentence
+    one = verdict(landings(strength=strength, seed=seed, jump=0.4))
+    assert one.conclusion == "different"
+    assert "the outcome jumps, by " in one.sentence
+    exact = verdict(landings(n=5000, strength=strength, jump=0.4, noise=1e-3, seed=8))
+    assert one.jump.low < exact.jump.estimate < one.jump.high
+
+
+def test_the_answer_is_said_to_follow_from_the_jump_where_that_is_all():
+    assert verdict(landings(jump=0.4)).decided_by == "jump"
+    one = verdict(landings(strength=0.3, jump=0.1))
+    assert one.decided_by == "effect"
+    assert (" And as two feet " in one.sentence) == (one.jump.low > 0.0)
+
+
 def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
     sizes = [verdict(landings(strength=s, noise=1e-3)).effect.estimate for s in (0.1, 0.2)]
     assert sizes[1] / sizes[0] == pytest.approx(2.0, rel=0.1)

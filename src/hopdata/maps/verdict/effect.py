@@ -168,6 +168,17 @@ def squared_size(
     return np.asarray(np.kron(symmetric_root(form), weights), float)
 
 
+def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
+    """Return a root of the squared size of the steps, as `squared_size` of kinks.
+
+    It is the mean over the pairs of feet of the squared jump from one order to the other, as a
+    share of what the outcome varies.
+    """
+    weights = np.diag(np.sqrt(halves(np.var(landings.outputs, axis=0, ddof=1))))
+    pairs, seen = fit.seen.shape
+    return np.asarray(np.kron(2.0 / np.sqrt(pairs) * np.eye(seen), weights), float)
+
+
 def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> float:
     """Return the size of the difference of known maps, as the verdict measures it.
 

@@ -1,7 +1,8 @@
 """The verdict: one smooth map through the landing, a map for every contact order, or no answer.
 
 It follows from the interval of the one size (`effect`): a difference if the interval begins above
-zero, none if the bound is within the margin, and else no answer.
+zero, none if the bound is within the margin, and else no answer. A jump of the outcome is a
+difference whatever the derivatives are.
 """
 
 from collections.abc import Sequence
@@ -11,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, Shown, one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
 from hopdata.maps.verdict.inputs import section_landings, two_kinds
-from hopdata.maps.verdict.model import LEFT, fit_kinks
+from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks
 from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
@@ -49,6 +50,11 @@ class Verdict(Shown):
         Number of random sign patterns.
     effect
         Size of the difference; None if there is no answer.
+    jump
+        Size of the jumps of the outcome as two feet exchange their order, as a share of what it
+        varies; None if there is no answer, or no two feet exchange theirs often enough.
+    decided_by
+        ``"jump"`` where that alone is different, else ``"effect"``.
     landings_needed
         Number that shows a difference of `ASKED` with the given power; None likewise, or if no
         number does.
@@ -68,6 +74,8 @@ class Verdict(Shown):
     power: float
     flips: int
     effect: sizing.EffectSize | None = None
+    jump: sizing.EffectSize | None = None
+    decided_by: str = "effect"
     landings_needed: int | None = None
     notes: Notes = field(default_factory=list)
 
@@ -183,24 +191,50 @@ def judge(
         note = {"what": "verdict", "reason": str(error)}
         said = f"These data cannot tell: {error}."
         return Verdict(CANNOT_TELL, said, "", "", n_window=0, notes=[*notes, note], **asked)
-    size = sizing.squared_size(fit, landings, *differences)
-    draw = named_generator(seed, "verdict", "signs")
-    effect = sizing.effect_size(fit, size, generator=draw, **how)
+
+    def sized(part: KinkFit, root: FloatArray, stream: str) -> sizing.EffectSize:
+        draw = named_generator(seed, "verdict", stream)
+        return sizing.effect_size(part, root, generator=draw, **how)
+
+    effect = sized(fit, sizing.squared_size(fit, landings, *differences), "signs")
+    jump = None
+    if fit.jumps is not None:
+        jump = sized(fit.jumps, sizing.squared_jump(fit.jumps, landings), "jumps")
     conclusion, needed = conclude(effect.low, effect.upper_bound, margin), None
+    said = sentence(conclusion, effect.sizes(), what, confidence, margin)
+    decided_by, limits = "effect", notes + _far_apart(effect.allowed)
     if effect.allowed < ASKED:
         seen = effect.detectable, effect.allowed
         needed = sizing.landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
+    foreseen = outlook(effect, needed, power)
+    if jump and jump.low > 0.0:
+        told = f"{_jump_told(jump, confidence)}."
+        if conclusion == DIFFERENT:
+            said = f"{said} And {told}"
+        else:  # what is said of derivatives beside a jump is of no use
+            said = f"The maps of {what} are different: {told}"
+            often = f"{100 * power:g} % of such studies"
+            foreseen = f"A jump of {percent(jump.detectable)} would be found in {often}."
+            conclusion, decided_by, limits, needed = DIFFERENT, "jump", notes, None
     return Verdict(
         conclusion,
-        sentence(conclusion, effect.sizes(), what, confidence, margin),
-        outlook(effect, needed, power),
+        said,
+        foreseen,
         what,
         n_window=len(fit.rows),
         effect=effect,
+        jump=jump,
+        decided_by=decided_by,
         landings_needed=needed,
-        notes=notes + _far_apart(effect.allowed) + _of_two_kinds(two_kinds(landings.inputs)),
+        notes=limits + _of_two_kinds(two_kinds(landings.inputs)),
         **asked,
     )
+
+
+def _jump_told(jump: sizing.EffectSize, confidence: float) -> str:
+    size, low, high, _ = map(percent, jump.sizes())
+    sure = f"({100 * confidence:g} % interval {low} to {high})"
+    return f"as two feet exchange their order the outcome jumps, by {size} of what it varies {sure}"
 
 
 def _left_out(known: BoolArray) -> Notes:

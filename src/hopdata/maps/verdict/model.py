@@ -1,4 +1,4 @@
-"""The kinks of a landing map near a simultaneous contact, fitted beside all that is smooth.
+"""The kinks and jumps of a landing map near a simultaneous contact, beside all that is smooth.
 
 y = smooth(x) + sum_k b_k h_k(t(x)) + noise. The kinks h are the latest contacts of sets of feet
 (`hopdata.maps.coordinates`); all b are zero exactly if the map has one derivative. `smooth` are the
@@ -9,21 +9,27 @@ of the third along the contacts: of the two main ways in which these lie apart.
 
 What a C1 map has besides looks like a kink, the less the nearer the feet come down together: so the
 landings of most contact spread take no part, and kinks as small as `allowed` are no evidence.
+
+Where impacts do not commute the outcome itself jumps as two feet exchange their order: steps,
+sign(t_i - t_j), are fitted as the kinks are, which then count as smooth.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import ALL_SETS_UP_TO, affordable_degree, kinks, monomials
-from hopdata.maps.verdict.inputs import WINDOW, SectionLandings, halves
+from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings, halves
 
 #: As large a difference, as a share of the map, smooth terms may leave of any C1 landing; or so
 #: many times c^1.5, c being what third-order terms along the contacts change its derivative by. It
 #: grows as the square of the contacts' spread, and what the fourth order changes as the cube.
 LEFT, OF_FOURTH = 0.1, 4.0
+#: As large a jump, as a share of what the outcome varies; or this share of `allowed`.
+LEFT_OF_JUMPS, OF_ALLOWED = 0.05, 0.1
 #: Share of it that they may hide of another.
 HIDDEN = 0.5
 #: Root mean squares of the landings' derivatives about their mean that one may lie off.
@@ -33,13 +39,13 @@ _FLAT = 1e-9
 _WAYS = 2  # in which contacts lie apart: tilt has two directions
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
 _LEAST_KINK = 1e-3
-#: The same beside the kink that is seen best, where there are kinks of pairs of feet only.
+#: The same beside what is seen best, where there are kinks of pairs of feet only, and of steps.
 _LEAST_OF_PAIRS = 0.25
 
 
 @dataclass(frozen=True)
 class KinkFit:
-    """Kinks of a study; K kinks, q outputs, N landings.
+    """Kinks, or steps, of a study; K kinks, q outputs, N landings.
 
     Attributes
     ----------
@@ -58,6 +64,8 @@ class KinkFit:
         Size up to which kinks are no evidence in a study: see `LEFT`.
     left
         The same in the mean of such studies, half as much again without terms of the third order.
+    jumps
+        Steps of the outcome beside the kinks.
     """
 
     coefficients: FloatArray
@@ -68,6 +76,7 @@ class KinkFit:
     rows: IntArray
     allowed: float
     left: float
+    jumps: "KinkFit | None" = None
 
 
 def fit_kinks(landings: SectionLandings) -> KinkFit:
@@ -92,7 +101,15 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
     coefficients, scores, null_scores = window.fit(seen)
     linear = window.linear(seen @ coefficients)
     left = 1.5 * allowed if few else allowed
-    return KinkFit(coefficients, linear, scores, null_scores, seen, rows, allowed, left)
+    kinks = KinkFit(coefficients, linear, scores, null_scores, seen, rows, allowed, left)
+    window.look_for_steps(seen)
+    steps = window.seen_kinks(least=_LEAST_OF_PAIRS)
+    if not steps.size:
+        return kinks
+    sizes, scores, null_scores = window.fit(steps)
+    allowed = max(LEFT_OF_JUMPS, OF_ALLOWED * allowed)
+    jumps = KinkFit(sizes, linear, scores, null_scores, steps, rows, allowed, allowed)
+    return replace(kinks, jumps=jumps)
 
 
 class _Smooth:
@@ -115,8 +132,19 @@ class _Smooth:
     def _without(self, columns: FloatArray) -> FloatArray:
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
-    def seen_kinks(self) -> FloatArray:
+    def look_for_steps(self, seen: FloatArray) -> None:
+        """Take the kinks that are `seen` for smooth, and steps of pairs of feet for kinks."""
+        t, found = self.landings.expected[self.rows].T, self._without(self.kinks) @ seen
+        self.basis = np.linalg.qr(np.column_stack([self.basis, found]))[0]
+        self.rest = self._without(self.outputs)
+        signs = (np.sign(t[i] - t[j]) for i, j in combinations(range(len(t)), 2))
+        often = [one for one in signs if len(one) - np.abs(one.sum()) >= 2 * LEAST_CLASS]
+        self.kinks = np.column_stack(often or [np.zeros(len(self.rows))])
+
+    def seen_kinks(self, least: float = 0.0) -> FloatArray:
         """Return the combinations of kinks, (all, K), that smooth terms do not explain.
+
+        They have more than `least` of what is left of the one that is seen best.
 
         Where a rigid body has many feet its tilt alone decides their order, and the kinks of
         parallel pairs of feet are nearly one: of 15 pairs of six feet, 6 can be told apart. What
@@ -125,8 +153,8 @@ class _Smooth:
         _, values, right = np.linalg.svd(self._without(self.kinks), full_matrices=False)
         limit = _LEAST_KINK * np.linalg.norm(self.kinks, 2)
         if self.landings.expected.shape[1] > ALL_SETS_UP_TO:
-            limit = max(limit, _LEAST_OF_PAIRS * values[0])
-        return np.asarray(right[values > limit].T)
+            least = _LEAST_OF_PAIRS
+        return np.asarray(right[values > max(limit, least * values[0])].T)
 
     def fit(self, seen: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return kinks (K, q), and the scores and null scores (N, K q) of all landings."""
