@@ -17,7 +17,8 @@ study) and not done again; to judge the same studies anew remove its JSON files.
 number of landings; beside it ``verdict_studies.csv``, one row a verdict. `found_share` is the share
 with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound_covers` are those
 whose interval or one-sided bound holds the true difference, and `detectable` is the median size
-that they say is found in 80 %. ``verdict_promise.csv`` says in what share kinks of that size are
+that they say is found in 80 %. `jumps_share` is the share in which the outcome is said to jump,
+`jump_worst` the largest jump that was estimated; it jumps in none. ``verdict_promise.csv`` says in what share kinks of that size are
 found that are added to C1 landings, along those of a control or against them.
 ``group_power.csv`` is of groups: each subject is 400 or 1,000 landings of a study, drawn with
 replacement from those of one kind; `mixed` takes half of them from C1 and half from a control, and
@@ -623,6 +624,8 @@ def judged(name: str, study: Any, seed: int, first: int, asked: int) -> dict[str
     row: dict[str, Any] = {"condition": name, "strength": kinds()[name].strength, "seed": seed}
     row |= {"asked": asked, "landings": answer.n_landings, "conclusion": answer.conclusion}
     row["true_effect"] = float(study["true_effect"])
+    if answer.jump:
+        row |= {"jump": answer.jump.estimate, "jump_low": answer.jump.low}
     return row | (asdict(answer.effect) if answer.effect else {})
 
 
@@ -657,6 +660,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
                 "upper_bound_median": part["upper_bound"].median(),
                 "upper_bound_worst": part["upper_bound"].max(),
                 "detectable": part["detectable"].median(),
+                "jumps_share": np.mean(part["jump_low"] > 0),
+                "jump_worst": part["jump"].max(),
                 "no_difference_share": np.mean(part["conclusion"] == "no difference"),
             }
         )
