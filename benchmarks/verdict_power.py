@@ -18,8 +18,9 @@ number of landings; beside it ``verdict_studies.csv``, one row a verdict. `found
 with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound_covers` are those
 whose interval or one-sided bound holds the true difference, and `detectable` is the median size
 that they say is found in 80 %. `jumps_share` is the share in which the outcome is said to jump,
-`jump_worst` the largest jump that was estimated; it jumps in none. ``verdict_promise.csv`` says in what share kinks of that size are
-found that are added to C1 landings, along those of a control or against them.
+`jump_worst` the largest jump that was estimated. ``verdict_promise.csv`` says in what share kinks
+of the size `detectable` are found that are added to C1 landings, along those of a control or
+against them.
 ``group_power.csv`` is of groups: each subject is 400 or 1,000 landings of a study, drawn with
 replacement from those of one kind; `mixed` takes half of them from C1 and half from a control, and
 `paired` is the difference of the squares between the two as conditions, with the share in which it
