@@ -154,8 +154,7 @@ def relative(start: ArrayLike, end: ArrayLike) -> FloatArray:
     """
     (x, y, heading), (x_end, y_end, heading_end) = (_parts(one) for one in (start, end))
     c, s, dx, dy = np.cos(heading), np.sin(heading), x_end - x, y_end - y
-    turn = wrapped(heading_end - heading)
-    return np.stack([c * dx + s * dy, c * dy - s * dx, turn], axis=-1)
+    return np.stack([c * dx + s * dy, c * dy - s * dx, wrapped(heading_end - heading)], axis=-1)
 
 
 def _parts(pose: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -157,8 +157,7 @@ def _minimum_norm_errors(
     inputs, outputs = x[train], y[train]
     centre, level = inputs.mean(1, keepdims=True), outputs.mean(1, keepdims=True)
     slopes = np.linalg.pinv(inputs - centre, rcond=RANK_TOLERANCE) @ (outputs - level)
-    misses = y[test] - level - (x[test] - centre) @ slopes
-    return np.mean(misses**2, axis=1)
+    return np.mean((y[test] - level - (x[test] - centre) @ slopes) ** 2, axis=1)
 
 
 def checked(x: FloatArray, y: FloatArray, *beside: ArrayLike) -> tuple[FloatArray, FloatArray]:

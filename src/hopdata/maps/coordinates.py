@@ -86,8 +86,7 @@ def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
     makes in the unit of time.
     """
     about = np.sqrt(np.mean((shape**2).sum(axis=1, keepdims=True) - shape**2, axis=0))
-    tilt = about[[1, 0]]
-    position = np.concatenate([[1.0, 1.0, about[2]], tilt])
+    position = np.concatenate([[1.0, 1.0, about[2]], about[[1, 0]]])
     return np.concatenate([position, time_unit_s * np.ones(3), time_unit_s * about])
 
 

@@ -85,8 +85,7 @@ def split_sizes(population: int, train: int, test: int) -> tuple[int, int]:
 
 def needed_training(x: FloatArray) -> int:
     """Return the smallest training set that an affine map of these inputs may be fitted to."""
-    rank = pooled_basis(x).shape[1] if len(x) else 1
-    return rank + SPARE_LANDINGS
+    return (pooled_basis(x).shape[1] if len(x) else 1) + SPARE_LANDINGS
 
 
 def large_enough(

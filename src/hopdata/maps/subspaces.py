@@ -141,8 +141,7 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
         (n, 6B) normalised pairs of all usable landings.
     """
     pairs = np.hstack([x, y])
-    centred = pairs - pairs.mean(0)
-    right = np.linalg.svd(np.linalg.qr(centred, mode="r"), full_matrices=True)[2]
+    right = np.linalg.svd(np.linalg.qr(pairs - pairs.mean(0), mode="r"), full_matrices=True)[2]
     return np.asarray(right[:-SECTION_COMPONENTS].T)
 
 

@@ -244,8 +244,7 @@ def _analog_signals(
         if unit in NEWTONS_PER_UNIT and unit != options["unit"]:
             wanted = f"forces.unit: {unit} as the file states"
             raise RecordingError.at(f"{path}: channel '{column.name}'", wanted, options["unit"])
-        time = analogs.time + options["offset_s"]
-        signals.append(_signal(path, column, time, force, options))
+        signals.append(_signal(path, column, analogs.time + options["offset_s"], force, options))
     return signals
 
 

@@ -132,8 +132,7 @@ def check_scale(recording: Recording) -> None:
         return
     looks = ""
     for slip in ("metres taken for millimetres", "millimetres taken for metres"):
-        factor = WRONG_UNITS[slip][0]
-        if low <= size * factor <= high:
+        if low <= size * WRONG_UNITS[slip][0] <= high:
             looks = f"; the numbers look like {slip}: {_remedy(recording, slip)}"
     wanted = f"the markers to span {low:g} to {high:g} m"
     raise RecordingError.at(f"{recording.place}: scale", wanted, f"{size:.3g} m{looks}")

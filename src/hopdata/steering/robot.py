@@ -191,8 +191,7 @@ def _stance(
     robot: SteeredHopper, hop: Hop, times: FloatArray, start_s: float, boom_angle_rad: float
 ) -> Stance:
     """Stance of a hop: the vertex of the parabola through the lowest three heights."""
-    body = fixed_markers(hop.states, np.array(robot.markers.body_m))
-    height = body[..., 2].mean(axis=1)
+    height = fixed_markers(hop.states, np.array(robot.markers.body_m))[..., 2].mean(axis=1)
     k, touched = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2))), hop.touched_s < np.inf
     if hop.fell or len(times) < 3:
         nowhere = np.full(3, np.nan)

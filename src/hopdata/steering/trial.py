@@ -224,8 +224,7 @@ def _numbers(swings_rad: Iterable[float]) -> FloatArray:
 
 def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame) -> pd.DataFrame:
     """Return the stances of the hops in which all legs stood; see `SteeredTrial`."""
-    body = fixed_markers(trial.states, np.array(robot.markers.body_m))
-    height = body[..., 2].mean(axis=1)
+    height = fixed_markers(trial.states, np.array(robot.markers.body_m))[..., 2].mean(axis=1)
     ends = trial.hop_start_s + [hop.end_time_s for hop in trial.hops]
     stood = np.array([hop.all_stood() and not hop.fell for hop in trial.hops])
     first, last = (np.ceil(t * trial.rate_hz).astype(int) for t in (trial.hop_start_s, ends))
@@ -241,8 +240,7 @@ def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame)
 
 def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
     """Angle of the boom at every frame, (N,), from the places of the counterweight."""
-    x = trial.boom[:, 0] - robot.hopper.boom_offset_m
-    angle = np.unwrap(np.arctan2(trial.boom[:, 1], x))
+    angle = np.unwrap(np.arctan2(trial.boom[:, 1], trial.boom[:, 0] - robot.hopper.boom_offset_m))
     turns = np.round((robot.hopper.boom_angle_rad - angle[0]) / (2 * np.pi))
     return np.asarray(angle + 2 * np.pi * turns)
 

@@ -41,8 +41,7 @@ class CurvedFloor:
 def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
     """Draw the directions, lengths and phases of a floor's waves."""
     angle = rng.uniform(0.0, 2.0 * np.pi, options.waves)
-    length = options.wave_length_m * rng.uniform(1.0, 1.5, options.waves)
-    number = 2.0 * np.pi / length
+    number = 2.0 * np.pi / (options.wave_length_m * rng.uniform(1.0, 1.5, options.waves))
     vectors = np.column_stack([number * np.cos(angle), number * np.sin(angle)])
     return CurvedFloor(options, vectors, rng.uniform(0.0, 2.0 * np.pi, options.waves))
 

@@ -216,8 +216,7 @@ def section_jacobians(
     for order in orders:
         node = tree.node(order)
         flow, post = _to_post_section(scene, control, sections, node.here.instant)
-        through = flow @ node.product @ before
-        maps.append(landings.output_slopes(pre, post, centre) @ through)
+        maps.append(landings.output_slopes(pre, post, centre) @ (flow @ node.product @ before))
         outcomes.append(landings.output_coordinates(pre, post, centre))
     schedules = tuple(">".join(str(foot + 1) for foot in order) for order in orders)
     x = landings.input_coordinates(pre, centre)

@@ -64,8 +64,7 @@ class Hop:
 
     def all_stood(self) -> bool:
         """Whether all legs were in contact at once."""
-        count = np.cumsum(np.where(self.event_down, 1, -1))
-        return bool(np.any(count == len(self.preloads_n)))
+        return bool(np.any(np.cumsum(np.where(self.event_down, 1, -1)) == len(self.preloads_n)))
 
 
 def fly_hop(

@@ -299,8 +299,7 @@ def run_trial(
             "limit_s": operator.hop_limit_s,
         }
         scene = replace(scene, **next(changes, {}))
-        chance = rng.standard_normal(scene.n_legs)
-        own = preloads * (1 + kicks.preload_fraction * chance)
+        own = preloads * (1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs))
         hop = fly_hop(scene, kicked(state, kicks, rng), preloads_n=own, **frames)
         shown = hop if control is None else control_hop(scene, control, hop, **frames)
         tape.add_hop(shown)

@@ -123,8 +123,7 @@ def input_errors(
     some = slice(None, None, -(-len(before) // LINEARISED))
     before, after = before[some], after[some]
     slopes = _slopes(before, after, shape) @ _at_noisy_instant(before)
-    moments = slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)
-    mean, p = moments.mean(axis=0), 8
+    mean, p = (slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)).mean(axis=0), 8
     return InputErrors(mean[:p, :p], mean[:p, p:])
 
 

@@ -59,8 +59,7 @@ def quantile(values: NDArray[Any], fraction: float) -> float:
 
 def input_root(x: FloatArray) -> FloatArray:
     """Return a root R (p, p) of the covariance of inputs (n, p), R R' = cov."""
-    centred = x - x.mean(axis=0)
-    _, singular, right = np.linalg.svd(centred, full_matrices=False)
+    _, singular, right = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
     return np.asarray(right.T * (singular / np.sqrt(max(len(x) - 1, 1))))
 
 

@@ -394,8 +394,7 @@ def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
     a rate stated as half it is a quarter, of one stated as twice four times as much. Legs are swung
     down faster; so where it is too much, the quarter of the markers that is pulled least decides.
     """
-    measured = accelerations(raw.positions, raw.rate_hz, metres=metres)
-    upward = rotate_up(measured, up)[..., 2]
+    upward = rotate_up(accelerations(raw.positions, raw.rate_hz, metres=metres), up)[..., 2]
     seen = upward[np.isfinite(upward).any(axis=1)]
     if not len(seen):
         return np.nan

@@ -343,10 +343,9 @@ def _exchanged(
         terms += [(b, a, c) for c in others]
     own, exchanged = np.zeros(len(positions)), np.zeros(len(positions))
     for m, other, c in terms:
-        scale = max(pairs.spread[m, c], EXACT)
         for total, marker in ((own, m), (exchanged, other)):
             distance = _distance(positions[:, marker], positions[:, c])
-            total += ((distance - pairs.median[m, c]) / scale) ** 2
+            total += ((distance - pairs.median[m, c]) / max(pairs.spread[m, c], EXACT)) ** 2
     with np.errstate(invalid="ignore"):
         fits: BoolArray = (own > OFF**2 * len(terms)) & (exchanged < FITS**2 * len(terms))
     return fits

@@ -35,9 +35,8 @@ def part_by_name(name: str) -> str:
 
     Case, digits and separators do not matter: ``R_mt1``, ``L.Heel.Top`` and ``FOOT3`` are feet.
     """
-    words = _words(name, r"[a-z]+")
     for part, known in PARTS.items():
-        if any(word in known or _without_side(word) in known for word in words):
+        if any(word in known or _without_side(word) in known for word in _words(name, r"[a-z]+")):
             return part
     return ""
 

@@ -292,10 +292,9 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
         slow = np.abs(speed) < SPEED_M_S
         settled = quantiles(np.where(slow & (heights < low + SINKS_M), heights, np.nan), [0.5])[0]
         resting = slow & (heights < np.fmax(low, settled - 0.5 * BAND_M) + BAND_M)
-    least = max(2, round(LEAST_REST_S * rate_hz))
     for m in range(heights.shape[1]):
         for start, stop in runs(resting[:, m]):
-            if stop - start < least:
+            if stop - start < max(2, round(LEAST_REST_S * rate_hz)):
                 resting[start:stop, m] = False
     return resting
 

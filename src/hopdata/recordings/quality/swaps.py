@@ -188,8 +188,7 @@ def _length(vectors: FloatArray) -> FloatArray:
 def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the smaller of two vectors' lengths, 0 where they point apart; (..., 3) to (...)."""
     length = np.minimum(_length(one), _length(other))
-    along = np.einsum("...i,...i->...", one, other)
-    return np.where(along > 0, length, 0.0 * length)
+    return np.where(np.einsum("...i,...i->...", one, other) > 0, length, 0.0 * length)
 
 
 def _limit(off: FloatArray, least_m: float) -> float:

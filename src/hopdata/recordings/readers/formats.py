@@ -105,8 +105,7 @@ def _check_numbers(path: Path, raw: RawRecording) -> None:
             "if these are ms or µs divide them, or leave the time out and set input.rate_hz"
         )
     if reading.largest(raw.positions) > LARGEST:
-        absurd = np.abs(raw.positions) > LARGEST
-        frame, marker, axis = np.argwhere(absurd)[0]
+        frame, marker, axis = np.argwhere(np.abs(raw.positions) > LARGEST)[0]
         raise RecordingError(
             f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "
             f"coordinate below {LARGEST:g} {raw.unit}, found {raw.positions[frame, marker, axis]:g}"

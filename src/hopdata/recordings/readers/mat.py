@@ -201,8 +201,7 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
             raise ValueError(f"dataset '{item.name}': expected numbers, found {array.dtype}")
         if not is_text:
             return array
-        codes = array.ravel(order="F").astype("<u2")
-        return codes.tobytes().decode("utf-16-le", errors="replace")
+        return array.ravel(order="F").astype("<u2").tobytes().decode("utf-16-le", errors="replace")
 
     with h5py.File(path, "r", locking=False) as file:
         require_sound(file, most_mb)

@@ -259,8 +259,7 @@ class Rows:
         n_lines = n_bytes = 0
         while block := file.read(BLOCK):
             n_lines, n_bytes = n_lines + block.count(b"\n"), n_bytes + len(block)
-        least = 1 if self.may_be_short else self.width
-        return min(n_lines, n_bytes // least) + 1
+        return min(n_lines, n_bytes // (1 if self.may_be_short else self.width)) + 1
 
     def _blocks(self, file: BinaryIO) -> Iterator[tuple[int, list[bytes], bool]]:
         """Yield number of the first line, rows of `width` fields, and whether the file ends here.

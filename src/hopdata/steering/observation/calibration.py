@@ -58,8 +58,7 @@ def arc_span(points: FloatArray, centre: FloatArray) -> float:
     """Angle that points (N, 2) span about a centre, rad: a turn less the widest gap."""
     arms = points - centre
     angles = np.sort(np.arctan2(arms[:, 1], arms[:, 0]))
-    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
-    return float(2 * np.pi - gaps.max())
+    return float(2 * np.pi - np.diff(np.append(angles, angles[0] + 2 * np.pi)).max())
 
 
 # The circle of the boom marker in the body (dissertation, Algorithm 3).
