@@ -186,6 +186,17 @@ STATES = np.zeros((20, 18))
         (lambda: hd.judge("a", STATES, STATES, seed=1), "x: expected an array of numbers"),
         (lambda: hd.judge(*2 * [STATES[:, :17]], STATES, seed=1), r"\(n, 6B\).*\(20, 17\)"),
         (lambda: hd.judge(STATES, STATES, STATES, seed=1, confidence=95), "confidence: .* 95"),
+        (
+            lambda: hd.judge(STATES, STATES, STATES, seed=1, power="80 %"),
+            "power: .* between .* 80 %",
+        ),
+        (lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=None), "margin: .* above 0"),
+        (lambda: hd.judge(STATES, STATES, STATES, seed=None), "seed: .* whole number, 0 or more"),
+        (
+            lambda: hd.judge(STATES, STATES, STATES, seed=1, flips=9),
+            "flips: .* 20 or more, found 9",
+        ),
+        (lambda: hd.judge(STATES[:, :0], STATES[:, :0], STATES, seed=1), r"6B.*\(20, 0\)"),
         (lambda: hd.plan("x"), "pilot: expected a study or its verdict, found 'x'"),
         (lambda: hd.read("a.c3d", units="mm"), "input.units: .* did you mean 'unit'"),
         (lambda: hd.read("a.c3d", rate_hz="fast"), "input.rate_hz: expected a number"),

@@ -193,6 +193,14 @@ def _one_order():
     return some(data, np.flatnonzero((np.diff(data.instants, axis=1) > 0.004).all(axis=1)))
 
 
+def _marker_by_marker():
+    """Position and velocity of each marker side by side."""
+    data = landings(n=300)
+    falling = np.r_[np.zeros(9), np.tile([0.0, 0.0, -1.2], 3)]
+    columns = np.arange(18).reshape(2, 3, 3).transpose(1, 0, 2).ravel()
+    return replace(data, before=(data.before + falling)[:, columns])
+
+
 def _two_markers():
     data, two = landings(n=300), np.r_[0:6, 9:15]
     return replace(data, before=data.before[:, two], after=data.after[:, two])
@@ -257,6 +265,7 @@ BAD = {
         "two contact orders need 20 touchdowns each: 1 → 2 → 3 has 188",
     ),
     "two markers": (_two_markers, "3 body markers"),
+    "marker by marker": (_marker_by_marker, "states: expected positions, then velocities"),
     "all contacts in one frame": (_one_frame, "same instant"),
     "constant columns": (_constant, "do not vary"),
     "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
@@ -290,6 +299,27 @@ def test_tables_of_unequal_length_are_refused():
     data = landings(n=300)
     with pytest.raises(AnalysisError, match=r"x, y, instants: .* found \(300, 18\), \(299, 18\)"):
         judge(data.before, data.after[:-1], data.instants, **OPTIONS)
+
+
+def test_landings_that_remember_those_before_are_noted():
+    """States and errors that both change slowly; the same landings in another order do not."""
+    data, slow = landings(n=900), np.sin(np.arange(900) / 25.0)
+    data = some(data, np.argsort(data.instants.std(axis=1)))
+    data = replace(data, after=data.after + 0.02 * slow[:, None] * np.arange(18))
+    mixed = some(data, np.random.default_rng(3).permutation(900))
+    noted, notes = verdict(data).notes[-1], verdict(mixed).notes
+    assert noted["what"] == "landings are not independent"
+    assert "times as large as stated" in noted["reason"]
+    assert noted["what"] not in [note["what"] for note in notes]
+
+
+def test_landings_far_from_all_others_are_counted():
+    data = landings()
+    assert not verdict(data).notes
+    data.after[[3, 500], -1] += 50.0
+    note = verdict(data).notes[-1]
+    assert note["what"] == "landings far from all others"
+    assert "these 2 are mistakes" in note["reason"]
 
 
 @pytest.mark.parametrize("apart_s", [0.0, 2e-5])

@@ -300,8 +300,7 @@ def landings_needed(
         least = f"numbers above {allowed:.2g}, as much as smooth terms may leave"
         raise AnalysisError(f"differences: expected {least}, found {difference}")
     beyond = max(0.0, detectable - allowed) / (difference - allowed)
-    needed = int(np.ceil(landings * beyond**2))
-    return max(inputs.least_landings(feet), needed)
+    return max(inputs.least_landings(feet), int(np.ceil(landings * beyond**2)))
 
 
 def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:

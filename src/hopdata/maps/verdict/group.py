@@ -184,8 +184,7 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
         rows.append((a, b, found.n, *sizes, *ends))
     names = ["condition_a", "condition_b", "n", "size_a", "size_b", "difference", "low", "high"]
     table = pd.DataFrame(rows, columns=[*names, "p_value"])
-    holm = multipletests(table["p_value"], method="holm")[1] if rows else []
-    return table.assign(p_holm=holm)
+    return table.assign(p_holm=multipletests(table["p_value"], method="holm")[1] if rows else [])
 
 
 def told_apart(conditions: pd.DataFrame, *, confidence: float = 0.95) -> str:

@@ -15,6 +15,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps import coordinates
 from hopdata.maps.coordinates import RigidStates, monomials, rigid_states, split_states
+from hopdata.maps.corrected.marker_noise import marker_noise
 from hopdata.rigid import body_shape, turned, twists, wrapped
 
 #: Share of the landings, those of least contact spread, to which the kinks are fitted.
@@ -31,6 +32,10 @@ STATES = {"tilt": slice(0, 2), "velocity": slice(2, 5), "spin": slice(5, 8)}
 #: explain 0.64, of even ones 0.75) and the smaller is at least such a share of all.
 _APART, _LEAST_PART = 0.8, 0.1
 _OUTLYING = 5.0
+#: Distance of a state from the median, in medians of that distance, that no heavy tail explains.
+_FAR_OFF = 30.0
+#: Speeds of markers that no rigid motion explains, as a share of the body's: columns are mixed up.
+_MOST_APART = 0.5
 _FLAT = 1e-9
 _SAME = 6  # decimals
 #: Coordinates that vary less than this share of what the others do count as constant.
@@ -92,8 +97,7 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     pre, post = rigid_states(before, shape), rigid_states(after, shape)
     inputs, outputs = _inputs(pre), _outputs(pre, post, shape)
     spreads = inputs.std(axis=0)
-    scaled = (inputs - inputs.mean(axis=0)) / spreads.clip(1e-300)
-    widths = np.linalg.svd(scaled, compute_uv=False)
+    widths = np.linalg.svd((inputs - inputs.mean(axis=0)) / spreads.clip(1e-300), compute_uv=False)
     if spreads.min() < _CONSTANT * np.median(spreads) or not widths[-1] > _FLAT * widths[0]:
         raise AnalysisError("the states before the landing do not vary in all their coordinates")
     expected = expected_contacts(inputs, instants / spread)
@@ -113,6 +117,13 @@ def two_kinds(inputs: FloatArray) -> str:
         if np.max(np.max(sums**2, axis=1) * n / (first * (n - first))) > _APART:
             return name
     return ""
+
+
+def far_off(landings: SectionLandings) -> int:
+    """Return how many landings lie `_FAR_OFF` times as far from the median as half of them do."""
+    all_of_it = np.hstack([landings.inputs, landings.outputs])
+    away = np.abs(all_of_it - np.median(all_of_it, axis=0))
+    return int(np.sum((away > _FAR_OFF * np.median(away, axis=0)).any(axis=1)))
 
 
 def least_landings(feet: int) -> int:
@@ -188,6 +199,9 @@ def _without_units(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
     length, speed = np.sqrt(np.mean(shape**2)), np.sqrt(np.mean(pre.velocity**2))
     if not speed > 0:
         raise AnalysisError("the body does not move at the pre section")
+    if (apart := np.sqrt(marker_noise(x, shape).velocity) / speed) > _MOST_APART:
+        told = "positions, then velocities, of the markers of a rigid body"
+        raise AnalysisError.at("states", told, f"markers that part at {apart:.2g} of its speed")
     units = np.repeat([length, speed], x.shape[1] // 2)
     return x / units, y / units, shape / length
 

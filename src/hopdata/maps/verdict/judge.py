@@ -7,6 +7,8 @@ difference whatever the derivatives are.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from math import ceil
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -16,8 +18,8 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
-from hopdata.maps.verdict.inputs import section_landings, two_kinds
-from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks
+from hopdata.maps.verdict.inputs import far_off, section_landings, two_kinds
+from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks, lasting
 from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
@@ -151,8 +153,9 @@ def judge(
     Parameters
     ----------
     x, y
-        (n, 6B) home-frame states at the pre and the post section: positions and velocities of the
-        markers of a rigid body, in any units.
+        (n, 6B) home-frame states at the pre and the post section, z up: x, y and z of each of the
+        markers of a rigid body, then their velocities in the same order, in any units. Landings
+        stand in the order in which they happened.
     instants
         (n, feet) contact instants, in the same unit of time; NaN where not known.
     seed
@@ -168,17 +171,22 @@ def judge(
     ------
     AnalysisError
         If the three do not fit together.
+    ConfigError
+        If another argument is no such number.
     """
     parts = [numbers(*one) for one in (("x", x), ("y", y), ("instants", instants))]
     shapes = [part.shape for part in parts]
     fits = [len(shape) for shape in shapes] == [2, 2, 2] and shapes[0] == shapes[1]
-    if not fits or shapes[0][0] != shapes[2][0] or shapes[0][1] % 6:
+    if not fits or shapes[0][0] != shapes[2][0] or shapes[0][1] % 6 or not shapes[0][1]:
         told = "x, y, instants: expected a row a landing, (n, 6B), (n, 6B) and (n, feet), found "
         raise AnalysisError(told + ", ".join(map(str, shapes)))
     for key, share in (("confidence", confidence), ("power", power)):
-        require(0 < share < 1, key, "a number between 0 and 1", share)
-    for key, number in (("margin", margin), ("flips", flips)):
-        require(number > 0, key, "a number above 0", number)
+        require(isinstance(share, Real) and 0 < share < 1, key, "a number between 0 and 1", share)
+    require(isinstance(margin, Real) and margin > 0, "margin", "a number above 0", margin)
+    # With fewer flips no p-value would be small enough.
+    for key, whole, least in (("seed", seed, 0), ("flips", flips, ceil(1 / (1 - confidence)))):
+        fits = isinstance(whole, Integral) and whole >= least
+        require(fits, key, f"a whole number, {least} or more", whole)
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
     notes = _left_out(known)
     how: dict[str, Any] = {"confidence": confidence, "power": power, "flips": flips}
@@ -196,7 +204,7 @@ def judge(
         draw = named_generator(seed, "verdict", stream)
         return sizing.effect_size(part, root, generator=draw, **how)
 
-    effect = sized(fit, sizing.squared_size(fit, landings, *differences), "signs")
+    effect = sized(fit, size := sizing.squared_size(fit, landings, *differences), "signs")
     jump = None
     if fit.jumps is not None:
         jump = sized(fit.jumps, sizing.squared_jump(fit.jumps, landings), "jumps")
@@ -226,7 +234,10 @@ def judge(
         jump=jump,
         decided_by=decided_by,
         landings_needed=needed,
-        notes=limits + _of_two_kinds(two_kinds(landings.inputs)),
+        notes=limits
+        + _of_two_kinds(two_kinds(landings.inputs))
+        + _far_off(far_off(landings))
+        + _alike(lasting(fit.scores @ size.T)),
         **asked,
     )
 
@@ -254,6 +265,17 @@ def _of_two_kinds(state: str) -> Notes:
     )
     reason += "together vary, and may be larger within one of them: judge each alone, too"
     return [{"what": TWO_KINDS, "reason": reason}] if state else []
+
+
+def _far_off(far: int) -> Notes:
+    reason = f"if these {far} are mistakes, they distort the size and widen its bounds"
+    return [{"what": "landings far from all others", "reason": reason}] if far else []
+
+
+def _alike(more: float) -> Notes:
+    reason = f"in a row they err alike, so errors are {more:.2g} times as large as stated or more, "
+    reason += "and a difference may be a false one"
+    return [{"what": "landings are not independent", "reason": reason}] if more > 1.0 else []
 
 
 def percent(share: float) -> str:

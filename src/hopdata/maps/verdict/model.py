@@ -36,6 +36,7 @@ HIDDEN = 0.5
 _ONE_LANDING = 2.0
 
 _FLAT = 1e-9
+_NEXT = 5  # landings that follow one, with which it is compared
 _WAYS = 2  # in which contacts lie apart: tilt has two directions
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
 _LEAST_KINK = 1e-3
@@ -184,8 +185,7 @@ class _Smooth:
     def _scores(self, influence: FloatArray, errors: FloatArray, slack: FloatArray) -> FloatArray:
         errors = errors / np.sqrt(np.maximum(slack, 0.1))[:, None]
         scores = np.zeros((len(self.landings.inputs), influence.shape[0] * errors.shape[1]))
-        products = influence.T[:, :, None] * errors[:, None, :]
-        scores[self.rows] = products.reshape(len(errors), -1)
+        scores[self.rows] = (influence.T[:, :, None] * errors[:, None, :]).reshape(len(errors), -1)
         return scores
 
     def linear(self, coefficients: FloatArray) -> FloatArray:
@@ -195,6 +195,17 @@ class _Smooth:
         slopes = np.linalg.solve(self.root, self.basis.T @ smooth)[1 : self.inputs.shape[1] + 1]
         scale = np.linalg.lstsq(inputs - inputs.mean(axis=0), self.inputs, rcond=None)[0]
         return np.asarray(scale @ slopes)
+
+
+def lasting(scores: FloatArray) -> float:
+    """Return how much larger errors are as scores (N, m) are like the next few ones; 1 by chance.
+
+    By chance is what random signs bring about: up to three standard errors.
+    """
+    pairs = [np.sum(scores[k:] * scores[:-k], axis=1) for k in range(1, _NEXT + 1)]
+    products = np.concatenate(pairs)
+    alike, chance = products.sum(), 3.0 * np.linalg.norm(products)
+    return float(np.sqrt(1.0 + 2.0 * alike / np.sum(scores**2))) if alike > chance else 1.0
 
 
 def one_landing(allowed: float) -> float:
