@@ -94,7 +94,6 @@ def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
     found = inspection.suspects()
     image, ends = _timeline(inspection, found)
-    figure = ReportFigure("seen", image, "image/svg+xml", NOTES["seen"])
     return rendered(
         "inspection.html.j2",
         version=__version__,
@@ -102,7 +101,7 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         answer=terminal.answer(inspection),
         highlights=_highlights(inspection),
         notes=terminal.notes(inspection),
-        pictures=[picture_of(figure, {})],
+        pictures=[picture_of(ReportFigure("seen", image, "image/svg+xml", NOTES["seen"]), {})],
         tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
                 if t.rows],
         markers=inspection.markers,

@@ -105,8 +105,7 @@ def _items_in_words(schema: dict[str, Any]) -> str:
     kind = {"string": "names", "number": "numbers"}.get(str(items.get("type")), "entries")
     if number == "at least 1" and kind == "entries":
         kind = "entry"
-    choices = f", each {in_words(items)}" if "enum" in items else ""
-    return words + kind + choices
+    return words + kind + (f", each {in_words(items)}" if "enum" in items else "")
 
 
 # The page of documentation that the schema makes.
@@ -150,9 +149,8 @@ def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
     heading = f"{path}[]" if "items" in section else path
     yield f"## `{heading}`\n\n{section['description']}\n"
     keys = {k: s for k, s in inner["properties"].items() if not _is_section(s)}
-    required = inner.get("required", ())
     if keys:
-        yield HEAD + "".join(_row(k, s, k in required) for k, s in keys.items())
+        yield HEAD + "".join(_row(k, s, k in inner.get("required", ())) for k, s in keys.items())
     for key, deeper in inner["properties"].items():
         if _is_section(deeper):
             yield from _sections(f"{heading}.{key}", deeper)

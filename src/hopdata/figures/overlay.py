@@ -170,5 +170,4 @@ def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
     axes.axhline(threshold, color=style.GREY, linestyle=(0, (1, 1)), linewidth=0.8)
     place: Any = {"xycoords": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
     style.note(axes, "threshold", (1, threshold), (-2, 1.5), color=style.INK, **place)
-    unit = str(rows["unit"].iloc[0])
-    axes.set_ylabel(f"force ({chosen('unit', unit, UNITS)})")
+    axes.set_ylabel(f"force ({chosen('unit', str(rows['unit'].iloc[0]), UNITS)})")

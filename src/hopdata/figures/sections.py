@@ -90,8 +90,7 @@ def _draw_side(
     beside = half.add_subplot(grid[1, 0], sharey=scatter)
     above = half.add_subplot(grid[0, 1], sharex=scatter)
     threshold = _height(sections, f"{side.foot}_threshold_m")
-    of_landings = sections.get("frames") == "landings"
-    _draw_scatter(scatter, side, frames, threshold, of_landings)
+    _draw_scatter(scatter, side, frames, threshold, sections.get("frames") == "landings")
     scatter.set(
         xlim=_span(frames[["body_m"]], sections, ("pre_height_m", "post_height_m")),
         ylim=_span(frames[["min_foot_m", "max_foot_m"]], sections, THRESHOLDS),
@@ -158,8 +157,7 @@ def _draw_body_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
     axes.tick_params(labelbottom=False)
     axes.set_ylabel("density (1/m)")
     given = f"body_given_all_{side.where}"
-    others = f"body_given_some_{side.otherwise}"
-    for name, colour in ((others, style.GREY), (given, side.colour)):
+    for name, colour in ((f"body_given_some_{side.otherwise}", style.GREY), (given, side.colour)):
         height, density = _curve(densities, name)
         axes.plot(height, density, color=colour)
         axes.fill_between(height, density, color=colour, alpha=0.15, linewidth=0)

@@ -66,11 +66,10 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
 
 def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
     pre, post = (show.scaled(sections.get(f"{side}_height_m"), 1.0) for side in ("pre", "post"))
-    travel = None if pre is None or post is None else pre - post
     return {
         "pre": _shown(pre, 1e3, "mm"),
         "post": _shown(post, 1e3, "mm"),
-        "travel": _shown(travel, 1e3, "mm"),
+        "travel": _shown(None if pre is None or post is None else pre - post, 1e3, "mm"),
         "min_threshold": _shown(sections.get("min_foot_threshold_m"), 1e3, "mm", decimals=1),
         "landings_only": sections.get("frames") == "landings",
         "moved": "contacts" in (sections.get("decided") or {}).values(),
@@ -107,11 +106,10 @@ def _medians(
 def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
     """Right mode schedules by method, in per cent: of the touchdowns used, of all landings."""
     prefix, of_all = "labels_right_", "labels_right_of_all_"
-    others = (of_all, "labels_right_unambiguous_")
     methods = [
         name.removeprefix(prefix)
         for name in truth
-        if name.startswith(prefix) and not name.startswith(others)
+        if name.startswith(prefix) and not name.startswith((of_all, "labels_right_unambiguous_"))
     ]
     return {
         method.replace("_", " "): (share, _percent(truth.get(of_all + method)))

@@ -72,13 +72,12 @@ def _part(
     places = recording.positions
     low, high = np.nanmin(places, axis=(0, 1)), np.nanmax(places, axis=(0, 1))
     middle, step = (low + high) / 2, max(FINEST_M, float((high - low).max()) / 65_000)
-    steps = np.nan_to_num(np.round((places - middle) / step), nan=UNSEEN)
     return {
         "title": title,
         "markers": recording.markers,
         "roles": recording.roles,
         "time": _packed(recording.time - zero_s, "<f4"),
-        "places": _packed(steps, "<i2"),
+        "places": _packed(np.nan_to_num(np.round((places - middle) / step), nan=UNSEEN), "<i2"),
         "middle": middle.tolist(),
         "step": step,
         "contacts": [round(at, 6) if np.isfinite(at) else None for at in contacts],

@@ -195,8 +195,7 @@ def _running_ahead(
     trial: Trial, scene: Scene, leg: int, since: FloatArray, time: FloatArray
 ) -> FloatArray:
     """Vertical speed of a foot that has not touched since the apex, m/s, faded in; else 0; (N,)."""
-    apex = np.searchsorted(trial.apex_s, time, side="right") - 1
-    falling = time - trial.apex_s[apex]
+    falling = time - trial.apex_s[np.searchsorted(trial.apex_s, time, side="right") - 1]
     share = np.where(since > falling, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
     return np.asarray(share * rest_foot_climb(scene, trial.states, leg))
 

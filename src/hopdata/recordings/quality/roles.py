@@ -132,8 +132,7 @@ def guess_roles(inspection: Inspection) -> Roles:
         if m not in others and (fixed[m] or part_by_name(name) == "boom")
     )
     resting = _resting(markers, positions[:, :, 2], rests, fixed)
-    candidates = [m for m in resting if markers[m] not in boom and m not in others]
-    groups = _together(candidates, rests)
+    groups = _together([m for m in resting if markers[m] not in boom and m not in others], rests)
     reasons, problems = {}, []
     if boom:
         stays = fixed[[markers.index(name) for name in boom]].all()
@@ -424,8 +423,7 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str, str]
         reason = f"the highest rigid cluster, {_strain(kept, inspection.pairs)}"
         reason += left_out(kept, rigid[0], "since they are seen less")
         rivals = [m for c in rigid[1:2] for m in c] or named
-        other = ", ".join(markers[m] for m in rivals if m not in kept)
-        return kept, reason, other
+        return kept, reason, ", ".join(markers[m] for m in rivals if m not in kept)
     return [], "", ""
 
 

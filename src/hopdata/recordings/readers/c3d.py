@@ -177,8 +177,7 @@ def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]
             f"labels, {len(contexts)} contexts and {len(times) / 2:g} times; none is read",
         )
     parts = zip(contexts[:used], labels, times[::2], times[1::2], strict=False)
-    events = (Event(f"{where} {what}".strip(), 60 * m + s) for where, what, m, s in parts)
-    return tuple(events), ()
+    return tuple(Event(f"{where} {what}".strip(), 60 * m + s) for where, what, m, s in parts), ()
 
 
 # Analog channels of a C3D file, such as the forces of a plate.

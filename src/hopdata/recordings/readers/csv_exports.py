@@ -91,8 +91,7 @@ def read_export(
         lines = list(islice(file, _MOST_HEADER_LINES))
     if any(b"\0" in line for line in lines):
         raise RecordingError.at(path, "text", "binary data")
-    mark = text.mark_between([text.decoded(line) for line in lines[:5]])
-    sheet = _Sheet(path, lines, mark)
+    sheet = _Sheet(path, lines, text.mark_between([text.decoded(line) for line in lines[:5]]))
     rows = sheet.rows
     first = next((row for row in rows if not row[0].startswith("#")), [""])
     has_odd_clock = first[0].lower().startswith("time") and not qtm.counter(first[0])

@@ -430,8 +430,7 @@ def only_place(place: str, name: str, names: Sequence[str]) -> int:
     n_found = names.count(name)
     if n_found == 1:
         return names.index(name)
-    near = f"no '{name}'{did_you_mean(name, names)}"
-    found = f"{n_found} of that name" if n_found else near
+    found = f"{n_found} of that name" if n_found else f"no '{name}'{did_you_mean(name, names)}"
     raise RecordingError.at(place, f"'{name}' once among {listed(names)}", found)
 
 

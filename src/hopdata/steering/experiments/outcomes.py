@@ -57,8 +57,7 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
             "touched": int((group["touched"] > 0).sum()), "blind": int(group["blind"].sum()),
         }  # fmt: skip
         met = row["worst"] >= ASKED_RATE - 1e-9 and row["worst_ratio"] <= ASKED_RATIO
-        asked = controller == tasks.PLANNER
-        rows.append(row | {"met": ("yes" if met else "no") if asked else ""})
+        rows.append(row | {"met": ("yes" if met else "no") if controller == tasks.PLANNER else ""})
     return pd.DataFrame(rows)
 
 

@@ -203,8 +203,7 @@ def horizons_of(
     few = dict(steering["experiments"], starts=min(FEW, steering["experiments"]["starts"]))
     rows = []
     for hops in steering["experiments"]["horizons"]:
-        control = dict(steering["control"], horizon=hops)
-        asked = {**steering, "control": control, "experiments": few}
+        asked = {**steering, "control": dict(steering["control"], horizon=hops), "experiments": few}
         made = experiments_of([tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned)
         runs, good = made.runs, made.runs[made.runs["success"]]
         rows.append((hops, len(runs), len(good), good["hops"].median()))

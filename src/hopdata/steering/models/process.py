@@ -203,9 +203,8 @@ FOREIGN = (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, B
 
 def save_process(path: str | Path, process: FrameChangeProcess) -> None:
     """Write a process; its fields are the arrays of the file."""
-    arrays = {field.name: getattr(process, field.name) for field in fields(process)}
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, **{field.name: getattr(process, field.name) for field in fields(process)})
 
 
 def load_process(path: str | Path) -> FrameChangeProcess:

@@ -234,8 +234,7 @@ def _usable(markers: FloatArray) -> FloatArray:
             f"{LEAST_FRAMES} frames with three of them in sight, and each pair in sight together"
         )
         raise AnalysisError.at("body markers", wanted, f"{len(usable)} of {len(markers)} frames")
-    step = -(-len(usable) // MOST_FRAMES)
-    return markers[usable[::step]]
+    return markers[usable[:: -(-len(usable) // MOST_FRAMES)]]
 
 
 def _from_distances(frames: FloatArray) -> FloatArray:
