@@ -126,7 +126,10 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
     str
         Markdown, with a table for each section.
     """
-    schema = schema or _schema_of_all_scenes()
+    if schema is None:
+        schema = deepcopy(load_schema())
+        others = {name: _scene_block(name) for name in SCENES if name != STANDARD}
+        schema["properties"]["simulation"]["properties"] |= others
     single = {k: s for k, s in schema["properties"].items() if not _is_section(s)}
     rows = [_row(k, s, k in schema["required"]) for k, s in single.items() if "items" not in s]
     parts = [schema["description"], HEAD + "".join(rows)]
@@ -134,13 +137,6 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
         if _is_section(section) or "items" in section:
             parts += _sections(key, section)
     return "\n".join(parts)
-
-
-def _schema_of_all_scenes() -> dict[str, Any]:
-    schema = deepcopy(load_schema())
-    others = {name: _scene_block(name) for name in SCENES if name != STANDARD}
-    schema["properties"]["simulation"]["properties"] |= others
-    return schema
 
 
 def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:

@@ -132,8 +132,10 @@ def read_contact_times(
     columns = columns_of(options["columns"], feet)
     if _is_recording(path):
         found = _events(path, columns, rate_hz)
-    elif options["label_column"] is not None:
-        found = _labelled(path, columns, options["label_column"], options["time_column"])
+    elif (label := options["label_column"]) is not None:  # one row a contact
+        table = open_table(path)
+        labels, times = np.array(table.texts(label)), table.numbers(options["time_column"])
+        found = _by_label(f"{path}, column '{label}'", columns, labels, times)
     else:
         table = open_table(path)
         found = {column.name: table.numbers(column.name) for column in columns}
@@ -149,15 +151,6 @@ def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactT
         told = f"{path}: column '{column.name}': expected at least one contact instant, found none"
         raise RecordingError(told)
     return ContactTimes(column, instants, "contacts", (float(instants[0]), float(instants[-1])))
-
-
-def _labelled(
-    path: Path, columns: Sequence[Column], label_column: str, time_column: str
-) -> dict[str, FloatArray]:
-    """Instants by label, from a table with one row a contact."""
-    table = open_table(path)
-    labels, times = np.array(table.texts(label_column)), table.numbers(time_column)
-    return _by_label(f"{path}, column '{label_column}'", columns, labels, times)
 
 
 def _events(path: Path, columns: Sequence[Column], rate_hz: float | None) -> dict[str, FloatArray]:

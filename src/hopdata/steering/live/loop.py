@@ -214,20 +214,17 @@ class ControlLoop:
 
     def _run(self) -> None:
         try:
-            self._work()
+            while not self._stop.is_set():
+                if not self._buffer.wait(self._seen, LOOK_UP_S, unless=self._stop.is_set):
+                    continue
+                frames = self._buffer.since(self._seen)
+                if not frames:
+                    continue
+                self.counts.overrun += frames[0].index - self._seen
+                self._seen = frames[-1].index + 1
+                self.take(frames)
         except BaseException as error:
             self.rest(f"the control loop failed: {error!r}")
-
-    def _work(self) -> None:
-        while not self._stop.is_set():
-            if not self._buffer.wait(self._seen, LOOK_UP_S, unless=self._stop.is_set):
-                continue
-            frames = self._buffer.since(self._seen)
-            if not frames:
-                continue
-            self.counts.overrun += frames[0].index - self._seen
-            self._seen = frames[-1].index + 1
-            self.take(frames)
 
     def take(self, frames: Sequence[Frame]) -> None:
         """Take frames in, and plan at the last stance among them."""

@@ -96,8 +96,7 @@ class LiveHopper:
 
     def _put_up(self, hop: SteeredHop) -> Apex:
         """Let the hopper go again where it was before it fell."""
-        x, y, yaw = hop.start.state[0], hop.start.state[1], hop.start.state[3]
-        anew = released(self.robot, (x, y, yaw), hop.end.boom_angle_rad)
+        anew = released(self.robot, hop.start.state[[0, 1, 3]], hop.end.boom_angle_rad)
         return replace(anew, time_s=hop.end.time_s)
 
 

@@ -401,7 +401,9 @@ def trained_process(
     offset, unit = _modelled(outputs, options)
     scale = input_units(inputs, options)
     if not options.periodic:
-        inputs, outputs = _copies(inputs), np.tile(outputs, (3, 1))
+        turn = np.array([TURN, 0.0])  # copies a turn before and a turn after (Sec. 3.4.2)
+        inputs = np.concatenate([inputs - turn, inputs, inputs + turn])
+        outputs = np.tile(outputs, (3, 1))
     targets = (outputs - offset) / unit
     regressors = [fitted_regressor(inputs / scale, y, options, seed) for y in targets.T]
     found = [hyper_parameters(regressor, inputs.shape[1]) for regressor in regressors]
@@ -433,12 +435,6 @@ def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
     """Units of the inputs, (2,): 1 rad for the boom angle, its standard deviation for the swing."""
     swing = float(inputs[:, 1].std()) if options.standardised else 1.0
     return np.array([1.0, swing or 1.0])
-
-
-def _copies(inputs: FloatArray) -> FloatArray:
-    """Return the inputs a turn before, where they are, and a turn after (Sec. 3.4.2)."""
-    shift = np.array([TURN, 0.0])
-    return np.concatenate([inputs - shift, inputs, inputs + shift])
 
 
 KERNELS = {"recommended": RECOMMENDED, "printed": PRINTED}

@@ -505,7 +505,10 @@ class StanceDetector:
             if self._stray is None or self._far(self._stray, frame):
                 self._stray = frame
                 return False
-            self._begin_anew(self._stray)
+            # Forget the heights before a jump, but not that the hopper was falling.
+            self._frames.clear()
+            self._frames.append(self._stray)
+            self._turned = False
         self._stray = None
         self._frames.append(frame)
         while self._frames[0][0] < time_s - self.window_s:
@@ -520,12 +523,6 @@ class StanceDetector:
             rise -= self._speed * wait
             reach = min(reach, 0.5 * HARDEST_M_S2 * wait**2)
         return abs(rise) > reach + 4 * SIGMAS * self.noise_m
-
-    def _begin_anew(self, frame: tuple[float, float]) -> None:
-        """Forget the heights before a jump, but not that the hopper was falling."""
-        self._frames.clear()
-        self._frames.append(frame)
-        self._turned = False
 
     def _parabola(self, time_s: float) -> tuple[float, float, float]:
         """Speed, m/s, and acceleration, m/s^2, at the last frame, and the error of the speed."""
