@@ -71,9 +71,8 @@ def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options:
 
 def lacking(axes: Axes, x: float, y: float, text: str, transform: Any = None) -> None:
     """Write in grey, about the middle of a place, what is not there."""
-    place = axes.transData if transform is None else transform
     look: Any = {"ha": "center", "va": "center", "color": GREY, "bbox": ON_WHITE}
-    axes.text(x, y, text, transform=place, **look)
+    axes.text(x, y, text, transform=transform or axes.transData, **look)
 
 
 def plain_numbers(axis: Axis) -> None:
@@ -252,11 +251,10 @@ def _fit_lines(figure: Any, journal: Journal) -> None:
         axes.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
     if journal.line == 1.0:
         return
-    factor = journal.line
     for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection)):
-        artist.set_linewidth(factor * np.asarray(artist.get_linewidth()))
+        artist.set_linewidth(journal.line * np.asarray(artist.get_linewidth()))
         if isinstance(artist, Line2D) and artist.get_marker() not in range(4):  # ticks
-            artist.set_markersize(factor * artist.get_markersize())
+            artist.set_markersize(journal.line * artist.get_markersize())
 
 
 def pt(size: float) -> float:
@@ -384,8 +382,7 @@ def save_figure(
     with ExitStack() as whole, style_context(), _laid_out(figure):
         for target, suffix in zip(targets, formats, strict=True):
             draft = whole.enter_context(whole_file(target))
-            metadata: dict[str, Any] = dict(FORMATS[suffix])
-            figure.savefig(draft, format=suffix, dpi=dpi, metadata=metadata)
+            figure.savefig(draft, format=suffix, dpi=dpi, metadata=dict(FORMATS[suffix]))
     return targets
 
 

@@ -148,8 +148,8 @@ def read_contact_times(
 def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactTimes:
     instants = np.sort(instants[~np.isnan(instants)])
     if not len(instants):
-        told = f"{path}: column '{column.name}': expected at least one contact instant, found none"
-        raise RecordingError(told)
+        place = f"{path}: column '{column.name}'"
+        raise RecordingError.at(place, "at least one contact instant", "none")
     return ContactTimes(column, instants, "contacts", (float(instants[0]), float(instants[-1])))
 
 

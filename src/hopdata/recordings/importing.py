@@ -106,11 +106,9 @@ def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> lis
     starts = [at + float(raw.time[0]) for at, raw in zip(began, raws, strict=True)]
     for i in range(1, len(raws)):
         if starts[i] < starts[i - 1]:
-            raise RecordingError(
-                f"{paths[i]}: expected a file recorded after {paths[i - 1].name} "
-                f"({raws[i - 1].started}), found one that began {raws[i].started}; "
-                "name the files in the order of time"
-            )
+            wanted = f"a file recorded after {paths[i - 1].name} ({raws[i - 1].started})"
+            found = f"one that began {raws[i].started}; name the files in the order of time"
+            raise RecordingError.at(paths[i], wanted, found)
         if starts[i] <= starts[i - 1] + float(raws[i - 1].time[-1] - raws[i - 1].time[0]):
             return None  # the same date in each file: a placeholder
     return starts

@@ -185,11 +185,10 @@ def check_fall(recording: Recording) -> None:
     if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
         return
     if fall.share > CLEARLY * _falls(recording).share:
-        raise RecordingError(
-            f"{recording.place}: scale: expected what falls to do so at 9.81 m/s², "
-            f"found {9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames; "
-            f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}"
-        )
+        wanted = "what falls to do so at 9.81 m/s²"
+        found = f"{9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames"
+        looks = f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}"
+        raise RecordingError.at(f"{recording.place}: scale", wanted, f"{found}; {looks}")
 
 
 def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_STRAIN) -> None:

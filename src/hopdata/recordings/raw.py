@@ -112,10 +112,9 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
         raise RecordingError.at(f"{place}: frame rate", fastest, f"{stated:g} Hz")
     rate = given if stated is None else stated
     if rate is None:
-        raise RateUnknownError(
-            f"{place}: frame rate: expected a number in the file or in input.rate_hz, found neither"
-            "; hopdata.read takes it as rate_hz"
-        )
+        wanted = "a number in the file or in input.rate_hz"
+        found = "neither; hopdata.read takes it as rate_hz"
+        raise RateUnknownError.at(f"{place}: frame rate", wanted, found)
     return float(rate)
 
 
@@ -227,9 +226,8 @@ def distinct_names(
         if not name and not may_lack:
             raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
         if not name.isprintable():
-            raise RecordingError(
-                f"{place}: expected a name of letters and digits for marker {i + 1}, found {name!r}"
-            )
+            wanted = f"a name of letters and digits for marker {i + 1}"
+            raise RecordingError.at(place, wanted, repr(name))
     distinct = [name or f"unnamed {i + 1}" for i, name in enumerate(names)]
     remarks = []
     if n_nameless := sum(not name for name in names):

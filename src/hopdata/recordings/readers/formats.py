@@ -100,13 +100,11 @@ def _check_numbers(path: Path, raw: RawRecording) -> None:
         raise RecordingError.at(f"{path}: frame {frame + 1}", "a finite time", raw.time[frame])
     step = float(np.median(np.diff(raw.time))) if raw.has_stamps and len(raw.time) > 1 else 0.0
     if step > SLOWEST_S:
-        raise RecordingError(
-            f"{path}: time: expected s, at most {SLOWEST_S} from frame to frame, found {step:g}; "
-            "if these are ms or µs divide them, or leave the time out and set input.rate_hz"
-        )
+        wanted = f"s, at most {SLOWEST_S} from frame to frame"
+        how = "if these are ms or µs divide them, or leave the time out and set input.rate_hz"
+        raise RecordingError.at(f"{path}: time", wanted, f"{step:g}; {how}")
     if reading.largest(raw.positions) > LARGEST:
         frame, marker, axis = np.argwhere(np.abs(raw.positions) > LARGEST)[0]
-        raise RecordingError(
-            f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "
-            f"coordinate below {LARGEST:g} {raw.unit}, found {raw.positions[frame, marker, axis]:g}"
-        )
+        place = f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}"
+        wanted = f"a coordinate below {LARGEST:g} {raw.unit}"
+        raise RecordingError.at(place, wanted, f"{raw.positions[frame, marker, axis]:g}")

@@ -116,9 +116,8 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
         return False
     place = f"{header.path}, line {header.n_lines + 1}"
     if coordinate_stems(fields[1:4]):
-        raise RecordingError(
-            f"{place}: expected Frame or Time (in s) before the coordinates, found '{first[:40]}'"
-        )
+        wanted = "Frame or Time (in s) before the coordinates"
+        raise RecordingError.at(place, wanted, f"'{first[:40]}'")
     near = _no_tabs(first) or did_you_mean(first.upper(), KEYS)
     raise RecordingError.at(place, "a header key or numbers", f"'{first[:40]}'{near}")
 

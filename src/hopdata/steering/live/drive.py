@@ -211,10 +211,8 @@ class _Signals:
 def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -> None:
     """Refuse at once what would hold each hop for ever."""
     if geometry.boom_name is None or geometry.circle is None:
-        raise ConfigError(
-            "geometry: expected a boom and its circle, found none; calibrate with a recording that "
-            "has a marker with the role boom (markers.boom)"
-        )
+        how = "calibrate with a recording that has a marker with the role boom (markers.boom)"
+        raise ConfigError.at("geometry", "a boom and its circle", f"none; {how}")
     for name, part, method in (("controller", controller, "plan"), ("boom", boom, "swing")):
         if isinstance(part, type) or not callable(getattr(part, method, None)):
             kind = f"the class {part.__name__}" if isinstance(part, type) else type(part).__name__

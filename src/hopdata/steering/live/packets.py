@@ -134,9 +134,7 @@ def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
         If z does not point up, or the frame rate is another one.
     """
     if parameters.upwards not in ("", "+Z", "Z"):
-        raise SettingsError(
-            f"axis that points up in the stream: expected +Z, found {parameters.upwards}"
-        )
+        raise SettingsError.at("axis that points up in the stream", "+Z", parameters.upwards)
     told = parameters.rate_hz
     if rate_hz is not None and told is not None and abs(told - rate_hz) > RATE_SLACK * rate_hz:
         raise SettingsError(f"frame rate of the stream: expected {rate_hz:g} Hz, found {told:g} Hz")

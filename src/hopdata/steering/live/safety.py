@@ -76,9 +76,8 @@ def _address(host: str, port: int) -> tuple[str, int]:
     try:
         found = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)
     except OSError as error:
-        raise PortError(
-            f"host: expected an IPv4 address or the name of one, found {host!r}: {error}"
-        ) from error
+        wanted = "an IPv4 address or the name of one"
+        raise PortError.at("host", wanted, f"{host!r}: {error}") from error
     return str(found[0][4][0]), port
 
 

@@ -324,9 +324,8 @@ def learning_tables(
     used = hops_to_learn_from(changes, training_hops)
     sizes = [size for size in SIZES if size <= len(used) - LEAST_TESTED]
     if not sizes:
-        raise AnalysisError(
-            f"learning curve: expected at least {SIZES[0] + LEAST_TESTED} hops, found {len(used)}"
-        )
+        least = SIZES[0] + LEAST_TESTED
+        raise AnalysisError.at("learning curve", f"at least {least} hops", len(used))
     curve = learning_scores(changes, MODELS, sizes, draws=draws, seed=seed)
     kernels = smoothness_scores(changes, train=training_hops, draws=draws, seed=seed)
     by = ["data", "reading", "smoothness", "component", "unit"]

@@ -132,10 +132,9 @@ class FrameChangeProcess:
             try:
                 factors = np.linalg.cholesky(covariances)
             except np.linalg.LinAlgError as error:
-                raise AnalysisError(
-                    "Gaussian process: expected a positive definite covariance, found one that is "
-                    "not; the noise is too small for hops that are so much alike"
-                ) from error
+                wanted = "a positive definite covariance"
+                found = "one that is not; the noise is too small for hops that are so much alike"
+                raise AnalysisError.at("Gaussian process", wanted, found) from error
             return np.array([solve_triangular(one, unit, lower=True) for one in factors])
 
     @cached_property
@@ -225,9 +224,8 @@ def load_process(path: str | Path) -> FrameChangeProcess:
     except FileNotFoundError:
         raise RecordingError(f"{path}: expected a trained process, found no such file") from None
     except FOREIGN as error:
-        raise RecordingError(
-            f"{path}: expected a trained process with {', '.join(names)}, found another file"
-        ) from error
+        wanted = f"a trained process with {', '.join(names)}"
+        raise RecordingError.at(path, wanted, "another file") from error
 
 
 # From a table of frame changes to a trained process.

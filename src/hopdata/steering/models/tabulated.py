@@ -84,9 +84,8 @@ class TabulatedMap:
         angles, swings = input_rows(boom_angle, swing)
         largest = float(np.abs(swings).max(initial=0.0))
         if not largest <= self.swing_limit_rad * (1 + BEYOND):
-            raise AnalysisError(
-                f"table: expected swings within {self.swing_limit_rad:.4f} rad, found {largest:.4f}"
-            )
+            wanted = f"swings within {self.swing_limit_rad:.4f} rad"
+            raise AnalysisError.at("table", wanted, f"{largest:.4f}")
         return np.asarray(self._spline(np.stack([swings, angles % TURN], axis=-1)))
 
 

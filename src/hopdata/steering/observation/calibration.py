@@ -323,8 +323,7 @@ def _normal_of(feet: FloatArray, up: FloatArray) -> FloatArray:
     """Return the normal of the plane through the feet, on the side of `up`."""
     feet = feet[np.isfinite(feet).all(axis=1)]
     if len(feet) < 3:
-        told = f"level: expected at least 3 feet in sight in flight, found {len(feet)}"
-        raise AnalysisError(told)
+        raise AnalysisError.at("level", "at least 3 feet in sight in flight", len(feet))
     normal = np.linalg.svd(feet - feet.mean(axis=0))[2][2]
     return np.asarray(normal * np.sign(normal @ up))
 
@@ -341,7 +340,7 @@ def _body_axes(up: FloatArray, toward: FloatArray) -> FloatArray:
     """Body axes as rows, in the axes of the shape."""
     flat = toward - (toward @ up) * up
     if np.linalg.norm(flat) < LEAST_LENGTH_M:
-        told = "forward: expected a direction across the vertical, found one along it within 1 mm"
-        raise AnalysisError(told)
+        wanted = "a direction across the vertical"
+        raise AnalysisError.at("forward", wanted, "one along it within 1 mm")
     ahead = flat / np.linalg.norm(flat)
     return np.stack([ahead, np.cross(up, ahead), up])
