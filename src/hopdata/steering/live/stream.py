@@ -274,12 +274,15 @@ class MarkerStream:
         while not line.lost.is_set():
             with suppress(TimeoutError):
                 await asyncio.wait_for(line.lost.wait(), self.patience.stale_s / 2)
-            age = time.monotonic() - self._last_good_s
-            if age > self.patience.reconnect_s:
-                raise packets.ConnectionLostError(f"no frame for {age:.1f} s")
-            if age > self.patience.stale_s and self.states.status.state == "streaming":
-                self.states.report("stale", f"no frame for {age:.2f} s")
+            self._look_at_age()
         raise _loss(line)
+
+    def _look_at_age(self) -> None:
+        age = time.monotonic() - self._last_good_s
+        if age > self.patience.reconnect_s:
+            raise packets.ConnectionLostError(f"no frame for {age:.1f} s")
+        if age > self.patience.stale_s and self.states.status.state == "streaming":
+            self.states.report("stale", f"no frame for {age:.2f} s")
 
     def _begin_epoch(self, parameters: packets.StreamParameters) -> None:
         packets.check_settings(parameters, self.rate_hz)
