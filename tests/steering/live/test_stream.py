@@ -1,3 +1,4 @@
+import asyncio
 import builtins
 import socket
 
@@ -15,6 +16,7 @@ from hopdata.steering.live.packets import (
     ClientAbsentError,
     ConnectionLostError,
     LabelError,
+    Line,
 )
 from hopdata.steering.live.stream import CameraClock, MarkerStream, Patience, Timeline
 
@@ -230,6 +232,24 @@ def test_closing_leaves_no_thread_behind_whatever_the_state():
         stream.states.wait_for("lost", timeout_s=LONG_S)
     MarkerStream(LABELS).close()
     assert our_threads() == []
+
+
+@pytest.mark.parametrize("steps_later", range(4))
+def test_a_close_as_the_connection_is_lost_is_not_swallowed(steps_later):
+    async def close_after_loss():
+        line = Line(print)
+        watching = asyncio.create_task(MarkerStream(LABELS, patience=Patience(60))._watch(line))
+        await asyncio.sleep(0.01)
+        line.lost.set()
+        for _ in range(steps_later):
+            await asyncio.sleep(0)
+        accepted = watching.cancel()  # False once the task has ended by itself
+        await asyncio.wait([watching])
+        line.close()
+        return accepted, watching.cancelled()
+
+    accepted, cancelled = asyncio.run(close_after_loss())
+    assert accepted == cancelled
 
 
 def verdicts(frames, rate_hz=100.0):

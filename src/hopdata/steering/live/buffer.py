@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -163,11 +164,9 @@ class LoopThread:
 
     def call(self, function: Callable[..., object], *arguments: object) -> None:
         """Call a function in the thread, soon; nothing happens if the thread has ended."""
-        try:
+        with suppress(RuntimeError):  # of a loop that is closed
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function, *arguments)
-        except RuntimeError:  # the loop is closed
-            return
 
     def stop(self) -> None:
         """Cancel the coroutine and wait for the end of the thread; a second call does nothing.

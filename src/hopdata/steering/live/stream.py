@@ -272,8 +272,10 @@ class MarkerStream:
 
     async def _watch(self, line: packets.Line) -> None:
         while not line.lost.is_set():
+            # In Python 3.11 `wait_for` swallows a cancellation that comes just after a loss.
             with suppress(TimeoutError):
-                await asyncio.wait_for(line.lost.wait(), self.patience.stale_s / 2)
+                async with asyncio.timeout(self.patience.stale_s / 2):
+                    await line.lost.wait()
             self._look_at_age()
         raise _loss(line)
 
