@@ -108,9 +108,9 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
             try:
                 known.bind(*given, **named)
             except TypeError as error:
-                near = [did_you_mean(name, names) for name in named if name not in names]
+                unknown = [f"{n!r}{did_you_mean(n, names)}" for n in named if n not in names]
                 wanted = f"the arguments {', '.join(names)}" if names else "no arguments"
-                found = f"{str(error).removeprefix('got ')}{''.join(near)}"
+                found = " and ".join(unknown) or str(error)
                 raise ArgumentError.at(title, wanted, found) from None
             raise
 

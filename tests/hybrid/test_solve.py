@@ -202,7 +202,7 @@ def test_the_initial_state_is_not_changed():
         ({"method": "dopri"}, "did you mean 'dopri5'"),
         (
             {"rtoll": 1e-3},
-            "solve: expected the arguments system, .* found an unexpected .* did you mean 'rtol'",
+            "solve: expected the arguments system, .* found 'rtoll'; did you mean 'rtol'",
         ),
     ],
 )
