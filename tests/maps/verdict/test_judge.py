@@ -301,16 +301,18 @@ def test_tables_of_unequal_length_are_refused():
         judge(data.before, data.after[:-1], data.instants, **OPTIONS)
 
 
-def test_landings_that_remember_those_before_are_noted():
+def test_landings_that_remember_those_before_are_noted_and_widen_the_interval():
     """States and errors that both change slowly; the same landings in another order do not."""
     data, slow = landings(n=900), np.sin(np.arange(900) / 25.0)
     data = some(data, np.argsort(data.instants.std(axis=1)))
     data = replace(data, after=data.after + 0.02 * slow[:, None] * np.arange(18))
     mixed = some(data, np.random.default_rng(3).permutation(900))
-    noted, notes = verdict(data).notes[-1], verdict(mixed).notes
+    remembered, independent = verdict(data), verdict(mixed)
+    noted = remembered.notes[-1]
     assert noted["what"] == "landings are not independent"
-    assert "times as large as stated" in noted["reason"]
-    assert noted["what"] not in [note["what"] for note in notes]
+    assert "widens the interval" in noted["reason"]
+    assert noted["what"] not in [note["what"] for note in independent.notes]
+    assert remembered.effect.squared_error > 3.0 * independent.effect.squared_error
 
 
 def test_landings_far_from_all_others_are_counted():

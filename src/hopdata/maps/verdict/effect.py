@@ -10,13 +10,14 @@ inputs,
 both as rms motions of the markers. In the kinks b it is a quadratic form, e^2 = b'Fb. All that is
 said follows from the one statistic T = b'Fb and its distribution under b = e u, u the direction
 found: each landing's contribution to the error of b is as likely to have the other sign, so random
-signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020). What
+signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020); where
+landings that follow each other err alike, `IN_A_ROW` of them have one sign. What
 smooth terms leave shifts b alike in every study of a system: so no size that they are `allowed` is
 evidence.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -27,7 +28,16 @@ from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, contact_orders, halves
-from hopdata.maps.verdict.model import KinkFit, one_landing, symmetric_root, upper_ends
+from hopdata.maps.verdict.model import (
+    KinkFit,
+    err_alike,
+    one_landing,
+    symmetric_root,
+    upper_ends,
+)
+
+#: Landings that get one random sign together where those that follow each other err alike.
+IN_A_ROW = 40
 
 _AT_ONCE = 8_000_000  # signs in memory
 _BISECTIONS = 50
@@ -244,6 +254,10 @@ def effect_size(
     flips
         Number of random sign patterns.
     """
+    if err_alike(fit.scores @ root.T):
+        first = np.arange(0, len(fit.scores), IN_A_ROW)
+        runs = [np.add.reduceat(part, first) for part in (fit.scores, fit.null_scores)]
+        fit = replace(fit, scores=runs[0], null_scores=runs[1])
     root = _axes(fit, root) @ root
     found = root @ fit.coefficients.ravel()
     statistic = float(found @ found)

@@ -18,8 +18,8 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
-from hopdata.maps.verdict.inputs import far_off, section_landings, two_kinds
-from hopdata.maps.verdict.model import LEFT, KinkFit, fit_kinks, lasting
+from hopdata.maps.verdict.inputs import SectionLandings, far_off, section_landings, two_kinds
+from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
 from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
@@ -204,13 +204,14 @@ def judge(
         draw = named_generator(seed, "verdict", stream)
         return sizing.effect_size(part, root, generator=draw, **how)
 
-    effect = sized(fit, size := sizing.squared_size(fit, landings, *differences), "signs")
+    size = sizing.squared_size(fit, landings, *differences)
+    effect = sized(fit, size, "signs")
     jump = None
     if fit.jumps is not None:
         jump = sized(fit.jumps, sizing.squared_jump(fit.jumps, landings), "jumps")
     conclusion, needed = conclude(effect.low, effect.upper_bound, margin), None
     said = sentence(conclusion, effect.sizes(), what, confidence, margin)
-    decided_by, limits = "effect", notes + _far_apart(effect.allowed)
+    decided_by, no_evidence = "effect", effect.allowed
     if effect.allowed < ASKED:
         seen = effect.detectable, effect.allowed
         needed = sizing.landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
@@ -223,7 +224,7 @@ def judge(
             said = f"The maps of {what} are different: {told}"
             often = f"{100 * power:g} % of such studies"
             foreseen = f"A jump of {percent(jump.detectable)} would be found in {often}."
-            conclusion, decided_by, limits, needed = DIFFERENT, "jump", notes, None
+            conclusion, decided_by, no_evidence, needed = DIFFERENT, "jump", 0.0, None
     return Verdict(
         conclusion,
         said,
@@ -234,10 +235,7 @@ def judge(
         jump=jump,
         decided_by=decided_by,
         landings_needed=needed,
-        notes=limits
-        + _of_two_kinds(two_kinds(landings.inputs))
-        + _far_off(far_off(landings))
-        + _alike(lasting(fit.scores @ size.T)),
+        notes=notes + _limits(landings, no_evidence, err_alike(fit.scores @ size.T)),
         **asked,
     )
 
@@ -254,28 +252,25 @@ def _left_out(known: BoolArray) -> Notes:
     return [{"what": "touchdowns left out of the verdict", "reason": reason}] if unknown else []
 
 
-def _far_apart(allowed: float) -> Notes:
-    reason = f"a C1 map may look different by up to {percent(allowed)}: no less is evidence"
-    return [{"what": "contacts far apart", "reason": reason}] if allowed > LEFT else []
-
-
-def _of_two_kinds(state: str) -> Notes:
-    reason = (
+def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
+    far, state = far_off(landings), two_kinds(landings.inputs)
+    apart = f"a C1 map may look different by up to {percent(allowed)}: no less is evidence"
+    kinds = (
         f"by their {state} before, as of two speeds or heights: a size is a share of what both "
+        "together vary, and may be larger within one of them: judge each alone, too"
     )
-    reason += "together vary, and may be larger within one of them: judge each alone, too"
-    return [{"what": TWO_KINDS, "reason": reason}] if state else []
-
-
-def _far_off(far: int) -> Notes:
-    reason = f"if these {far} are mistakes, they distort the size and widen its bounds"
-    return [{"what": "landings far from all others", "reason": reason}] if far else []
-
-
-def _alike(more: float) -> Notes:
-    reason = f"in a row they err alike, so errors are {more:.2g} times as large as stated or more, "
-    reason += "and a difference may be a false one"
-    return [{"what": "landings are not independent", "reason": reason}] if more > 1.0 else []
+    mistakes = f"if these {far} are mistakes, they distort the size and widen its bounds"
+    in_a_row = (
+        f"those in a row err alike, so signs are drawn for {sizing.IN_A_ROW} together, which "
+        "widens the interval; yet a difference may be a false one"
+    )
+    told = [
+        (allowed > LEFT, "contacts far apart", apart),
+        (state, TWO_KINDS, kinds),
+        (far, "landings far from all others", mistakes),
+        (alike, "landings are not independent", in_a_row),
+    ]
+    return [{"what": what, "reason": reason} for holds, what, reason in told if holds]
 
 
 def percent(share: float) -> str:

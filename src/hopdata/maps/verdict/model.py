@@ -197,15 +197,14 @@ class _Smooth:
         return np.asarray(scale @ slopes)
 
 
-def lasting(scores: FloatArray) -> float:
-    """Return how much larger errors are as scores (N, m) are like the next few ones; 1 by chance.
+def err_alike(scores: FloatArray) -> bool:
+    """Tell whether scores (N, m) are like the next few ones, by more than chance.
 
     By chance is what random signs bring about: up to three standard errors.
     """
     pairs = [np.sum(scores[k:] * scores[:-k], axis=1) for k in range(1, _NEXT + 1)]
     products = np.concatenate(pairs)
-    alike, chance = products.sum(), 3.0 * np.linalg.norm(products)
-    return float(np.sqrt(1.0 + 2.0 * alike / np.sum(scores**2))) if alike > chance else 1.0
+    return bool(products.sum() > 3.0 * np.linalg.norm(products))
 
 
 def one_landing(allowed: float) -> float:
