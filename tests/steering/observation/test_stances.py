@@ -316,6 +316,19 @@ def test_standing_being_lifted_and_set_down_are_no_stances():
     assert told(time, 0.3 + 0.00035 * rng.standard_normal(len(time))) == []
 
 
+@pytest.mark.parametrize("gaps", [False, True])
+@pytest.mark.parametrize("rate", [60.0, 100.0, 250.0])
+def test_shaken_in_the_air_it_makes_no_stance(rate, gaps):
+    # It was told one at each shake, some 0.2 m too high, whether frames were missing or not.
+    rng = np.random.default_rng(np.random.SeedSequence(6))
+    time = np.arange(0, 8, 1 / rate)
+    for shakes_s, reach_m in ((1.5, 0.08), (2.0, 0.05), (3.0, 0.03)):  # up to 7, 8 and 11 m/s^2
+        z = 0.6 + reach_m * np.sin(2 * np.pi * shakes_s * time)
+        hidden = gaps & (time % 0.37 < 0.1)
+        z[~hidden] += 0.00035 * rng.standard_normal(len(z))[~hidden]
+        assert told(time[~hidden], z[~hidden], rate) == []
+
+
 def test_frames_that_come_twice_or_late_are_left_out():
     hopper = steered()
     one = detector()

@@ -478,13 +478,11 @@ class StanceDetector:
         if slope < 0 and self._armed:
             self._turned = False
             if slope < -SIGMAS * noise:
-                self._falling = (time_s, height_m, slope)
+                self._falling, self._hole_s = (time_s, height_m, slope), 0.0
         if not self._armed or slope <= SIGMAS * noise or self._falling is None:
             return None
-        if not self._turned:
-            self._turned = True
-            return None
-        return self._told((time_s, height_m, slope), bend)
+        turned, self._turned = self._turned, True
+        return self._told((time_s, height_m, slope), bend) if turned else None
 
     def _forget(self) -> None:
         """Begin as if nothing had been seen."""
@@ -492,6 +490,7 @@ class StanceDetector:
         self._stray = self._falling = None
         self._armed, self._turned = False, False
         self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
+        self._kept_s, self._hole_s = np.inf, 0.0  # newest believed frame; longest wait since a fall
 
     def _taken(self, time_s: float, height_m: float) -> bool:
         """Keep a frame if it can be believed, and forget those that are too old."""
@@ -510,6 +509,7 @@ class StanceDetector:
             self._frames.append(self._stray)
             self._turned = False
         self._stray = None
+        self._hole_s, self._kept_s = max(self._hole_s, time_s - self._kept_s), time_s
         self._frames.append(frame)
         while self._frames[0][0] < time_s - self.window_s:
             self._frames.popleft()
@@ -547,16 +547,16 @@ class StanceDetector:
         """Return the stance that is behind a rise, if it was low, bent enough and not long ago."""
         assert self._falling is not None
         (before, _, fall), (time_s, _, slope) = self._falling, rising
-        bridged = bool(time_s - before > self.window_s)
+        bridged, below_m = bool(time_s - before > self.window_s), self.geometry.stance_below_m
         if bridged:
-            lowest_s, _ = turning_point(self._falling, rising, self.geometry.stance_below_m)
+            lowest_s, _ = turning_point(self._falling, rising, below_m)
             bend = (slope - fall) / (time_s - before)
         else:
             lowest_s = time_s - slope / bend if bend > 0 else before
-        if time_s - before > TOLD_HOLE_S:
-            return None
-        low = self._lowest_m < self.geometry.stance_below_m or bridged
-        if not low or not bend > LEAST_BEND_M_S2:
+        # In a hole it may have been low, if there was time to fly down and up again.
+        out_s, in_s = (_flown(motion, below_m)[0] for motion in (self._falling, rising))
+        low = self._lowest_m < below_m or (self._hole_s > self.window_s and out_s < in_s)
+        if time_s - before > TOLD_HOLE_S or not low or not bend > LEAST_BEND_M_S2:
             return None
         self._armed, self._falling = False, None
         return Stance(float(lowest_s), float(self._lowest_m), float(time_s), bridged)
