@@ -108,7 +108,7 @@ def test_our_own_settings_are_sound():
 def test_another_axis_or_rate_is_an_error():
     with pytest.raises(SettingsError, match=r"points up in the stream: expected \+Z, found \+Y"):
         check_settings(StreamParameters(("a",), 100.0, "+Y"), 100.0)
-    with pytest.raises(SettingsError, match="expected 100 Hz, found 300 Hz"):
+    with pytest.raises(SettingsError, match=r"100 Hz \(rate_hz.*--rate\), found 300 Hz"):
         check_settings(StreamParameters(("a",), 300.0, "+Z"), 100.0)
 
 

@@ -221,6 +221,13 @@ def delays(stances, hopper):
     return np.array([s.told_s for s in stances]) - hopper.lowest_s
 
 
+@pytest.mark.parametrize(("rate", "ms"), [(60.0, 30), (100.0, 20), (250.0, 10)])
+def test_how_soon_a_stance_is_told_is_as_written(rate, ms):
+    hopper = steered(rate_hz=rate)
+    delay = delays(told(hopper.recording.time, heights(hopper), rate), hopper)
+    assert np.median(1e3 * delay) == pytest.approx(ms, abs=2.5)
+
+
 @pytest.mark.parametrize(("angle", "rate"), CASES)
 def test_each_stance_is_told_once_and_soon(angle, rate):
     hopper = steered(angle=angle, rate_hz=rate)

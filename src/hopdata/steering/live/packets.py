@@ -137,7 +137,8 @@ def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
         raise SettingsError.at("axis that points up in the stream", "+Z", parameters.upwards)
     told = parameters.rate_hz
     if rate_hz is not None and told is not None and abs(told - rate_hz) > RATE_SLACK * rate_hz:
-        raise SettingsError(f"frame rate of the stream: expected {rate_hz:g} Hz, found {told:g} Hz")
+        asked = f"{rate_hz:g} Hz (rate_hz, or hopdata drive --rate)"
+        raise SettingsError.at("frame rate of the stream", asked, f"{told:g} Hz")
 
 
 def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:

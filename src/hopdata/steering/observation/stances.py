@@ -425,7 +425,7 @@ class Stance:
 
 
 class StanceDetector:
-    """Tells each stance once, some 20 ms after the lowest point at 100 Hz.
+    """Tells each stance once, some 30, 20 or 10 ms after the lowest point at 60, 100 or 250 Hz.
 
     A stance is told when the height, having been above one threshold, is below another, and a
     parabola through the last frames has turned upwards for good, in two frames in a row. Frames may
