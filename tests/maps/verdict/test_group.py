@@ -14,7 +14,7 @@ NOISE, ALONG = 0.15, 0.1
 DIRECTIONS = 20
 
 
-def studies(sizes, seed, condition="", left=0.0):
+def studies(sizes, seed, condition="", left=0.0, conclusion="cannot tell"):
     """Verdicts on subjects with these sizes: |b|^2 less what noise adds, and a kink in common."""
     rng = np.random.default_rng(seed)
     noise = NOISE / np.sqrt(DIRECTIONS)
@@ -25,6 +25,7 @@ def studies(sizes, seed, condition="", left=0.0):
         {
             "subject": [f"s{n}" for n in range(len(sizes))],
             "condition": condition,
+            "conclusion": conclusion,
             "squared": (kinks**2).sum(axis=1) - NOISE**2,
             "squared_error": NOISE**2 * np.sqrt(2.0 / DIRECTIONS),
             "along_error": noise,
@@ -60,6 +61,36 @@ def test_what_smooth_terms_leave_along_a_difference_is_covered_in_large_groups(a
     found = [judge_group(studies(np.full(30, 0.3 + along), seed)) for seed in range(40)]
     assert np.mean([one.low <= 0.3 <= one.high for one in found]) > 0.9
     assert all(one.conclusion == "different" for one in found)
+
+
+@pytest.mark.parametrize(("found", "is_different"), [(1, False), (2, True), (6, True)])
+def test_more_differences_than_false_alarms_explain_are_one_of_the_group(found, is_different):
+    """Their sizes scatter too much for the mean; one alarm in six is chance, two are not."""
+    table = studies(np.array([0.0, 0.0, 0.1, 0.2, 0.3, 1.2]), 1)
+    table.loc[6 - found :, "conclusion"] = "different"
+    verdict = judge_group(table)
+    assert verdict.low == 0.0
+    assert (verdict.conclusion == "different") == is_different
+    more = ", more than false alarms explain" if is_different else ""
+    assert f"Different on their own: {found} of 6 studies{more}." in verdict.sentence
+
+
+def test_false_alarms_of_studies_are_seldom_one_of_the_group():
+    rng = np.random.default_rng(4)
+    found = []
+    for seed in range(200):
+        table = studies(np.zeros(6), seed)
+        table["conclusion"] = np.where(rng.random(6) < 0.05, "different", "cannot tell")
+        found.append(judge_group(table).conclusion == "different")
+    assert np.mean(found) <= 0.06
+
+
+def test_what_smooth_terms_leave_in_some_subjects_much_is_no_difference():
+    """The rms of what is left is larger than its mean."""
+    left = np.tile([0.1, 1.0], 20)
+    table = studies(left, 1).assign(allowed=left, left=left)
+    assert judge_group(table).low == 0.0
+    assert judge_group(table.assign(left=left.mean())).low > 0.0
 
 
 def test_heterogeneity_is_told_from_noise():

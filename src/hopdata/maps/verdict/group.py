@@ -9,6 +9,9 @@ those of the model (Röver, Knapp and Friede 2015).
 
 What smooth terms leave in the kinks of a study they leave in those of every subject alike, and it
 does not average out: the ends allow for as much as those of a study.
+
+An interval of the mean is wide where subjects differ from each other, though each may be sure of
+its own difference. So a group is different, too, if more studies are than false alarms explain.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.verdict.judge import conclude, percent, sentence
+from hopdata.maps.verdict.judge import DIFFERENT, conclude, percent, sentence
 from hopdata.maps.verdict.model import one_landing, upper_ends
 
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
@@ -64,6 +67,8 @@ class GroupVerdict:
         As of a study.
     estimate, low, high, upper_bound
         Sizes, as shares of the map.
+    alone, alone_p_value
+        Number of studies that are different on their own, and the chance of as many false alarms.
     combined
         The model behind them.
     """
@@ -74,6 +79,8 @@ class GroupVerdict:
     low: float
     high: float
     upper_bound: float
+    alone: int
+    alone_p_value: float
     combined: Combined
 
 
@@ -92,18 +99,14 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
     if number < LEAST_SUBJECTS:
         raise AnalysisError.at("group", f"{LEAST_SUBJECTS} subjects with an answer or more", number)
     found = combine_effects(squared, variance, method_re="iterated", atol=1e-12, maxiter=200)
-    mean = float(found.mean_effect_re)
+    mean, q = float(found.mean_effect_re), float(found.q)
     error = float(max(found.sd_eff_w_re, found.sd_eff_w_re_hksj))
-    return Combined(
-        n=number,
-        mean=mean,
-        error=error,
-        between=float(np.sqrt(max(0.0, found.tau2))),
-        i2=max(0.0, 1.0 - (number - 1) / found.q) if found.q > 0.0 else 0.0,
-        q=float(found.q),
-        q_p_value=float(chi2.sf(found.q, number - 1)),
-        p_value=float(2.0 * t.sf(abs(mean / error), number - 1)),
+    between, i2 = (
+        float(np.sqrt(max(0.0, found.tau2))),
+        max(0.0, 1.0 - (number - 1) / max(q, 1e-300)),
     )
+    p_values = float(chi2.sf(q, number - 1)), float(2.0 * t.sf(abs(mean / error), number - 1))
+    return Combined(number, mean, error, between, i2, q, *p_values)
 
 
 def variance(members: pd.DataFrame) -> float:
@@ -121,8 +124,8 @@ def judge_group(
     Parameters
     ----------
     members
-        One row an answered study: `subject`, and `squared`, `squared_error`, `along_error`,
-        `allowed` and `left` of its verdict.
+        One row an answered study: `subject`, and `conclusion`, `squared`, `squared_error`,
+        `along_error`, `allowed` and `left` of its verdict.
     margin, confidence
         As of a study.
 
@@ -131,7 +134,7 @@ def judge_group(
     AnalysisError
         If there are too few subjects.
     """
-    from scipy.stats import t
+    from scipy.stats import binom, t
 
     # Of a subject with several conditions their mean, whose errors are independent.
     parts = members.groupby("subject", sort=False)
@@ -140,15 +143,19 @@ def judge_group(
     found = combine(squared, np.full(len(squared), of_mean))
     near, up = found.error * t.isf([(1.0 - confidence) / 2.0, 1.0 - confidence], found.n - 1)
     estimate, *ends = np.sqrt(max(0.0, found.mean) + np.array([0.0, near, up])).tolist()
-    allowed = float(members["allowed"].mean())
-    low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - members["left"].mean())
+    allowed, left = np.sqrt((members[["allowed", "left"]] ** 2).mean()).tolist()
+    low = max(0.0, float(np.sqrt(max(0.0, found.mean - near))) - left)
     low /= 1.0 + one_landing(allowed)
     high, bound = upper_ends(ends, allowed)
     sizes = (estimate, low, high, bound)
-    conclusion = conclude(low, bound, margin)
+    alone = int((members["conclusion"] == DIFFERENT).sum())
+    chance = float(binom.sf(alone - 1, len(members), 1.0 - confidence))
+    conclusion = DIFFERENT if chance < 1.0 - confidence else conclude(low, bound, margin)
     said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
     said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"
-    return GroupVerdict(conclusion, said, *sizes, found)
+    more = ", more than false alarms explain" * (conclusion == DIFFERENT and not low > 0.0)
+    said += f" Different on their own: {alone} of {len(members)} studies{more}."
+    return GroupVerdict(conclusion, said, *sizes, alone, chance, found)
 
 
 def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
@@ -165,19 +172,14 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
     from scipy.stats import t
     from statsmodels.stats.multitest import multipletests
 
-    rows = []
-    by_condition = {
-        name: (part.set_index("subject")[["squared"]], variance(part))
-        for name, part in members.groupby("condition", sort=False)
-    }
-    for a, b in combinations(by_condition, 2):
-        (one, of_one), (other, of_other) = by_condition[a], by_condition[b]
-        both = one.join(other.add_suffix("_b"), how="inner")
+    rows, left = [], float(np.sqrt((members["left"] ** 2).mean()))
+    parts = dict(list(members.groupby("condition", sort=False)))
+    for a, b in combinations(parts, 2):
+        both = parts[a].merge(parts[b], on="subject", suffixes=("", "_b"))
         if len(both) < LEAST_SUBJECTS:
             continue
-        differences = both["squared"] - both["squared_b"]
-        found = combine(differences.to_numpy(float), np.full(len(both), of_one + of_other))
-        left = float(members["left"].mean())
+        differences = (both["squared"] - both["squared_b"]).to_numpy(float)
+        found = combine(differences, np.full(len(both), variance(parts[a]) + variance(parts[b])))
         sizes = [np.sqrt(max(0.0, both[name].mean())) for name in ("squared", "squared_b")]
         near = t.isf((1.0 - confidence) / 2.0, found.n - 1) * found.error + left * sum(sizes)
         ends = (found.mean, found.mean - near, found.mean + near, found.p_value)
