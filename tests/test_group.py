@@ -20,6 +20,7 @@ from checkouts import part_of_sample
 
 from hopdata.__main__ import main
 from hopdata.errors import ConfigError
+from hopdata.figures.verdict import group_figure
 from hopdata.group import put_together, read_group
 from hopdata.report.verdict import build_group_page
 
@@ -59,12 +60,18 @@ def test_rows_of_a_subject_and_condition_are_one_study(group):
     assert len(seeds) == 3
 
 
+def test_what_the_files_of_a_study_do_not_share_is_shown_of_each(group):
+    table = "subject\tfile\tshoe\tmass\nanna\ta.h5\tred\t60\nanna\tb.h5\tblue\t60\n"
+    further = group(table)["members"]["anna"]["further"]
+    assert list(further.items()) == [("shoe", "red, blue"), ("mass", "60")]
+
+
 def test_only_a_line_that_begins_with_a_hash_is_a_remark(group):
-    table = "# runs\nsubject\tfile\tmass\nP#1\ta#2.h5\t60\t\n#P2\tb.h5\t\nP3\t\n"
+    table = "# runs\nsubject\tfile\tmass\t\nP#1\ta#2.h5\t60\t\n#P2\tb.h5\t\nP3\tc.h5\n"
     members = group(table)["members"].values()
     assert [member["subject"] for member in members] == ["P#1", "P3"]
     files = [member["config"]["recordings"][0]["file"] for member in members]
-    assert files == ["a#2.h5", None]
+    assert files == ["a#2.h5", "c.h5"]
     assert [member["further"]["mass"] for member in members] == ["60", ""]
 
 
@@ -76,8 +83,8 @@ def test_a_subject_more_leaves_the_others_alone(group):
 
 def test_names_are_shown_as_written_and_made_safe_for_folders(group):
     table = "subject\tfile\tcondition\nJürgen B.\ta.h5\tslow run\nJürgen B.\tb.h5\tslow run\n"
-    members = group(table + "2.1\tc.h5\t\n")["members"]
-    assert list(members) == ["Jurgen-B-_slow-run", "2-1"]
+    members = group(table + "2.1\tc.h5\tbare\n")["members"]
+    assert list(members) == ["Jurgen-B-_slow-run", "2-1_bare"]
     first = members["Jurgen-B-_slow-run"]
     assert (first["subject"], first["condition"]) == ("Jürgen B.", "slow run")
     assert len(first["config"]["recordings"]) == 2
@@ -94,6 +101,13 @@ def test_names_are_shown_as_written_and_made_safe_for_folders(group):
         ("# runs\n\nsubject\tfile\n\ta.h5\n", "line 4: subject: expected a name"),
         ("subject\tfile\nanna\n", "line 2: expected the 2 columns subject, file, parted by tabs"),
         ("subject\tfile\nanna\ta.h5\tb.h5\n", "parted by tabs, found 3"),
+        ("subject\tfile\nanna\ta.h5\nben\t./a.h5\n", "line 3: file: expected each file once"),
+        ("subject\tfile\nanna\ta.h5\nben\t\n", "line 3: file: expected one in each row"),
+        (
+            "subject\tcondition\tfile\nanna\t\ta.h5\nben\tshod\tb.h5\n",
+            "line 2: condition: expected one in each row",
+        ),
+        ("subject\tsubject\tfile\nanna\tben\ta.h5\n", "no column twice, and"),
         ("subject\tfile\nanna\ta.h5\nAnna\tb.h5\nben\tc.h5\n", "found 'anna', 'Anna'"),
         ("subject\tfile\nmüde\ta.h5\nben\tc.h5\nmude\tb.h5\n", "found 'müde', 'mude'"),
     ],
@@ -108,8 +122,9 @@ def test_a_mistake_common_to_all_is_told_once_with_its_line(group):
         group("subject\tfile\nanna\ta.h5\nben\tb.h5\n", sections={"pre": 1})
 
 
-def row(subject, squared, reason=""):
+def row(subject, squared, reason="", conclusion="cannot tell"):
     sizes = {
+        "conclusion": conclusion,
         "squared": squared,
         "squared_error": 0.02,
         "allowed": 0.1,
@@ -135,13 +150,37 @@ def test_those_without_an_answer_are_listed_and_not_counted():
 def test_the_page_says_how_many_landings_a_subject_lacks():
     sizes = {"estimate": 0.1, "low": 0.0, "high": 0.4, "conclusion": "cannot tell", "landings": 300}
     sizes["name"] = "a"
-    rows = [row("a", 0.1) | sizes | {"name": "a", "landings_needed": 1234}]
-    rows += [
-        row("b", 0.1) | sizes | {"name": "b", "landings_needed": needed} for needed in (None, 9)
+    rows = [
+        row("a", 0.1 + k) | sizes | {"landings_needed": needed}
+        for k, needed in enumerate((1234, None, 9))
     ]
     page = build_group_page(put_together(rows, GROUP), [])
     assert page.count('<td class="number">300 (1') == page.count(" needed)</td>") == 1
     assert page.count('<td class="number">300</td>') == 2
+
+
+def test_the_same_landings_as_two_subjects_are_told():
+    """Copies of a file under two names: the size is the same to the bit, whatever the seed."""
+    rows = [row(*one) for one in (("a", 0.1), ("b", 0.2), ("c", 0.1), ("d", 0.3))]
+    found = put_together(rows, GROUP)
+    assert found["effect"] is None
+    assert "expected other landings in each, found equal: a, c." in found["sentence"]
+
+
+def test_the_page_shows_the_jump_of_a_study_that_it_decided():
+    sizes = {"estimate": 0.02, "low": 0.0, "high": 0.38, "conclusion": "different"}
+    jumps = {"decided_by": "jump", "jump": [0.12, 0.054, 0.17, 0.16], "landings": 500}
+    rows = [row(n, 0.01 * k) | sizes | jumps | {"name": n} for k, n in enumerate("abc")]
+    group = put_together(rows, GROUP)
+    assert group["conclusion"] == "different"
+    assert "3 of 3 studies, more than false alarms explain. In 3 studies" in group["sentence"]
+    page = build_group_page(group, [])
+    assert page.count(">a jump of 12\u00a0%<") == page.count(">5.4\u00a0% to 17\u00a0%<") == 3
+    assert "38\u00a0%" not in page
+    (axes,) = group_figure(group).axes
+    assert [text.get_text() for text in axes.texts] == [
+        " the outcome jumps, by 12\u00a0% (5.4\u00a0% to 17\u00a0%) of what it varies"
+    ] * 3
 
 
 @pytest.mark.parametrize("rows", [[], [row("a", 0.1), row("b", 0.1)]])

@@ -3,22 +3,15 @@
 import csv
 import logging
 import traceback
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import pd
-from hopdata.errors import AnalysisError, ConfigError, HopdataError
+from hopdata.errors import AnalysisError, ConfigError, HopdataError, require
 
 NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session", "condition")
-#: What a member's row takes from its verdict.
-SIZES = (
-    *("estimate", "low", "high", "upper_bound", "p_value"),
-    *("squared", "squared_error", "along_error", "allowed", "left"),
-)
-
 logger = logging.getLogger("hopdata")
 
 
@@ -36,7 +29,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``study``, ``seed``, ``verdict`` (margin and confidence) and ``members``: by name the
+        ``study``, ``verdict`` (margin and confidence) and ``members``: by name the
         subject, condition, further columns, and the configuration of its study. Seeds are children
         of the group's by the member's name.
 
@@ -50,24 +43,26 @@ def read_group(config: str | Path) -> dict[str, Any]:
     from hopdata.maps.draws import named_generator
 
     content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # all that a page shows
-    if "recordings" in content:
-        raise ConfigError.at(config, "samples or recordings", "both")
+    require("recordings" not in content, str(config), "samples or recordings", "both")
     file = Path(str(content.pop("samples")))
-    members: dict[tuple[str, str], Any] = {}
+    members: dict[str, Any] = {}
+    seen: dict[Path, int] = {}
     for line, row in _rows(file).items():
         who = row["subject"], row.get("condition", "")
         name = study_name("_".join(filter(None, who)))
-        member = members.setdefault(
-            who,
-            {
-                "subject": row["subject"],
-                "condition": row.get("condition", ""),
-                "further": {key: text for key, text in row.items() if key not in KNOWN},
-                "config": {**content, "study": name, "recordings": []},
-            },
-        )
-        if not row["subject"]:
-            raise ConfigError.at(f"{file}, line {line}: subject", "a name", "nothing")
+        new: dict[str, Any] = {"subject": who[0], "condition": who[1], "further": {}}
+        new["config"] = {**content, "study": name, "recordings": []}
+        member = members.setdefault(name.casefold(), new)
+        here, known = f"{file}, line {line}", (member["subject"], member["condition"])
+        require(bool(row["subject"]), f"{here}: subject", "a name", "nothing")
+        wanted = "names that differ in more than case, accents and signs, since folders have them"
+        found = ", ".join(repr(" ".join(one).strip()) for one in (known, who))
+        require(who == known, f"{here}: subject, condition", wanted, found)
+        other = seen.setdefault(Path(row["file"] or f"simulated {line}"), line)
+        found = f"'{row['file']}' in line {other} as well"
+        require(line == other, f"{here}: file", "each file once", found)
+        for key in (key for key in row if key not in KNOWN):
+            member["further"].setdefault(key, []).append(row[key])
         recordings = member["config"]["recordings"]
         parts = (row.get("session", ""), row.get("recording", ""))
         recording = "_".join(filter(None, parts)) or f"recording{len(recordings) + 1}"
@@ -79,14 +74,10 @@ def read_group(config: str | Path) -> dict[str, Any]:
     for name, member in named.items():
         seed = named_generator(whole["seed"], "group", name).integers(2**32)
         member["config"]["seed"] = int(seed)
-    folders = {who: member["config"]["study"].casefold() for who, member in members.items()}
-    times = Counter(folders.values())
-    if alike := [repr(" ".join(who).strip()) for who, to in folders.items() if times[to] > 1]:
-        wanted = "names that differ in more than case, accents and signs, since folders have them"
-        raise ConfigError.at(f"{file}: subject, condition", wanted, ", ".join(alike))
+        for key, texts in member["further"].items():  # of all its files
+            member["further"][key] = ", ".join(dict.fromkeys(filter(None, texts)))
     return {
         "study": whole["study"],
-        "seed": whole["seed"],
         "verdict": {key: whole["verdict"][key] for key in ("margin", "confidence")},
         "members": named,
     }
@@ -105,16 +96,23 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
         if text.strip() and not text.startswith("#")
     }
     names = cells.pop(min(cells), []) if cells else []
-    if not cells or not {*NEEDED} <= {*names}:
-        found = f"{len(cells)} rows of {', '.join(names) or 'nothing'}"
-        wanted = f"a row for each file with the columns {', '.join(NEEDED)}, parted by tabs"
-        raise ConfigError.at(f"samples: {file}", wanted, found)
+    while names and not names[-1]:  # spreadsheets leave tabs
+        names.pop()
+    found = f"{len(cells)} rows of {', '.join(names) or 'nothing'}"
+    wanted = f"a row for each file, no column twice, and the columns {', '.join(NEEDED)}"
+    fits = bool(cells) and {*NEEDED} <= {*names} and len({*names}) == len(names)
+    require(fits, f"samples: {file}", f"{wanted}, parted by tabs", found)
+    wanted = f"the {len(names)} columns {', '.join(names)}, parted by tabs"
     for line, row in cells.items():
-        if len(row) <= names.index("file") or any(row[len(names) :]):
-            wanted = f"the {len(names)} columns {', '.join(names)}, parted by tabs"
-            raise ConfigError.at(f"{file}, line {line}", wanted, f"{len(row)}")
+        fits = len(row) > names.index("file") and not any(row[len(names) :])
+        require(fits, f"{file}, line {line}", wanted, f"{len(row)}")
     empty = [""] * len(names)  # a row may end before its last columns
-    return {line: dict(zip(names, row + empty, strict=False)) for line, row in cells.items()}
+    rows = {line: dict(zip(names, row + empty, strict=False)) for line, row in cells.items()}
+    for name in ("file", "condition"):
+        without = [line for line, row in rows.items() if not row.get(name)]
+        place = f"{file}, line {min(without, default=0)}: {name}"
+        require(len(without) in (0, len(rows)), place, "one in each row, or in none", "nothing")
+    return rows
 
 
 def run_member(member: Mapping[str, Any], folder: Path) -> None:
@@ -137,7 +135,9 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
         if verdict.effect is None:
             reason = "; ".join(note["reason"] for note in verdict.notes)
         else:
-            row |= {key: getattr(verdict.effect, key) for key in SIZES}
+            row |= asdict(verdict.effect)
+        if verdict.jump and verdict.decided_by == "jump":
+            row["jump"] = verdict.jump.sizes()
         study.save(folder)
         drawn = folder / "figures" if "svg" in study.config["figures"]["formats"] else None
         study.report(folder / "report.html", drawn=drawn)
@@ -174,10 +174,17 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     found |= {"members": list(rows), "conditions": []}
     try:
         if answered.empty:
-            raise AnalysisError(f"group: no subject has an answer, the first: {rows[0]['reason']}")
+            raise AnalysisError(f"no subject has an answer, the first: {rows[0]['reason']}")
+        if same := answered.loc[answered.duplicated("squared", keep=False), "subject"].tolist():
+            raise AnalysisError(f"expected other landings in each, found equal: {', '.join(same)}")
         effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
-        return {"conclusion": "cannot tell", "sentence": f"{error}.", "effect": None, **found}
+        return {
+            "conclusion": "cannot tell",
+            "sentence": f"These data cannot tell: {error}.",
+            "effect": None,
+            **found,
+        }
     sure = group["verdict"]["confidence"]
     conditions = compare_conditions(answered, confidence=sure)
     found["conditions"] = conditions.to_dict("records")

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopdata.commands import terminal
-from hopdata.errors import ConfigError, counted
+from hopdata.errors import ConfigError, counted, require
 
 if TYPE_CHECKING:
     from hopdata.steering.control.objectives import Controller
@@ -109,8 +109,7 @@ def _require_whole(options: argparse.Namespace) -> None:
     if not real and options.boom is not None:
         raise ConfigError("--boom: expected --host with it; the simulated hopper has its own boom")
     port = "" if options.boom is None else options.boom.rpartition(":")[2]
-    if options.boom is not None and not port.isdecimal():
-        raise ConfigError.at("--boom", "HOST:PORT", f"{options.boom!r}")
+    require(options.boom is None or port.isdecimal(), "--boom", "HOST:PORT", f"{options.boom!r}")
 
 
 def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:

@@ -16,7 +16,7 @@ from typing import Any
 
 from hopdata.analysis import SNAKEFILE, planned
 from hopdata.commands.terminal import OK, PROBLEM
-from hopdata.errors import ConfigError, counted
+from hopdata.errors import ConfigError, counted, require
 from hopdata.jobs import read_json
 from hopdata.provenance import MISSING, REPORTED_PACKAGES, package_digest, version_of
 from hopdata.report.tables import quality_summary
@@ -73,10 +73,8 @@ def _run_again(options: argparse.Namespace) -> int:
     place, keys = options.provenance, ("config", "inputs", "versions")
     config, inputs, versions = _values(place, "provenance.json", *keys)
     version = versions["hopdata"]
-    if version != __version__:
-        again = f"to make them again: pip install hopdata=={version}"
-        found = f"those of {version}; {again}"
-        raise ConfigError.at(place, f"results of hopdata {__version__}", found)
+    found = f"those of {version}; to make them again: pip install hopdata=={version}"
+    require(version == __version__, str(place), f"results of hopdata {__version__}", found)
     if _values(place, place.name, "code_sha256") != [package_digest()]:
         print(f"note: {place}: made by other code of version {version}", file=sys.stderr)
     again = f"{config['study'][:94]}_again"
@@ -112,8 +110,7 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
 
     What it says on stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
     """
-    if not snakefile.exists():
-        raise ConfigError.at(snakefile, "the workflow", "no file; install hopdata anew")
+    require(snakefile.exists(), str(snakefile), "the workflow", "no file; install hopdata anew")
     log = Path("results", study, "logs", "run.log")
     # In this order: any number of files may follow --configfile, and a target would be one.
     profile = SNAKEFILE.parent / "profiles" / "default"  # of a group's too

@@ -281,13 +281,18 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     height = 18.0 + MEMBER_MM * (len(rows) + 1.5 * len(whole))
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
     axes = figure.subplots()
-    sizes = [row["estimate"] for row in rows] + [group["margin"]]
-    ends = [_end(row["conclusion"], row) for row in (*rows, *whole)]
+    sizes = [row["estimate"] for row in rows if "jump" not in row] + [group["margin"]]
+    ends = [0.0 if "jump" in row else _end(row["conclusion"], row) for row in (*rows, *whole)]
     top = min(max(ends), LONGEST * max(*sizes, sorted(ends)[len(ends) // 2]))
     places = [*range(len(rows)), *([len(rows) + 0.5] if whole else [])]
     for y, row, end in zip(places, (*rows, *whole), ends, strict=True):
         of_all = y == len(rows) + 0.5
         look: dict[str, Any] = {"color": ANSWERS[row["conclusion"]][1], "clip_on": False}
+        if "jump" in row:  # it is no share of the map
+            size, low, high, _ = map(_percent, row["jump"])
+            words = f" the outcome jumps, by {size} ({low} to {high}) of what it varies"
+            axes.text(0.0, y, words, va="center", **look)
+            continue
         ends_shown = [100 * row["low"], 100 * min(end, top)]
         axes.plot(ends_shown, [y, y], linewidth=4.0 if of_all else 1.5, **look)
         axes.plot(100 * row["estimate"], y, "D" if of_all else "s", markersize=5, **look)

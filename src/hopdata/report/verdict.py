@@ -11,6 +11,7 @@ from hopdata.report.inputs import ReportFigure, picture_of, rendered
 Verdict = Mapping[str, Any]
 
 OF_WHAT = {"effect": "the map", "jump": "what the outcome varies, which jumps by so much"}
+ENDS = ("estimate", "low", "high", "upper_bound")
 MEANING: str = show.NOTES["meaning"]
 
 
@@ -35,13 +36,12 @@ def verdict_facts(
         "difference": None,
         "true": None,
         "remark": "",
-        "confidence": _share(known.get("confidence")),
-        "power": _share(known.get("power")),
+        "confidence": show.percent(100 * known["confidence"]) if known else None,
+        "power": show.percent(100 * known["power"]) if known else None,
     }
     if effect is None:
         return facts | {"remark": str(known.get("conclusion", ""))}
-    keys = ("estimate", "low", "high", "upper_bound")
-    estimate, low, high, bound = (show.significant(100 * effect[key], 2) for key in keys)
+    estimate, low, high, bound = (show.significant(100 * effect[key], 2) for key in ENDS)
     most, none = (show.with_unit(text, "%") for text in (bound, f"{100 * known['margin']:g}"))
     bounded = f"; one-sided bound {most}, less than {none} counts as none"
     true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
@@ -52,10 +52,6 @@ def verdict_facts(
         + ("" if known["conclusion"] == "different" else bounded)
         + (f"; true in this simulation: {facts['true']}" if facts["true"] else ""),
     }
-
-
-def _share(value: Any) -> str | None:
-    return None if show.is_missing(value) else show.with_unit(f"{100 * float(value):g}", "%")
 
 
 # The page of a group: the answer, the forest plot, the conditions, every member with its link.
@@ -102,10 +98,7 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     rows, effect = group["members"], group["effect"]
     answers = Counter("no answer" if row["reason"] else row["conclusion"] for row in rows)
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
-    cards = [
-        ("Subjects", show.count(len({row["subject"] for row in rows})), f"{len(rows)} studies"),
-        ("Studies judged", show.count(len(rows) - answers["no answer"]), said),
-    ]
+    cards = [("Studies judged", f"{len(rows) - answers['no answer']} of {len(rows)}", said)]
     if effect is None:
         return cards
     model = effect["combined"]
@@ -127,15 +120,15 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the cells of a member, and how its checks came out."""
     checks = row.get("quality", [])
     statuses = Counter(status for _, status in checks)
-    poor = [what for what, status in checks if status == "poor"]
     needed = row.get("landings_needed") or 0
+    size, low, high, _ = row.get("jump") or [row.get(key) for key in ENDS]
     return {
         **row,
         "needed": show.count(needed) if needed > row.get("landings", 0) else "",
-        "size": None if row["reason"] else _percent(row["estimate"]),
-        "ends": "" if row["reason"] else f"{_percent(row['low'])} to {_percent(row['high'])}",
+        "size": None if row["reason"] else "a jump of " * ("jump" in row) + _percent(size),
+        "ends": "" if row["reason"] else f"{_percent(low)} to {_percent(high)}",
         "checks": ", ".join(
             f"{statuses[one]} {one}" for one in ("good", "look", "poor") if statuses[one]
         ),
-        "poor": "; ".join(poor),
+        "poor": "; ".join(what for what, status in checks if status == "poor"),
     }

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import ConfigError
+from hopdata.errors import require
 
 if TYPE_CHECKING:
     from hopdata.hybrid import System
@@ -139,10 +139,9 @@ class Scene(ABC):
         """Raise a `ConfigError` that begins with `key` if extended legs do not carry the weight."""
         push = self.preload_n - self.stiffness_n_m * self.release_extension_m
         share = self.total_mass_kg * self.gravity_m_s2 / self.n_legs
-        if not push > share:
-            wanted = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"
-            found = f"{push:.2f} N: it cannot lift off"
-            raise ConfigError.at(key, f"{wanted}, the weight per leg", found)
+        wanted = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"
+        found = f"{push:.2f} N: it cannot lift off"
+        require(push > share, key, f"{wanted}, the weight per leg", found)
 
     # What a boom does from hop to hop; by default there is none.
 
