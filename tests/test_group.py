@@ -169,7 +169,8 @@ def test_the_same_landings_as_two_subjects_are_told():
 
 def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     sizes = {"estimate": 0.02, "low": 0.0, "high": 0.38, "conclusion": "different"}
-    jumps = {"decided_by": "jump", "jump": [0.12, 0.054, 0.17, 0.16], "landings": 500}
+    jumps = {"decided_by": "jump", "jump_estimate": 0.12, "landings": 500}
+    jumps |= {"jump_low": 0.054, "jump_high": 0.17}
     rows = [row(n, 0.01 * k) | sizes | jumps | {"name": n} for k, n in enumerate("abc")]
     group = put_together(rows, GROUP)
     assert group["conclusion"] == "different"

@@ -137,7 +137,7 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
         else:
             row |= asdict(verdict.effect)
         if verdict.jump and verdict.decided_by == "jump":
-            row["jump"] = verdict.jump.sizes()
+            row |= {f"jump_{key}": value for key, value in asdict(verdict.jump).items()}
         study.save(folder)
         drawn = folder / "figures" if "svg" in study.config["figures"]["formats"] else None
         study.report(folder / "report.html", drawn=drawn)
@@ -179,12 +179,8 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
             raise AnalysisError(f"expected other landings in each, found equal: {', '.join(same)}")
         effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
-        return {
-            "conclusion": "cannot tell",
-            "sentence": f"These data cannot tell: {error}.",
-            "effect": None,
-            **found,
-        }
+        said = f"These data cannot tell: {error}."
+        return {"conclusion": "cannot tell", "sentence": said, "effect": None, **found}
     sure = group["verdict"]["confidence"]
     conditions = compare_conditions(answered, confidence=sure)
     found["conditions"] = conditions.to_dict("records")

@@ -281,15 +281,15 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     height = 18.0 + MEMBER_MM * (len(rows) + 1.5 * len(whole))
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
     axes = figure.subplots()
-    sizes = [row["estimate"] for row in rows if "jump" not in row] + [group["margin"]]
-    ends = [0.0 if "jump" in row else _end(row["conclusion"], row) for row in (*rows, *whole)]
+    sizes = [row["estimate"] for row in rows if "jump_low" not in row] + [group["margin"]]
+    ends = [0.0 if "jump_low" in row else _end(row["conclusion"], row) for row in (*rows, *whole)]
     top = min(max(ends), LONGEST * max(*sizes, sorted(ends)[len(ends) // 2]))
     places = [*range(len(rows)), *([len(rows) + 0.5] if whole else [])]
     for y, row, end in zip(places, (*rows, *whole), ends, strict=True):
         of_all = y == len(rows) + 0.5
         look: dict[str, Any] = {"color": ANSWERS[row["conclusion"]][1], "clip_on": False}
-        if "jump" in row:  # it is no share of the map
-            size, low, high, _ = map(_percent, row["jump"])
+        if "jump_low" in row:  # it is no share of the map
+            size, low, high = (_percent(row[f"jump_{one}"]) for one in ("estimate", "low", "high"))
             words = f" the outcome jumps, by {size} ({low} to {high}) of what it varies"
             axes.text(0.0, y, words, va="center", **look)
             continue

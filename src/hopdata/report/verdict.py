@@ -120,13 +120,13 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the cells of a member, and how its checks came out."""
     checks = row.get("quality", [])
     statuses = Counter(status for _, status in checks)
-    needed = row.get("landings_needed") or 0
-    size, low, high, _ = row.get("jump") or [row.get(key) for key in ENDS]
+    needed, of = row.get("landings_needed") or 0, "jump_" * ("jump_low" in row)
+    is_lacking = row.get("conclusion") != "different" and needed > row.get("landings", 0)
     return {
         **row,
-        "needed": show.count(needed) if needed > row.get("landings", 0) else "",
-        "size": None if row["reason"] else "a jump of " * ("jump" in row) + _percent(size),
-        "ends": "" if row["reason"] else f"{_percent(low)} to {_percent(high)}",
+        "needed": show.count(needed) if is_lacking else "",
+        "size": None if row["reason"] else "a jump of " * bool(of) + _percent(row[f"{of}estimate"]),
+        "ends": " to ".join(_percent(row[of + k]) for k in ("low", "high") if not row["reason"]),
         "checks": ", ".join(
             f"{statuses[one]} {one}" for one in ("good", "look", "poor") if statuses[one]
         ),
