@@ -174,13 +174,13 @@ def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     rows = [row(n, 0.01 * k) | sizes | jumps | {"name": n} for k, n in enumerate("abc")]
     group = put_together(rows, GROUP)
     assert group["conclusion"] == "different"
-    assert "3 of 3 studies, more than false alarms explain. In 3 studies" in group["sentence"]
+    assert "more than false alarms explain. The outcome jumps in 3 of" in group["sentence"]
     page = build_group_page(group, [])
     assert page.count(">a jump of 12\u00a0%<") == page.count(">5.4\u00a0% to 17\u00a0%<") == 3
     assert "38\u00a0%" not in page
     (axes,) = group_figure(group).axes
     assert [text.get_text() for text in axes.texts] == [
-        " the outcome jumps, by 12\u00a0% (5.4\u00a0% to 17\u00a0%) of what it varies"
+        "the outcome jumps, by 12\u00a0% (5.4\u00a0% to 17\u00a0%) of what it varies"
     ] * 3
 
 

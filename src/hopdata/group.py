@@ -185,8 +185,7 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     conditions = compare_conditions(answered, confidence=sure)
     found["conditions"] = conditions.to_dict("records")
     left = f" Without an answer: {len(rows) - len(answered)} of {len(rows)} studies."
-    said = effect.sentence + left * (len(rows) > len(answered))
-    said += told_apart(conditions, confidence=sure)
-    jumps = sum(row.get("decided_by") == "jump" for row in rows)
-    said += f" In {jumps} studies the outcome itself jumps, which the size is not of." * (jumps > 0)
+    said, jumps = effect.sentence, sum(row.get("decided_by") == "jump" for row in rows)
+    said += f" The outcome jumps in {jumps} of them, which the size does not show." * (jumps > 0)
+    said += left * (len(rows) > len(answered)) + told_apart(conditions, confidence=sure)
     return {"conclusion": effect.conclusion, "sentence": said, "effect": asdict(effect), **found}

@@ -290,8 +290,9 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
         look: dict[str, Any] = {"color": ANSWERS[row["conclusion"]][1], "clip_on": False}
         if "jump_low" in row:  # it is no share of the map
             size, low, high = (_percent(row[f"jump_{one}"]) for one in ("estimate", "low", "high"))
-            words = f" the outcome jumps, by {size} ({low} to {high}) of what it varies"
-            axes.text(0.0, y, words, va="center", **look)
+            words = f"the outcome jumps, by {size} ({low} to {high}) of what it varies"
+            white = {"va": "center", "color": look["color"], "bbox": style.ON_WHITE}
+            style.note(axes, words, (0.0, y), (4, 0), **white)
             continue
         ends_shown = [100 * row["low"], 100 * min(end, top)]
         axes.plot(ends_shown, [y, y], linewidth=4.0 if of_all else 1.5, **look)
