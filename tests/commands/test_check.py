@@ -1,5 +1,7 @@
 """``hopdata check`` says what was guessed."""
 
+import shutil
+
 import numpy as np
 import pytest
 from external_blocks import block, columns
@@ -135,6 +137,7 @@ def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(tmp_path,
     (_, positions), other = hopping(1), tmp_path / "other"
     other.mkdir()
     files = export(tmp_path), export(other, positions[..., [0, 2, 1]])
+    copy = shutil.copy(files[0], tmp_path / "tuesday.tsv")
     markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}"
     config.write_text(f"study: all\nsamples: {table}\n{markers}\n")
     table.write_text("subject\tfile\ncat\t\ndog\t\n")
@@ -142,7 +145,7 @@ def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(tmp_path,
     assert capsys.readouterr().out.startswith("study cat, the first of 2 of a group\n")
     config.write_text(config.read_text().replace("body1, body2, body3", "hip1, hip2, hip3"))
     config.write_text(config.read_text().replace("foot", "toe"))
-    table.write_text(f"subject\tfile\ncat\t{files[0]}\ndog\t{files[0]}\nemu\t{files[1]}\n")
+    table.write_text(f"subject\tfile\ncat\t{files[0]}\ndog\t{copy}\nemu\t{files[1]}\n")
     assert main(["check", str(config)]) == 1
     told = capsys.readouterr()
     assert "study dog: 'recording1': " in told.out
