@@ -240,10 +240,9 @@ def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: f
     side = np.where(height < below_m, -1, np.where(height > above_m, 1, 0))
     outside = np.flatnonzero(side)
     holes = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)
-    hole = holes[outside]
     low = side[outside] < 0
     begins = low.copy()
-    begins[1:] &= ~low[:-1] | (hole[1:] > hole[:-1])
+    begins[1:] &= ~low[:-1] | (np.diff(holes[outside]) > 0)
     number = np.cumsum(begins)[low] - 1
     inside = outside[low]
     first = inside[np.flatnonzero(np.diff(number, prepend=-1))]
@@ -255,12 +254,13 @@ def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: f
 
 
 def not_a_hop(
-    time: FloatArray, height: FloatArray, leave: int, back: int, above_m: float
+    time: FloatArray, height: FloatArray, leave: int, back: int, above_m: float, stood_s: float
 ) -> str | None:
     """Say why the frames between two visits are no flight; None if they are one.
 
     The time above the threshold is compared with that of free fall from the apex, which is where
-    the height before or after a hole leads if it is higher than all that is seen.
+    the height before or after a hole leads if it is higher than all that is seen. Who stands for
+    longer beside a lowest point than he then flies has stumbled.
 
     Parameters
     ----------
@@ -269,6 +269,8 @@ def not_a_hop(
     leave, back : int
         Last frame of one visit and first of the next.
     above_m : float
+    stood_s : float
+        From a lowest point to the flight, or from it to the next one, the longer of the two, s.
     """
     high = leave + np.flatnonzero(height[leave : back + 1] > above_m)
     up = _crossing(time, height, int(high[0]) - 1, above_m)
@@ -280,7 +282,8 @@ def not_a_hop(
             if speed > 0:
                 top = max(top, float(height[frame] + speed**2 / (2 * GRAVITY_M_S2)))
     free = 2 * np.sqrt(2 * (top - above_m) / GRAVITY_M_S2)
-    return None if SHORTEST * free <= down - up <= LONGEST * free else HELD
+    flies = max(SHORTEST * free, stood_s) <= down - up <= LONGEST * free
+    return None if flies else HELD
 
 
 def _crossing(time: FloatArray, height: FloatArray, frame: int, level_m: float) -> float:
@@ -379,11 +382,14 @@ def _link(
     t: FloatArray, z: FloatArray, visits: Visits, bottoms: list[Bottom | str], k: int, above: float
 ) -> str | None:
     """Say why visits k and k + 1 are no hop apart; None if they are."""
-    if isinstance(bottoms[k], str) or isinstance(bottoms[k + 1], str):
+    one, other = bottoms[k : k + 2]
+    if isinstance(one, str) or isinstance(other, str):
         return NO_STANCE
     if visits.after_hole[k + 1]:
         return HOLE
-    return not_a_hop(t, z, int(visits.last[k]), int(visits.first[k + 1]), above)
+    leave, back = int(visits.last[k]), int(visits.first[k + 1])
+    stood_s = max(float(t[leave]) - one.time_s, other.time_s - float(t[back]))
+    return not_a_hop(t, z, leave, back, above, stood_s)
 
 
 def _nearest(time: FloatArray, instants: FloatArray) -> IntArray:
