@@ -51,6 +51,17 @@ def test_rows_that_were_cut_out_stay_out_and_leave_the_rate(rate_hz, decimals):
     assert remarks == ()
 
 
+@pytest.mark.parametrize("rate_hz", [119.88, 179.82, 239.76, 249.7, 99.5])
+@pytest.mark.parametrize("first", [1, 4000, 70_001])
+def test_stamps_in_ms_tell_a_rate_that_is_no_whole_number(rate_hz, first):
+    number = np.arange(first, first + 3000.0)
+    stamps = np.round((number - 1) / rate_hz, 3)
+    assert rate_of(stamps, number) == rate_hz
+    time, remarks = settle("a.csv", stamps, number, rate_hz)
+    np.testing.assert_allclose(np.diff(time), 1 / rate_hz, rtol=1e-6)
+    assert remarks == ()
+
+
 @pytest.mark.parametrize(("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (360, 3)])
 def test_a_repeated_stamp_stays_as_it_is(rate_hz, decimals):
     stamps = np.round(np.arange(40) / rate_hz, decimals)

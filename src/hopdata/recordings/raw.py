@@ -142,9 +142,7 @@ def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawReco
         own = 1 / float(np.median(np.diff(raw.time))) if len(raw.time) > 1 else raw.rate_hz
         if not abs(own - given) <= SLACK * given:
             wanted = f"{own:.4g} Hz as its time stamps run"
-            found = (
-                f"input.rate_hz: {given:g}; leave that key out, or correct the time in the export"
-            )
+            found = f"input.rate_hz: {given:g}; leave it out, or correct the time in the export"
             raise RecordingError.at(f"{place}: frame rate", wanted, found)
     longer = 1.0 if raw.has_stamps else raw.rate_hz / given
     events = tuple(Event(event.label, event.time_s * longer) for event in raw.events)
@@ -448,21 +446,26 @@ def on_the_grid(stamps: FloatArray, grid: FloatArray, rate_hz: float) -> bool:
 
 def printed_digit(stamps: FloatArray) -> float:
     """Place of the last decimal with which time stamps (N,) were printed, s; at least 1 us."""
-    for decimals in range(_MOST_DECIMALS):
-        if np.allclose(stamps, np.round(stamps, decimals), rtol=1e-12, atol=1e-9):
-            return float(10.0**-decimals)
-    return float(10.0**-_MOST_DECIMALS)
+    shown = ((n, np.round(stamps, n)) for n in range(_MOST_DECIMALS))
+    told = (n for n, one in shown if np.allclose(stamps, one, rtol=1e-12, atol=1e-9))
+    return float(10.0 ** -next(told, _MOST_DECIMALS))
 
 
 def rate_of(stamps: FloatArray, number: FloatArray, *, whole: bool = True) -> float | None:
     """Frame rate by time stamps and frame numbers (N,), Hz; None if they do not tell.
 
-    With `whole`, a rate within the usual rounding of a whole number is that number.
+    With `whole`, a rate within the usual rounding of a whole number is that number; and where the
+    first and last stamp are too coarse, it is that of fewest decimals that gives all stamps.
     """
     if len(stamps) < 2 or not (stamps[-1] > stamps[0] and number[-1] > number[0]):
         return None
     number = _with_missing_rows(stamps, number)
     rate = (number[-1] - number[0]) / (stamps[-1] - stamps[0])
+    if whole and rate > 0 and _fitting_grid(stamps, number, rate) is None:  # two are too coarse
+        slope = float(np.polyfit(number - number[0], stamps, 1)[0])
+        plain = (round(1 / slope, n) for n in range(_MOST_DECIMALS) if slope > 0)
+        fitting = (x for x in plain if x > 0 and _fitting_grid(stamps, number, x) is not None)
+        rate = next(fitting, rate)
     nearest = np.round(rate)
     return float(nearest if whole and abs(rate - nearest) < RATE_TOLERANCE * rate else rate)
 
