@@ -152,8 +152,7 @@ def _cells(
     half = 0.5 * np.diff(edges, axis=1)
     centre = 0.5 * (edges[:, 1:] + edges[:, :-1])
     x, whole = np.polynomial.legendre.leggauss(CELL_NODES)
-    nodes = centre[:, :, None] + half[:, :, None] * x
-    return nodes, half, _partial_weights(x), whole
+    return centre[:, :, None] + half[:, :, None] * x, half, _partial_weights(x), whole
 
 
 def _partial_weights(x: FloatArray) -> FloatArray:

@@ -87,8 +87,7 @@ def _mean_distance(body: FloatArray) -> FloatArray:
 
 def _quarters(times: FloatArray) -> list[str]:
     place = np.argsort(np.argsort(times, kind="stable"), kind="stable")
-    quarter = 1 + place * PARTS_OF_ONE // max(len(times), 1)
-    return [f"part {k} of {PARTS_OF_ONE}" for k in quarter]
+    return [f"part {k} of {PARTS_OF_ONE}" for k in 1 + place * PARTS_OF_ONE // max(len(times), 1)]
 
 
 def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:

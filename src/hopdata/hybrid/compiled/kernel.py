@@ -65,8 +65,7 @@ TYPES = {
 
 def _kind(name: str, arguments: str, *, fills: str = "", returns: Any = types.void) -> Signature:
     names = tuple(arguments.split())
-    native = returns(*(TYPES[name] for name in names))
-    return Signature(name, names, native, tuple(fills.split()))
+    return Signature(name, names, returns(*(TYPES[n] for n in names)), tuple(fills.split()))
 
 
 FIELD = _kind("field", "t y mode params dy", fills="dy")

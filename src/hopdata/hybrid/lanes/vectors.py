@@ -269,8 +269,7 @@ def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
         plain = tuple(map(types.unliteral, kinds))
         same = (w == k or (w == lanes and _is_number(k)) for w, k in zip(taken, plain, strict=True))
         given = tuple(k if w == lanes else w for w, k in zip(taken, plain, strict=True))
-        fits = all(same) or not {lanes, mask} & set(plain)
-        return (result(*given), generate) if fits else None
+        return (result(*given), generate) if all(same) or not {lanes, mask} & set(plain) else None
 
     return intrinsic(eval(f"lambda typing, {names}: typed({names})", {"typed": typed}))
 

@@ -69,8 +69,7 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
         return (name,)
     if scene.affine is not None:
         return ("taylor",)
-    with_stiff = not jacobian and scene.n_states <= LARGEST_STIFF
-    return AUTOMATIC if with_stiff else AUTOMATIC[:-1]
+    return AUTOMATIC if not jacobian and scene.n_states <= LARGEST_STIFF else AUTOMATIC[:-1]
 
 
 class MethodTable:

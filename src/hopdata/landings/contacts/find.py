@@ -22,6 +22,7 @@ LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight 
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
 LEAVES = 8.0  # standard deviations of a height: a foot that rises by more has left again
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
+MOST_ODD = 0.5  # share of the landings without which a law may be learned
 FILTER_DELAYS = 0.21  # periods of its cut-off by which a low-pass may make contacts late
 DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0  # of the median descent, and of the noise: a foot that is down
 
@@ -139,8 +140,7 @@ def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
         instant, *rest = (part[:, own] for part in one)
         found.append(joined.first_of(instant, *rest))
         earliest = np.where(np.isfinite(instant), instant, np.inf).argmin(axis=1)
-        usual = np.bincount(earliest, minlength=1).argmax()
-        common.append(contacts.common[own][usual])
+        common.append(contacts.common[own][np.bincount(earliest, minlength=1).argmax()])
     instant, se, status = (np.stack(part, axis=1) for part in zip(*found, strict=True))
     return replace(contacts, instant=instant, se=se, status=status, common=np.array(common))
 
@@ -149,9 +149,8 @@ def usual_down_height(recording: Recording, spans: FloatArray) -> float:
     """Return the height, m, below which a foot is down, by the descents (L, 2) of the body, s."""
     apex, nadir = (np.searchsorted(recording.time, side) for side in spans.T)
     falls = recording.body_height[apex] - recording.body_height[nadir]
-    noise_m = descents.height_noise(recording.feet[:, :, 2])
     fall_m = float(np.nanmedian(falls)) if np.isfinite(falls).any() else 0.0
-    return max(DOWN_SHARE * fall_m, DOWN_SIGMAS * noise_m)
+    return max(DOWN_SHARE * fall_m, DOWN_SIGMAS * descents.height_noise(recording.feet[:, :, 2]))
 
 
 def contacts_of(landings: pd.DataFrame) -> Contacts:
@@ -241,13 +240,18 @@ def find_contacts(
         fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
     rolls = 2 * stands.sum() <= stands.size or kink_law.pooled_noise(fits) > REFUTED * noise_m
-    rises = np.zeros(fits.instant.shape, dtype=bool)
-    if rolls or stands.mean() < 1 - kink_law.UNDETERMINED_SHARE:
+    odd = _is_odd(fits) & (not rolls)
+    if 0 < (rows := np.asarray(odd.any(axis=1, keepdims=True))).sum() < MOST_ODD * len(rows):
+        feet = replace(feet, odd=rows)
+        fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
+        odd = _is_odd(fits)
+    bounces = not rolls and stands.mean() < 1 - kink_law.UNDETERMINED_SHARE
+    rises = np.asarray((fits.n_after < FRAMES_AFTER) & bounces)  # as toes while the heel comes down
+    if rolls or bounces or odd.any():
         short = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
         alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
         feet, common = (short, own) if rolls else (feet, common)
-        rises = (fits.n_after < FRAMES_AFTER) & (not rolls)  # as toes do while the heel comes down
-        fits = kink_law.merged(fits, alone, np.asarray(rises | rolls))
+        fits = kink_law.merged(fits, alone, np.asarray(rises | rolls | odd))
     hidden = _hidden(time, heights, near, feet.windows_s)
     found = _judged(fits, status, hidden, kink_law.pooled_noise(fits), maximum_misfit)
     risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
@@ -284,19 +288,30 @@ def _hidden(
     return np.asarray(last > first)
 
 
+def _is_odd(fits: KinkFits) -> BoolArray:
+    """Tell which contacts (L, n) do not keep to the law of the others, as of legs that swing on."""
+    ratio, chance = _misfits(fits, kink_law.pooled_noise(fits))
+    return np.asarray(ratio > np.maximum(REFUTED, chance))
+
+
+def _misfits(fits: KinkFits, noise_m: float) -> tuple[FloatArray, FloatArray]:
+    """Rms residuals over the noise (L, n), and what is three standard deviations of chance."""
+    dof = np.maximum(fits.dof, 1.0)
+    return np.sqrt(fits.misfit / dof) / noise_m, 1 + 3 / np.sqrt(2 * dof)
+
+
 def _judged(
     fits: KinkFits, status: IntArray, hidden: BoolArray, noise_m: float, maximum_misfit: float
 ) -> Contacts:
     """Mark the fits with too few frames or too large a misfit; widen errors by the misfit."""
     thin = (fits.n_before < FRAMES_BEFORE) | (fits.n_after < FRAMES_AFTER) | (fits.dof <= 0)
     thin |= ~np.isfinite(fits.unit_se)
-    ratio = np.sqrt(fits.misfit / np.maximum(fits.dof, 1.0)) / noise_m
+    ratio, chance = _misfits(fits, noise_m)
     landed = status == descents.LANDED
     status = np.where(landed & (ratio > maximum_misfit), descents.POOR_FIT, status)
     status = np.where(landed & ~(fits.velocity < 0), descents.RISES, status)
     status = np.where(landed & thin, np.where(hidden, descents.MISSING, descents.THIN), status)
-    # A misfit beyond three standard deviations of its chance value is no chance: Birge's ratio.
-    chance = 1 + 3 / np.sqrt(2 * np.maximum(fits.dof, 1.0))
+    # A misfit beyond its chance value is none: Birge's ratio.
     se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
     untimed = np.isin(status, (descents.MISSING, descents.THIN))
     instant, se = (np.where(untimed, np.nan, x) for x in (fits.instant, se))

@@ -201,7 +201,8 @@ class FootHeights:
 
     `earliest` (L, n), s: before it a foot is too high for its contact. A fit that ends there has
     found no kink, and its error is made that of a contact that is not determined. A foot that rises
-    by more than `leaves_m` after a contact has left again.
+    by more than `leaves_m` after a contact has left again. Landings that are `odd` (L, 1) teach
+    no law.
     """
 
     time: FloatArray
@@ -210,6 +211,11 @@ class FootHeights:
     earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     leaves_m: float = np.inf
     foot_of: tuple[int, ...] = ()
+    odd: BoolArray | bool = False
+
+    def telling(self, fits: KinkFits) -> FloatArray:
+        """Instants (L, n) of which flight was seen: after a gap any velocity fits, and any law."""
+        return np.where((fits.n_before < FRAMES_BEFORE) | self.odd, np.nan, fits.instant)
 
     def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
         """Fit each foot about its rough or its last instant (L, n), s, which asks for less."""
@@ -248,7 +254,7 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     alone = feet.fits(near, replace(weak, pushes=False), widely=True)
 
     def learned(start: Law) -> tuple[Law, FloatArray]:
-        law = learned_law(feet, _telling(alone), start, own=gravity == "learned")
+        law = learned_law(feet, feet.telling(alone), start, own=gravity == "learned")
         # Of all else one is held at a time.
         return law, feet.fits(alone.instant, law, widely=True).instant
 
@@ -278,7 +284,7 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
     are alike, and sure to be soft, get the instants of the mean compliance. How far a foot's
     landings may be off alike is its common error (n,), s; what they do not share is in `unit_se`.
     """
-    some, own_s = some_landings(_telling(fits), STANCE_LANDINGS), law.compliance_s
+    some, own_s = some_landings(feet.telling(fits), STANCE_LANDINGS), law.compliance_s
     step_s = max(0.1 * own_s, LEAST_STEP_S)
     others = {time_s for time_s in (0.0, *SOFTNESS_S) if abs(time_s - own_s) > 1.5 * step_s}
     trials_s = np.array(sorted({max(own_s - step_s, 0.0), own_s, own_s + step_s, *others}))
@@ -425,11 +431,6 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     # Weak pushes hardly pay for the freedom they take, and left out make errors larger than stated;
     # kept where there are none they only widen them. So they go where the data speak against them.
     return law if gain.sum() > -TELLING_LOSS else free
-
-
-def _telling(fits: KinkFits) -> FloatArray:
-    """Instants (L, n) of which flight was seen: after a gap any velocity fits, and any law."""
-    return np.where(fits.n_before < FRAMES_BEFORE, np.nan, fits.instant)
 
 
 def some_landings(instant: FloatArray, most: int) -> FloatArray:

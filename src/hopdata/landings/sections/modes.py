@@ -84,8 +84,7 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     # Transfer function of the Gaussian over that of the spline, at the FFT's frequencies.
     transfer = np.exp(-2.0 * (np.pi * cycles * (bandwidth / step)) ** 2) / np.sinc(cycles) ** 4
     smooth = np.fft.irfft(np.fft.rfft(spread) * transfer, n_fine)
-    inside = smooth[margin : margin + n_inside : refine]
-    return np.maximum(inside, 0.0) / (n_finite * step)
+    return np.maximum(smooth[margin : margin + n_inside : refine], 0.0) / (n_finite * step)
 
 
 def _fast_length(least: int) -> int:

@@ -80,8 +80,7 @@ def noise(parts: Iterable[Moments]) -> tuple[FloatArray, FloatArray]:
     found = [(_solved(one)[3], one.frames, one.frames - one.terms) for one in parts]
     left, frames, freedom = map(np.concatenate, zip(*found, strict=True))
     freedom = np.maximum(freedom, 0.0).sum(axis=0)[:, None]
-    variance = left.sum(axis=0) / np.maximum(freedom, 1.0)
-    return np.maximum(variance, LEAST_NOISE_M**2), frames
+    return np.maximum(left.sum(axis=0) / np.maximum(freedom, 1.0), LEAST_NOISE_M**2), frames
 
 
 def _solved(sums: Moments) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:

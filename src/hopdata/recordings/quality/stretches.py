@@ -112,8 +112,7 @@ def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
         return is_long
     others, again = max(len(length) - 1, 1), np.sum(length > 1) - 1
     chance_again = np.clip(again / others, 1e-9, 1 - 1e-9)
-    longest = 1 + np.log(CHANCE / n_tests) / np.log(chance_again)
-    return np.asarray(is_long & (length > longest))
+    return np.asarray(is_long & (length > 1 + np.log(CHANCE / n_tests) / np.log(chance_again)))
 
 
 LEAST_COPIED = 5  # frames in a row, and frames after those that they repeat
