@@ -101,8 +101,7 @@ def step_travel(p: Problem, m: Memory, dt: float) -> float:
         s[at.SCRATCH, i] = s[at.Y, i] + 0.5 * rise + 0.125 * dt * (s[at.K1, i] - s[at.KEND, i])
         s[at.SLOPE, i] = 1.5 * rise / dt - 0.25 * (s[at.K1, i] + s[at.KEND, i])
     middle = speed_at(p, m, t + 0.5 * dt, at.SCRATCH, at.SLOPE)
-    after = speed_at(p, m, t + dt, at.END, at.KEND)
-    return MARGIN * dt * max(m.clock[at.SPEED], middle, after)
+    return MARGIN * dt * max(m.clock[at.SPEED], middle, speed_at(p, m, t + dt, at.END, at.KEND))
 
 
 @kernel

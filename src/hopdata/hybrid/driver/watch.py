@@ -90,8 +90,7 @@ def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
 
     Slopes are per step. The least of its Bezier points is a lower bound of the cubic.
     """
-    lowest = min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1)
-    return lowest - GRAZE * max(g0, g1)
+    return min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1) - GRAZE * max(g0, g1)
 
 
 @kernel
@@ -262,5 +261,4 @@ def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
     if after(value, rate, bend, dt) > 0.0:
         return dt
     time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
-    least = CLIP_MOST * time_resolution(m.clock[at.T], 0.0)
-    return time if least < time < dt else dt
+    return time if CLIP_MOST * time_resolution(m.clock[at.T], 0.0) < time < dt else dt
