@@ -193,7 +193,7 @@ def load_config(
     place = ", ".join(map(str, files)) or "configuration"
     if not isinstance(content, Mapping):
         kind = "nothing" if content is None else type(content).__name__
-        raise ConfigError.at(place, "keys with values, such as 'study: name'", kind)
+        raise ConfigError.at(place, "keys with values, as 'hopdata init' writes them", kind)
     schema = load_schema(_scene_of(content))
     try:
         config: dict[str, Any] = _with_defaults(content, schema)
