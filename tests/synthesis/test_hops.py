@@ -2,10 +2,12 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from hopdata.errors import AnalysisError
 from hopdata.recordings.readers.hdf5 import write_recording
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
@@ -31,6 +33,13 @@ def test_a_dropped_hopper_keeps_its_energy_through_the_landing():
     assert rebound(passive, HOP_HEIGHT_M) == pytest.approx(0.489, abs=0.002)
     deadbeat = replace(passive, damping_n_s_m=30.0)
     assert rebound(deadbeat, HOP_HEIGHT_M) < 0.40
+
+
+def test_a_scene_whose_guards_have_other_names_is_told_them(monkeypatch):
+    named = SimpleNamespace(guard_names=("leg1", "apex", "fallen"))
+    monkeypatch.setattr(HopperParameters, "system", lambda *_: named)
+    with pytest.raises(AnalysisError, match=r"expected foot1, foot2, .* found .*'leg1'"):
+        fly_hop(HOPPER, level_state(HOPPER, HOP_HEIGHT_M))
 
 
 def test_release_makes_up_for_the_loss_at_the_hopping_height():

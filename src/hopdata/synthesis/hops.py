@@ -95,12 +95,15 @@ def fly_hop(
     Raises
     ------
     AnalysisError
-        If the integrator fails.
+        If the integrator fails, or the scene has no guards of the names that `Scene` tells.
     """
     n = scene.n_legs
     preloads = np.full(n, scene.preload_n) if preloads_n is None else preloads_n
     frames = np.empty(0) if frame_times_s is None else frame_times_s
     system = scene.system(variant)
+    wanted = [*(f"foot{leg + 1}" for leg in range(n)), "apex", "fallen"]
+    if not set(wanted) <= set(system.guard_names):
+        raise AnalysisError.at("guards of the scene", ", ".join(wanted), system.guard_names)
     first = system.guard_names.index("foot1")
     mode = flight_mode(system, state[8])
     if first and variant is not None:  # a board before the feet, which it may be beyond already
