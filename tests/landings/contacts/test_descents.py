@@ -12,6 +12,7 @@ from hopdata.landings.contacts.descents import (
     LEAST_NOISE_M,
     MISSING,
     NOT_LANDED,
+    Transitions,
     approaches,
     descents,
     find_transitions,
@@ -104,6 +105,19 @@ def test_a_foot_that_hovers_and_is_hidden_then_may_have_landed(landings):
         time = scene.recording.time
         heights[(time > t_pre) & (time < t_post + 0.1), 1] = np.nan
     assert (find(landings, heights)[-1][:, 1] == MISSING).mean() > 0.9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_foot_that_hangs_low_before_it_falls_is_timed_by_its_fall(seed):
+    """As of a robot that is let go just above the floor."""
+    time, released, hung_m = np.arange(200) / 200.0, 0.5 + 1e-3 * seed, 0.034
+    lowered = np.interp(time, [0.3, 0.4], [0.15, hung_m])
+    falls = lowered - 0.5 * 9.81 * np.maximum(time - released, 0.0) ** 2
+    heights = np.maximum(falls, 0.0) + 6e-4 * np.random.default_rng(seed).standard_normal(200)
+    ends, gap = np.array([[0.32], [0.7]]), np.array([0.005])
+    options = {"noise_m": 6e-4, "down_height_m": 0.02, "lead_s": 0.04, "trail_s": 0.03}
+    near, *_ = approaches(time, heights[:, None], Transitions(*ends, gap, gap), **options)
+    assert abs(near[0, 0] - released - np.sqrt(2 * hung_m / 9.81)) < 0.02
 
 
 @pytest.mark.parametrize("noise_m", [2e-4, 6e-4])

@@ -404,9 +404,11 @@ def _descents(
     status = np.where(low > down_height_m, np.where(hidden, MISSING, NOT_LANDED), status)
     status = np.where(count < LEAST_FRAMES, MISSING, status)
     after = np.minimum(last + 1, z.shape[1] - 1)
+    half_down = np.argmax((place > last[:, None]) & (z <= (low + 0.5 * nearly)[:, None]), axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = (z[rows, first] - z[rows, after]) / (t[rows, after] - t[rows, first])
         near = t[rows, after] + (z[rows, after] - low) / fall
+        near = np.minimum(near, 2 * t[rows, half_down] - t[rows, last])  # a fall does not slow down
         gap = t[rows, after] - t[rows, last]
         before = np.maximum(np.minimum(first, last - 1), 0)
         fall = (z[rows, before] - z[rows, last]) / (t[rows, last] - t[rows, before])
