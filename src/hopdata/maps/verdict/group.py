@@ -101,10 +101,8 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
     found = combine_effects(squared, variance, method_re="iterated", atol=1e-12, maxiter=200)
     mean, q = float(found.mean_effect_re), float(found.q)
     error = float(max(found.sd_eff_w_re, found.sd_eff_w_re_hksj))
-    between, i2 = (
-        float(np.sqrt(max(0.0, found.tau2))),
-        max(0.0, 1.0 - (number - 1) / max(q, 1e-300)),
-    )
+    between = float(np.sqrt(max(0.0, found.tau2)))
+    i2 = max(0.0, 1.0 - (number - 1) / q) if q > 0.0 else 0.0
     p_values = float(chi2.sf(q, number - 1)), float(2.0 * t.sf(abs(mean / error), number - 1))
     return Combined(number, mean, error, between, i2, q, *p_values)
 
