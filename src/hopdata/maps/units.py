@@ -80,7 +80,8 @@ def choose_units(
         raise AnalysisError.at("units", "at least 3 landings", len(x))
     errors, predictor = prediction_errors(x, y)
     position, velocity = map(_rms, np.split(errors, 2, axis=1))
-    spread = float(np.sqrt(np.mean(np.sum(np.split(y - y.mean(0), 2, axis=1)[0] ** 2, axis=1))))
+    places = np.split(y - y.mean(0), 2, axis=1)[0]
+    spread = float(np.sqrt(np.mean(np.sum(places**2, axis=1))))
     length = spread if length_m is None else float(length_m)
     time = position / velocity if time_s is None and velocity > 0 else float(time_s or 0)
     if not (np.isfinite([length, time]).all() and length > 0 and time > 0):
