@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from math import prod
@@ -114,22 +114,15 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
         If there is no such dataset, or it holds something else.
     """
     found = group.get(name)
-    dtype, shape = getattr(found, "dtype", None), getattr(found, "shape", None)
-    if found is None or dtype is None:
+    if not isinstance(found, h5py.Dataset):
         raise ValueError(f"dataset '{name}': expected numbers, found none")
-    if dtype.kind not in _NUMBERS or not shape:
-        told = f"dataset '{name}': expected an array of numbers, found {dtype} of shape {shape}"
-        raise ValueError(told)
-    return whole_array(found, None if dtype == np.bool_ else float)
+    if found.dtype.kind not in _NUMBERS or not found.shape:
+        told = f"{found.dtype} of shape {found.shape}"
+        raise ValueError(f"dataset '{name}': expected an array of numbers, found {told}")
+    return whole_array(found, None if found.dtype == np.bool_ else float)
 
 
-_KINDS: dict[str, Callable[[Any], bool]] = {
-    "a number": lambda value: isinstance(value, int | float),
-    "text": lambda value: isinstance(value, str),
-    "a list of texts": lambda value: (
-        isinstance(value, list) and all(isinstance(v, str) for v in value)
-    ),
-}
+_KINDS: dict[str, Any] = {"a number": int | float, "text": str, "a list of texts": list}
 
 
 def attribute(group: h5py.Group, name: str, kind: str) -> Any:
@@ -144,7 +137,8 @@ def attribute(group: h5py.Group, name: str, kind: str) -> Any:
     value = found.tolist() if isinstance(found, np.ndarray | np.generic) else found
     if kind == "a number" and isinstance(value, list) and len(value) == 1:
         value = value[0]
-    if not _KINDS[kind](value):
+    entries = value if isinstance(value, list) else []
+    if not (isinstance(value, _KINDS[kind]) and all(isinstance(one, str) for one in entries)):
         found = "none" if found is None else found
         raise ValueError(f"attribute '{name}': expected {kind}, found {found}")
     return value
@@ -191,7 +185,21 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     """
     # A chunk that waits in memory when no more can be written crashes the process at its end.
     with whole_file(path) as partial, h5py.File(partial, "w", rdcc_nbytes=0, locking=False) as file:
-        _write_content(file, recording)
+        _dataset(file, "time", recording.time)
+        _dataset(file, "positions", recording.positions, np.float32)
+        if recording.filled is not None:
+            _dataset(file, "filled", recording.filled)
+        file.attrs["markers"] = list(recording.markers)
+        file.attrs["roles"] = list(recording.roles)
+        file.attrs["rate_hz"] = recording.rate_hz
+        for key in _TEXT_ATTRIBUTES:
+            file.attrs[key] = getattr(recording, key)
+        file.attrs["hopdata_version"] = __version__
+        if recording.events:
+            _dataset(file, "events/time", np.asarray([event.time_s for event in recording.events]))
+            _texts(file, "events/label", [event.label for event in recording.events])
+        if recording.remarks:
+            _texts(file, "remarks", recording.remarks)
         if truth is not None:
             _write_truth(file.create_group("truth"), truth)
 
@@ -280,24 +288,6 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
         words = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
         told = words if "expected" in words else f"expected it to be readable, found: {words}"
         raise RecordingError(f"{path}: {fault}: {told}") from error
-
-
-def _write_content(file: h5py.File, recording: Recording) -> None:
-    _dataset(file, "time", recording.time)
-    _dataset(file, "positions", recording.positions, np.float32)
-    if recording.filled is not None:
-        _dataset(file, "filled", recording.filled)
-    file.attrs["markers"] = list(recording.markers)
-    file.attrs["roles"] = list(recording.roles)
-    file.attrs["rate_hz"] = recording.rate_hz
-    for key in _TEXT_ATTRIBUTES:
-        file.attrs[key] = getattr(recording, key)
-    file.attrs["hopdata_version"] = __version__
-    if recording.events:
-        _dataset(file, "events/time", np.asarray([event.time_s for event in recording.events]))
-        _texts(file, "events/label", [event.label for event in recording.events])
-    if recording.remarks:
-        _texts(file, "remarks", recording.remarks)
 
 
 def _texts(group: h5py.Group, name: str, entries: Sequence[str]) -> None:
