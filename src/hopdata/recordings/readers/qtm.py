@@ -6,6 +6,7 @@ column row (``Frame  Time  <name> X ...``) stands only where the exporter was to
 """
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import islice
@@ -73,7 +74,11 @@ class QtmHeader:
         RecordingError
             If the value is not a number.
         """
-        return text.stated_number(self.place(key), key, (self.values.get(key) or [""])[0])
+        return text.stated_number(self.place(key), key, self.stated(key))
+
+    def stated(self, key: str, otherwise: str = "") -> str:
+        """First field of `key`, or what stands for a key that is absent."""
+        return (self.values.get(key) or [otherwise])[0]
 
 
 def read_header(path: Path) -> QtmHeader:
@@ -294,13 +299,9 @@ _FORMS = ("%Y-%m-%d, %H:%M:%S.%f", "%Y-%m-%d, %H:%M:%S")
 
 def moment(stated: Any) -> datetime | None:
     """Return when the measurement began; None if it is no date, or in a form of its own."""
-    if not isinstance(stated, str):
-        return None
-    for form in _FORMS:
-        try:
+    for form in _FORMS if isinstance(stated, str) else ():
+        with suppress(ValueError):
             return datetime.strptime(stated.split("\t")[0].strip(), form)
-        except ValueError:
-            continue
     return None
 
 
@@ -309,7 +310,7 @@ def moment(stated: Any) -> datetime | None:
 KEYS_OF_EXPORTS = frozenset(KEYS)  # which are in mm; of a bare table nothing says so
 
 
-def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
+def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read a 3-D motion-data export of Qualisys Track Manager.
 
     A marker counts as unseen where a coordinate is missing in one of its spellings (empty,
@@ -332,7 +333,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     RecordingError
         Naming the file, the line, what was expected and what was found.
     """
-    header = read_header(Path(path))
+    header = read_header(path)
     _check_kind(header)
     place, names, counters, wrong = layout(header)
     rows = text.Rows(header.path, header.n_lines, header.offset, len(header.first_row), header.mark)
@@ -353,23 +354,20 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         remarks=header.remarks + wrong + stopped,
         unit_is_stated=bool(header.unit) or not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
-        started=moment((header.values.get("TIME_STAMP") or [""])[0]),
+        started=moment(header.stated("TIME_STAMP")),
     )
     return replace(found, remarks=found.remarks + _event_remarks(header, found.rate_hz))
 
 
 def _check_kind(header: QtmHeader) -> None:
-    kind = (header.values.get("DATA_INCLUDED") or ["3D"])[0]
+    kind, place = header.stated("DATA_INCLUDED", "3D"), header.place("DATA_INCLUDED")
     if kind != "3D":
-        place, found = (
-            header.place("DATA_INCLUDED"),
-            f"'{kind}'; export the trajectories as 3D data",
-        )
+        found = f"'{kind}'; export the trajectories as 3D data"
         raise RecordingError.at(f"{place}: DATA_INCLUDED", "'3D'", found)
 
 
 def _is_triggered(header: QtmHeader) -> bool:
-    return (header.values.get("FREQUENCY") or [""])[0].upper() == "EXT"
+    return header.stated("FREQUENCY").upper() == "EXT"
 
 
 def _stamps(
@@ -396,13 +394,7 @@ def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
 
 def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
     """Remark on events whose time is not that of their frame, from 1."""
-    off = sum(
-        abs(event.time_s * rate_hz - (frame - 1)) > 1
-        for event, frame in zip(header.events, header.event_frames, strict=True)
-    )
-    if not off:
-        return ()
-    return (
-        f"{header.path}: EVENT: in {off} of {len(header.events)} events the time is not that of "
-        "the frame; the time is used",
-    )
+    pairs = zip(header.events, header.event_frames, strict=True)
+    off = sum(abs(event.time_s * rate_hz - (frame - 1)) > 1 for event, frame in pairs)
+    told = f"in {off} of {len(header.events)} events the time is not that of the frame"
+    return (f"{header.path}: EVENT: {told}; the time is used",) * bool(off)
