@@ -220,13 +220,13 @@ def distinct_names(
     RecordingError
         If a name holds control characters, or is empty and may not be.
     """
-    for i, name in enumerate(names):
+    for i, name in enumerate(names, start=1):
         if not name and not may_lack:
-            raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
+            raise RecordingError.at(place, f"a name for marker {i}", "none")
         if not name.isprintable():
-            wanted = f"a name of letters and digits for marker {i + 1}"
+            wanted = f"a name of letters and digits for marker {i}"
             raise RecordingError.at(place, wanted, repr(name))
-    distinct = [name or f"unnamed {i + 1}" for i, name in enumerate(names)]
+    distinct = [name or f"unnamed {i}" for i, name in enumerate(names, start=1)]
     remarks = []
     if n_nameless := sum(not name for name in names):
         remarks.append(
@@ -497,12 +497,9 @@ def events_outside(
     if not len(time):
         return ()
     begin, end = time[0] - 1 / rate_hz, time[-1] + 1 / rate_hz
-    if not (outside := sum(not begin <= event.time_s <= end for event in events)):
-        return ()
-    return (
-        f"{place}: {outside} of {len(events)} events lie outside the recording "
-        f"({time[0]:.6g} to {time[-1]:.6g} s)",
-    )
+    outside = sum(not begin <= event.time_s <= end for event in events)
+    told = f"{outside} of {len(events)} events lie outside the recording"
+    return (f"{place}: {told} ({time[0]:.6g} to {time[-1]:.6g} s)",) * bool(outside)
 
 
 PAUSE_S = 1.0  # between files that do not say when they began; longer than any landing

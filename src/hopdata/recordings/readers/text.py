@@ -122,11 +122,10 @@ def trimmed(fields: list[str]) -> list[str]:
 
 def is_number(text: str) -> bool:
     """Tell whether a field is a number, with a point."""
-    try:
+    with suppress(ValueError):
         float(text)
-    except ValueError:
-        return False
-    return True
+        return True
+    return False
 
 
 def pointed(text: str) -> str:
