@@ -20,7 +20,7 @@ _UP = {"S": "", "U": "", "I": "-", "D": "-"}  # superior, up, inferior, down
 _MISSING = ("", "n/a")
 
 
-def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
+def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the tracked points of a Motion-BIDS file that have a position in three axes.
 
     Parameters
@@ -35,7 +35,6 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     RecordingError
         Naming the file, the place in it, what was expected and what was found.
     """
-    path = Path(path)
     channels = path.with_name(path.name.removesuffix(ENDS) + "_channels.tsv")
     table = text.open_table(channels)
     columns = {key: table.texts(key) for key in ("component", "type", "tracked_point", "units")}
@@ -69,6 +68,9 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     if np.isnan(stamps).any():
         row = int(np.argmax(np.isnan(stamps)))
         raise RecordingError.at(f"{path}, line {row + 1}: LATENCY", "a time", "none")
+    rate = told.get("SamplingFrequency")
+    if not isinstance(rate, int | float | None):
+        raise RecordingError.at(f"{path}: SamplingFrequency", "a number", f"'{rate}'")
     lacking = len(places) - len(points)
     flat = f"{channels}: {lacking} points without three coordinates are left out"
     return raw.assembled(
@@ -78,7 +80,7 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
         number=np.arange(1.0, len(numbers) + 1),
         stamps=stamps[:, 0].copy() if stamped else None,
         unit=(f"{channels}: units", "" if stated in _MISSING else stated),
-        rates_hz=(_rate(path, told), rate_hz),
+        rates_hz=(rate, rate_hz),
         rate_place=f"{path}: SamplingFrequency",
         remarks=(flat,) * bool(lacking),
         stated_up=_stated_up(path),
@@ -91,13 +93,6 @@ def _rows(path: Path, width: int) -> text.Rows:
         first = file.readline()
     named = not any(map(text.is_number, text.split_line(path, first)))
     return text.Rows(path, int(named), len(first) * named, width)
-
-
-def _rate(path: Path, told: dict[str, Any]) -> float | None:
-    stated = told.get("SamplingFrequency")
-    if stated is None or isinstance(stated, int | float):
-        return stated
-    raise RecordingError.at(f"{path}: SamplingFrequency", "a number", f"'{stated}'")
 
 
 def _stated_up(path: Path) -> str:

@@ -27,7 +27,7 @@ MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS"
 _OUTPUT = re.compile(r".*[a-z](Angles?|Forces?|Moments?|Powers?)")  # as Plug-in Gait names them
 
 
-def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
+def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a C3D file.
 
     A marker counts as unseen where its residual is negative, a coordinate is NaN, or all three are
@@ -45,7 +45,6 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     RecordingError
         Naming the file, the place in it, what was expected and what was found.
     """
-    path = Path(path)
     header, parameters, size = open_c3d(path)
     n_points, stated = header.n_points, parameters.number("POINT", "USED")
     if stated is not None and stated % 65536 != n_points:
@@ -217,7 +216,7 @@ class Analogs:
         return self.values[:, place], self.units[place]
 
 
-def read_analogs(path: str | Path) -> Analogs:
+def read_analogs(path: Path) -> Analogs:
     """Read all analog channels of a C3D file.
 
     A channel's value is (stored - ``ANALOG:OFFSET``) x ``ANALOG:SCALE`` x ``ANALOG:GEN_SCALE``
@@ -233,7 +232,6 @@ def read_analogs(path: str | Path) -> Analogs:
     RecordingError
         Naming the file, the place in it, what was expected and what was found.
     """
-    path = Path(path)
     header, parameters, size = open_c3d(path)
     n_channels = int(parameters.number("ANALOG", "USED") or 0)
     if not n_channels or not header.n_analog:

@@ -66,7 +66,7 @@ class _Sheet:
 
 
 def read_export(
-    path: str | Path, *, rate_hz: float | None = None, least_score: float
+    path: Path, *, rate_hz: float | None = None, least_score: float
 ) -> raw.RawRecording:
     """Read the markers of a text that a program exported.
 
@@ -84,7 +84,6 @@ def read_export(
     RecordingError
         Naming the file, the line, what was expected and what was found.
     """
-    path = Path(path)
     if path.name.endswith(bids.ENDS):
         return bids.read_bids(path, rate_hz=rate_hz)
     with text.readable(path) as file:

@@ -69,28 +69,23 @@ def read_raw(
         If there is no such file or no reader for it, or if the reader finds a fault.
     """
     path = Path(path)
-    if path.suffix.lower() not in suffixes():
+    suffix = path.suffix.lower()
+    if suffix not in suffixes():
         found = "a folder: name its files one by one" if path.is_dir() else f"'{path.suffix}'"
         wanted = f"a file ending in {', '.join(suffixes())}"
         raise RecordingError.at(f"{path}: format", wanted, found)
     require_file(path)
-    limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
-    raw = reading.overrule_rate(str(path), _read(path, rate_hz, **limits), rate_hz)
+    if suffix in READERS:
+        place, taken = READERS[suffix]
+        limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
+        given = {limit: limits[limit] for limit in taken}
+        raw: RawRecording = resolve_name(place)(path, rate_hz=rate_hz, **given)
+    else:
+        raw = _others()[suffix].load()(path, rate_hz)
+    raw = reading.overrule_rate(str(path), raw, rate_hz)
     _check_numbers(path, raw)
     more = reading.events_outside(str(path), raw.events, raw.time, raw.rate_hz)
     return replace(raw, remarks=raw.remarks + more)
-
-
-def _read(path: Path, rate_hz: float | None, **limits: float) -> RawRecording:
-    suffix = path.suffix.lower()
-    raw: RawRecording
-    if suffix in _others():
-        raw = _others()[suffix].load()(path, rate_hz)
-    else:
-        place, taken = READERS[suffix]
-        given = {limit: limits[limit] for limit in taken}
-        raw = resolve_name(place)(path, rate_hz=rate_hz, **given)
-    return raw
 
 
 def _check_numbers(path: Path, raw: RawRecording) -> None:

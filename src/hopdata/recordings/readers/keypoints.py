@@ -92,10 +92,9 @@ def keypoints(
 
 
 def read_hdf5(
-    path: str | Path, *, rate_hz: float | None = None, most_unpacked_mb: float, least_score: float
+    path: Path, *, rate_hz: float | None = None, most_unpacked_mb: float, least_score: float
 ) -> raw.RawRecording:
     """Read a recording of ours or a table of keypoints, whichever an HDF5 file holds."""
-    path = Path(path)
     if (table := pandas_table(path, most_unpacked_mb)) is not None:
         return keypoints(path, *table, rate_hz, least_score)
     own = hdf5.read_recording(path, most_unpacked_mb=most_unpacked_mb)

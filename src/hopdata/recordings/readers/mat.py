@@ -212,7 +212,7 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
 
 
 def read_qtm_mat(
-    path: str | Path, *, rate_hz: float | None = None, most_unpacked_mb: float
+    path: Path, *, rate_hz: float | None = None, most_unpacked_mb: float
 ) -> raw.RawRecording:
     """Read the labelled trajectories of a MAT file that QTM exported.
 
@@ -235,7 +235,6 @@ def read_qtm_mat(
     RecordingError
         Naming the file, the field, what was expected and what was found.
     """
-    path = Path(path)
     name, export = _export(path, read_mat(path, most_unpacked_mb))
     place = f"{path}: {name}"
     labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")

@@ -17,7 +17,7 @@ _COUNTERS = (r"frames? ?#?", r"times?( ?\(s(ec)?\))?")
 _HEADER_LINES = 5  # file type, keys, values, marker names, axes; then perhaps an empty one
 
 
-def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
+def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a TRC file.
 
     Parameters
@@ -32,7 +32,6 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     RecordingError
         Naming the file, the line, what was expected and what was found.
     """
-    path = Path(path)
     values, markers, rows, remarks = _read_header(path)
     place, columns = f"{path}, line 3", range(2, 2 + 3 * len(markers))
     counted, positions = rows.markers(COUNTERS, columns)
@@ -59,16 +58,12 @@ def _stated(path: Path, values: dict[str, str], key: str) -> float | None:
 def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
     """Values by key, marker names, where the rows of numbers stand, and remarks."""
     lines: list[list[str]] = []
-    offset = 0
     with text.readable(path) as file:
         for line in islice(file, _HEADER_LINES):
             lines.append(text.split_line(path, line, _mark(line) if lines else "\t"))
-            offset += len(line)
-        first = next(iter(file), b"")
-        while first and not first.strip(b"\r\n\t "):
+        while (first := file.readline()).isspace():
             lines.append([])
-            offset += len(first)
-            first = next(iter(file), b"")
+        offset = file.tell() - len(first)
     if not lines or re.split(r"[\s,;]", lines[0][0])[0].lower() != "pathfiletype":
         found = f"'{lines[0][0][:40]}'" if lines else "an empty file"
         raise RecordingError.at(f"{path}, line 1", "PathFileType", found)
