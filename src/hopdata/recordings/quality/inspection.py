@@ -338,23 +338,18 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
     for recording in recordings:
         name, found = recording.name, inspect(recording)
         pauses = is_pause(recording.time, recording.rate_hz)
+        since = recording.time - recording.time[0]
+        times = [*since.tolist(), float(since[-1]) + 1.0 / recording.rate_hz]
         for role, gaps, noise in zip(recording.roles, found.gaps, found.noise_m, strict=True):
             numbers = (found.duration_s, gaps.n_frames, gaps.missing, gaps.count)
             longest_s = gaps.longest / recording.rate_hz
             rows["markers"].append((name, gaps.marker, role, *numbers, longest_s, noise))
             for start, stop in gaps.stretches.tolist():
-                ends = (_time(recording, start), _time(recording, stop))
+                ends = (times[start], times[stop])
                 rows["gaps"].append((name, gaps.marker, role, *ends, stop - start))
         for one in found.suspects():
             if not (one.kind == "dropped" and pauses[one.start]):
-                told = (one.time_s, _time(recording, one.stop), one.text)
+                told = (one.time_s, times[one.stop], one.text)
                 rows["faults"] += [(name, one.kind, m, *told) for m in one.markers or ("",)]
         rows["remarks"] += [(name, note) for note in [*notes(recording), *found.lost]]
     return {k: pd.DataFrame(rows[k], columns=names.split()) for k, names in COLUMNS.items()}
-
-
-def _time(recording: Recording, frame: int) -> float:
-    """Return the time of a frame from the first one, s; of the one after the last by the rate."""
-    if frame < len(recording.time):
-        return float(recording.time[frame] - recording.time[0])
-    return float(recording.time[-1] - recording.time[0]) + 1.0 / recording.rate_hz
