@@ -341,6 +341,9 @@ FILE_AXES = {
 }  # fmt: skip
 
 
+DIRECTIONS = ("x", "-x", "y", "-y", "z", "-z")
+
+
 def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
     """Turn (..., 3) positions so that the direction that pointed up, one of `FILE_AXES`, becomes z.
 
@@ -349,11 +352,13 @@ def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
     axes = chosen("input.vertical_axis", vertical_axis, FILE_AXES)
     if axes == FILE_AXES["z"]:
         return positions
-    turned = np.ascontiguousarray(positions[..., ["xyz".index(axis[-1]) for axis in axes]])
-    for i, axis in enumerate(axes):
-        if axis.startswith("-"):
-            np.negative(turned[..., i], out=turned[..., i])
-    return turned
+    return np.stack([along(positions, axis) for axis in axes], axis=-1)
+
+
+def along(positions: FloatArray, direction: str) -> FloatArray:
+    """Return the coordinate (...) of (..., 3) positions along a direction such as ``"-y"``."""
+    coordinate = positions[..., "xyz".index(direction[-1])]
+    return -coordinate if direction.startswith("-") else coordinate
 
 
 def opposite(axis: str) -> str:

@@ -10,7 +10,7 @@ from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import RecordingError, chosen, require_choice
 from hopdata.recording import extent, sampled
 from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction, scale_of_all
-from hopdata.recordings.raw import FILE_AXES, METRES_PER_UNIT, RawRecording, rotate_up
+from hopdata.recordings.raw import DIRECTIONS, FILE_AXES, METRES_PER_UNIT, RawRecording, along
 
 # The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
 PLAUSIBLE_EXTENT_M = (0.015, 12.0)
@@ -26,7 +26,6 @@ FREE_FALL_CLEARER = 4.0  # so many times the frames in free fall of the next bes
 MOST_FRAMES = 20_000  # evaluated, evenly spaced
 
 UNITS_IN_M = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0})
-DIRECTIONS = ("x", "-x", "y", "-y", "z", "-z")
 
 
 @dataclass(frozen=True)
@@ -118,9 +117,8 @@ def _shares(measured: FloatArray, metres: float) -> dict[str, float]:
     squares: FloatArray = np.einsum("kmi,kmi->km", measured, measured)
     shares, gravity = {}, GRAVITY_M_S2 / metres
     for up in DIRECTIONS:
-        along: FloatArray = np.ascontiguousarray(measured[..., "xyz".index(up[-1])])
-        turned = -2 * gravity if up.startswith("-") else 2 * gravity
-        near = np.asarray(squares + turned * along < (WITHIN**2 - 1) * gravity**2)
+        pulled = 2 * gravity * along(measured, up)
+        near = np.asarray(squares + pulled < (WITHIN**2 - 1) * gravity**2)
         found = np.count_nonzero(near[:, seen], axis=0)
         shares[up] = float(np.mean(found / counts)) if seen.any() else 0.0
     return shares
@@ -394,7 +392,7 @@ def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
     a rate stated as half it is a quarter, of one stated as twice four times as much. Legs are swung
     down faster; so where it is too much, the quarter of the markers that is pulled least decides.
     """
-    upward = rotate_up(accelerations(raw.positions, raw.rate_hz, metres=metres), up)[..., 2]
+    upward = along(accelerations(raw.positions, raw.rate_hz, metres=metres), up)
     seen = upward[np.isfinite(upward).any(axis=1)]
     if not len(seen):
         return np.nan

@@ -109,8 +109,7 @@ def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ..
     own = np.sqrt(noise[:, None] ** 2 + noise[None] ** 2)
     allowed = np.fmax(STRAIN * _local(pairs.median), SIGMAS * np.nan_to_num(own))
     with np.errstate(invalid="ignore", divide="ignore"):
-        softness = np.where(np.isfinite(pairs.spread), pairs.spread / allowed, np.inf)
-    softness[~np.isfinite(softness)] = 1e6
+        softness = np.nan_to_num(pairs.spread / allowed, nan=1e6, posinf=1e6)
     np.fill_diagonal(softness, 0.0)
     if np.sum(softness <= 1.0) == len(softness):  # no pair
         return ()
@@ -301,8 +300,6 @@ def _near_breaks(breaks: BoolArray) -> BoolArray:
 
 def _stretches(mask: BoolArray, breaks: BoolArray) -> Iterator[tuple[int, int]]:
     """Yield the stretches of a mask (N,) between breaks of both tracks (N, 2)."""
-    if not mask.any():
-        return
     for start, stop in runs(mask | breaks.any(axis=1)):
         inside = start + np.flatnonzero(mask[start:stop])
         if len(inside) >= EXCHANGED_DISTANCES_LEAST_FRAMES:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.recordings.quality import stretches
 from hopdata.recordings.quality.inspection import Inspection
 from hopdata.recordings.quality.rigid import PairDistances
 from hopdata.recordings.quality.stretches import BAND_M, at_rest, lowest, runs, scale_of_all
@@ -247,13 +248,9 @@ def _high(feet: list[int], taken: set[int], inspection: Inspection) -> str:
 
 def _fixed(positions: FloatArray) -> BoolArray:
     """Markers that stay at one place of the world but for noise, (M,); none if many do."""
-    fixed = np.zeros(positions.shape[1], dtype=bool)
-    for m in range(positions.shape[1]):
-        known = positions[np.isfinite(positions[:, m, 0]), m]
-        if len(known):
-            low, high = np.quantile(known, [0.02, 0.98], axis=0)
-            fixed[m] = bool(np.all(high - low < STILL_M))
-    return fixed & (fixed.mean() <= MOST_FIXED)
+    ends = (stretches.quantiles(positions[:, :, axis], [0.02, 0.98]) for axis in range(3))
+    fixed = np.logical_and.reduce([high - low < STILL_M for low, high in ends])
+    return np.asarray(fixed & (fixed.mean() <= MOST_FIXED))
 
 
 def feet_between(
@@ -292,8 +289,8 @@ def _resting(
     if fixed[known].all():
         return []
     floor = low[known[~fixed[known]]].min()
-    top = max(float(np.nanmedian(heights[:, m])) for m in known)
-    share = rests.sum(axis=0) / max(len(rests), 1)
+    top = np.nanmax(stretches.quantiles(heights, [0.5]))
+    share = rests.mean(axis=0)
     parts = [part_by_name(name) for name in markers]
     near = [
         m

@@ -8,6 +8,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recording import scale_of
+from hopdata.recordings.raw import DIRECTIONS, along
 
 # Stretches of frames in which something holds.
 
@@ -318,18 +319,16 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
     """
     found: dict[str, float] = {}
     positions = positions[:: max(1, -(-len(positions) // MOST_FRAMES))]
-    for axis, name in enumerate("xyz"):
-        for sign in (1, -1):
-            low, tenth, high = quantiles(sign * positions[:, :, axis], [0.01, 0.1, 0.99])
-            floor, top = np.nanmin(low, initial=np.inf), np.nanmax(high, initial=-np.inf)
-            comes = low - floor < ON_THE_FLOOR * (top - floor)
-            comes &= _times_down(sign * positions[:, :, axis], low, high) >= LEAST_TIMES_DOWN
-            with np.errstate(invalid="ignore", divide="ignore"):
-                flatness = np.sort(((tenth - low) / (high - low))[comes])
-            found[name if sign > 0 else f"-{name}"] = (
-                float(flatness[1]) if len(flatness) > 1 else np.inf
-            )
-    best, following = sorted(found, key=lambda d: found[d])[:2]
+    for up in DIRECTIONS:
+        heights = along(positions, up)
+        low, tenth, high = quantiles(heights, [0.01, 0.1, 0.99])
+        floor, top = np.nanmin(low, initial=np.inf), np.nanmax(high, initial=-np.inf)
+        comes = low - floor < ON_THE_FLOOR * (top - floor)
+        comes &= _times_down(heights, low, high) >= LEAST_TIMES_DOWN
+        with np.errstate(invalid="ignore", divide="ignore"):
+            flatness = np.sort(((tenth - low) / (high - low))[comes])
+        found[up] = float(flatness[1]) if len(flatness) > 1 else np.inf
+    best, following = sorted(found, key=lambda up: found[up])[:2]
     return best, found[best], found[following]
 
 
@@ -392,14 +391,10 @@ class Timing:
 def check_stamps(time: FloatArray) -> Timing:
     """Judge (N,) time stamps, s, by their own median step."""
     steps = np.diff(time)
-    forward = steps[steps > 0]
-    if not len(forward):
-        none = np.zeros(0, dtype=np.int64)
-        return Timing(np.nan, none.reshape(0, 2), none, np.flatnonzero(steps <= 0), np.nan)
-    step = float(np.median(forward))
+    is_forward = steps > 0
+    step = float(np.median(steps[is_forward])) if is_forward.any() else np.nan
     frames = steps / step
     whole = np.round(frames)
-    is_forward = steps > 0
     on_grid = np.abs(frames - whole) <= IRREGULAR
     is_dropped = is_forward & on_grid & (whole > 1) & lasting(frames)
     dropped, regular = np.flatnonzero(is_dropped), is_forward & on_grid & (whole == 1)
@@ -408,7 +403,8 @@ def check_stamps(time: FloatArray) -> Timing:
         drops=np.column_stack([dropped, whole[dropped].astype(np.int64) - 1]),
         irregular=np.flatnonzero(is_forward & ~is_dropped & ~regular),
         backward=np.flatnonzero(~is_forward),
-        jitter_s=float(np.abs(steps[regular] - step).max(initial=0.0)),
+        # Of a clock without a step it is not known either.
+        jitter_s=float(np.abs(steps[regular] - step).max(initial=0.0 * step)),
     )
 
 
