@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
 from inspect import signature
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import pi
 from operator import getitem
 from pathlib import Path
@@ -15,9 +15,12 @@ from hopdata.errors import ConfigError, did_you_mean, mismatch
 from hopdata.scenes import STANDARD
 
 
-def _unknown(key: str, what: str, name: str, known: list[str]) -> str:
-    """Say that a name is not among those that are there."""
-    return mismatch(key, f"{what} ({', '.join(known)})", f"'{name}'{did_you_mean(name, known)}")
+def _unknown(what: str, known: list[str], places: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Yield which names are not among those that are there, of pairs of key and name."""
+    for key, name in places:
+        if name not in known:
+            found = f"'{name}'{did_you_mean(name, known)}"
+            yield mismatch(key, f"{what} ({', '.join(known)})", found)
 
 
 def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
@@ -34,30 +37,30 @@ def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
 BLOCKS = ("contacts", "forces")
 
 
+def _blocks(config: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield key and content of each block."""
+    for i, recording in enumerate(config["recordings"]):
+        yield from ((f"recordings[{i}].{kind}", recording[kind]) for kind in BLOCKS)
+
+
 def external_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield key and file of each block that names one."""
-    for i, recording in enumerate(config["recordings"]):
-        for block in BLOCKS:
-            if recording[block]["file"] is not None:
-                yield f"recordings[{i}].{block}.file", recording[block]["file"]
+    for key, block in _blocks(config):
+        if block["file"] is not None:
+            yield f"{key}.file", block["file"]
 
 
 def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield what is wrong with columns, feet and thresholds."""
     feet = feet_of(config)
-    for key, block in (
-        (f"recordings[{i}].{kind}", recording[kind])
-        for i, recording in enumerate(config["recordings"])
-        for kind in BLOCKS
-    ):
+    for key, block in _blocks(config):
         columns = list(enumerate(block["columns"]))
         if columns and block["file"] is None:
             yield mismatch(f"{key}.file", "a file beside the columns", "null (nothing)")
         yield from _once("column", ((f"{key}.columns[{k}].name", c["name"]) for k, c in columns))
         for k, column in columns:
-            for foot in column["feet"] or [column["name"]]:
-                if foot not in feet:
-                    yield _unknown(f"{key}.columns[{k}].feet", "feet of markers.feet", foot, feet)
+            of, place = column["feet"] or [column["name"]], f"{key}.columns[{k}].feet"
+            yield from _unknown("feet of markers.feet", feet, ((place, foot) for foot in of))
         if block.get("label_column") is not None and block["time_column"] is None:
             wanted = "the column of the instants beside label_column"
             yield mismatch(f"{key}.time_column", wanted, "null (nothing)")
@@ -168,9 +171,9 @@ def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
 
 def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
     known = [entry["name"] for entry in config["recordings"]]
-    for i, name in enumerate(config["steering"]["recordings"]):
-        if name not in known:
-            yield _unknown(f"steering.recordings[{i}]", "one of the recordings", name, known)
+    named = enumerate(config["steering"]["recordings"])
+    places = ((f"steering.recordings[{i}]", name) for i, name in named)
+    yield from _unknown("one of the recordings", known, places)
     if len(config["markers"]["boom"]) != 1:
         found = ", ".join(config["markers"]["boom"]) or "none"
         wanted = "one marker on the boom (markers.boom), on whose angle the frame changes depend"
@@ -219,9 +222,8 @@ def _left_out(config: dict[str, Any]) -> Iterator[str]:
             others = [key for key in ("from_s", "to_s", "markers") if entry[key] not in (None, [])]
             if entry["landings"] and others:
                 yield mismatch(f"{place}.landings", "no other choice beside them", others[0])
-            for name in entry["markers"]:
-                if name not in known:
-                    yield _unknown(f"{place}.markers", "a marker of body or feet", name, known)
+            named = ((f"{place}.markers", name) for name in entry["markers"])
+            yield from _unknown("a marker of body or feet", known, named)
 
 
 MOST_FEET = 6
@@ -237,10 +239,9 @@ def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
     known, joined = config["markers"]["feet"], list[tuple[str, str]]()
     others = [name for role in ("body", "boom") for name in config["markers"][role]]
     for i, foot in enumerate(config["feet"]):
-        for k, name in enumerate(foot["markers"]):
-            joined.append((f"feet[{i}].markers[{k}]", name))
-            if name not in known:
-                yield _unknown(f"feet[{i}].markers", "a marker of markers.feet", name, known)
+        joined += [(f"feet[{i}].markers[{k}]", name) for k, name in enumerate(foot["markers"])]
+        named = ((f"feet[{i}].markers", name) for name in foot["markers"])
+        yield from _unknown("a marker of markers.feet", known, named)
         if foot["name"] in [*known, *others, *(one["name"] for one in config["feet"][:i])]:
             yield mismatch(f"feet[{i}].name", "a name of its own", f"'{foot['name']}'")
     yield from _once("marker", joined)
@@ -256,9 +257,8 @@ def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
-    marker, body = config["home"]["marker"], config["markers"]["body"]
-    if marker is not None and marker not in body:
-        yield _unknown("home.marker", "a body marker", marker, body)
+    if (marker := config["home"]["marker"]) is not None:
+        yield from _unknown("a body marker", config["markers"]["body"], [("home.marker", marker)])
 
 
 _IN_ORDER = (
@@ -303,11 +303,9 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
         n_feet, has_boom = scene.n_legs, scene.has_boom
     made = [f"body{i + 1}" for i in range(n_body)] + [f"foot{i + 1}" for i in range(n_feet)]
     made += ["boom"] if has_boom else []
-    for role, names in config["markers"].items():
-        for name in names:
-            if name not in made:
-                yield _unknown(f"markers.{role}", "a marker of the simulation", name, made)
-                return
+    roles = config["markers"].items()
+    named = ((f"markers.{role}", name) for role, names in roles for name in names)
+    yield from islice(_unknown("a marker of the simulation", made, named), 1)
 
 
 def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
