@@ -1,7 +1,6 @@
 """Where the markers are, given the body's motion and contacts, and what a camera sees of them."""
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
@@ -179,15 +178,14 @@ def _follow_feet(
     down = np.zeros((len(time), scene.n_legs), dtype=bool)
     feet = np.empty((len(time), scene.n_legs, 3))
     for leg in range(scene.n_legs):
-        last = _last_event(trial, scene, leg, time)
+        since, place, extension, down[:, leg] = _last_event(trial, scene, leg, time)
         rest = rest_foot(scene, trial.states, leg)
-        drawn = last.extension * (1.0 - smooth_step(last.since_s / retraction_s))[:, None]
+        drawn = extension * (1.0 - smooth_step(since / retraction_s))[:, None]
         flying = rest + np.einsum("nij,nj->ni", rotations, drawn)
         if delay_s != 0:
-            flying[:, 2] += delay_s * _running_ahead(trial, scene, leg, last.since_s, time)
-        standing = rest * [1.0, 1.0, 0.0] if scene.feet_slide else last.place
-        down[:, leg] = last.is_down
-        feet[:, leg] = np.where(last.is_down[:, None], standing, flying)
+            flying[:, 2] += delay_s * _running_ahead(trial, scene, leg, since, time)
+        standing = rest * [1.0, 1.0, 0.0] if scene.feet_slide else place
+        feet[:, leg] = np.where(down[:, [leg]], standing, flying)
     return down, feet
 
 
@@ -200,20 +198,14 @@ def _running_ahead(
     return np.asarray(share * rest_foot_climb(scene, trial.states, leg))
 
 
-class _LastEvent(NamedTuple):
-    """The last contact event of a leg before each of N frames.
+def _last_event(
+    trial: Trial, scene: Scene, leg: int, time: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Find the last contact event of a leg before each of N frames.
 
-    Time since, s; place of the foot on the floor then, (N, 3), world, m; where it was from its rest
-    place, (N, 3), body frame, m; whether it touched (else it lifted off).
+    Returns the time since, s; the place of the foot on the floor then, (N, 3), world, m; where it
+    was from its rest place, (N, 3), body frame, m; whether it touched (else it lifted off).
     """
-
-    since_s: FloatArray
-    place: FloatArray
-    extension: FloatArray
-    is_down: BoolArray
-
-
-def _last_event(trial: Trial, scene: Scene, leg: int, time: FloatArray) -> _LastEvent:
     mine = np.flatnonzero(trial.event_leg == leg)
     states, touches = trial.event_state[mine], trial.event_down[mine]
     rest = rest_foot(scene, states, leg)
@@ -225,4 +217,4 @@ def _last_event(trial: Trial, scene: Scene, leg: int, time: FloatArray) -> _Last
     when = np.append(trial.event_time[mine], -np.inf)
     last = np.searchsorted(when[:-1], time, side="right") - 1
     place, extension = (np.vstack([one, np.zeros(3)])[last] for one in (place, extension))
-    return _LastEvent(time - when[last], place, extension, np.append(touches, False)[last])
+    return time - when[last], place, extension, np.append(touches, False)[last]

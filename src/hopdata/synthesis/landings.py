@@ -264,7 +264,7 @@ def _fall(
     own, centre = scene.system(variant), sections.centre_m
     system, unknown = landing_system(own), np.full(preloads_n.shape, NOT_YET)
     at: dict[str, Any] = {"point_m": centre, "height_m": height_m, "since_apex_s": since_apex_s}
-    above = _heights(states, centre) > height_m
+    above = _centre(states, centre)[:, 2] > height_m
     solution = solve_batch(
         system,
         (0.0, LONGEST_S),
@@ -281,10 +281,6 @@ def _fall(
         solution.y_end[:, own.n_states :],
         fell,
     )
-
-
-def _heights(states: FloatArray, point_m: FloatArray) -> FloatArray:
-    return np.asarray(states[:, 2] + rotation_matrices(states[:, 3:6])[:, 2] @ point_m)
 
 
 # Coordinates of a rigid body on a section, on which the mean of the body markers (the centre) has a
