@@ -169,6 +169,7 @@ ROUGH = 0.005  # of the scale: how sure a sloping floor must be on its rim to te
 
 def init(options: argparse.Namespace) -> int:
     """Write a configuration with guessed roles; exit code 1 if something must be filled in."""
+    from hopdata.landings.floor import moving
     from hopdata.recordings.plausibility import check_order
 
     out = options.out or Path("config", f"{study_name(options.file.stem)}.yaml")
@@ -181,7 +182,8 @@ def init(options: argparse.Namespace) -> int:
         f"markers.{key}: {', '.join(getattr(roles, key))}, or {other}?"
         for key, other in roles.unsure.items()
     ]
-    remarks = [*roles.problems, *asked, *_remarks(inspection), *_motion(inspection, roles)]
+    moves = moving(inspection.recording(roles.feet, roles.body))
+    remarks = [*roles.problems, *asked, *_remarks(inspection), *[moves] * bool(moves)]
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
@@ -205,16 +207,13 @@ def init(options: argparse.Namespace) -> int:
 def guessed_roles(inspection: Inspection) -> Roles:
     """Guess the roles; where feet may be lacking, again on the floor of these, if that slopes."""
     from hopdata.landings.floor import fit_floor, level
-    from hopdata.recording import Recording
     from hopdata.recordings.quality.roles import guess_roles, part_by_name
 
     found, names = guess_roles(inspection), inspection.markers
     named = [name for name in names if part_by_name(name) == "foot"]
     feet = named if len(named) > 1 else [*found.feet]
     while feet and len(feet) < len(names) and ({*feet} - {*found.feet} or found.reasons["unused"]):
-        others = [name for name in names if name not in feet]
-        whole = (inspection.time, inspection.positions, names)
-        recording = Recording.from_arrays(*whole, feet=feet, body=others)
+        recording = inspection.recording(feet, [name for name in names if name not in feet])
         try:
             floor = fit_floor(recording, degree=1, largest_error_m=ROUGH * recording.scale)
         except AnalysisError:
@@ -226,16 +225,6 @@ def guessed_roles(inspection: Inspection) -> Roles:
         roles.reasons["feet"] += "; on a floor that slopes"
         found, feet = roles, [*roles.feet]
     return found
-
-
-def _motion(inspection: Inspection, roles: Roles) -> list[str]:
-    """Say if the floor moves under the feet that were guessed."""
-    from hopdata.landings.floor import moving
-    from hopdata.recording import Recording
-
-    of = (inspection.time, inspection.positions, inspection.markers)
-    whole = Recording.from_arrays(*of, feet=roles.feet, body=roles.body)
-    return [moves for moves in [moving(whole)] if moves]
 
 
 def _draft(

@@ -40,15 +40,11 @@ def view(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from hopdata.commands.init import guessed_roles
-    from hopdata.recording import Recording
     from hopdata.report.scene import recording_scene
 
     inspection = inspected(options)
     roles = guessed_roles(inspection)
-    of = {"feet": roles.feet, "body": roles.body}
-    shown = Recording.from_arrays(
-        inspection.time, inspection.positions, inspection.markers, **of, name=options.file.name
-    )
+    shown = inspection.recording(roles.feet, roles.body, name=options.file.name)
     page = rendered(
         "view.html.j2", title=options.file.name, told=shown.told(), scene=recording_scene(shown)
     )

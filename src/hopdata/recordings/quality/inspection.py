@@ -120,6 +120,11 @@ class Inspection:
     remarks: tuple[str, ...] = ()
     treated: tuple[str, ...] = ()
 
+    def recording(self, feet: Iterable[str], body: Iterable[str], **named: str) -> Recording:
+        """Return the recording of its markers with these as feet and body."""
+        of = (self.time, self.positions, self.markers)
+        return Recording.from_arrays(*of, feet=feet, body=body, **named)
+
     @property
     def duration_s(self) -> float:
         """Time from the first frame to the last, s."""
