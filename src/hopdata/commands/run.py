@@ -251,12 +251,11 @@ def doctor(_options: argparse.Namespace) -> int:
 
 
 def _memory() -> str:
-    try:
+    with suppress(ValueError, OSError, AttributeError):
         size = os.sysconf("SC_PAGE_SIZE")
         whole, free = (size * os.sysconf(f"SC_{name}_PAGES") / 1e9 for name in ("PHYS", "AVPHYS"))
-    except (ValueError, OSError, AttributeError):
-        return "not known here"
-    return f"{whole:.1f} GB, {free:.1f} GB free"
+        return f"{whole:.1f} GB, {free:.1f} GB free"
+    return "not known here"
 
 
 def clean(options: argparse.Namespace) -> int:

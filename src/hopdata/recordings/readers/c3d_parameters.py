@@ -179,10 +179,9 @@ class _Section:
         """Yield the group's number (negative for a group itself), name and start of content."""
         at = 4
         while at + 2 <= len(self.data) and self.data[at]:
-            length = abs(_signed(self.data[at]))
-            number = _signed(self.data[at + 1])
-            name = decoded(self.take(at + 2, length)).strip().upper()
-            after = at + 2 + length
+            length, number = np.frombuffer(self.data, np.int8, 2, at).tolist()
+            name = decoded(self.take(at + 2, abs(length))).strip().upper()
+            after = at + 2 + abs(length)
             step = self.processor.whole(self.take(after, 2))[0]
             yield number, name, after + 2
             if step == 0:
@@ -193,7 +192,7 @@ class _Section:
 
     def kind(self, at: int) -> int:
         """Type of a parameter."""
-        return _signed(self.take(at, 1)[0])
+        return int(np.frombuffer(self.take(at, 1), np.int8)[0])
 
     def value(self, at: int) -> Any:
         """Value of a parameter: an array of its numbers or a list of its texts."""
@@ -216,10 +215,6 @@ class _Section:
 
     def fault(self, at: int, what: str) -> RecordingError:
         return RecordingError(f"{self.path}, byte {self.offset + at}: expected {what}")
-
-
-def _signed(byte: int) -> int:
-    return byte - 256 if byte > 127 else byte
 
 
 # The first block of a C3D file, and how many frames the file really holds.

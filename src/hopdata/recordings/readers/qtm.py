@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings import raw
@@ -52,8 +51,7 @@ class QtmHeader:
     path: Path
     values: dict[str, list[str]] = field(default_factory=dict)
     lines: dict[str, int] = field(default_factory=dict)
-    events: list[Event] = field(default_factory=list)
-    event_frames: list[float] = field(default_factory=list)
+    events: list[tuple[Event, float]] = field(default_factory=list)
     columns: list[str] = field(default_factory=list)
     first_row: list[str] = field(default_factory=list)
     n_lines: int = 0
@@ -148,9 +146,7 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
         header.columns = [counter(name) or name for name in text.trimmed(fields)]
         header.unit = unit_of(header.columns)
     elif key == "EVENT":
-        event, frame = _event(header, fields[1:])
-        header.events.append(event)
-        header.event_frames.append(frame)
+        header.events.append(_event(header, fields[1:]))
     elif key in header.values and header.values[key] != fields[1:]:
         told = (
             f"{header.path}, line {header.n_lines}: expected {key} once, "
@@ -166,15 +162,12 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
 
 def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
     """Read the rest of an ``EVENT`` row: label, frame, time."""
-    place = f"{header.path}, line {header.n_lines}"
-    try:
+    with suppress(ValueError):
         label, frame, seconds = text.trimmed(fields)
-        event, number = Event(label, float(seconds)), float(frame)
-        if not isfinite(event.time_s + number):
-            raise ValueError
-    except ValueError:
-        raise RecordingError.at(f"{place}: EVENT", "a label, a frame and a time", fields) from None
-    return event, number
+        if isfinite(float(seconds) + float(frame)):
+            return Event(label, float(seconds)), float(frame)
+    place = f"{header.path}, line {header.n_lines}: EVENT"
+    raise RecordingError.at(place, "a label, a frame and a time", fields)
 
 
 def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
@@ -341,19 +334,22 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
     counted, positions = rows.markers(counters, columns)
     key, by_name = "NO_OF_FRAMES", dict(zip(counters, counted.T, strict=True))
     wrong += raw.frame_count(header.place(key), key, header.number(key), len(positions))
-    stamps, stopped = _stamps(header, by_name.get("Time"))
+    stamps = by_name.get("Time")
+    stopped = stamps is not None and _is_triggered(header) and not np.all(np.diff(stamps) > 0)
+    told = "FREQUENCY is EXT and the time stamps do not increase; time counted from the frames"
+    wrong += (f"{header.path}: {told}",) * bool(stopped)
     found = raw.assembled(
         str(header.path),
         raw.distinct_names(place, names, may_lack=True),
         positions,
         number=by_name.get("Frame", np.arange(1.0, len(positions) + 1)).copy(),
-        stamps=stamps,
+        stamps=None if stamps is None or stopped else stamps.copy(),
         unit=(str(header.path), header.unit),
         rates_hz=(_stated_rate(header, rate_hz), rate_hz),
         rate_place=header.place("FREQUENCY"),
-        remarks=header.remarks + wrong + stopped,
+        remarks=header.remarks + wrong,
         unit_is_stated=bool(header.unit) or not KEYS_OF_EXPORTS.isdisjoint(header.values),
-        events=tuple(header.events),
+        events=tuple(event for event, _ in header.events),
         started=moment(header.stated("TIME_STAMP")),
     )
     return replace(found, remarks=found.remarks + _event_remarks(header, found.rate_hz))
@@ -370,18 +366,6 @@ def _is_triggered(header: QtmHeader) -> bool:
     return header.stated("FREQUENCY").upper() == "EXT"
 
 
-def _stamps(
-    header: QtmHeader, stamps: FloatArray | None
-) -> tuple[FloatArray | None, tuple[str, ...]]:
-    """Time stamps (N,), s, and a remark if an external trigger left none that run."""
-    if stamps is None or not _is_triggered(header) or np.all(np.diff(stamps) > 0):
-        return None if stamps is None else stamps.copy(), ()
-    return None, (
-        f"{header.path}: FREQUENCY is EXT and the time stamps do not increase; "
-        "time counted from the frames",
-    )
-
-
 def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
     """Frame rate by the header, Hz; None if it tells none. With an external trigger, the given."""
     near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
@@ -394,7 +378,6 @@ def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
 
 def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
     """Remark on events whose time is not that of their frame, from 1."""
-    pairs = zip(header.events, header.event_frames, strict=True)
-    off = sum(abs(event.time_s * rate_hz - (frame - 1)) > 1 for event, frame in pairs)
+    off = sum(abs(event.time_s * rate_hz - (frame - 1)) > 1 for event, frame in header.events)
     told = f"in {off} of {len(header.events)} events the time is not that of the frame"
     return (f"{header.path}: EVENT: {told}; the time is used",) * bool(off)
