@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params
-from hybrid_systems import relay
 from stress_quick import ball_on_table
 
 from hopdata.hybrid import System, field, guards, on_event, solve_batch
@@ -236,13 +235,25 @@ def test_why_there_are_no_lanes(system, options, said):
 
 
 @field
-def runs(t, y, mode, params, dy):
-    dy[0] = params[0]
+def pulled(t, y, mode, params, dy):
+    dy[0] = params[0] + (params[2] if mode[1] > 0 else 0.0)
+    dy[1] = params[1] + (params[3] if mode[0] > 0 else 0.0)
 
 
 @guards
-def line(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0] - 1.0, dy[0]
+def both_axes(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0], dy[0]
+    h[1], hdot[1] = y[1] + (params[4] if mode[2] > 0 else -params[4]), dy[1]
+
+
+def point(handler=None):
+    """A point that may cross two axes: one system, compiled once, for all handlers below."""
+    return System(
+        pulled, both_axes, handler, n_states=2, guard_names=("x", "y"), n_extra_modes=1
+    )  # fmt: skip
+
+
+RIGHTWARDS = [1.0, 0.0, 0.0, 0.0, 0.0]
 
 
 @on_event
@@ -250,66 +261,64 @@ def start_again(t, y, mode, params, guard, direction):
     if t > 2.95:
         raise OverflowError("too late")
     if direction > 0:
-        y[0], params[0] = 0.0, 0.5 * params[0]
+        y[0], params[0] = -1.0, 0.5 * params[0]
     return 0
 
 
-@pytest.mark.parametrize("params", [[1.0], np.ones((3, 1))])
+@pytest.mark.parametrize("params", [RIGHTWARDS, [RIGHTWARDS] * 3])
 def test_handlers_that_raise_or_change_parameters(params):
     """No lane sees another's parameters, and an exception is raised, as by the driver."""
-    system, y0 = System(runs, line, start_again, guard_names=("line",)), [[0.0], [0.1], [0.2]]
+    system, y0 = point(start_again), [[-1.0, -1.0], [-0.9, -1.0], [-0.8, -1.0]]
     options = {"params": params, "workers": 1, "lanes": True}
     here = solve_batch(system, (0.0, 2.95), y0, **options)
     assert here.success, here.message
-    np.testing.assert_allclose(here.y_end[:, 0], [0.975, 0.0125, 0.0375], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(here.y_end[:, 0], [-0.025, -0.9875, -0.9625], rtol=0, atol=1e-12)
     with pytest.raises(OverflowError, match="too late"):
         solve_batch(system, (0.0, 3.5), y0, **options)
 
 
 @on_event
 def no_lock(t, y, mode, params, guard, direction):
-    mode[0] = int(params[1])
+    mode[0] = int(params[3])
     return 0
 
 
 @pytest.mark.parametrize("lock", [0, 7, -7])
 def test_a_lock_that_is_none_is_named(lock):
     """Else its guard would flip no more, or to what field and handler do not know."""
-    system, y0 = System(runs, line, no_lock, guard_names=("line",)), [[0.0], [0.1], [5.0]]
-    batch = solve_batch(system, (0.0, 2.0), y0, params=[1.0, lock], lanes=True)
+    system, y0 = point(no_lock), [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
+    batch = solve_batch(system, (0.0, 2.0), y0, params=[1.0, 0.0, 0.0, lock, 0.0], lanes=True)
     assert batch.status.tolist() == [NO_LOCK, NO_LOCK, 0]
-    assert "lock of guard 'line'" in batch.message
+    assert "lock of guard 'x'" in batch.message
     assert batch.lanes.tolist() == [False, False, True]
     assert batch.t_end == pytest.approx([1.0, 0.9, 2.0])
 
 
+@on_event
+def push(t, y, mode, params, guard, direction):
+    if guard == 0:
+        mode[2] = direction
+    return 0
+
+
 def test_a_handler_that_pushes_another_guard_across():
-    y0 = np.column_stack([np.linspace(-0.5, 0.9, 15), np.zeros(15)])
-    here = solve_batch(relay(), (0.0, 2.0), y0, lanes=True, **OPTIONS)
-    plain = solve_batch(relay(), (0.0, 2.0), y0, lanes=False, **OPTIONS)
-    assert here.n_events.tolist() == plain.n_events.tolist()
+    y0 = np.column_stack([np.linspace(-1.5, -0.1, 15), np.zeros(15)])
+    options = {"params": [1.0, 0.0, 0.0, 1.0, 1.0], **OPTIONS}
+    here = solve_batch(point(push), (0.0, 2.0), y0, lanes=True, **options)
+    plain = solve_batch(point(push), (0.0, 2.0), y0, lanes=False, **options)
+    assert here.lanes.all()
+    assert here.n_events.tolist() == plain.n_events.tolist() == [2] * len(y0)
     assert here.mode.tolist() == plain.mode.tolist()
     assert np.allclose(here.y_end, plain.y_end, rtol=0, atol=1e-9)
 
 
-@field
-def pulled(t, y, mode, params, dy):
-    dy[0] = 1.0 + (params[0] if mode[1] > 0 else 0.0)
-    dy[1] = 1.0 + (params[1] if mode[0] > 0 else 0.0)
-
-
-@guards
-def both_axes(t, y, dy, mode, params, h, hdot):
-    h[0], hdot[0] = y[0], dy[0]
-    h[1], hdot[1] = y[1], dy[1]
-
-
 def test_locks_of_guards_on_their_surfaces_at_the_start_are_those_of_the_driver():
     """Rates decide, which depend on the other lock, and none is an event."""
-    system = System(pulled, both_axes, n_states=2, guard_names=("x", "y"))
+    system = point()
     pulls = [[0.5, 0.5], [-3, 0], [0, -3], [-1.5, 0.5], [-3, 2], [-1, 0]]
     y0 = np.repeat([[0.0, 0.0], [0.0, -0.4], [-0.3, 0.0]], len(pulls), axis=0)
-    options = {"params": np.tile(np.array(pulls, dtype=float), (3, 1)), "workers": 1}
+    params = [[1.0, 1.0, *pull, 0.0] for pull in pulls] * 3
+    options = {"params": params, "workers": 1}
     here = solve_batch(system, (0.0, 1.0), y0, lanes=True, **options)
     plain = solve_batch(system, (0.0, 1.0), y0, lanes=False, **options)
     assert here.lanes.sum() > len(pulls)
