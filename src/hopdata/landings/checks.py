@@ -1,4 +1,4 @@
-"""The quality of a study in a few lines, each with what was found and what would be good."""
+"""Quality checks of a study: each compares a value found in the data with its limits."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from hopdata.arrays import pd
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
-SURE = 0.9  # probability from which an order counts as sure
-NO_KINK_S = 0.005  # standard error of a contact that hardly changes the velocity of its foot
-LONG_S = 1.0  # gap of a body marker in which whole descents go unseen
+SURE = 0.9  # probability at or above which an order counts as sure
+NO_KINK_S = 0.005  # standard error, s, above which the contact hardly changes the foot's velocity
+LONG_S = 1.0  # gap of a body marker, s, in which whole descents may go unseen
 
 
 @dataclass(frozen=True)
 class Check:
-    """One question to the data.
+    """One question put to the data.
 
     Parameters
     ----------
     what : str
-        What is asked.
+        The question.
     about : str
-        What it is asked about: the page has a light for each.
+        Its topic; the report page has a light for each topic.
     value : float or None
-        What was found, in `unit`; None if it cannot be known.
+        The answer, in `unit`; None if it cannot be known.
     unit : str
-        Unit of the value and the limits.
+        Unit of the value and of the limits.
     good, poor : float
-        Values from which it is good, and from which it is poor; in between it deserves a look.
+        Limits of a good and of a poor value; a value between them deserves a look.
     status : str
         ``good, look, poor`` or ``not known``.
     remark : str
@@ -71,18 +71,18 @@ def check_study(
     Parameters
     ----------
     markers, faults : DataFrame
-        As from `hopdata.recordings.quality.inspection`.
+        From `hopdata.recordings.quality.inspection`.
     touchdowns : DataFrame
         The study's table of touchdowns.
     stability, drift : DataFrame
-        As from `hopdata.landings.stability`.
+        From `hopdata.landings.stability`.
     floors : mapping
-        Fields of the `FloorModel` of each recording, by name: one that moves is told of.
+        Fields of the `FloorModel` of each recording, by name; floors that move are reported.
     expected_noise_m : float, optional
-        Noise of a marker's coordinate that the recording system is known to have, m.
+        Known noise of a marker coordinate in the recording system, m.
     other_feet : bool
-        Whether feet land that the study does not follow: descents in which none of its own landed
-        are then theirs, and do not count against it.
+        Whether the animal also lands on feet that the study does not follow. Descents in which
+        none of the study's feet landed then do not count against it.
     """
     moves = [f"{name}: {one['note']}" for name, one in floors.items() if len(one["moved_m"]) > 1]
     drifts = _drift(drift)
@@ -97,7 +97,7 @@ def check_study(
     ]
 
 
-# What is asked, and about what; unit, and the values from which it is good and from which poor.
+# Question: (topic, unit, limit of good values, limit of poor values).
 QUESTIONS = {
     "frames seen, worst marker": ("Recordings", "%", 99.0, 95.0),
     "swaps, spikes, jumps, frozen, time": ("Recordings", "", 0.0, 10.0),
@@ -111,7 +111,7 @@ QUESTIONS = {
 
 
 def _check(what: str, value: float | None, remark: str) -> Check:
-    """Judge a value by its limits; the larger one is good if it comes first."""
+    """Judge a value by its limits; higher is better if the good limit exceeds the poor one."""
     about, unit, good, poor = QUESTIONS[what]
     if value is None or not np.isfinite(value):
         return Check(what, about, None, unit, good, poor, UNKNOWN, remark)
@@ -151,7 +151,7 @@ def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
 
 
 def _unseen(markers: pd.DataFrame) -> str:
-    """Say where there may be descents that no table counts, for want of a height of the body."""
+    """Name the body marker whose long gaps may hide descents that no table counts."""
     body = markers[(markers["role"] == "body") & (markers["longest_s"] > LONG_S)]
     if body.empty:
         return ""
@@ -203,7 +203,7 @@ def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
 
 
 def _open_foot(used: pd.DataFrame) -> str:
-    """Name the two feet whose order is most often the least sure, and say why."""
+    """Name the two feet whose order is most often the least certain, and why."""
     doubtful = used[used["probability"] < SURE]
     feet = [name[8:-2] for name in used.columns if name.startswith("contact_")]
     instant, se = (
@@ -225,7 +225,7 @@ def _open_foot(used: pd.DataFrame) -> str:
 
 
 def _common(used: pd.DataFrame) -> str:
-    """Say how far all contacts of a foot may be off alike, where that is beyond its error."""
+    """Report the error that all contacts of a foot may share, where it exceeds their own."""
     told = []
     for name in used.columns[used.columns.str.startswith("common_")]:
         common, foot = float(used[name].median()), str(name).removeprefix("common_")

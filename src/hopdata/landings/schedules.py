@@ -1,4 +1,4 @@
-"""Mode schedules: the order of the contacts, how probable it is, and how far apart they lie."""
+"""Mode schedules: the order of the contacts, its probability, and the spread of the instants."""
 
 from collections.abc import Sequence
 from math import sqrt
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 
 AMBIGUOUS = "ambiguous"
-TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
-REACH = 8.5  # standard deviations beyond which a normal is nothing
-CELL_NODES = 8
-CHUNK = 500  # landings integrated together
+TREATMENTS = ("keep", "pool", "exclude")  # how ambiguous orders may be treated
+REACH = 8.5  # standard deviations beyond which a normal density is negligible
+CELL_NODES = 8  # Gauss-Legendre nodes in a cell
+CHUNK = 500  # landings integrated together, to bound memory
 
 
 def contact_order(instants: FloatArray) -> NDArray[np.int64]:
-    """Feet in the order of their contacts, (L, n), counted from 0; ties by foot number.
+    """Sort the feet by their contacts, (L, n), counted from 0; ties go by foot number.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def contact_order(instants: FloatArray) -> NDArray[np.int64]:
 
 
 def schedule_names(instants: FloatArray) -> list[str]:
-    """Name each mode schedule, for instance ``"2>3>1"``; empty where an instant is NaN.
+    """Name each mode schedule, such as ``"2>3>1"``; empty where an instant is NaN.
 
     Parameters
     ----------
@@ -52,20 +52,21 @@ def spread(instants: FloatArray) -> FloatArray:
 def order_probability(
     instants: FloatArray, se: FloatArray, order: NDArray[np.int64] | None = None
 ) -> FloatArray:
-    """Probability of an order of the true instants, by default that of the estimates.
+    """Return the probability of an order of the true instants, by default the estimates' order.
 
-    An order that is more probable than a half is that of the estimates.
+    Only the order of the estimates can be more probable than one half.
 
-    The true instants are taken as independent normals about the estimates. The nested integral
-    P(T_1 < T_2 < ... < T_n) is done by recursion, F_k(t) = int_{-inf}^t p_k(s) F_{k-1}(s) ds, with
-    Gauss-Legendre nodes in cells that follow every normal: good to about 1e-8 for any n.
+    The true instants are modelled as independent normals about the estimates. The nested integral
+    P(T_1 < T_2 < ... < T_n) is evaluated by the recursion
+    F_k(t) = int_{-inf}^t p_k(s) F_{k-1}(s) ds, with Gauss-Legendre nodes in cells that follow every
+    normal. It is accurate to about 1e-8 for any n.
 
     Parameters
     ----------
     instants, se : (L, n) array
         Estimates and their standard errors, s; any time scale.
     order : (n,) or (L, n) int array, optional
-        Feet, counted from 0, in the order asked about.
+        Feet, counted from 0, in the order in question.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def order_probability(
     """
     order = contact_order(instants) if order is None else np.broadcast_to(order, instants.shape)
     mean, sd = np.take_along_axis(instants, order, axis=1), np.take_along_axis(se, order, axis=1)
-    mean -= mean[:, :1]  # a clock of 1.7e9 s would round the nodes between them
+    mean -= mean[:, :1]  # at a clock time of 1.7e9 s, rounding would merge nodes
     out = np.full(len(instants), np.nan)
     rows = np.flatnonzero(~(np.isnan(instants) | np.isnan(se)).any(axis=1))
     for chunk in np.split(rows, range(CHUNK, len(rows), CHUNK)) if len(rows) else ():
@@ -83,10 +84,10 @@ def order_probability(
 
 
 def runner_up(instants: FloatArray, se: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-    """Return the most probable order but that of the estimates, and its probability.
+    """Return the most probable order other than that of the estimates, and its probability.
 
-    Sought among the orders in which two contacts that follow each other are exchanged; any other is
-    less probable where the standard errors are alike.
+    The search covers the orders that exchange two consecutive contacts. Any other order is less
+    probable if the standard errors are similar.
 
     Parameters
     ----------
@@ -115,23 +116,23 @@ def runner_up(instants: FloatArray, se: FloatArray) -> tuple[NDArray[np.int64], 
 def schedule_classes(
     names: Sequence[str], probability: FloatArray, *, ambiguous_below: float
 ) -> list[str]:
-    """Class of each landing: its schedule, or `AMBIGUOUS` where that is not probable enough.
+    """Classify each landing by its schedule, or as `AMBIGUOUS` if that is not probable enough.
 
     Parameters
     ----------
     names : sequence of str
         The schedules of L landings, empty for none.
     probability : (L,) array
-        How probable each is; NaN where unknown.
+        Probability of each schedule; NaN where unknown.
     ambiguous_below : float
-        The least probability of a class that is sure.
+        Lowest probability at which a schedule counts as sure.
     """
     pairs = zip(names, probability < ambiguous_below, strict=True)
     return [AMBIGUOUS if name and doubt else name for name, doubt in pairs]
 
 
 def _nested(mean: FloatArray, sd: FloatArray) -> FloatArray:
-    """P(T_1 < ... < T_n) for normals in any order of their means, (L,)."""
+    """Return P(T_1 < ... < T_n) for normals with means in any order, (L,)."""
     nodes, lengths, cumulative, whole = _cells(mean, sd)
     below = np.ones_like(nodes)  # F_{k-1} at the nodes
     for k in range(mean.shape[1]):
@@ -146,7 +147,7 @@ def _nested(mean: FloatArray, sd: FloatArray) -> FloatArray:
 def _cells(
     mean: FloatArray, sd: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Nodes (L, C, p), half lengths (L, C), and the weights of partial and whole integrals."""
+    """Return nodes (L, C, p), half lengths (L, C), and weights of partial and whole integrals."""
     marks = np.arange(-REACH, REACH + 0.5, 1.0)
     edges = np.sort((mean[:, :, None] + sd[:, :, None] * marks).reshape(len(mean), -1), axis=1)
     half = 0.5 * np.diff(edges, axis=1)
@@ -156,7 +157,7 @@ def _cells(
 
 
 def _partial_weights(x: FloatArray) -> FloatArray:
-    """Weights w[i, j] with sum_j w[i, j] f(x_j) = integral of f from -1 to x_i, for polynomials."""
+    """Return w with sum_j w[i, j] f(x_j) = integral of f from -1 to x_i, for polynomials f."""
     powers = np.arange(len(x))
     monomials = x[:, None] ** powers
     integrals = (x[:, None] ** (powers + 1) - (-1.0) ** (powers + 1)) / (powers + 1)

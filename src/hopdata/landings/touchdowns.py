@@ -1,4 +1,4 @@
-"""The table of touchdowns: every descent with its contacts and schedule, or why it is left out."""
+"""The table of touchdowns: each descent with its contacts and schedule, or why it is excluded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hopdata.landings.contacts import descents, find
 from hopdata.landings.filling import mark_filled
 from hopdata.recording import Recording
 
-# Why a touchdown is left out: what was not seen of the body, or of a foot.
+# Why a touchdown is excluded: the body or a foot was not seen, or a foot did not land.
 
 HIDDEN_PRE = "frames missing at the pre section"
 NO_FOOT_LANDED = "no foot landed"
@@ -24,7 +24,7 @@ def exclusion_reasons(
     transitions: descents.Transitions, contacts: find.Contacts, *, longest_gap_s: float,
     continued_s: float = descents.CONTINUED_S,
 ) -> list[str]:  # fmt: skip
-    """Say of each touchdown why it is left out, the weightiest reason first; empty if it is used.
+    """Return the most important reason to exclude each touchdown; empty if it is used.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def exclusion_reasons(
     contacts : Contacts
         Their contacts.
     longest_gap_s : float
-        Longest time without a frame over a crossing, s.
+        Longest time without a frame that a crossing may lie in, s.
     continued_s : float
-        A foot may touch so long before the pre section, s.
+        How long before the pre section a foot may touch, s.
     """
     t_pre, t_post = transitions.t_pre[:, None], transitions.t_post[:, None]
     status, instant, se = contacts.status, contacts.instant, contacts.se
     timed = status == descents.LANDED
-    # None of the feet that are seen landed, and these are half of them or more: another leg's.
+    # No foot landed, and at least half of them were seen not to: another leg landed.
     idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
     untimed = np.isin(status, (descents.MISSING, descents.THIN))
     none = (idle | untimed).all(axis=1) & (idle.mean(axis=1) >= 0.5)
@@ -58,7 +58,7 @@ def exclusion_reasons(
         (timed & np.isnan(instant), "no contact found for foot {}"),
         (timed & (instant < t_pre - continued_s), "foot {} down before the pre section"),
         (timed & (instant > t_post), "foot {} not down by the post section"),
-        # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
+        # The error exceeds the whole transition: no kink was seen.
         (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
     )
     reasons = [""] * len(transitions)
@@ -92,29 +92,29 @@ def touchdown_table(
     pre_height_m, post_height_m : float
         The sections: mean height of the body markers, m.
     landings : pandas.DataFrame, optional
-        Its landings and their contacts, as from `find_landings`; by default found here.
+        Landings of the recording with their contacts, from `find_landings`; by default found here.
     method : str
-        See `hopdata.landings.contacts.find.find_contacts`; all but the kink fit look between the
-        sections.
+        See `hopdata.landings.contacts.find.find_contacts`. Every method but the kink fit searches
+        between the sections.
     ambiguous_below : float
-        Touchdowns whose schedule is less probable are of the class ``ambiguous``.
+        Touchdowns whose schedule is less probable than this are of the class ``ambiguous``.
     ambiguous : {"keep", "pool", "exclude"}
-        What becomes of these: they are used by their most probable order, or only where the order
-        does not matter (see `hopdata.landings.states.assemble`), or left out.
+        How ambiguous touchdowns are treated: used with their most probable order, used only where
+        the order does not matter (see `hopdata.landings.states.assemble`), or excluded.
     **options
-        Those of `find_landings`.
+        Options of `find_landings`.
 
     Returns
     -------
     pandas.DataFrame
         One row for each descent through the pre section, in order of time: recording, index,
-        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, common_<foot>_s (how far
-        all of its instants may be off alike, not in se), schedule (the most probable one),
+        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, common_<foot>_s (the
+        error that all instants of a foot may share, not in se), schedule (the most probable one),
         probability, class (the schedule or ``ambiguous``), runner_up and its
-        runner_up_probability, spread_s, excluded, reason. Three more kinds of landings have rows,
-        and are excluded: from a top below the pre section, with t_pre_s the instant of the top;
-        those that end above it; and those that only the feet show, as the body is hidden, with
-        t_pre_s the last instant with all feet up.
+        runner_up_probability, spread_s, excluded, reason. Three more kinds of landings have rows
+        and are excluded: landings that start from a top below the pre section, where t_pre_s is
+        the instant of the top; landings that end above it; and landings seen in the feet alone
+        while the body is hidden, where t_pre_s is the last instant with all feet up.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def touchdown_table(
     tops = np.interp(spans[:, 0], *_seen(recording))
     low = (tops < pre_height_m) & (table["reason"] != HIDDEN_PRE)
     table.loc[low, ["reason", "excluded"]] = LOW_FLIGHT, True
-    # A sway on feet that stay down is no landing, nor is what ends above the sections.
+    # A sway on feet that stay down is not a landing, nor is a descent that ends above the sections.
     through = (tops >= pre_height_m) & np.isfinite(transitions.t_pre)
     landed = (contacts.status == descents.LANDED).any(axis=1) | landings["hidden"].to_numpy(bool)
     table["t_pre_s"] = table["t_pre_s"].where(np.isfinite(transitions.t_pre), spans[:, 0])
@@ -157,18 +157,18 @@ def touchdown_tables(
     largest_share: float,
     **options: Any,
 ) -> Iterator[pd.DataFrame]:
-    """Yield the touchdowns of each recording, less those filled too much or left out by hand.
+    """Yield the table of each recording, excluding touchdowns by hand or for too much filling.
 
     Parameters
     ----------
     recordings, landings
-        Levelled recordings, and their landings by name, as from `find_landings`.
+        Levelled recordings, and their landings by name, from `find_landings`.
     exclude
-        Of each recording, see `left_out`.
+        Entries for each recording, see `left_out`.
     largest_share
         See `mark_filled`.
     **options
-        Sections and all else of `touchdown_table`.
+        Sections and other options of `touchdown_table`.
     """
     for recording, entries in zip(recordings, exclude, strict=True):
         table = touchdown_table(recording, landings=landings[recording.name], **options)
@@ -176,7 +176,7 @@ def touchdown_tables(
 
 
 def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Exclude by hand the touchdowns that are named, or of which any part lies in a span of time.
+    """Exclude the touchdowns that the user names, or that overlap a span of time.
 
     Parameters
     ----------
@@ -184,13 +184,14 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
         See `touchdown_table`.
     entries
         ``recordings[].exclude`` of the configuration: ``from_s`` and ``to_s``, s, ``landings``,
-        ``markers`` and the ``reason``. One that is excluded already keeps its own reason, unless
-        its markers are not seen by hand. Markers of the body alone exclude nothing here.
+        ``markers`` and the ``reason``. A touchdown that is already excluded keeps its own reason,
+        unless the entry removes markers. Entries that remove only body markers exclude nothing
+        more here.
 
     Raises
     ------
     AnalysisError
-        If there is no landing of a number.
+        If no landing has one of the numbers.
     """
     table = table.copy()
     begins = table["t_pre_s"].to_numpy(float)
@@ -210,9 +211,9 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
         if named:
             chosen, told = table["index"].isin(named) & ~out, f"by hand: {entry['reason']}"
         elif any(f"contact_{name}_s" in table for name in markers):
-            chosen = inside  # a foot is not seen: whatever its contacts say now
+            chosen = inside  # a foot was removed by hand, so its contacts do not count
         elif markers:
-            chosen = inside & out  # what the rest of the body did not carry
+            chosen = inside & out  # the other body markers did not suffice
         else:
             chosen, told = inside & ~out, f"by hand: {entry['reason']}"
         table.loc[chosen, ["reason", "excluded"]] = told, True
@@ -222,7 +223,7 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
 def _transitions(
     recording: Recording, spans: FloatArray, hidden: BoolArray, sections: tuple[float, float]
 ) -> descents.Transitions:
-    """Where landings cross the sections, pre and post; the spans themselves of the hidden ones."""
+    """Find where landings cross the sections; a hidden landing crosses at the ends of its span."""
     seen = _seen(recording)
     found = descents.find_transitions(
         *seen, pre_height_m=sections[0], post_height_m=sections[1], spans=spans

@@ -1,4 +1,4 @@
-"""Contact instants of every foot in every landing, by the method chosen."""
+"""Contact instants of every foot in every landing, by the chosen method."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
 from hopdata.recordings.quality.rigid import low_pass
 
-LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
-SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
-LEAVES = 8.0  # standard deviations of a height: a foot that rises by more has left again
-REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
-MOST_ODD = 0.5  # share of the landings without which a law may be learned
-FILTER_DELAYS = 0.21  # periods of its cut-off by which a low-pass may make contacts late
-DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0  # of the median descent, and of the noise: a foot that is down
+LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, if the flight law holds
+SHORT_WINDOWS_S = (0.04, 0.027)  # before and after the contact, if it does not
+LEAVES = 8.0  # rise, in standard deviations of a height, at which a foot has left the floor again
+REFUTED = 2.0  # rms residual over measurement noise above which the flight law does not hold
+MOST_ODD = 0.5  # largest share of landings that may be left out when the law is learned
+FILTER_DELAYS = 0.21  # delay of contacts by a low-pass filter, in periods of its cut-off
+# Height below which a foot is down: this share of the median descent, but at least this many
+# standard deviations of the noise.
+DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0
 
 
 @dataclass(frozen=True)
@@ -36,15 +38,16 @@ class Contacts:
     instant, se : (L, n) array
         Contact instant and its standard error, s; NaN where none was found.
     status : (L, n) int array
-        Codes of `hopdata.landings.contacts.descents`: ``LANDED``, or why no instant is to be
+        Codes of `hopdata.landings.contacts.descents`: ``LANDED``, or why the instant cannot be
         trusted.
     noise_m : float
         Standard deviation of a foot's height in this recording, m.
     common : (n,) array
-        How far all instants of a foot may be off alike, s, since its contact may be softer or
-        harder than it looks; not in `se`, and empty for the printed methods.
+        Error that all instants of a foot may share, s, because its contact may be softer or harder
+        than it appears; not in `se`, and empty for the printed methods.
     earliest : (L, n) array
-        When the foot was last too high for its contact, s; empty for the printed methods.
+        Last instant at which the foot was still too high to touch, s; empty for the printed
+        methods.
     """
 
     instant: FloatArray
@@ -65,15 +68,15 @@ def find_landings(
     down_height_m: float | None = None,
     maximum_misfit: float = 5.0,
 ) -> pd.DataFrame:
-    """Find the descents of the body, and by the kink fit when each foot touched in them.
+    """Find the descents of the body, and time each foot's contact in them by the kink fit.
 
     Parameters
     ----------
     recording : Recording
         Levelled: feet rest at height 0.
     down_height_m : float, optional
-        A foot that never sinks below this height has not landed, m. By default 15 % of the median
-        descent of the body, and at least four times the noise.
+        Height to which a foot must sink to have landed, m. By default 15 % of the median descent
+        of the body, but at least four times the noise.
     gravity, window_before_s, window_after_s, maximum_misfit
         See `find_contacts`.
 
@@ -81,8 +84,9 @@ def find_landings(
     -------
     pandas.DataFrame
         One row for each descent, in order of time: begin_s and end_s (apex and nadir of the body),
-        hidden (whether only the feet show it: then from all up to all down), and of each foot
-        contact_<foot>_s, se_<foot>_s, status_<foot> and, the same in all rows, common_<foot>_s.
+        hidden (whether only the feet show the landing; it then lasts from all up to all down), and
+        for each foot contact_<foot>_s, se_<foot>_s, status_<foot> and common_<foot>_s, which is
+        the same in all rows.
 
     Raises
     ------
@@ -130,7 +134,7 @@ def find_landings(
 
 
 def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
-    """Return the contacts of feet from those of their markers, each of the foot of that number."""
+    """Combine the contacts of markers into those of their feet; `foot_of` numbers the feet."""
     if len(set(foot_of)) == len(foot_of):
         return contacts
     found, common = [], []
@@ -146,7 +150,7 @@ def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
 
 
 def usual_down_height(recording: Recording, spans: FloatArray) -> float:
-    """Return the height, m, below which a foot is down, by the descents (L, 2) of the body, s."""
+    """Return the height, m, below which a foot is down, from the body's descents (L, 2), s."""
     apex, nadir = (np.searchsorted(recording.time, side) for side in spans.T)
     falls = recording.body_height[apex] - recording.body_height[nadir]
     fall_m = float(np.nanmedian(falls)) if np.isfinite(falls).any() else 0.0
@@ -154,12 +158,12 @@ def usual_down_height(recording: Recording, spans: FloatArray) -> float:
 
 
 def contacts_of(landings: pd.DataFrame) -> Contacts:
-    """Return the contacts in a table of `find_landings`."""
+    """Read the contacts from a table made by `find_landings`."""
     instant, se, status, common = (
         landings[[name for name in landings if str(name).startswith(kind)]].to_numpy(float)
         for kind in ("contact_", "se_", "status_", "common_")
     )
-    # The noise is in the errors already.
+    # The errors already contain the noise.
     return Contacts(instant, se, status.astype(np.int64), np.nan, common.max(axis=0, initial=0.0))
 
 
@@ -178,7 +182,7 @@ def find_contacts(
     correlation: float = 0.0,
     foot_of: tuple[int, ...] = (),
 ) -> Contacts:
-    """Find when each foot touched in each transition.
+    """Find the instant at which each foot touched in each transition.
 
     Parameters
     ----------
@@ -189,25 +193,25 @@ def find_contacts(
     transitions : Transitions
         The descents of the body.
     down_height_m : float
-        A foot that never sinks below this height has not landed, m.
+        Height to which a foot must sink to have landed, m.
     lead_s : float
-        The search for a foot begins so long before a transition, s.
+        Time before a transition at which the search for a contact begins, s.
     method : {"kink", "velocity_minimum", "velocity_minimum_parabola"}
-        Maximum-likelihood kink; or the least vertical velocity in the transition (the printed
-        method, Sec. 2.2.3), as a whole frame or at the vertex of a parabola through it.
+        Maximum-likelihood kink, or the minimum of the vertical velocity in the transition (the
+        printed method, Sec. 2.2.3), to a whole frame or at the vertex of a parabola through it.
     gravity : {"learned", "free", "known"}
-        Acceleration of a foot in free flight, for the kink fit: its distribution taken from the
-        recording, unknown in each landing, or that of gravity.
+        Acceleration of a foot in free flight, for the kink fit: drawn from a distribution learned
+        from the recording, unknown in each landing, or that of gravity.
     window_before_s, window_after_s : float, optional
-        Frames used by the kink fit before and after the contact, s (at least 5 and 3 frames). By
-        default 0.08 and 0.05 s where feet fly freely and then stand still to within the noise, and
-        0.04 and 0.027 s where they do not (a runner's foot rolls).
+        Time before and after the contact whose frames the kink fit uses, s (at least 5 and 3
+        frames). The defaults are 0.08 and 0.05 s where feet fly freely and then stand still to
+        within the noise, and 0.04 and 0.027 s where they do not (a runner's foot rolls).
     maximum_misfit : float
-        Largest ratio of a kink fit's rms residual to that of the whole recording.
+        Largest accepted ratio of a kink fit's rms residual to that of the whole recording.
     correlation : float
-        Of the noise in a frame with that in the next (`descents.noise_correlation`).
+        Correlation of the noise in consecutive frames (`descents.noise_correlation`).
     foot_of : tuple of int, optional
-        Number of the rigid foot of each of the n, where several are markers of one.
+        Number of the rigid foot that each of the n belongs to, where several are markers of one.
 
     Returns
     -------
@@ -235,7 +239,7 @@ def find_contacts(
     seen = time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest
     feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m, foot_of=foot_of)
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
-    if (rising := (fits.velocity > 0) & np.isfinite(earliest)).any():  # they began too late
+    if (rising := (fits.velocity > 0) & np.isfinite(earliest)).any():  # the search began too late
         near = np.where(rising, earliest, near)
         fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     stands = fits.n_after[status == descents.LANDED] >= FRAMES_AFTER
@@ -246,7 +250,8 @@ def find_contacts(
         fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
         odd = _is_odd(fits)
     bounces = not rolls and stands.mean() < 1 - kink_law.UNDETERMINED_SHARE
-    rises = np.asarray((fits.n_after < FRAMES_AFTER) & bounces)  # as toes while the heel comes down
+    # A marker may rise right after its contact, such as the toes while the heel comes down.
+    rises = np.asarray((fits.n_after < FRAMES_AFTER) & bounces)
     if rolls or bounces or odd.any():
         short = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S), leaves_m=np.inf)
         alone, own = kink_law.single_fits(short, near, noise_m=noise_m, gravity=gravity)
@@ -257,7 +262,7 @@ def find_contacts(
     risen_s = np.where(rises, LEAVES * noise_m / np.abs(fits.velocity), 0.0)
     about = [round(window / float(np.median(np.diff(time)))) for window in feet.windows_s]
     se = np.hypot(found.se, risen_s) * descents.widening(correlation, *about)
-    # From the earliest instant on the foot only comes to stand, and that takes no longer.
+    # After the earliest instant the foot only has to come to rest, which takes no longer than this.
     longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
     return replace(found, se=np.minimum(se, longest), common=common, earliest=earliest)
 
@@ -272,7 +277,7 @@ METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
 def _windows(
     time: FloatArray, asked: tuple[float | None, float | None], default: tuple[float, float]
 ) -> tuple[float, float]:
-    """Windows before and after a contact, s: as asked, else the default; never too few frames."""
+    """Return the windows before and after a contact, s, widened to hold enough frames."""
     frame_s = float(np.median(np.diff(time)))
     before, after = (d if a is None else a for a, d in zip(asked, default, strict=True))
     return max(before, 5 * frame_s), max(after, 3 * frame_s)
@@ -281,7 +286,7 @@ def _windows(
 def _hidden(
     time: FloatArray, heights: FloatArray, near: FloatArray, windows_s: tuple[float, float]
 ) -> BoolArray:
-    """Tell of which landings and feet (L, n) frames are missing about the contacts `near`, s."""
+    """Mark the landings and feet (L, n) with frames missing about the contacts `near`, s."""
     lost = np.cumsum(np.isnan(heights), axis=0)
     ends = (np.searchsorted(time, near + way) for way in (-windows_s[0], windows_s[1]))
     first, last = (np.take_along_axis(lost, k.clip(max=len(time) - 1), axis=0) for k in ends)
@@ -289,13 +294,13 @@ def _hidden(
 
 
 def _is_odd(fits: KinkFits) -> BoolArray:
-    """Tell which contacts (L, n) do not keep to the law of the others, as of legs that swing on."""
+    """Mark contacts (L, n) that break the law of the others, such as those of a swinging leg."""
     ratio, chance = _misfits(fits, kink_law.pooled_noise(fits))
     return np.asarray(ratio > np.maximum(REFUTED, chance))
 
 
 def _misfits(fits: KinkFits, noise_m: float) -> tuple[FloatArray, FloatArray]:
-    """Rms residuals over the noise (L, n), and what is three standard deviations of chance."""
+    """Return rms residuals over the noise (L, n), and their limits at three standard deviations."""
     dof = np.maximum(fits.dof, 1.0)
     return np.sqrt(fits.misfit / dof) / noise_m, 1 + 3 / np.sqrt(2 * dof)
 
@@ -303,7 +308,7 @@ def _misfits(fits: KinkFits, noise_m: float) -> tuple[FloatArray, FloatArray]:
 def _judged(
     fits: KinkFits, status: IntArray, hidden: BoolArray, noise_m: float, maximum_misfit: float
 ) -> Contacts:
-    """Mark the fits with too few frames or too large a misfit; widen errors by the misfit."""
+    """Mark fits with too few frames or too large a misfit; widen errors by the misfit."""
     thin = (fits.n_before < FRAMES_BEFORE) | (fits.n_after < FRAMES_AFTER) | (fits.dof <= 0)
     thin |= ~np.isfinite(fits.unit_se)
     ratio, chance = _misfits(fits, noise_m)
@@ -311,7 +316,7 @@ def _judged(
     status = np.where(landed & (ratio > maximum_misfit), descents.POOR_FIT, status)
     status = np.where(landed & ~(fits.velocity < 0), descents.RISES, status)
     status = np.where(landed & thin, np.where(hidden, descents.MISSING, descents.THIN), status)
-    # A misfit beyond its chance value is none: Birge's ratio.
+    # Widen the error by Birge's ratio where the misfit exceeds what chance explains.
     se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
     untimed = np.isin(status, (descents.MISSING, descents.THIN))
     instant, se = (np.where(untimed, np.nan, x) for x in (fits.instant, se))

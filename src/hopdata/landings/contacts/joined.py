@@ -1,4 +1,4 @@
-"""A foot of several markers: as low as the lowest, and down as soon as the first of them is."""
+"""A foot with several markers: as low as its lowest marker, down as soon as one of them is."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,24 +12,25 @@ from hopdata.recording import Recording
 
 
 def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Recording:
-    """Put feet in the place of their markers.
+    """Replace groups of markers by the feet that they belong to.
 
     Parameters
     ----------
     recording : Recording
         Levelled, so that each marker rests at height 0.
     feet : sequence of mapping
-        Each ``name`` and ``markers``, foot markers of the recording. Others are feet by themselves.
+        ``name`` and ``markers`` of each foot; the markers are foot markers of the recording. A
+        foot marker that is not listed is a foot of its own.
 
     Returns
     -------
     Recording
-        With a foot at the place of the first of its markers: where the lowest of them is, NaN where
-        one is not seen. Its markers follow it, with the role ``part``.
+        With each foot listed in place of its first marker. The foot is where its lowest marker is,
+        NaN where one of them is not seen. Its markers follow it, with the role ``part``.
     """
     if not feet:
         return recording
-    order: list[tuple[str, str, list[int]]] = []  # name, role, and the markers that it is made of
+    order: list[tuple[str, str, list[int]]] = []  # name, role, and numbers of its markers
     taken = {marker: foot for foot in feet for marker in foot["markers"]}
     for number, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):
         foot = taken.get(marker)
@@ -54,7 +55,7 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
 
 
 def parts_of_feet(recording: Recording) -> list[list[int]]:
-    """Return the markers of each foot: itself, or the parts that follow it."""
+    """Return the markers of each foot: the foot itself, or the parts that follow it."""
     parts: list[list[int]] = []
     for number, role in enumerate(recording.roles):
         if role == "foot":
@@ -67,11 +68,12 @@ def parts_of_feet(recording: Recording) -> list[list[int]]:
 def first_of(
     instant: FloatArray, se: FloatArray, status: IntArray, earliest: FloatArray
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Contacts (L,) of a foot from those of its p markers (L, p): the first of those that land.
+    """Return the contacts (L,) of a foot: the first landing among its p markers (L, p).
 
-    A marker that was down before makes the foot so; one that may have landed unseen, or fits badly,
-    leaves it open, unless it was too high then (until `earliest`, s). Instant and standard error,
-    s, are mean and deviation of the earliest of independent normals, taken two by two (Clark 1961).
+    If a marker was already down, so was the foot. If a marker may have landed unseen, or fits
+    badly, the foot's contact stays open, unless that marker was too high (until `earliest`, s).
+    Instant and standard error, s, are the mean and deviation of the earliest of independent
+    normals, taken two at a time (Clark 1961).
     """
     down, landed = status == ALREADY_DOWN, status == LANDED
     first = np.where(landed, instant, np.inf).min(axis=1, keepdims=True)
@@ -93,13 +95,13 @@ def first_of(
 def _earlier(
     a: FloatArray, sd_a: FloatArray, b: FloatArray, sd_b: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Mean and deviation of the lesser of two independent normals."""
+    """Return the mean and standard deviation of the smaller of two independent normals."""
     from scipy.special import ndtr
 
     width = np.hypot(sd_a, sd_b)
     x = (b - a) / width
     first, density = ndtr(x), width * np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
     mean = a * first + b * (1 - first) - density
-    away_a, away_b = a - mean, b - mean  # second moments about the mean itself, to lose no digits
+    away_a, away_b = a - mean, b - mean  # moments about the mean avoid cancellation
     square = (away_a**2 + sd_a**2) * first + (away_b**2 + sd_b**2) * (1 - first)
     return mean, np.sqrt(np.maximum(square - (away_a + away_b) * density, 0.0))

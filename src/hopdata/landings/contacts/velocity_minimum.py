@@ -1,4 +1,4 @@
-"""The printed method: contact where the vertical velocity of a foot is least in the transition."""
+"""The printed method: contact at the minimum of a foot's vertical velocity in the transition."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hopdata.recording import Recording
 
 FILTER_S = 0.07  # seven frames at the dissertation's 100 Hz
 LEAST_FILTER_FRAMES = 5
-MARGIN_S = 0.05  # shown before the pre and after the post section
+MARGIN_S = 0.05  # time shown before the pre section and after the post section
 
 
 def filter_window(rate_hz: float) -> int:
     """Return the odd number of frames nearest to the dissertation's window of 0.07 s.
 
-    Seven frames are that only at 100 Hz: at 2000 Hz they would be all noise.
+    Seven frames last 0.07 s only at 100 Hz; at 2000 Hz they would give nothing but noise.
 
     >>> [filter_window(rate) for rate in (50.0, 100.0, 120.0, 500.0)]
     [5, 7, 9, 35]
@@ -30,7 +30,7 @@ def filter_window(rate_hz: float) -> int:
 def savitzky_golay_velocity(
     values: FloatArray, rate_hz: float, *, window: int | None = None
 ) -> FloatArray:
-    """First derivative by a cubic fitted to a moving window.
+    """Differentiate by a cubic fitted to a moving window.
 
     Parameters
     ----------
@@ -56,9 +56,10 @@ def savitzky_golay_velocity(
 
 
 def derivative_weights(window: int) -> FloatArray:
-    """Weights of a window's samples in the cubic's slope at its middle, (window,), per frame.
+    """Return the weights (window,) of the samples in the cubic's slope at mid-window, per frame.
 
-    By sums of whole numbers: a solver's last digits are of its version and the machine.
+    The weights come from sums of integers, since a solver's last digits depend on its version and
+    on the machine.
     """
     frames = np.arange(window) - window // 2
     s2, s4, s6 = (float(np.sum(frames**power)) for power in (2, 4, 6))
@@ -68,10 +69,10 @@ def derivative_weights(window: int) -> FloatArray:
 def velocity_minima(
     time: FloatArray, heights: FloatArray, transitions: Transitions, noise_m: float, parabola: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Find the instant of least vertical velocity of each foot between the two sections.
+    """Find the instant of minimum vertical velocity of each foot between the two sections.
 
-    Sec. 2.2.3 of the dissertation. The smoothing moves the minimum ahead of the contact, by the
-    same time for all feet as far as they are alike.
+    See Sec. 2.2.3 of the dissertation. Smoothing moves the minimum ahead of the contact, by the
+    same time for all feet to the extent that they are alike.
 
     Parameters
     ----------
@@ -84,23 +85,23 @@ def velocity_minima(
     noise_m : float
         Standard deviation of a height, m.
     parabola : bool
-        Take the vertex of the parabola through the least frame and its two neighbours instead of
+        Take the vertex of the parabola through the minimum frame and its two neighbours instead of
         the frame itself.
 
     Returns
     -------
     instant, se : (L, n) array
         Instants and standard errors, s; NaN where the transition is incomplete or a frame of the
-        filter's window is missing in it. The error is that of rounding to a frame, or what the
-        noise of the heights makes of the vertex. Instants scatter by more: by several times
-        this at 1000 Hz, where noise decides which frame is the least, and about a vertex,
-        which depends on where in a frame the contact falls.
+        filter's window is missing in it. The error is that of rounding to a frame, or of the
+        vertex due to the noise of the heights. The actual scatter is larger: several times this
+        error at 1000 Hz, where noise decides which frame is the minimum, and larger for a vertex
+        too, since its place depends on where within a frame the contact falls.
     """
     frame_s = float(np.median(np.diff(time)))
     velocity = savitzky_golay_velocity(heights, 1 / frame_s)
     shape = (len(transitions), heights.shape[1])
     instant, se = np.full(shape, np.nan), np.full(shape, np.nan)
-    # Noise of half the difference of the velocities one frame either side.
+    # Noise of half the difference between the velocities one frame to either side.
     weights = np.convolve(derivative_weights(filter_window(1 / frame_s)), [0.5, 0.0, -0.5])
     noise = noise_m / frame_s * float(np.linalg.norm(weights))
     first = np.searchsorted(time, transitions.t_pre)
@@ -120,11 +121,11 @@ def velocity_minima(
     return instant, se
 
 
-# One typical touchdown, to be shown.
+# One typical touchdown to show.
 
 
 def example_touchdown(recordings: Sequence[Recording], table: pd.DataFrame) -> pd.DataFrame:
-    """Heights and velocities of the feet in one typical touchdown (Fig. 2.3).
+    """Tabulate the heights and velocities of the feet in one typical touchdown (Fig. 2.3).
 
     Parameters
     ----------
@@ -137,8 +138,8 @@ def example_touchdown(recordings: Sequence[Recording], table: pd.DataFrame) -> p
     -------
     pandas.DataFrame
         recording, index, time_s (from the pre section), foot, height_m, velocity_m_s (by the filter
-        of the printed method). The touchdown is the one of median spread in the surer half of those
-        of the commonest schedule.
+        of the printed method). Among the touchdowns with the most common schedule, those at least
+        as sure as the median are kept, and the one with the median spread is taken.
 
     Raises
     ------
