@@ -95,17 +95,20 @@ def test_names_are_shown_as_written_and_made_safe_for_folders(group):
     [
         (
             "subject\tpath\nanna\ta.h5\n",
-            "columns subject, file, parted by tabs, found 1 rows of subject, path",
+            "columns subject, file, separated by tabs, found 1 rows of subject, path",
         ),
         ("subject\tfile\n", "found 0 rows"),
         ("# runs\n\nsubject\tfile\n\ta.h5\n", "line 4: subject: expected a name"),
-        ("subject\tfile\nanna\n", "line 2: expected the 2 columns subject, file, parted by tabs"),
-        ("subject\tfile\nanna\ta.h5\tb.h5\n", "parted by tabs, found 3"),
+        (
+            "subject\tfile\nanna\n",
+            "line 2: expected the 2 columns subject, file, separated by tabs",
+        ),
+        ("subject\tfile\nanna\ta.h5\tb.h5\n", "separated by tabs, found 3"),
         ("subject\tfile\nanna\ta.h5\nben\t./a.h5\n", "line 3: file: expected each file once"),
-        ("subject\tfile\nanna\ta.h5\nben\t\n", "line 3: file: expected one in each row"),
+        ("subject\tfile\nanna\ta.h5\nben\t\n", "line 3: file: expected a value in each row"),
         (
             "subject\tcondition\tfile\nanna\t\ta.h5\nben\tshod\tb.h5\n",
-            "line 2: condition: expected one in each row",
+            "line 2: condition: expected a value in each row",
         ),
         ("subject\tsubject\tfile\nanna\tben\ta.h5\n", "no column twice, and"),
         ("subject\tfile\nanna\ta.h5\nAnna\tb.h5\nben\tc.h5\n", "found 'anna', 'Anna'"),
@@ -164,7 +167,7 @@ def test_the_same_landings_as_two_subjects_are_told():
     rows = [row(*one) for one in (("a", 0.1), ("b", 0.2), ("c", 0.1), ("d", 0.3))]
     found = put_together(rows, GROUP)
     assert found["effect"] is None
-    assert "expected other landings in each, found equal: a, c." in found["sentence"]
+    assert "expected different landings, found the same in: a, c." in found["sentence"]
 
 
 def test_the_page_shows_the_jump_of_a_study_that_it_decided():

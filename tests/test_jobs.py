@@ -97,9 +97,7 @@ def test_a_full_disk_is_told_in_a_line_and_nothing_is_left(tmp_path, write):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
     try:
-        with pytest.raises(
-            StorageError, match=r"out: expected a place to write it, found: File too"
-        ):
+        with pytest.raises(StorageError, match=r"out: expected a writable file, found: File too"):
             write(tmp_path / "out")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -1,4 +1,4 @@
-"""Answer from motion capture whether landing on several feet is one smooth map.
+"""Test with motion capture whether landing on several feet is one smooth map.
 
     import hopdata as hd
 
@@ -7,9 +7,9 @@
     study.touchdowns
     study.figures.verdict()
 
-The package follows the data's way, one sub-package a stage: ``hybrid`` and ``scenes`` simulate,
-``synthesis`` observes, ``recordings`` reads, ``landings`` finds touchdowns, ``maps`` compares
-linear models, ``figures`` draws and ``report`` gathers.
+The package follows the path of the data, with one sub-package per stage: ``hybrid`` and ``scenes``
+simulate, ``synthesis`` simulates the cameras, ``recordings`` reads files, ``landings`` finds
+touchdowns, ``maps`` compares linear models, ``figures`` draws and ``report`` writes the page.
 """
 
 from importlib import import_module
@@ -32,7 +32,7 @@ __all__ = sorted(_PLACES)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> object:
-    """Import what a notebook needs when it is first used: `import hopdata` takes no time."""
+    """Import a public name when it is first used, so that `import hopdata` is fast."""
     if name not in _PLACES:
         from hopdata.errors import absent
 

@@ -1,4 +1,4 @@
-"""`python -m hopdata` is the command `hopdata`."""
+"""The command `hopdata`, also run by `python -m hopdata`."""
 
 import argparse
 import os
@@ -14,12 +14,12 @@ from hopdata import __version__
 from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM
 from hopdata.errors import HopdataError, did_you_mean
 
-# The command ``hopdata``: its command line, and one message instead of a traceback.
+# This module parses the command line and reports errors as one message without a traceback.
 #
-# The commands themselves are in `hopdata.commands`, each imported when it runs, so that
-# ``hopdata --help`` is there at once.
+# The commands themselves are in `hopdata.commands`. Each is imported only when it runs, so that
+# ``hopdata --help`` answers at once.
 
-#: What stands in the table of the command line.
+#: Table of the commands and their options.
 _FILE = Path(__file__).parent / "commands" / "commands.toml"
 TABLE: dict[str, Any] = tomllib.loads(_FILE.read_text("utf-8"))
 COMMANDS: dict[str, dict[str, Any]] = TABLE["commands"]
@@ -31,17 +31,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line without the program's name; by default that of the process.
+        Command line without the program's name; by default the one of this process.
 
     Returns
     -------
     int
-        Exit code: 0, or 1 after a user's mistake, told on stderr, and where the data have a
-        problem; 130 when interrupted. A wrong command line ends in argparse's SystemExit with
-        code 2.
+        Exit code: 0 for success; 1 for a user's mistake, which is reported on stderr, or for a
+        problem in the data; 130 for an interrupt. After a wrong command line argparse raises
+        SystemExit with code 2.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    # What follows "--" is Snakemake's; to argparse it would be more arguments of our own.
+    # Arguments after "--" are for Snakemake; argparse would take them for our own.
     own = given.index("--") if given[:1] == ["run"] and "--" in given else len(given)
     options = _parser().parse_args(given[:own], argparse.Namespace(passed_on=given[own + 1 :]))
     try:
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HopdataError as error:
         print(f"hopdata: error: {error}", file=sys.stderr)
         return PROBLEM
-    except BrokenPipeError:  # the reader of our output, such as head, has gone
+    except BrokenPipeError:  # the reader of our output, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except KeyboardInterrupt:
@@ -60,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that names the nearest command for one that is misspelt."""
+    """A parser that suggests the nearest command for a misspelt one."""
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         choices = [str(choice) for choice in action.choices or ()]
@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def completion(_options: argparse.Namespace) -> int:
-    """Print what makes a shell (bash; zsh after bashcompinit) complete the commands and files."""
+    """Print the line with which bash, or zsh after bashcompinit, completes commands and files."""
     print(f'complete -o default -W "{" ".join(COMMANDS)}" {Path(sys.argv[0]).name or "hopdata"}')
     return OK
 
@@ -119,12 +119,12 @@ def _positive(text: str) -> float:
 
 
 def _cores(text: str) -> str:
-    if text != "all" and not (text.isdecimal() and int(text)):  # with 0 Snakemake waits for ever
+    if text != "all" and not (text.isdecimal() and int(text)):  # Snakemake waits forever with 0
         raise argparse.ArgumentTypeError(f"expected a whole number above 0, or all, found '{text}'")
     return text
 
 
-#: Of an option's value, by their names in the table.
+#: Types of the options' values, by their names in the table.
 TYPES: dict[str, Callable[[str], Any]] = {
     "path": Path,
     "int": int,

@@ -1,4 +1,4 @@
-"""Types of arrays, pandas and h5py, one thread of BLAS, and the one constant that rooms share."""
+"""Array types, late imports of pandas and h5py, the BLAS thread limit, and standard gravity."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 else:
 
     class _Late:
-        """Stands for a module that is slow to load, and is loaded by those alone who use it."""
+        """Stand-in for a module that is slow to load: it is imported on first use."""
 
         def __init__(self, module: str) -> None:
             self.module = module
@@ -37,17 +37,18 @@ BoolArray = NDArray[np.bool_]
 
 
 class Shown(Told):
-    """A result that a notebook shows in a line and a small table; a dataclass with ``repr=False``.
+    """A result that a notebook shows as one line and a small table.
 
-    A class of it says the line in `told`, and may say the table in `rows`.
+    Subclasses are dataclasses with ``repr=False``. They return the line from `told` and may return
+    the table from `rows`.
     """
 
     def told(self) -> str:
-        """Return what it is, in a line."""
+        """Return a description in one line."""
         raise NotImplementedError
 
     def rows(self) -> dict[str, Any]:
-        """Return columns of a table, none by default."""
+        """Return the columns of the table; there are none by default."""
         return {}
 
     def __repr__(self) -> str:
@@ -62,29 +63,30 @@ class Shown(Told):
 GRAVITY_M_S2 = 9.80665  # the standard acceleration of free fall (3rd CGPM, 1901)
 
 
-# One thread of BLAS while hopdata works: its matrices are too small to be shared out.
+# BLAS is limited to one thread while hopdata works: its matrices are too small to be split.
 
 
 class _Depth(local):
-    """How deep a thread is in `one_blas_thread`."""
+    """Nesting depth of the current thread in `one_blas_thread`."""
 
     value = 0
 
 
 _LOCK = Lock()
 _depth = _Depth()
-_inside = 0  # threads
-_before: dict[str, int] = {}  # file of a library -> its threads
+_inside = 0  # number of threads in `one_blas_thread`
+_before: dict[str, int] = {}  # file of a library -> its number of threads before
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit every BLAS (OpenBLAS, MKL, BLIS) to one thread.
 
-    A context, and a decorator of functions that are no generators. It nests, and several threads
-    may be in it: of a library with one number for all of them the last to leave gives it back,
-    which threadpoolctl alone leaves to the first. A library that is first imported inside is seen
-    at the next entry, so what imports SciPy enters again afterwards.
+    Use it as a context or as a decorator of functions that are not generators. It can be nested
+    and entered by several threads. If a library has one limit for all threads, the last thread to
+    leave restores it; threadpoolctl alone would let the first one do so. A library that is first
+    imported inside is limited only at the next entry, so code that imports SciPy enters again
+    afterwards.
     """
     global _inside
     with _LOCK:
@@ -106,7 +108,7 @@ def one_blas_thread() -> Iterator[None]:
 def _give_back() -> None:
     from threadpoolctl import OpenBLASController
 
-    # Else only the thread that was first to set OpenBLAS's number may set it again.
+    # Without this, only the thread that first set OpenBLAS's limit may set it again.
     OpenBLASController.clear_controlling_thread(force=True)
     for library in _libraries():
         is_own = library.internal_api == "mkl" or library.threading_layer == "openmp"

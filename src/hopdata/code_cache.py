@@ -1,16 +1,17 @@
-"""Where compiled machine code is kept from one process to the next.
+"""Cache of compiled machine code that outlives a process.
 
-Numba's own cache notices a change of the file that holds a function, not of the functions and
-constants which that function takes from other files. So each compiled function gets a folder
-named by a digest of all that it is made from: a change anywhere leads to a fresh folder.
+Numba's own cache notices a change in the file that defines a function, but not in the functions and
+constants that the function uses from other files. Here each compiled function gets a folder named
+by a digest of everything that it is made from, so any change leads to a new folder.
 
-The folders stand in the first of these that can be written to: ``NUMBA_CACHE_DIR`` if the user has
-set it, ``__pycache__`` beside the source, the user's cache folder, and a folder of the user's own
-among the temporary files. Where there is none, functions are compiled anew in each process.
-Removing them is always safe.
+The folders are in the first of these places that is writable: ``NUMBA_CACHE_DIR`` if the user has
+set it, otherwise ``__pycache__`` beside the source; the user's cache folder; and a private folder
+of the user among the temporary files. If none is writable, functions are compiled in every process.
+Removing the folders is always safe.
 
-A wheel may bring machine code (``packaging/machine_code.py`` makes it), for C functions that are
-called by their address. Where their digests, Numba and the processor fit, it is taken as it is.
+A wheel may include machine code (made by ``packaging/machine_code.py``) for C functions that are
+called by their address. It is used if the digest, the versions of Numba and llvmlite, the system
+and the processor match.
 """
 
 import gc
@@ -34,14 +35,15 @@ import numpy as np
 from numba import NumbaError, config, njit
 
 DIGITS = 16
-BROUGHT = Path(__file__).parent / "_machine_code"  # by a wheel
-_LOCK = RLock()  # the setting of the folder is Numba's, and there is one for all threads
+BROUGHT = Path(__file__).parent / "_machine_code"  # included in a wheel
+_LOCK = RLock()  # guards Numba's setting of the cache folder, which all threads share
 
 
 def kept_njit(types: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return `numba.njit` with these options, whose machine code is kept if it can be.
+    """Return a `numba.njit` decorator with these options that caches machine code if possible.
 
-    With `types` it is compiled at once, while others wait for it, instead of when it is called.
+    With `types` the function is compiled at once instead of at its first call; other threads and
+    processes that need it wait meanwhile.
     """
 
     def decorate(function: Callable[..., Any]) -> Any:
@@ -62,12 +64,12 @@ def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[Path 
     function : callable
         The Python function that is about to be compiled.
     digest : str
-        Names the state of the sources that it depends on.
+        Digest of the sources that the function depends on; it names the folder.
 
     Yields
     ------
     Path or None
-        The folder, if there is one to cache in.
+        The folder; None if no place is writable.
     """
     with _LOCK:
         chosen_by_user = config.CACHE_DIR  # type: ignore[attr-defined]
@@ -84,10 +86,10 @@ def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[Path 
 def compiled_in_cache(
     function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]
 ) -> Any:
-    """Return ``compile_it(True)``, loaded from the cache if it is there, or what a wheel brought.
+    """Return the compiled function: from the wheel, from the cache, or from ``compile_it(True)``.
 
-    Where caching fails (a full disk, a module that cannot be imported by its name), it is
-    ``compile_it(False)``: compiled without.
+    Where caching fails (a full disk, a module that cannot be imported by its name), return
+    ``compile_it(False)``, which compiles without a cache.
     """
     if (brought := brought_code(function, digest)) is not None:
         return brought
@@ -103,18 +105,19 @@ def compiled_in_cache(
 
 
 def made_with() -> list[str]:
-    """Return the versions and the system that machine code is bound to."""
+    """Return the versions and the system for which machine code is valid."""
     return [numba.__version__, llvmlite.__version__, llvm.get_default_triple()]
 
 
 def brought_code(function: Callable[..., Any], digest: str) -> SimpleNamespace | None:
-    """Return the `address` of a C function that came in the wheel, if it fits here.
+    """Return the `address` of a C function from the wheel, or None if it does not fit here.
 
-    What holds it in memory is returned beside it.
+    The result also holds the `engine` that keeps the code in memory.
 
-    The file is a line of JSON and an object file. The line holds what `made_with` returned, the
-    function's symbol, the features of the processor that the code uses, and symbols that it needs,
-    without which the process would end. Numba's own settings of the processor exclude it.
+    The file is a line of JSON followed by an object file. The line holds the value of `made_with`,
+    the function's symbol, the processor features that the code uses, and the symbols that it needs:
+    a missing symbol would end the process. The file is ignored if Numba is set to a certain
+    processor.
     """
     file = BROUGHT / f"{function.__name__}-{digest}"
     if config.CPU_NAME or config.CPU_FEATURES or not config.ENABLE_AVX or not file.is_file():  # type: ignore[attr-defined]
@@ -134,9 +137,9 @@ def brought_code(function: Callable[..., Any], digest: str) -> SimpleNamespace |
 
 @contextmanager
 def _alone_in(folder: Path | None) -> Iterator[None]:
-    """Wait while another process compiles for this folder: what it leaves there is then loaded."""
+    """Wait while another process compiles into this folder, so that its result can be loaded."""
     with ExitStack() as stack:
-        with suppress(ImportError, OSError):  # no such locks on Windows and on some file servers
+        with suppress(ImportError, OSError):  # Windows and some file servers lack these locks
             import fcntl
 
             if folder is not None:
@@ -147,7 +150,7 @@ def _alone_in(folder: Path | None) -> Iterator[None]:
 
 @contextmanager
 def _without_collector() -> Iterator[None]:
-    """Let Python not look for garbage meanwhile: that is a tenth of the time that Numba takes."""
+    """Suspend garbage collection, which takes a tenth of Numba's compile time."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -158,27 +161,27 @@ def _without_collector() -> Iterator[None]:
 
 
 def is_in_cache(function: Callable[..., Any], digest: str) -> bool:
-    """Tell whether the folder of this name holds the index of some machine code."""
+    """Return whether the folder of this digest holds an index of machine code."""
     with cache_directory(function, digest) as folder:
         return folder is not None and any(True for _ in folder.glob("*/*.nbi"))
 
 
 def _candidates(function: Callable[..., Any], chosen_by_user: str) -> Iterator[Path]:
     source = Path(function.__code__.co_filename)
-    if not source.exists():  # typed at a prompt: there is no file to compare the cache with
+    if not source.exists():  # typed at a prompt, so Numba has no file to check the cache against
         return
     if chosen_by_user:
         yield Path(chosen_by_user)
     else:
         yield source.parent / "__pycache__"
     users = _users_cache() / "hopdata"
-    if users.is_absolute():  # it is not where there is no home: it would be made right here
+    if users.is_absolute():  # without a home the path is relative to the working directory
         yield users
     yield from _temporary()
 
 
 def _users_cache() -> Path:
-    """Return where a user's programs keep what they can make again."""
+    """Return the user's cache folder on this system."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", ""))
     usual = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
@@ -186,7 +189,7 @@ def _users_cache() -> Path:
 
 
 def _temporary() -> Iterator[Path]:
-    """Yield a folder among the temporary files which nobody else can have put code into."""
+    """Yield a temporary folder into which no other user can have put code."""
     try:
         name = f"hopdata-{os.getuid()}" if hasattr(os, "getuid") else "hopdata"
         folder = Path(tempfile.gettempdir()) / name
@@ -208,7 +211,7 @@ def _can_be_written(folder: Path) -> bool:
 
 
 def function_digest(function: Callable[..., Any]) -> str:
-    """Return a digest of a function and of all functions and constants that it reaches.
+    """Return a digest of a function and of all functions and constants that it uses.
 
     Parameters
     ----------
@@ -218,9 +221,9 @@ def function_digest(function: Callable[..., Any]) -> str:
     Returns
     -------
     str
-        16 hexadecimal digits. They change with the code of the function, of each function that
-        it reaches by a global name, a module's attribute or a closure, and with the numbers,
-        strings, tuples and arrays reached in the same way, in whichever file they stand.
+        16 hexadecimal digits. They change with the code of the function and with the functions,
+        numbers, strings, tuples and arrays that it reaches by a global name, a module's attribute
+        or a closure, in whichever file these are.
     """
     digest = hashlib.sha256()
     for part in _parts(function, set()):
@@ -232,7 +235,7 @@ def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
     function = getattr(value, "py_func", value)
     made_by = getattr(function, "__wrapped__", None)
     if isinstance(made_by, FunctionType) and not isinstance(function, FunctionType):
-        yield _source(made_by.__code__.co_filename)  # an intrinsic: whatever stands in its module
+        yield _source(made_by.__code__.co_filename)  # an intrinsic: its whole module counts
     elif not isinstance(function, FunctionType):
         yield _constant_bytes(value)
     elif id(function) not in seen:

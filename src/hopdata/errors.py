@@ -1,4 +1,4 @@
-"""Errors a user can act on: each says where, what was expected and what was found."""
+"""Errors that a user can act on: each names the place, what was expected and what was found."""
 
 import difflib
 import inspect
@@ -11,40 +11,40 @@ Arguments = ParamSpec("Arguments")
 
 
 class HopdataError(Exception):
-    """Base of every error that hopdata raises for a mistake in its input.
+    """Base class of the errors that hopdata raises for a mistake in its input.
 
-    Its arguments are the lines of the message, whatever characters the names in them have.
+    The arguments are the lines of the message. Unprintable characters in them are replaced.
     """
 
     @classmethod
     def at(cls, place: object, expected: str, found: object) -> Self:
-        """Return the error that names a place, what was expected there and what was found."""
+        """Return an error that names a place, what was expected there and what was found."""
         return cls(mismatch(place, expected, found))
 
     def __str__(self) -> str:
         return "\n".join(printable(str(line)) for line in self.args)
 
     def _render_traceback_(self) -> list[str]:
-        """Show the message alone in a notebook, which asks for this, without our inner frames."""
+        """Show only the message in a notebook, which calls this method, and no traceback."""
         return [f"{type(self).__name__}: {self}"]
 
 
 class ArgumentError(HopdataError, TypeError, ValueError):
-    """A function was called with what it does not take."""
+    """A function was called with an argument that it does not accept."""
 
 
 class AbsentError(HopdataError, AttributeError):
-    """A module or an object has nothing of this name."""
+    """A module or an object has no attribute of this name."""
 
 
 class Told:
-    """What a notebook holds: a misspelt attribute is told with the nearest that there is."""
+    """Base of objects for notebooks: the error for a misspelt attribute suggests the nearest."""
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> object:
             if name.startswith("_") or hasattr(type(self), name):
-                return object.__getattribute__(self, name)  # which raises a property's own error
+                return object.__getattribute__(self, name)  # raises the property's own error
             raise absent(type(self).__name__, name, dir(self))
 
 
@@ -57,20 +57,20 @@ class RecordingError(HopdataError):
 
 
 class AnalysisError(HopdataError):
-    """The data are sound but do not suffice for the analysis asked for."""
+    """The data are valid but do not suffice for the requested analysis."""
 
 
 class StorageError(HopdataError, OSError):
-    """There is no room for a file."""
+    """A file cannot be written, for example because the disk is full."""
 
 
 def mismatch(place: object, expected: str, found: object) -> str:
-    """Say what was expected at a place, and what was found: the form of every message."""
+    """Return a message in the common form: the place, what was expected and what was found."""
     return f"{place}: expected {expected}, found {found}"
 
 
 def printable(text: str) -> str:
-    """Return a text of a user as it can stand in a message: one line, nothing that steers."""
+    """Return a user's text in a form safe for messages: one line without control characters."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
@@ -83,19 +83,19 @@ def did_you_mean(name: str, choices: Iterable[str]) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name without what is easily overlooked: its subject, case, kinds of space."""
+    """Return a name without its subject prefix, in one case and with single spaces."""
     return " ".join(name.rpartition(":")[2].split()).casefold()
 
 
 def absent(owner: str, name: str, choices: Iterable[str]) -> AbsentError:
-    """Return the error that says what there is in place of a name; of no use are private names."""
+    """Return the error for a missing attribute; it suggests public names of the owner."""
     there = [one for one in choices if not one.startswith("_")]
     near = did_you_mean(name, there) or f"; it has {', '.join(there)}"
     return AbsentError(f"{owner} has no attribute {name!r}{near}")
 
 
 def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry]:
-    """Decorate a function so that a misspelt or missing argument is told with those there are."""
+    """Decorate a function so that an error about its arguments lists those that it accepts."""
     known = inspect.signature(function)
     names = [name for name in known.parameters if name not in ("self", "cls")]
     title = function.__qualname__.removesuffix(".__init__")
@@ -118,7 +118,7 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
 
 
 def require(holds: bool, key: str, wanted: str, found: object) -> None:
-    """Raise a `ConfigError` that names `key` unless what was found is as wanted."""
+    """Raise a `ConfigError` that names `key` unless the condition holds."""
     if not holds:
         raise ConfigError.at(key, wanted, found)
 
@@ -132,7 +132,7 @@ def require_choice(key: str, value: str, choices: Iterable[str]) -> None:
 
 
 def chosen(key: str, name: str, table: Mapping[str, Entry]) -> Entry:
-    """Return what a table has under a name; raise a `ConfigError` that lists it if it has none."""
+    """Return the entry of a table by name; raise a `ConfigError` that lists the names otherwise."""
     require_choice(key, name, table)
     return table[name]
 

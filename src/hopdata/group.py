@@ -1,4 +1,4 @@
-"""A group: subjects in a table, each a study of its own, and a page of them all."""
+"""Studies of a group: a table lists the subjects, each gets its own study, one page shows all."""
 
 import csv
 import logging
@@ -16,22 +16,22 @@ logger = logging.getLogger("hopdata")
 
 
 def read_group(config: str | Path) -> dict[str, Any]:
-    """Read the configuration of a group, and its table of samples.
+    """Read the configuration of a group and its table of samples.
 
     Parameters
     ----------
     config : path
         A study's configuration with ``samples``, a tab-separated table, in place of ``recordings``.
-        The table has a row for each file: `subject`, `file` (empty: simulated) and any of
-        `condition`, `session` and `recording`; further columns are shown on the page. What has the
-        same subject and condition is one study.
+        The table has one row per file with the columns `subject`, `file` (empty: simulated) and
+        any of `condition`, `session` and `recording`. The page shows further columns. Rows with
+        the same subject and condition form one study.
 
     Returns
     -------
     dict
-        ``study``, ``verdict`` (margin and confidence) and ``members``: by name the
-        subject, condition, further columns, and the configuration of its study. Seeds are children
-        of the group's by the member's name.
+        ``study``, ``verdict`` (margin and confidence) and ``members``: name -> subject, condition,
+        further columns and the configuration of the member's study. Its seed is derived from the
+        group's seed and the member's name.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
     from hopdata.jobs import study_name
     from hopdata.maps.draws import named_generator
 
-    content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # all that a page shows
+    content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # pages show only SVG
     require("recordings" not in content, str(config), "samples or recordings", "both")
     file = Path(str(content.pop("samples")))
     members: dict[str, Any] = {}
@@ -55,7 +55,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
         member = members.setdefault(name.casefold(), new)
         here, known = f"{file}, line {line}", (member["subject"], member["condition"])
         require(bool(row["subject"]), f"{here}: subject", "a name", "nothing")
-        wanted = "names that differ in more than case, accents and signs, since folders have them"
+        wanted = "names that differ in more than case, accents and signs, as they name folders"
         found = ", ".join(repr(" ".join(one).strip()) for one in (known, who))
         require(who == known, f"{here}: subject, condition", wanted, found)
         other = seen.setdefault(Path(row["file"] or f"simulated {line}"), line)
@@ -67,14 +67,14 @@ def read_group(config: str | Path) -> dict[str, Any]:
         parts = (row.get("session", ""), row.get("recording", ""))
         recording = "_".join(filter(None, parts)) or f"recording{len(recordings) + 1}"
         recordings.append({"name": study_name(recording), "file": row["file"] or None})
-    # A mistake in what is common to all is told once, before any job.
+    # Report a mistake in the common part once, before any job starts.
     first = next(iter(members.values()))["config"]["recordings"]
     whole = load_config({**content, "recordings": first}, files=[config], check_files=False)
     named = {member["config"]["study"]: member for member in members.values()}
     for name, member in named.items():
         seed = named_generator(whole["seed"], "group", name).integers(2**32)
         member["config"]["seed"] = int(seed)
-        for key, texts in member["further"].items():  # of all its files
+        for key, texts in member["further"].items():  # join the values of all the member's files
             member["further"][key] = ", ".join(dict.fromkeys(filter(None, texts)))
     return {
         "study": whole["study"],
@@ -84,7 +84,10 @@ def read_group(config: str | Path) -> dict[str, Any]:
 
 
 def _rows(file: Path) -> dict[int, dict[str, str]]:
-    """Read the table of samples, all as text, by line; lines that begin with # are remarks."""
+    """Return the rows of the table of samples by line number; lines that begin with # are skipped.
+
+    All values are text.
+    """
     try:
         lines = enumerate(file.read_text(encoding="utf-8-sig").splitlines(), start=1)
     except (OSError, UnicodeDecodeError) as error:
@@ -96,30 +99,30 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
         if text.strip() and not text.startswith("#")
     }
     names = cells.pop(min(cells), []) if cells else []
-    while names and not names[-1]:  # spreadsheets leave tabs
+    while names and not names[-1]:  # spreadsheets leave trailing tabs
         names.pop()
     found = f"{len(cells)} rows of {', '.join(names) or 'nothing'}"
     wanted = f"a row for each file, no column twice, and the columns {', '.join(NEEDED)}"
     fits = bool(cells) and {*NEEDED} <= {*names} and len({*names}) == len(names)
-    require(fits, f"samples: {file}", f"{wanted}, parted by tabs", found)
-    wanted = f"the {len(names)} columns {', '.join(names)}, parted by tabs"
+    require(fits, f"samples: {file}", f"{wanted}, separated by tabs", found)
+    wanted = f"the {len(names)} columns {', '.join(names)}, separated by tabs"
     for line, row in cells.items():
         fits = len(row) > names.index("file") and not any(row[len(names) :])
         require(fits, f"{file}, line {line}", wanted, f"{len(row)}")
-    empty = [""] * len(names)  # a row may end before its last columns
+    empty = [""] * len(names)  # a row may lack its last columns
     rows = {line: dict(zip(names, row + empty, strict=False)) for line, row in cells.items()}
     for name in ("file", "condition"):
         without = [line for line, row in rows.items() if not row.get(name)]
         place = f"{file}, line {min(without, default=0)}: {name}"
-        require(len(without) in (0, len(rows)), place, "one in each row, or in none", "nothing")
+        require(len(without) in (0, len(rows)), place, "a value in each row or in none", "nothing")
     return rows
 
 
 def run_member(member: Mapping[str, Any], folder: Path) -> None:
-    """Do the study of a member: its results and page in `folder`, and its row in ``member.json``.
+    """Run the study of a member; write results, page and row (``member.json``) to `folder`.
 
-    A study without an answer, for whatever reason but a lack of memory or disk, has that reason in
-    its row and on its page.
+    If the study has no answer, its row and its page give the reason. Only a lack of memory or disk
+    space raises an error.
     """
     from hopdata.analysis import Study
     from hopdata.config.loading import load_config
@@ -159,7 +162,7 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
 
 
 def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the members' rows say together: ``group.json``.
+    """Combine the members' rows into the content of ``group.json``.
 
     Returns
     -------
@@ -174,9 +177,11 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     found |= {"members": list(rows), "conditions": []}
     try:
         if answered.empty:
-            raise AnalysisError(f"no subject has an answer, the first: {rows[0]['reason']}")
+            raise AnalysisError(f"no subject has an answer; the first: {rows[0]['reason']}")
         if same := answered.loc[answered.duplicated("squared", keep=False), "subject"].tolist():
-            raise AnalysisError(f"expected other landings in each, found equal: {', '.join(same)}")
+            raise AnalysisError(
+                f"expected different landings, found the same in: {', '.join(same)}"
+            )
         effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
         said = f"These data cannot tell: {error}."

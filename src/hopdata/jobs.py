@@ -1,4 +1,4 @@
-"""What every batch job needs: a log file, one clear line on failure, whole or no outputs."""
+"""Support for batch jobs: a log file, errors in one line, and outputs that are whole or absent."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ TEXT_COLUMNS = (
     *("recording", "schedule", "schedule_a", "schedule_b", "reason"),
     *("foot", "first_foot", "feet", "marker", "column", "name"),
 )
-RUN = "[=+\\-@\t\r\n＝＋－＠]"  # beginnings of a text that a spreadsheet may run as a formula
+RUN = "[=+\\-@\t\r\n＝＋－＠]"  # a spreadsheet may run texts that begin with these as formulas
 _RUN, _GUARDED = re.compile(f"'*{RUN}"), re.compile(f"'+{RUN}")
 DIGITS, MOST_DIGITS = 9, 16
-LATE_S = 1e3  # instants (columns in "_s") after it need more digits than 9
+LATE_S = 1e3  # s; columns in "_s" with later instants than this get 16 digits instead of 9
 
 logger = logging.getLogger("hopdata")
 
@@ -35,7 +35,7 @@ logger = logging.getLogger("hopdata")
 def study_name(text: str) -> str:
     """Turn any text into the name of a study or a recording: letters, digits, ``_`` and ``-``.
 
-    Accents go, so that ``müde`` becomes ``mude``.
+    Accents are removed: ``müde`` becomes ``mude``.
     """
     plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
     return re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:100] or "study"
@@ -43,22 +43,22 @@ def study_name(text: str) -> str:
 
 @contextmanager
 def reported(log: str | Path) -> Iterator[None]:
-    """Send the package's log to `log`; end a user's mistake in one line and exit code 1.
+    """Write the package's log to `log`; turn a user's mistake into one line and exit code 1.
 
     Parameters
     ----------
     log : path
-        Log file, written anew. Any other exception goes there with its traceback, and on.
+        Log file, overwritten. Any other exception is logged with its traceback and raised again.
 
     Raises
     ------
     SystemExit
-        With code 1 after a `HopdataError`, whose message is on stderr and in the log.
+        With code 1 after a `HopdataError`; its message goes to stderr and to the log.
     """
     Path(log).parent.mkdir(parents=True, exist_ok=True)
     handler = logging.FileHandler(log, mode="w", encoding="utf-8", errors="backslashreplace")
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
-    logging.raiseExceptions = False  # a full disk takes no log, and the error itself is told
+    logging.raiseExceptions = False  # on a full disk the log fails; report the original error
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
@@ -77,14 +77,14 @@ def reported(log: str | Path) -> Iterator[None]:
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`, which takes its place only if the block succeeds.
+    """Yield a temporary path beside `path`, which replaces `path` only if the block succeeds.
 
-    What processes that were killed have left of the same file is removed first.
+    Temporary files that killed processes left for the same path are removed first.
 
     Raises
     ------
     StorageError
-        If it cannot be written, for instance since the disk is full.
+        If the file cannot be written, for instance because the disk is full.
     """
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
@@ -94,13 +94,13 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             left.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, target)
-    except (OSError, RuntimeError) as error:  # h5py's has the number in its words alone
+    except (OSError, RuntimeError) as error:  # h5py gives the error number only in its message
         told = re.search(r"errno = (\d+)", str(error))
         code = int(told[1]) if told else getattr(error, "errno", None)
         if code is None:
             raise
         raise StorageError(
-            f"{path}: expected a place to write it, found: {os.strerror(code)}; nothing is kept"
+            f"{path}: expected a writable file, found: {os.strerror(code)}; nothing was written"
         ) from error
     finally:
         with suppress(OSError):
@@ -108,7 +108,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None:
-    """Write `content` as indented JSON, whole or not at all; NaN is not allowed in it."""
+    """Write `content` as indented JSON, whole or not at all; NaN is not allowed."""
     with whole_file(path) as temporary:
         text = json.dumps(content, indent=2, allow_nan=False)
         temporary.write_text(text + "\n", encoding="utf-8")
@@ -120,28 +120,28 @@ def read_json(path: str | Path) -> Any:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write a table as CSV, whole or not at all, with 9 digits, late instants with 16.
+    """Write a table as CSV, whole or not at all, with 9 digits, and late instants with 16.
 
-    What a spreadsheet would run has an apostrophe before it, which `read_table` takes off.
+    Texts that a spreadsheet would run get a leading apostrophe, which `read_table` removes.
     """
     with whole_file(path) as temporary:
         temporary.write_text(_csv(table), encoding="utf-8", newline="\n")
 
 
 def as_stored(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table as `read_table` gives it back after `write_table`: in the digits of a file."""
+    """Return a table as it would be after `write_table` and `read_table`: rounded like a file."""
     return _read(lambda: StringIO(_csv(table)))
 
 
 def _csv(table: pd.DataFrame) -> str:
-    # Numbers as text: pandas takes three times as long for them.
+    # Numbers are formatted here because pandas takes three times as long.
     texts = {name: _printed(table[name]) for name in table if table[name].dtype.kind == "f"}
     printed = _changed(table, guarded).assign(**{str(guarded(k)): v for k, v in texts.items()})
     return str(printed.to_csv(index=False, lineterminator="\n"))
 
 
 def guarded(cell: object) -> object:
-    """Put an apostrophe before a text that a spreadsheet would run; others stay as they are."""
+    """Put an apostrophe before a text that a spreadsheet would run; leave other cells alone."""
     return f"'{cell}" if isinstance(cell, str) and _RUN.match(cell) else cell
 
 
@@ -150,38 +150,38 @@ def _unguarded(cell: object) -> object:
 
 
 def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.DataFrame:
-    """Change the texts of a table, the names of its columns too."""
+    """Apply `change` to the texts of a table and to the names of its columns."""
     texts = [name for name in table if len(table) and table[name].dtype.kind == "O"]
-    once = lru_cache(None, typed=True)(change)  # of many cells few differ
+    once = lru_cache(None, typed=True)(change)  # columns have few distinct texts
     changed = {str(name): table[name].map(once) for name in texts}
     return table.assign(**changed).rename(columns=change)
 
 
 def _printed(column: pd.Series) -> list[str]:
-    """Return numbers as text: instants long after the zero of their clock with more digits."""
+    """Return numbers as text; columns with late instants get more digits (see `LATE_S`)."""
     late = str(column.name).endswith("_s") and column.abs().max() >= LATE_S
     digits = MOST_DIGITS if late else DIGITS
     return ["" if value != value else f"{value:.{digits}g}" for value in column.tolist()]
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
-    """Read a CSV table; `TEXT_COLUMNS` stay text, their empty cells empty text."""
+    """Read a CSV table; `TEXT_COLUMNS` stay text, and their empty cells become empty strings."""
     return _read(lambda: path)
 
 
 def _read(source: Callable[[], Any]) -> pd.DataFrame:
     text = [name for name in pd.read_csv(source(), nrows=0).columns if name in TEXT_COLUMNS]
-    # A recording may be called NA; an empty cell alone is a missing value.
+    # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
     table = pd.read_csv(source(), dtype=dict.fromkeys(text, str), **missing)
     return _changed(table.assign(**{name: table[name].fillna("") for name in text}), _unguarded)
 
 
 def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
-    """Read CSV tables of the same columns into one."""
+    """Read CSV tables with the same columns into one table."""
     return stacked([read_table(path) for path in paths])
 
 
 def stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:
-    """Put tables of the same columns into one; those without rows leave its types alone."""
+    """Concatenate tables with the same columns; empty ones do not affect the column types."""
     return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)

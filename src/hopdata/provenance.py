@@ -1,4 +1,4 @@
-"""Where a result comes from: code, versions, inputs, seeds and the time that each stage took."""
+"""Provenance of a result: code, versions, inputs, seeds and the time of each stage."""
 
 import hashlib
 import importlib.metadata
@@ -17,25 +17,25 @@ REPORTED_PACKAGES = [
     *("hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba", "snakemake")
 ]
 MISSING = "not installed"
-# Statements `from hopdata... import ...`, also over several lines, and `import hopdata...`. To
-# parse all sources takes half as long as the shortest study.
+# Matches `from hopdata... import ...`, also over several lines, and `import hopdata...`. Parsing
+# all sources instead would take half as long as the shortest study.
 IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+(\((?:[^)#]|#[^\n]*)*\)|[^\n]*)"
     r"|import[ \t]+(hopdata[^\n]*))",
     re.MULTILINE,
 )
-NAMED = re.compile(r'"(hopdata\.[\w.]+):\w+"')  # a class in a table, loaded when it is asked for
+NAMED = re.compile(r'"(hopdata\.[\w.]+):\w+"')  # a class named in a table and imported on demand
 
 
 def code_digest(script: str | Path) -> str:
-    """Digest of a script and of every hopdata source it imports, directly or not.
+    """Return a digest of a script and of every hopdata source that it imports, directly or not.
 
-    Imports are read from the text, those inside functions as well, so nothing is executed. A rule
-    that carries this digest as a parameter runs again when its library code changes.
+    Imports are read from the text, including those inside functions, so nothing is executed. A rule
+    that has this digest as a parameter runs again when its library code changes.
     """
     script = Path(script).resolve()
     digest = hashlib.sha256()
-    # The script first: where it would stand among the modules depends on where the library is.
+    # The script comes first: sorted with the modules, its place would depend on the install path.
     for source in (script, *sorted(_closure(_imports(script)))):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
@@ -46,7 +46,7 @@ def code_digest(script: str | Path) -> str:
 
 @cache
 def _assets(source: Path) -> tuple[Path, ...]:
-    """Non-Python files of a sub-package (style sheets, templates, schemas)."""
+    """Return the non-Python files of a sub-package (style sheets, templates, schemas)."""
     if source.name != "__init__.py" or source.parent == PACKAGE:
         return ()
     return tuple(sorted(p for p in source.parent.rglob("*") if p.suffix in ASSETS and p.is_file()))
@@ -63,7 +63,7 @@ def _closure(start: Iterable[Path]) -> set[Path]:
 
 @cache
 def _imports(source: Path) -> frozenset[Path]:
-    """Files of this package that `source` imports, with the packages on the way to them."""
+    """Return the files of this package that `source` imports, with their parent packages."""
     names: set[str] = set()
     text = source.read_text(encoding="utf-8")
     names.update(NAMED.findall(text))
@@ -87,23 +87,23 @@ def _module_files(name: str) -> tuple[Path, ...]:
 
 @cache
 def _sources() -> frozenset[Path]:
-    """All modules; an installed package also holds the workflow, whose scripts are none."""
+    """Return all modules, without the workflow's scripts that an installed package also holds."""
     return frozenset(PACKAGE.rglob("*.py")) - frozenset(PACKAGE.glob("_workflow/**/*.py"))
 
 
 def provenance(
     config: Mapping[str, Any], inputs: Mapping[str, str], stage_times: Iterable[Path] = ()
 ) -> dict[str, Any]:
-    """Collect what is needed to make a study again.
+    """Collect what is needed to reproduce a study.
 
     Parameters
     ----------
     config : mapping
-        The validated configuration, defaults filled in.
+        The validated configuration with defaults filled in.
     inputs : mapping
-        Source file name to SHA-256 digest, one entry a recording.
+        Name of the source file -> SHA-256 digest, one entry per recording.
     stage_times : iterable of paths
-        Snakemake benchmark files, one a job.
+        Snakemake benchmark files, one per job.
     """
     return {
         "study": config["study"],
@@ -119,7 +119,7 @@ def provenance(
 
 
 def package_digest() -> str:
-    """Digest of all sources of the package: what a version number does not tell apart."""
+    """Return a digest of all sources of the package, which also differs within one version."""
     digest = hashlib.sha256()
     assets = (one for folder in sorted(PACKAGE.glob("*/__init__.py")) for one in _assets(folder))
     for source in sorted(_sources().union(assets)):
@@ -129,7 +129,7 @@ def package_digest() -> str:
 
 
 def version_of(name: str) -> str:
-    """Return the version of a package that is installed, or `MISSING`."""
+    """Return the version of an installed package, or `MISSING`."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

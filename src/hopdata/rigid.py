@@ -1,4 +1,4 @@
-"""A rigid set of markers laid over what is seen of it, frame by frame."""
+"""Rigid motions: fits to marker positions, headings, and motions of the plane."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError
 
-LEAST_WIDTH = 0.01  # of markers across their line, relative to along it, to fix a turn about it
-PRIOR_WEIGHT = 1e-6  # of an earlier attitude, relative to the markers: decides only what they leave
+#: Width of the markers across their line, relative to along it, that fixes the turn about it.
+LEAST_WIDTH = 0.01
+#: Weight of an earlier attitude relative to the markers: it decides only what they leave open.
+PRIOR_WEIGHT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -20,14 +22,14 @@ class RigidFit:
     Parameters
     ----------
     centre : (N, 3) array
-        Where the reference's origin is in the world, m; NaN where not determined.
+        Origin of the reference in the world frame, m; NaN where not determined.
     rotation : (N, 3, 3) array
-        From the axes of the reference to those of the world; NaN where not determined.
+        Rotation from the axes of the reference to those of the world; NaN where not determined.
     residual_m : (N,) array
-        What a rigid motion leaves over, rms per degree of freedom and so an estimate of the noise
-        per coordinate, m; NaN where not determined.
+        Rms residual per degree of freedom, m, which estimates the noise per coordinate; NaN where
+        not determined.
     leaned : (N,) bool array
-        Whether an earlier attitude had to help.
+        Whether an earlier attitude was needed.
     """
 
     centre: FloatArray
@@ -44,11 +46,11 @@ class RigidFit:
 def rigid_fit(
     markers: FloatArray, reference: FloatArray, earlier: FloatArray | None = None
 ) -> RigidFit:
-    """Find the rotation and translation that lay a reference over markers, by least squares.
+    """Find the rotation and translation that best map a reference to markers, by least squares.
 
-    Kabsch's method (Acta Cryst. A32, 1976), with proper rotations only. Three markers that are not
-    on a line determine the motion. Two determine all but the turn about their line; it is taken
-    from an earlier attitude if there is one.
+    The method is Kabsch's (Acta Cryst. A32, 1976), restricted to proper rotations. Three markers
+    that are not on a line determine the motion. Two determine all but the turn about their line,
+    which is taken from an earlier attitude if there is one.
 
     Parameters
     ----------
@@ -85,18 +87,19 @@ def rigid_fit(
 
 
 def headings(rotation: FloatArray) -> FloatArray:
-    """Yaw of the body x axis, (...), rad, of rotations (..., 3, 3): its direction seen from above.
+    """Return the yaw (...), rad, of rotations (..., 3, 3): the body x axis seen from above.
 
-    That of ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    It is the yaw of ``Rz(yaw) Ry(pitch) Rx(roll)``.
     """
     return np.asarray(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]))
 
 
 def twists(rotation: FloatArray) -> FloatArray:
-    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
+    """Return the turn about the vertical, (...), rad, of rotations (..., 3, 3).
 
-    It does not depend on which body axis is called x, and differs from the yaw by half the product
-    of pitch and roll.
+    It is the turn that remains after the body has been tilted upright by the shortest way. It does
+    not depend on which body axis is called x, and differs from the yaw by half the product of pitch
+    and roll.
     """
     return np.asarray(
         np.arctan2(
@@ -105,8 +108,8 @@ def twists(rotation: FloatArray) -> FloatArray:
     )
 
 
-# Coordinates of a rigid body on a section, with place and heading left out, and its outcome: the
-# change of place and heading, and the same eight at the post section.
+# Inputs: the eight coordinates of a rigid body on a section, without place and heading. Outputs:
+# the change of place and heading, then the same eight at the post section.
 INPUT_NAMES = (
     *("pitch_rad", "roll_rad"),
     *("forward_m_s", "sideways_m_s", "climb_m_s"),
@@ -116,7 +119,7 @@ OUTPUT_NAMES = ("step_x_m", "step_y_m", "turn_rad", *INPUT_NAMES)
 
 
 def turned(vectors: Any, yaw: Any) -> Any:
-    """Return vectors (..., 3), of numbers of any kind, in frames turned by `yaw`, (...)."""
+    """Return vectors (..., 3), of any numeric type, in frames turned by `yaw` (...)."""
     c, s = np.cos(yaw), np.sin(yaw)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([c * x + s * y, c * y - s * x, vectors[..., 2]], axis=-1)
@@ -126,14 +129,14 @@ def turned(vectors: Any, yaw: Any) -> Any:
 
 
 def wrapped(angle: ArrayLike) -> FloatArray:
-    """Bring angles to [-pi, pi), rad."""
+    """Wrap angles to [-pi, pi), rad."""
     return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)
 
 
 def composed(pose: ArrayLike, change: ArrayLike) -> FloatArray:
-    """Pose after a motion given in the frame of the pose, (..., 3).
+    """Return the pose (..., 3) after a motion given in the frame of the pose.
 
-    Headings add up and are not wrapped, so that turns can be counted.
+    Headings are added and not wrapped, so that turns can be counted.
     """
     (x, y, heading), (dx, dy, turn) = (_parts(one) for one in (pose, change))
     c, s = np.cos(heading), np.sin(heading)
@@ -141,14 +144,14 @@ def composed(pose: ArrayLike, change: ArrayLike) -> FloatArray:
 
 
 def inverse(pose: ArrayLike) -> FloatArray:
-    """Motion that undoes this one, (..., 3)."""
+    """Return the inverse (..., 3) of a motion."""
     x, y, heading = _parts(pose)
     c, s = np.cos(heading), np.sin(heading)
     return np.stack([-c * x - s * y, s * x - c * y, -heading], axis=-1)
 
 
 def relative(start: ArrayLike, end: ArrayLike) -> FloatArray:
-    """Frame change from one pose to another, in the frame of the first, (..., 3): ``g1^-1 g2``.
+    """Return the frame change (..., 3) between two poses in the frame of the first: ``g1^-1 g2``.
 
     The turn is wrapped to [-pi, pi) (dissertation, Sec. 3.4.2).
     """
@@ -163,14 +166,14 @@ def _parts(pose: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 _ALIGNMENTS = 20
-_SETTLED = 1e-15  # change of the shape, relative
+_SETTLED = 1e-15  # relative change of the shape at which the alignment has converged
 _LEAST_BODY_WIDTH = 1e-3
 
 
 def body_shape(positions: FloatArray) -> FloatArray:
     """Return the mean shape (B, 3) of marker positions (n, B, 3), centred, in the mean attitude.
 
-    Generalised Procrustes alignment without scaling (Gower 1975).
+    The method is generalised Procrustes alignment without scaling (Gower 1975).
 
     Raises
     ------
@@ -195,9 +198,9 @@ def body_shape(positions: FloatArray) -> FloatArray:
 
 
 def kabsch(centred: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return the rotations (n, 3, 3) that take `shape` (B, 3) closest to points (n, B, 3).
+    """Return the rotations (n, 3, 3) that bring `shape` (B, 3) closest to points (n, B, 3).
 
-    Least squares over proper rotations (Kabsch 1976); both are centred.
+    The fit is by least squares over proper rotations (Kabsch 1976); shape and points are centred.
     """
     left, _, right = np.linalg.svd(np.einsum("nbi,bj->nij", centred, shape))
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
