@@ -1,4 +1,4 @@
-"""Where to look for a contact: the first descent of each foot to where it stands."""
+"""Where to look for a contact: in the first descent of each foot to the floor."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,24 +10,24 @@ from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.recordings.quality.rigid import frame_noise
 
-# Descents of the body, each of which may be a landing, and where they cross the sections.
+# Descents of the body, each a possible landing, and where they cross the sections.
 
-BLOCK = 50_000  # frames that are gone through at a time
-_SWING = 0.3  # least swing of a descent, as a share of the body's range from 2 % to 98 %
-#: A foot may touch so long before the pre section, s: the flight is continued to it.
+BLOCK = 50_000  # frames processed at a time, to bound memory
+_SWING = 0.3  # smallest swing of a descent, as a share of the body's range from 2 % to 98 %
+#: How long before the pre section a foot may touch, s; the flight is continued to the section.
 CONTINUED_S = 0.01
-HIDDEN_S = 0.1  # a longer gap of the body may hide a turn of it
-_NOTHING_S = 0.5  # without any frame: a pause, or another file
+HIDDEN_S = 0.1  # gap of the body, s, above which a turning point may be hidden
+_NOTHING_S = 0.5  # time without any frame, s, above which the recording paused or was joined
 
 
 def descents(
     body: FloatArray, time: FloatArray | None = None, *, longest: float = np.inf
 ) -> list[tuple[int, int]]:
-    """Descents of the body as (frame of the apex, frame of the nadir after it).
+    """Find the descents of the body as (frame of the apex, frame of the nadir after it).
 
-    A turning point counts if the body moves away from it by 30 % of its usual range, so that
-    neither noise nor a shudder makes one. The recording may begin and end in a descent, and so may
-    what is seen before and after a gap of more than `longest`, s, or without `time`, frames.
+    A turning point counts if the body moves away from it by 30 % of its usual range, so neither
+    noise nor a shudder creates one. The recording may begin and end within a descent. So may each
+    part between gaps longer than `longest`, in s, or in frames if `time` is not given.
     """
     seen = np.flatnonzero(np.isfinite(body))
     if len(seen) == 0:
@@ -56,7 +56,7 @@ def descents(
 
 
 def _one_by_one(frames: IntArray, heights: FloatArray) -> Iterator[tuple[int, float]]:
-    """Yield frames and their heights as Python's numbers, of which few are made at a time."""
+    """Yield frames and their heights as Python numbers, converted one block at a time."""
     for first in range(0, len(frames), BLOCK):
         block = frames[first : first + BLOCK]
         yield from zip(block.tolist(), heights[block].tolist(), strict=True)
@@ -64,16 +64,16 @@ def _one_by_one(frames: IntArray, heights: FloatArray) -> Iterator[tuple[int, fl
 
 @dataclass(frozen=True)
 class Transitions:
-    """Where descents, in order of time, cross the two sections (L of them).
+    """Crossings of the two sections in L descents, in order of time.
 
     Parameters
     ----------
     t_pre, t_post : (L,) array
-        Instants of the crossings, s; NaN where the body rose again first. `t_pre` is the instant of
-        a top that is below the pre section.
+        Instants of the crossings, s; NaN where the body rose again first. If the top of a descent
+        is below the pre section, `t_pre` is the instant of the top.
     gap_pre, gap_post : (L,) array
-        Time between the two frames that bracket each crossing, s; where there is none, the longest
-        time without a frame in which it may be hidden.
+        Time between the two frames that bracket each crossing, s. Without a crossing, the longest
+        time without a frame that may hide one.
     """
 
     t_pre: FloatArray
@@ -86,7 +86,7 @@ class Transitions:
 
     @property
     def complete(self) -> BoolArray:
-        """Whether the post section was reached, (L,)."""
+        """Whether each descent reached the post section, (L,)."""
         return ~np.isnan(self.t_post)
 
 
@@ -114,7 +114,7 @@ def find_transitions(
     Returns
     -------
     Transitions
-        One entry for each descent, also for those that turn back before a section.
+        One entry for each descent, including those that turn back before a section.
 
     Raises
     ------
@@ -136,13 +136,13 @@ def find_transitions(
 def _crossings(
     t: FloatArray, h: FloatArray, steps: FloatArray, span: FloatArray, levels: tuple[float, float]
 ) -> tuple[float, float, float, float]:
-    """Instants of both crossings between two instants, and the gaps about them, s."""
+    """Return both crossings within a span, and the gaps about them, s."""
     (first_s, last_s), (pre_m, post_m) = span.tolist(), levels
     start, stop = int(np.searchsorted(t, first_s)), int(np.searchsorted(t, last_s, side="right"))
     above = np.flatnonzero(h[start:stop] >= pre_m) + start
     below = np.flatnonzero(h[start:stop] <= post_m) + start
     top, t_pre, t_post = start, first_s, np.nan
-    gap_pre = steps[start : start + 2].max()  # about a top below the section, which may be higher
+    gap_pre = steps[start : start + 2].max()  # a gap beside the top may hide a higher one
     if len(above):
         top = int(above[above < below[0]][-1] if len(below) else above[-1])
         gap_pre = steps[top + 1]
@@ -154,25 +154,25 @@ def _crossings(
 
 
 def _crossing(t: FloatArray, h: FloatArray, index: int, level: float) -> float:
-    """Instant at which the chord from frame `index` to the next meets `level`."""
+    """Return the instant, s, at which the chord from frame `index` to the next meets `level`."""
     share = (h[index] - level) / (h[index] - h[index + 1])
     return float(t[index] + share * (t[index + 1] - t[index]))
 
 
-# Landings while the body is hidden: seen by the feet alone, so that none is left out unlisted.
+# Landings while the body is hidden: the feet alone show them, so that the table misses none.
 
-CLEARLY_UP = 2.0  # times the height below which a foot is down
-LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
-LONGEST_GAP_S = 0.04  # a body on a curved path leaves the straight line by 2 mm
+CLEARLY_UP = 2.0  # height at which a foot is up, in heights below which it is down
+LONGEST_GAP_FRAMES = 2.5  # longest gap at a crossing, in frames: one frame may be missing
+LONGEST_GAP_S = 0.04  # the same, s: a body on a curved path departs from the chord by 2 mm
 
 
 def find_hidden_landings(
     time: FloatArray, feet: FloatArray, body: FloatArray, spans: FloatArray, *, down_height_m: float
 ) -> FloatArray:
-    """Find landings that have no descent of their own, because the body is hidden meanwhile.
+    """Find landings that have no descent of their own because the body is hidden.
 
-    Of several landings in one gap the body's height tells one at most: it is above the sections
-    before the gap, and below them after it.
+    The body's height reveals at most one of several landings in a gap: it is above the sections
+    before the gap and below them after it.
 
     Parameters
     ----------
@@ -185,31 +185,31 @@ def find_hidden_landings(
     spans : (D, 2) array
         Instants of apex and nadir of the descents that were seen, s.
     down_height_m : float
-        A foot below this height is down, m; at twice the height it is up.
+        Height below which a foot is down, m; at twice this height it is up.
 
     Returns
     -------
     (H, 2) array
-        From a frame in which all feet that are seen are up to the first in which all are down, s.
+        Instants, s, of the last frame with all seen feet up and of the first with all down.
     """
     up = np.fmin.reduce(feet, axis=1) >= CLEARLY_UP * down_height_m
-    down = np.fmax.reduce(feet, axis=1) <= down_height_m  # NaN, of no foot, is neither
+    down = np.fmax.reduce(feet, axis=1) <= down_height_m  # NaN, if no foot is seen, is neither
     state = up.astype(np.int8) - down
     decided = np.flatnonzero(state)
     falls = np.flatnonzero(np.diff(state[decided]) < 0)
     found = time[np.column_stack([decided[falls], decided[falls + 1]])]
     gap = longest_gaps(time[~np.isnan(body)], found)
-    lost = longest_gaps(time, found) > _NOTHING_S  # it may have been moved meanwhile
+    lost = longest_gaps(time, found) > _NOTHING_S  # the animal may have been moved meanwhile
     return found[(gap > longest_gap_s(time)) & ~lost & ~_have_a_descent(found, spans)]
 
 
 def longest_gap_s(time: FloatArray, pace: float = 1.0) -> float:
-    """Longest gap of the body about a crossing that is still seen, s; see `Recording.pace`."""
+    """Return the longest gap at which a crossing still counts as seen, s; see `Recording.pace`."""
     return max(LONGEST_GAP_FRAMES * float(np.median(np.diff(time))), LONGEST_GAP_S * pace)
 
 
 def longest_gaps(seen: FloatArray, spans: FloatArray) -> FloatArray:
-    """Longest time without a frame, s, that overlaps each span (L, 2); infinite at either end."""
+    """Return the longest gap, s, overlapping each span (L, 2); infinite beyond either end."""
     edges = np.concatenate([[-np.inf], seen, [np.inf]])
     gaps = np.diff(edges)
     begin = np.searchsorted(edges, spans[:, 0], side="right") - 1
@@ -218,7 +218,7 @@ def longest_gaps(seen: FloatArray, spans: FloatArray) -> FloatArray:
 
 
 def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
-    """Tell which landings (H, 2) have a descent: each has one, the nearest that it holds."""
+    """Mark the landings (H, 2) that have a descent: each descent claims the nearest overlapping."""
     have = np.zeros(len(found), dtype=bool)
     first = np.searchsorted(found[:, 1], spans[:, 0])  # both columns are in the order of time
     stop = np.searchsorted(found[:, 0], spans[:, 1], side="right")
@@ -230,21 +230,22 @@ def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
 
 
 LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT, RISES, THIN = range(7)
-NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
-ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
-SETTLES = 0.5  # of the height below which a foot is down: what sinks by less has stood all along
-LEAST_FRAMES = 5
-LANDINGS = 2000  # looked at together
-#: A foot comes to stand at its lowest frames but three; it touches no higher above than its skin
-#: gives, m, and its fastest fall in a time that no contact is softer than, s.
+NEAR_FLOOR = 0.15  # height, as a share of the descent, below which a foot is nearly down
+ON_ITS_WAY = 0.4  # height, as a share of the descent, below which the mean speed is taken
+SETTLES = 0.5  # a foot that sinks by less than this share of the down height stood all along
+LEAST_FRAMES = 5  # fewest frames of a foot in which a contact is sought
+LANDINGS = 2000  # landings processed together, to bound memory
+#: A foot stands at the height of its fourth-lowest frame. It touches no higher above that than the
+#: skin gives, m, plus the way of its fastest fall in the time constant of the softest contact, s.
 RESTING_FRAME, SKIN_M, SOFTEST_S = 3, 0.004, 0.01
-GAP = 1.5  # frames: what is longer hides something
-MOST_FRAMES = 200_000  # that noise is estimated from
-LEAST_NOISE_M = 5e-5  # no cameras do better; what has no noise is not exactly like the model
+GAP = 1.5  # time between two frames, in frames, above which something may be hidden
+MOST_FRAMES = 200_000  # frames from which the noise is estimated
+LEAST_NOISE_M = 5e-5  # cameras do no better, and noise-free data do not follow the model exactly
 
 
-# Variance of a fourth difference, in 70 times the noise's, by the correlation with the next frame;
-# and between which ratios of two such variances noise is taken for correlated.
+# Polynomial in the correlation of consecutive frames: the variance of a fourth difference over 70
+# times the noise variance. Then the range of the ratio of two such variances in which noise counts
+# as correlated, and the largest correlation.
 _FOURTH = np.array([70.0, -112.0, 56.0, -16.0, 2.0]) / 70.0
 NEARLY_WHITE, NO_LONGER_NOISE, MOST_CORRELATED = 1.2, 2.5, 0.85
 
@@ -252,10 +253,10 @@ NEARLY_WHITE, NO_LONGER_NOISE, MOST_CORRELATED = 1.2, 2.5, 0.85
 def height_noise(heights: FloatArray) -> float:
     """Estimate the standard deviation of the noise of heights (N, n), m.
 
-    From third differences: those of a smooth motion all but vanish, those of white noise have
-    variance 20 sigma^2; the median is not moved by the few frames about the contacts. Where only
-    every k-th frame is seen they are taken over k frames. Of a longer recording `MOST_FRAMES` are
-    looked at, evenly spaced. Never less than `LEAST_NOISE_M`.
+    Third differences of a smooth motion almost vanish, while those of white noise have variance
+    20 sigma^2. The few frames about the contacts do not affect their median. If only every k-th
+    frame is seen, the differences span k frames. Longer recordings are sampled at `MOST_FRAMES`
+    evenly spaced frames. The result is never less than `LEAST_NOISE_M`.
     """
     seen = np.flatnonzero(~np.isnan(heights).all(axis=1))
     step = int(np.median(np.diff(seen))) if len(seen) > 1 else 1
@@ -271,11 +272,12 @@ def height_noise(heights: FloatArray) -> float:
 
 
 def noise_correlation(body: FloatArray) -> float:
-    """Estimate how the noise of a coordinate and of that in the next frame are correlated.
+    """Estimate the correlation of a coordinate's noise between consecutive frames.
 
-    By fourth differences of the body's markers (N, m, 3), over one frame and over two: if noise is
-    white their variances are alike, if it is autoregressive their ratio goes to two. Motion and
-    filters give more; these are not told apart, and 0 is returned.
+    The estimate compares fourth differences of the body's markers (N, m, 3) over one frame and over
+    two. Their variances are equal if the noise is white; their ratio approaches two if it is
+    autoregressive. Motion and filters give larger ratios, which cannot be told apart: the result is
+    then 0.
     """
     once, twice = (frame_noise(body, lag=lag) for lag in (1, 2))
     known = once > 0
@@ -288,10 +290,11 @@ def noise_correlation(body: FloatArray) -> float:
 
 
 def widening(correlation: float, before: int, after: int) -> float:
-    """Return by how much noise that is correlated widens the error of a contact.
+    """Return the factor by which correlated noise widens the error of a contact.
 
-    Beside white noise of the same residuals, for least squares of a flight with an acceleration of
-    its own in so many frames `before` the contact, and a height at rest in those `after` it.
+    The reference is white noise with the same residuals. The fit is least squares of a flight with
+    free acceleration in `before` frames before the contact and a constant height in `after` frames
+    after it.
     """
     frame = np.arange(-before, after) + 0.5
     flies = frame < 0
@@ -313,7 +316,7 @@ def approaches(
     lead_s: float,
     trail_s: float,
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Find roughly when each foot came down in each complete transition.
+    """Find the rough instant at which each foot came down in each complete transition.
 
     Parameters
     ----------
@@ -326,19 +329,20 @@ def approaches(
     noise_m : float
         Standard deviation of a height, m.
     down_height_m : float
-        A foot that never sinks below this height has not landed, m.
+        Height to which a foot must sink to have landed, m.
     lead_s, trail_s : float
-        The search begins so long before the pre section and ends so long after the post section, s.
+        Time before the pre section at which the search begins, and time after the post section at
+        which it ends, s.
 
     Returns
     -------
     near : (L, n) array
         Rough instants, s; NaN where the foot did not come down from above.
     earliest : (L, n) array
-        When the foot was for the last time higher above where it then comes to stand than skin and
-        a soft contact let it sink, s: it touched later.
+        Last instant at which the foot was too high to touch, s: higher above its resting height
+        than skin and a soft contact let it sink.
     status : (L, n) int array
-        `LANDED`, `ALREADY_DOWN`, `NOT_LANDED` or, where gaps may hide which of them, `MISSING`.
+        `LANDED`, `ALREADY_DOWN`, `NOT_LANDED`, or `MISSING` where gaps may hide which one holds.
     """
     shape = (len(transitions), heights.shape[1])
     near, earliest = np.full((2, *shape), np.nan)
@@ -361,7 +365,7 @@ def approaches(
 
 
 def _frame(time: FloatArray, heights: FloatArray) -> float:
-    """Return the time between the frames in which a foot is seen, s: not each one need be meant."""
+    """Return the usual time between frames that show a foot, s; it may be seen in every k-th."""
     seen = time[~np.isnan(heights)]
     return float(np.median(np.diff(seen))) if len(seen) > 1 else float("nan")
 
@@ -374,14 +378,14 @@ def _descents(
     noise_m: float,
     down_height_m: float,
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Say of a foot in each window (R, W) what `approaches` does, each (R,).
+    """Return what `approaches` does, each (R,), for one foot in each window (R, W).
 
-    What is not seen cannot tell against a foot: that it was down before the pre section or not down
-    by the post section (`ends`, each (R,)) is said only if no gap can hide the contrary. Frames
-    that are farther apart than `longest` are a gap.
+    Missing frames never count against a foot: it is `ALREADY_DOWN` before the pre section or
+    `NOT_LANDED` by the post section (`ends`, each (R,)) only if no gap can hide the contrary.
+    Frames farther apart than `longest` are a gap.
     """
     count = (~np.isnan(z)).sum(axis=1)
-    order = np.argsort(np.isnan(z), axis=1, kind="stable")  # the frames that are seen come first
+    order = np.argsort(np.isnan(z), axis=1, kind="stable")  # frames that show the foot come first
     t, z = np.take_along_axis(t, order, axis=1), np.take_along_axis(z, order, axis=1)
     rows, place = np.arange(len(z)), np.arange(z.shape[1])
     low_first = np.where(np.isnan(z), np.inf, z)
@@ -394,7 +398,7 @@ def _descents(
     low = low_first[rows, bottom]
     falling = place < bottom[:, None]
     last = _last(falling & above)
-    with np.errstate(invalid="ignore"):  # where nothing is seen, depth is not finite
+    with np.errstate(invalid="ignore"):  # depth is not finite if no frame shows the foot
         on_its_way = z > (low + ON_ITS_WAY * depth)[:, None]
     first = _last((place <= last[:, None]) & on_its_way)
     first = np.where(first < 0, last, first)
@@ -413,7 +417,7 @@ def _descents(
         before = np.maximum(np.minimum(first, last - 1), 0)
         fall = (z[rows, before] - z[rows, last]) / (t[rows, last] - t[rows, before])
         early = t[rows, last] + np.minimum((z[rows, last] - low) / fall, gap)
-    in_gap = (gap > longest) & (last > 0) & (fall > 0)  # its far end says nothing
+    in_gap = (gap > longest) & (last > 0) & (fall > 0)  # the far end of the gap does not help
     near = np.where(in_gap, early, near)
     landed = status == LANDED
     rest = np.sort(low_first, axis=1)[:, min(RESTING_FRAME, z.shape[1] - 1)]
@@ -422,9 +426,9 @@ def _descents(
 
 
 def _has_left(z: FloatArray, above: BoolArray, stands_m: FloatArray) -> BoolArray:
-    """Mark the frames (R, W) from which on a foot that came down from above and stood is up again.
+    """Mark the frames (R, W) after a foot that came down and stood has left the floor again.
 
-    It may land twice in a descent, as a body crouches that lands and pushes off anew.
+    A foot may land twice in one descent: the body may keep sinking while it pushes off again.
     """
     stands = np.logical_or.accumulate(above, axis=1) & (z <= stands_m[:, None])
     return np.logical_or.accumulate(above & (np.cumsum(stands, axis=1) > RESTING_FRAME), axis=1)
@@ -433,7 +437,7 @@ def _has_left(z: FloatArray, above: BoolArray, stands_m: FloatArray) -> BoolArra
 def _last_above(
     t: FloatArray, z: FloatArray, falling: BoolArray, rest: FloatArray, longest: float
 ) -> FloatArray:
-    """Instants (R,) until which a foot is too high for its contact; -inf where it never is."""
+    """Return the instants (R,) until which a foot is too high to touch; -inf where it never is."""
     rows, last_place = np.arange(len(z)), z.shape[1] - 1
     step, rise = np.diff(t, axis=1), np.diff(z, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -450,12 +454,12 @@ def _last_above(
 def _may_hide_landing(
     t: FloatArray, z: FloatArray, ends: tuple[FloatArray, ...], longest: float, down_height_m: float
 ) -> NDArray[np.bool_]:
-    """Tell whether a foot may have been down within a gap of its row (R, W): seen frames first.
+    """Mark the rows (R, W) in which a gap may hide that the foot was down; seen frames come first.
 
-    It begins the gap at the fastest fall that was seen, and falls freely from there on; within a
-    gap that ends before the post section it must come back as well.
+    The foot is assumed to enter a gap at the fastest fall that was seen, and then to fall freely.
+    If it is seen again after the gap, it must also have had time to come back up.
     """
-    gap, rise = np.diff(t, axis=1), np.diff(z, axis=1)  # NaN where one is not seen
+    gap, rise = np.diff(t, axis=1), np.diff(z, axis=1)  # NaN where a frame is not seen
     fall = np.where((gap <= longest) & (rise < 0), -rise / gap, 0.0).max(axis=1, initial=0.0)
     lower = np.fmin(z[:, :-1], z[:, 1:]) + 0.0 * rise
     within = lower - _drop(fall[:, None], 0.5 * gap) <= down_height_m
@@ -471,11 +475,11 @@ def _may_hide_landing(
 
 
 def _drop(speed: FloatArray, duration: FloatArray) -> FloatArray:
-    """Return how far what falls at this speed, m/s, and ever faster, comes within the duration."""
+    """Return the drop, m, in free fall of the given duration, s, from a downward speed, m/s."""
     return duration * (speed + 0.5 * GRAVITY_M_S2 * duration)
 
 
 def _last(marked: NDArray[np.bool_]) -> IntArray:
-    """Place of the last mark in each row (R, W), -1 where there is none."""
+    """Return the place of the last mark in each row (R, W), -1 where there is none."""
     last = marked.shape[1] - 1 - np.argmax(marked[:, ::-1], axis=1)
     return np.where(marked.any(axis=1), last, -1)

@@ -1,4 +1,4 @@
-"""Contact instants of largest likelihood: a flight curve that ends in a kink on the floor.
+"""Maximum-likelihood contact instants: a flight curve that ends in a kink on the floor.
 
 With s = t - tau, the height of foot i about its contact at tau is modelled as
 
@@ -6,15 +6,16 @@ With s = t - tau, the height of foot i about its contact at tau is modelled as
     z = c + b T (1 - exp(-s / T)) + r s                             after,
 
 with d_jk(t) = ((t - tau_j)_+^k - (tau - tau_j)^k) / k! - s (tau - tau_j)^(k-1) / (k - 1)! for the
-feet j that touched earlier: their springy legs push the body, so the acceleration of a foot still
-in flight changes by a_j and its jerk by s_j while its velocity is continuous. Where j is a marker
-of the same rigid foot, which then turns about it, s_j d_j1 takes the place of s_j d_j3: there the
-velocity changes. T is the compliance
-of the contact, the same in all landings (0: the foot stops at once), and r the creep of a foot that
-stands. Frames that are missing are absent from the likelihood, and the coefficients are integrated
-out: at its largest over them alone, a late contact could hide behind the pushes. Normal priors
-reach from flat (free curvature) to sharp (known gravity); `kink_learning` takes them from the
-recording itself.
+feet j that touched earlier. Their springy legs push the body, so the acceleration of a foot still
+in flight changes by a_j and its jerk by s_j, while its velocity is continuous. If j is a marker of
+the same rigid foot, the foot then turns about it and its velocity changes: s_j d_j1 replaces
+s_j d_j3. T is the compliance of the contact, the same in all landings (0: the foot stops at once),
+and r is the creep of a standing foot.
+
+Missing frames are left out of the likelihood. The coefficients are integrated out: if the
+likelihood were only maximised over them, a late instant could win because pushes then mimic the
+contact. Normal priors range from flat (free curvature) to sharp (known gravity); `kink_law` learns
+them from the recording.
 """
 
 from dataclasses import dataclass
@@ -23,23 +24,23 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 
-BLOCK = 10_000  # fits whose frames are cut out together
-GRID_FRAMES, GRID_S = 0.5, 2e-3  # steps of the search: so many frames, and no less than so long
+BLOCK = 10_000  # fits whose frames are cut out together, to bound memory
+GRID_FRAMES, GRID_S = 0.5, 2e-3  # step of the search, in frames, and its lower limit, s
 
 
 @dataclass(frozen=True)
 class FlightPriors:
-    """Independent normal priors of the laws of flight and stance of each of n feet.
+    """Independent normal priors of the laws of flight and stance of n feet.
 
     Parameters
     ----------
     mean, sd : (n, 2n) array
-        Row i holds foot i's own acceleration, m/s^2; then for each other foot, in order, by how
-        much the acceleration, m/s^2, and the jerk, m/s^3, of foot i change when that foot touches
-        (of markers of one foot acceleration and velocity, m/s); and last the creep of foot i when
-        it stands, m/s.
+        Row i holds foot i's own acceleration, m/s^2; then, for each other foot in order, the
+        changes of foot i's acceleration, m/s^2, and jerk, m/s^3, when that foot touches (for
+        markers of one foot, of its acceleration and velocity, m/s); and last the creep of foot i
+        when it stands, m/s.
     foot_of : tuple of int
-        Number of the foot of each, where several are markers of one rigid foot.
+        Number of the rigid foot that each belongs to, where several are markers of one.
     """
 
     mean: FloatArray
@@ -48,7 +49,7 @@ class FlightPriors:
 
     @property
     def hinged(self) -> BoolArray:
-        """Tell which of the others, in order, are markers of the same foot, (n, n - 1)."""
+        """Mark which of the others, in order, are markers of the same foot, (n, n - 1)."""
         feet = np.array(self.foot_of or range(len(self.mean)))
         return np.stack([np.delete(feet, i) == foot for i, foot in enumerate(feet)])
 
@@ -64,13 +65,14 @@ class KinkFits:
     floor, velocity : (L, n) array
         Height at the contact, m, and velocity just before it, m/s.
     flight, unit_flight_se : (L, n, 2n) array
-        The law, ordered as in `FlightPriors`, and its standard errors per metre of noise.
+        The coefficients of the law, ordered as in `FlightPriors`, and their standard errors per
+        metre of noise.
     misfit : (L, n) array
         Sum of squared residuals, m^2.
     evidence : (L, n) array
-        -2 times the log marginal likelihood, in units of the noise's variance, m^2.
+        -2 times the log marginal likelihood, in units of the noise variance, m^2.
     dof : (L, n) array
-        Frames less the effective number of parameters.
+        Number of frames minus the effective number of parameters.
     n_before, n_after : (L, n) array
         Number of frames used on either side of the contact (0 where no fit was possible).
     """
@@ -118,21 +120,21 @@ def kink_fits(
     noise_m : float
         Standard deviation of a height, m; it weighs the data against the priors.
     windows_s : tuple of float
-        Frames used, from `near` minus the one to `near` plus the other, s.
+        Time before and after `near` whose frames are used, s.
     search_s : float
         Half width of the search about `near`, s.
     earliest : (L, n) array, optional
         Instants before which no contact is sought, s.
     earlier : (L, n) array, optional
-        Contact instants of all feet, s. Those before a foot's own contact change its acceleration.
-        Without it no foot acts on another.
+        Contact instants of all feet, s. Contacts before a foot's own change its acceleration. If
+        not given, no foot acts on another.
     compliance_s : float
-        Time constant in which a contact takes up the foot's velocity, s.
+        Time constant with which a contact takes up the foot's velocity, s.
     creeps : bool
-        Whether a foot that stands may creep.
+        Whether a standing foot may creep.
     leaves_m : float
-        A foot that rises by more than this after it has stood has left again, m: what comes then,
-        and the frame before, is left out.
+        Rise at which a standing foot has left the floor again, m. Frames from the one before that
+        rise on are not used.
 
     Returns
     -------
@@ -154,7 +156,7 @@ def kink_fits(
         bounds = np.minimum((earliest.ravel()[wanted] - centre) / before_s, 0.9 * reach)
     seconds = np.tile([0, 1, 2, *[2, 3] * (n - 1), 1], (n, 1))
     seconds[:, 4:-1:2] -= 2 * priors.hinged
-    units = before_s ** -seconds.astype(float)  # from the kernel's coefficients to SI
+    units = before_s ** -seconds.astype(float)  # convert the kernel's coefficients to SI
     foot = np.arange(len(wanted))[:, None], columns
     rows = np.full((len(wanted), 7 + 2 * units.shape[1]), np.nan)
     frame_s = float(np.median(np.diff(time)))
@@ -177,7 +179,7 @@ def kink_fits(
 def _windows(
     time: FloatArray, heights: FloatArray, foot: IntArray, centre: FloatArray, *about_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Cut out times and heights before and after each of P instants, (P, W), NaN if unseen."""
+    """Cut out times and heights about each of P instants, (P, W); NaN if unseen."""
     start, stop = np.searchsorted(time, [centre - about_s[0], centre + about_s[1]])
     frames = start[:, None] + np.arange(int(np.max(stop - start, initial=1)))
     inside = frames < stop[:, None]
@@ -186,9 +188,9 @@ def _windows(
 
 
 def _standing(since: FloatArray, z: FloatArray, after_s: float, rise_m: float) -> FloatArray:
-    """Return heights (P, W) with NaN from `after_s` on, and before that once a foot has left again.
+    """Set heights (P, W) to NaN from `after_s` on, or from where the foot has left the floor again.
 
-    `since` (P, W) is the time of each frame since about the contact, s.
+    `since` (P, W) is the time of each frame from the approximate contact, s.
     """
     lowest = np.minimum.accumulate(np.where((since > 0) & (z < np.inf), z, np.inf), axis=1)
     risen = np.cumsum(z > lowest + rise_m, axis=1) > 0
@@ -199,9 +201,9 @@ def _standing(since: FloatArray, z: FloatArray, after_s: float, rise_m: float) -
 def _other_contacts(
     earlier: FloatArray | None, wanted: IntArray, n: int
 ) -> tuple[FloatArray, IntArray]:
-    """Contacts of the other feet in order of time, (P, n - 1), inf where there is none.
+    """Return the contacts of the other feet in order of time, (P, n - 1), inf where there is none.
 
-    Also the columns of `FlightPriors` in which they come, (P, 2n).
+    Return also the columns of `FlightPriors` in that order, (P, 2n).
     """
     foot = wanted % n
     others = np.array([[j for j in range(n) if j != i] for i in range(n)], dtype=np.int64)[foot]
@@ -223,7 +225,7 @@ def _unpack(
     units: FloatArray,
     centre: FloatArray,
 ) -> KinkFits:
-    """Name the kernel's columns, put them in the order of the feet and bring them to SI units."""
+    """Name the kernel's columns, put them in the order of the feet and convert them to SI."""
     size = units.shape[1]
     own = np.concatenate([np.tile([0, 1], (len(wanted), 1)), 2 + columns], axis=1)
     for part in (slice(7, 7 + size), slice(7 + size, None)):

@@ -1,12 +1,12 @@
-"""Compiled core of the kink fit: the contact instant of largest marginal likelihood.
+"""Compiled core of the kink fit: the contact instant with the largest marginal likelihood.
 
-A problem is n frames (t, z) in order of time, with times in units of the window, the instants of m
-other feet's contacts (with 1 beside those of markers of the same foot, else 0), and a prior (mean,
-weight) of each coefficient but the first two. The coefficients are floor, velocity, own
-acceleration, change of acceleration and of jerk (of the same foot, of velocity) at each other
-contact, and the creep of the foot that stands. The code is plain loops with one call site for each
-function, since Numba compiles it on a user's first run; so no count is the literal 0 that it begins
-as, for which the whole would be compiled once more.
+A problem consists of n frames (t, z) in order of time, with times in units of the window; the
+contact instants of m other feet (each with a 1 if it is a marker of the same foot, else 0); and a
+prior (mean, weight) of each coefficient but the first two. The coefficients are floor, velocity,
+own acceleration, the changes of acceleration and jerk (for the same foot: velocity) at each other
+contact, and the creep of the standing foot. Numba compiles the code on a user's first run, so it
+is plain loops with one call site per function. For the same reason no count is passed as the
+literal 0, for which Numba would compile everything once more.
 """
 
 from math import exp, isnan, log, sqrt
@@ -16,17 +16,18 @@ import numpy as np
 from hopdata.code_cache import kept_njit
 
 GOLDEN = 0.3819660112501051
-REFINEMENTS = 10  # at most, after the grid
-CLOSE = 0.004  # of the grid's step: where the refinement ends
-LEAST_FRAMES = 4
-_T = "f8[:,::1]"  # a table
+REFINEMENTS = 10  # largest number of refinements after the grid
+CLOSE = 0.004  # resolution at which the refinement ends, in steps of the grid
+LEAST_FRAMES = 4  # fewest frames that are fitted
+_T = "f8[:,::1]"  # type of a table
 
 
 @kept_njit()
 def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyped-def]
     """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients.
 
-    An even number of them ends with the creep. Before the contact, only m others are filled in.
+    If `size` is even, the last coefficient is the creep. Before the contact, only the entries of m
+    other contacts are filled.
     """
     row[0] = 1.0
     if s >= 0.0:
@@ -82,11 +83,11 @@ def _solve(size, factor, right):  # type: ignore[no-untyped-def]
 
 @kept_njit()
 def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row):  # type: ignore[no-untyped-def]
-    """Return -2 noise2 times the log marginal likelihood of `tau`, but for a constant.
+    """Return -2 noise2 times the log marginal likelihood of `tau`, up to a constant.
 
-    The least penalised sum of squares, and the volume that its coefficients could have had: without
-    it a late instant would pay, with the pushes of other feet in the place of the floor. Leaves the
-    factor and the coefficients in gram and right.
+    It is the smallest penalised sum of squares plus a term for the volume of the coefficients.
+    Without that term a late instant would be favoured, with the pushes of other feet in place of
+    the floor. The factor and the coefficients are left in gram and right.
     """
     total = 0.0
     for a in range(size):
@@ -97,7 +98,7 @@ def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, rig
             gram[a, a] = weight[a - 2]
             right[a] = weight[a - 2] * mean[a - 2]
             total += right[a] * mean[a - 2] - noise2 * log(weight[a - 2])
-    live = 0  # contacts before this one: the others have no part in the flight
+    live = 0  # number of contacts before this one; later ones do not affect the flight
     while live < m and others[live, 0] < tau:
         live += 1
     for i in range(n):
@@ -117,7 +118,7 @@ def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, rig
 
 @kept_njit()
 def _vertex(left, value_left, x, value, right, value_right, close):  # type: ignore[no-untyped-def]
-    """Next point of the search in (left, right) about x: the vertex of a parabola, or golden."""
+    """Return the next point to try in (left, right): a parabola's vertex, or the golden section."""
     low, high = x - left, right - x
     golden = x + GOLDEN * high if high > low else x - GOLDEN * low
     rise_left, rise_right = value_left - value, value_right - value
@@ -127,7 +128,7 @@ def _vertex(left, value_left, x, value, right, value_right, close):  # type: ign
     if bend <= 0.0:
         return golden
     u = x + (rise_left * high * high - rise_right * low * low) / (2.0 * bend)
-    if abs(u - x) < close:  # a step to the longer side also moves the far end in
+    if abs(u - x) < close:  # step to the longer side, so that its far end moves in as well
         u = x + close if high > low else x - close
     return min(max(u, left + 0.05 * low), right - 0.05 * high)
 
@@ -137,9 +138,9 @@ def _search(  # type: ignore[no-untyped-def]
     bound, low, high, steps, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row,
     grid,
 ):  # fmt: skip
-    """Grid, then parabolas about its best node, all from the bound on; (NaN, inf) if none fits.
+    """Search a grid, then parabolas about its best node; return (NaN, inf) if nothing fits.
 
-    Leaves the fit at the instant that it returns in gram and right.
+    Nothing before the bound is tried. The fit at the returned instant is left in gram and right.
     """
     width = (high - low) / steps
     close = CLOSE * width
@@ -187,11 +188,12 @@ def _search(  # type: ignore[no-untyped-def]
 def _summary(  # type: ignore[no-untyped-def]
     tau, n, t, z, m, others, soft, size, weight, factor, right, row, cross, unit, variance
 ):
-    """Fill the variances of the coefficients, per unit of noise variance.
+    """Fill in the variances of the coefficients, per unit of noise variance.
 
-    Gauss-Newton with the instant as one more parameter, eliminated by its Schur complement. Returns
-    the variance of the instant, the sum of squared residuals, and the effective number of
-    parameters, the instant included. Variances are infinite where the frames do not fix it.
+    The method is Gauss-Newton with the instant as one more parameter, eliminated by its Schur
+    complement. Return the variance of the instant, the sum of squared residuals, and the effective
+    number of parameters, including the instant. Variances are infinite if the frames do not
+    determine the instant.
     """
     own, misfit = 0.0, 0.0
     push = right[2]  # acceleration just before the contact
@@ -244,25 +246,25 @@ def _seen(times, heights, t, z):  # type: ignore[no-untyped-def]
 def fit_all(  # type: ignore[no-untyped-def]
     times, heights, bounds, reach, steps, contacts, others, soft, creeps, mean, weight, noise2, out
 ):
-    """Fit P problems of at most W frames, with F coefficients each.
+    """Fit P problems of at most W frames and F coefficients each.
 
     Parameters
     ----------
     times, heights : (P, W) array
         Frames; NaN heights are skipped.
     bounds : (P,) array
-        Instants before which none is sought.
+        Instants before which no contact is sought.
     reach : float
         Half width of the search.
     steps : int
         Steps of the grid.
     contacts : (P,) int array
-        How many of `others` (P, (F - 4) / 2, 2) to take, in order of time: contacts, and 1 where
-        they are of the same foot.
+        How many of `others` (P, (F - 4) / 2, 2) to use, in order of time. `others` holds contact
+        instants, and 1 for each that is of the same foot.
     soft : float
-        Time in which a contact takes up the foot's velocity; 0 for a hard one.
+        Time constant with which a contact takes up the foot's velocity; 0 for a hard contact.
     creeps : bool
-        Whether a foot that stands may creep.
+        Whether a standing foot may creep.
     mean, weight : (P, F - 2) array
         Priors: means and inverse variances per unit of inverse noise variance.
     noise2 : float
@@ -286,7 +288,7 @@ def fit_all(  # type: ignore[no-untyped-def]
         m, other = contacts[p], others[p]
         flight = 1 + 2 * m
         size = 2 + flight + (1 if creeps else 0)
-        for a in range(flight + 1):  # the creep is the last, whatever the number of contacts
+        for a in range(flight + 1):  # the creep comes last for any number of contacts
             last = full - 3 if a == flight else a
             priors[a], weights[a] = mean[p, last], weight[p, last]
         tau, value = _search(

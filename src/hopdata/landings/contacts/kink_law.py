@@ -1,4 +1,4 @@
-"""Kink fits of a whole recording, whose laws of flight and stance are learned from it."""
+"""Kink fits of a whole recording, with laws of flight and stance learned from it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -11,25 +11,27 @@ from hopdata.errors import chosen
 from hopdata.landings.contacts.descents import LEAST_NOISE_M
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits, kink_fits
 
-# What the kink fits of a recording say about its feet: noise, laws of flight and stance.
+# What the kink fits of a recording reveal about its feet: noise, and laws of flight and stance.
 #
-# Empirical Bayes: the distribution of an entry of the law over all landings is the prior of its
-# value in each.
+# This is empirical Bayes: the distribution of a coefficient of the law over all landings is the
+# prior of its value in each landing.
 
 Part = tuple[FloatArray, FloatArray, float, float]  # posteriors of an entry, and its prior
-Distribution = tuple[float, float] | None  # mean and sd; None where too little is known
+Distribution = tuple[float, float] | None  # mean and sd; None if too little is known
 
-TELLING, TELLING_ALONE = 0.9, 0.5  # posterior over prior variance from which data say nothing
-FEW = 8  # landings below which an entry is not learned on its own
-OUTLYING = 4.0  # standard deviations at which an outlier is drawn in
-LEAST_SHARE = 1e-3  # of the prior's sd: as sharp as one step of learning makes it
-CANDIDATES = 60  # values of the sd that are tried
+# Ratio of posterior to prior variance above which a landing is uninformative: for pooled posteriors
+# (mixtures), and for the data without the prior.
+TELLING, TELLING_ALONE = 0.9, 0.5
+FEW = 8  # fewest landings from which an entry is learned on its own
+OUTLYING = 4.0  # standard deviations beyond which outliers are clipped
+LEAST_SHARE = 1e-3  # smallest sd that one step of learning may give, in sds of the prior
+CANDIDATES = 60  # number of sds tried
 
 
 def pooled_noise(fits: KinkFits) -> float:
-    """Estimate the standard deviation of a height about its fit, m, by the median of all fits.
+    """Estimate the standard deviation of a height about its fit, m, from the median of all fits.
 
-    Never less than `LEAST_NOISE_M`.
+    The result is never less than `LEAST_NOISE_M`.
     """
     use = fits.dof > 1
     if not use.any():
@@ -44,12 +46,12 @@ def learn(
 ) -> FlightPriors:
     """Take one step towards the distributions behind the laws of flight and stance.
 
-    Pushes take a step of expectation maximisation, which comes down from wide priors slowly and
-    safely: they are confounded with one another. All else, and the pushes in a last step that is
-    to `sharpen` them, goes at once to the distribution of largest restricted likelihood. A foot's
-    own acceleration is learned from the landings in which it was the first to touch, as no leg has
-    pushed there. Entries with few telling landings take what all entries of their kind say
-    together, or stay as they were.
+    Pushes are confounded with one another, so they take a step of expectation maximisation, which
+    narrows wide priors slowly and safely. All other entries go straight to the distribution of
+    maximum restricted likelihood, and so do the pushes in a last step with `sharpen`. A foot's own
+    acceleration is learned from the landings in which it touched first, since no leg has pushed
+    there. Entries with few informative landings take the pooled distribution of all entries of
+    their kind, or stay as they were.
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ def learn(
     own : bool
         Whether to learn the feet's own accelerations as well.
     sharpen : bool
-        Whether to bring the pushes to their largest likelihood.
+        Whether to take the pushes to their maximum likelihood.
 
     Returns
     -------
@@ -73,8 +75,8 @@ def learn(
     not_first = first[:, None] != np.arange(len(prior.mean))
     variance[:, :, 0] = np.where(not_first | (not own), np.inf, variance[:, :, 0])
     mean, sd, n = prior.mean.copy(), prior.sd.copy(), len(prior.mean)
-    kinds = np.tile([0, *[1, 2] * (n - 1), 5], (n, 1))  # own, changes, jerks, creep;
-    kinds[:, 1:-1] += 2 * np.repeat(prior.hinged, 2, axis=1)  # 3, 4: of the same foot
+    kinds = np.tile([0, *[1, 2] * (n - 1), 5], (n, 1))  # own, changes, jerks, creep
+    kinds[:, 1:-1] += 2 * np.repeat(prior.hinged, 2, axis=1)  # 3 and 4 for the same foot
     for kind in np.unique(kinds):
         pushes, entries = 0 < kind < 5, np.argwhere(kinds == kind).tolist()
         known: Any = (value, variance, prior.mean, prior.sd)
@@ -87,7 +89,7 @@ def learn(
 
 
 def _mixtures(parts: list[Part]) -> list[Distribution]:
-    """One step of expectation maximisation for each entry of a kind: mixtures of posteriors."""
+    """Take one step of expectation maximisation for each entry of a kind: mix its posteriors."""
     use = [(variance < TELLING * sd**2) & np.isfinite(value) for value, variance, _, sd in parts]
     telling = [(part[0][known], part[1][known]) for part, known in zip(parts, use, strict=True)]
     pooled = _mixture(*(np.concatenate(part) for part in zip(*telling, strict=True)))
@@ -95,7 +97,7 @@ def _mixtures(parts: list[Part]) -> list[Distribution]:
 
 
 def _likeliest(parts: list[Part], *, wider: bool) -> list[Distribution]:
-    """Distributions behind the entries of a kind, from what the data say without the prior."""
+    """Return the distributions behind the entries of a kind, from the data without the prior."""
     telling = []
     for value, variance, mean, sd in parts:
         use = (variance < TELLING_ALONE * sd**2) & np.isfinite(value)
@@ -106,7 +108,7 @@ def _likeliest(parts: list[Part], *, wider: bool) -> list[Distribution]:
 
 
 def _mixture(value: FloatArray, variance: FloatArray) -> Distribution:
-    """Mean and sd of a mixture of normals, outliers drawn in; None if there are few."""
+    """Return mean and sd of a mixture of normals, with outliers clipped; None if there are few."""
     if len(value) < FEW:
         return None
     reach = OUTLYING * float(np.std(value))
@@ -116,10 +118,10 @@ def _mixture(value: FloatArray, variance: FloatArray) -> Distribution:
 
 
 def _restricted(value: FloatArray, variance: FloatArray, *, wider: bool) -> Distribution:
-    """Mean and sd behind values known to within their variances; None if there are few.
+    """Return mean and sd of the distribution behind values with known variances; None if few.
 
-    Restricted maximum likelihood over a grid of the sd, one standard error `wider` if so asked;
-    outliers are drawn in first.
+    The sd maximises the restricted likelihood over a grid; `wider` adds one standard error.
+    Outliers are clipped first.
     """
     if len(value) < FEW:
         return None
@@ -137,37 +139,42 @@ def _restricted(value: FloatArray, variance: FloatArray, *, wider: bool) -> Dist
     return float(mean[best]), float(np.sqrt(trial[best] ** 2 + doubt))
 
 
-FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as known
-# Mean and standard deviation of a foot's acceleration before the recording has been asked, m/s^2.
+FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: equivalent to no prior, and to a known value
+# Mean and standard deviation of a foot's acceleration before anything is learned, m/s^2.
 GRAVITIES = {"learned": (0.0, FLAT_SD), "free": (0.0, FLAT_SD), "known": (-GRAVITY_M_S2, SHARP_SD)}
-# m/s^2, m/s^3, m/s: pushes and creep that are not yet learned.
+# Prior sds of pushes (m/s^2, m/s^3) and creep (m/s), and of kinks within a foot (m/s), before
+# anything is learned.
 WEAK_CHANGE_SD, WEAK_JERK_SD, WEAK_CREEP_SD, WEAK_KINK_SD = 30.0, 500.0, 0.1, 3.0
 LEARNING_STEPS = 6
 Softly = tuple[KinkFits, FloatArray]  # fits, and the common errors of the feet, s
-# Evenly spaced, of flight and stance; more would sharpen no prior that matters.
+# Evenly spaced landings that teach flight and stance; more would sharpen no prior that matters.
 LEARNING_LANDINGS, STANCE_LANDINGS = 400, 120
 COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
-# The log likelihood that a law of stance must gain: to be beyond chance, and for each fit, since
-# what gains less there moves an instant by little of its standard error; and what the data must
-# say against pushes.
+# Log likelihood that a law of stance must gain: in total, to exceed chance, and per fit, because a
+# smaller gain moves an instant by only a small part of its standard error. Then the log likelihood
+# by which the data must speak against pushes.
 STANCE_GAIN, STANCE_GAIN_PER_FIT, TELLING_LOSS = 6.0, 0.15, 20.0
-# A contact is not determined from this standard error on, s, or if the foot does not come down; and
-# a foot's law does not do if it leaves more than this share of its contacts so, one odd
-# one of ten or more apart.
+# Standard error, s, above which a contact is undetermined; it also is if the foot does not come
+# down. Then the share of undetermined contacts above which a foot's law is rejected, and the number
+# of contacts from which one undetermined contact is allowed for.
 UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
-FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
-AT_BOUND_S = 1e-3  # so near to the earliest instant it is the bound that was found
+FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # fewest frames that determine a kink
+AT_BOUND_S = 1e-3  # an instant this close to the earliest one, s, is only the bound
 SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)
-SOFTNESS_ODDS, SURE_OF_SOFT = 6.0, 2.0  # of soft against hard; and sds away from it to be sure
-SOFTNESS_NODES = 1001  # where compliances are weighed
-LEAST_STEP_S = 3e-4  # between compliances that are tried, s
-# The likelihood takes the law that was learned for known, and so is too sure of the compliance by
-# this factor; and no foot stops exactly as an exponential, which the other share of it allows for.
+# Prior odds of a soft against a hard contact, and the sds from zero at which a contact is surely
+# soft.
+SOFTNESS_ODDS, SURE_OF_SOFT = 6.0, 2.0
+SOFTNESS_NODES = 1001  # compliances at which the posterior is evaluated
+LEAST_STEP_S = 3e-4  # smallest step between the compliances tried, s
+# The likelihood treats the learned law as known, so it is too sure of the compliance by the first
+# factor. No foot stops exactly exponentially; the second, a share of the compliance, allows for it.
 OVERSURE, SHAPE_SHARE = 1.3, 0.03
-# So many times as long as the foot takes to fall by the misfit, and by its way after the contact.
+# Common error in units of the time that the foot takes to fall by the misfit, and by its creep
+# after the contact.
 MISFIT_HIDES, TURN_HIDES = 2.0, 0.5
-JUMP_S = 1e-3  # an instant that moves by more than the compliance explains is in a gap, and unsure
-SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
+# An instant that moves by this much more than the compliance explains, s, is in a gap, so unsure.
+JUMP_S = 1e-3
+SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances for a foot whose first law is rejected
 
 
 @dataclass(frozen=True)
@@ -181,11 +188,11 @@ class Law:
     noise_m : float
         Standard deviation of a height, m.
     compliance_s : float
-        Time in which a contact takes up the foot's velocity, s.
+        Time constant with which a contact takes up the foot's velocity, s.
     creeps : bool
         Whether feet creep after their contacts.
     pushes : bool
-        Whether the feet that stand push those still in flight.
+        Whether standing feet push those still in flight.
     """
 
     priors: FlightPriors
@@ -197,12 +204,11 @@ class Law:
 
 @dataclass(frozen=True)
 class FootHeights:
-    """What is fitted: times (N,), s, heights (N, n), m, and the windows about a contact, s.
+    """Data to fit: times (N,), s, heights (N, n), m, and the windows about a contact, s.
 
-    `earliest` (L, n), s: before it a foot is too high for its contact. A fit that ends there has
-    found no kink, and its error is made that of a contact that is not determined. A foot that rises
-    by more than `leaves_m` after a contact has left again. Landings that are `odd` (L, 1) teach
-    no law.
+    Before `earliest` (L, n), s, a foot is too high to touch. A fit that ends there has found no
+    kink, and gets the error of an undetermined contact. A foot that rises by more than `leaves_m`
+    after a contact has left the floor again. Landings marked `odd` (L, 1) teach no law.
     """
 
     time: FloatArray
@@ -214,11 +220,11 @@ class FootHeights:
     odd: BoolArray | bool = False
 
     def telling(self, fits: KinkFits) -> FloatArray:
-        """Instants (L, n) of which flight was seen: after a gap any velocity fits, and any law."""
+        """Return instants (L, n) to learn from; NaN if odd or after a gap, where any law fits."""
         return np.where((fits.n_before < FRAMES_BEFORE) | self.odd, np.nan, fits.instant)
 
     def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
-        """Fit each foot about its rough or its last instant (L, n), s, which asks for less."""
+        """Fit each foot about its instant (L, n), s; search `widely` about a rough one."""
         frame_s = float(np.median(np.diff(self.time)))
         search_s = max(0.015, 2.5 * frame_s) if widely else max(0.008, 1.5 * frame_s)
         earliest = np.full(near.shape, -np.inf)
@@ -237,7 +243,7 @@ class FootHeights:
 
 
 def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:
-    """Fit each foot alone, learn the laws on some of the landings, then fit all by them.
+    """Fit each foot alone, learn the laws from some of the landings, then fit all with them.
 
     Parameters
     ----------
@@ -255,11 +261,11 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
 
     def learned(start: Law) -> tuple[Law, FloatArray]:
         law = learned_law(feet, feet.telling(alone), start, own=gravity == "learned")
-        # Of all else one is held at a time.
+        # Only the instants are returned, so that memory holds one set of fits at a time.
         return law, feet.fits(alone.instant, law, widely=True).instant
 
     law, instant = learned(weak)
-    if law.pushes:  # or legs strike: velocities change at once, as of markers of one rigid foot
+    if law.pushes:  # legs may also strike: velocities jump, as for markers of one rigid foot
         other, others = learned(replace(weak, priors=weak_priors(n, gravity, (0,) * n)))
         same = replace(other, noise_m=law.noise_m)
         some, also = (some_landings(at, STANCE_LANDINGS) for at in (instant, others))
@@ -267,22 +273,22 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
         if gain.sum() > TELLING_LOSS:
             law, instant = other, others
     fits, common = _with_softness(feet, feet.fits(instant, law), law, alike=True)
-    # What the law leaves beyond the noise is alike in all landings.
+    # The misfit of the law beyond the noise is common to all landings.
     left_m = np.sqrt(max(law.noise_m**2 - noise_m**2, 0.0))
     falls = np.abs(fits.velocity[np.isfinite(fits.instant)])
-    # A foot that turns about its toes creeps unevenly: some of its way may be a contact's softness.
+    # A foot that turns about its toes creeps unevenly, so part of the creep may be softness.
     turns_m_s = np.abs(law.priors.mean[:, -1]) * (law.creeps & weak.priors.hinged.any(axis=1))
     hidden_m = np.hypot(MISFIT_HIDES * left_m, TURN_HIDES * turns_m_s * feet.windows_s[1])
     return fits, np.hypot(common, hidden_m / np.median(falls) if len(falls) else 0.0)
 
 
 def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) -> Softly:
-    """Add to the errors what is not known of the compliance, and return what is common of it.
+    """Add the uncertainty of the compliance to the errors, and return the common errors.
 
-    Few landings cannot tell a hard contact from a soft one, which moves all instants of a foot. The
-    likelihoods of other compliances, of all feet `alike` or of each, say what it may be. Feet that
-    are alike, and sure to be soft, get the instants of the mean compliance. How far a foot's
-    landings may be off alike is its common error (n,), s; what they do not share is in `unit_se`.
+    Few landings cannot distinguish a hard contact from a soft one, which shifts all instants of a
+    foot. The likelihoods of other compliances, for all feet `alike` or for each, limit what it can
+    be. If feet are alike and surely soft, their instants are those of the mean compliance. The
+    error that all landings of a foot share is its common error (n,), s; the rest is in `unit_se`.
     """
     some, own_s = some_landings(feet.telling(fits), STANCE_LANDINGS), law.compliance_s
     step_s = max(0.1 * own_s, LEAST_STEP_S)
@@ -291,7 +297,7 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
     trials = [replace(law, compliance_s=time_s) for time_s in trials_s.tolist()]
     found = [feet.fits(some, one) for one in trials]
     each = np.array([one.evidence for one in found]) / (-2 * law.noise_m**2)
-    # Where instants jump matters at likely trials alone: at a much too soft one they jump anyhow.
+    # Jumps of instants count only between likely trials: at far too soft ones they jump anyway.
     likely = (total := np.nansum(each, axis=(1, 2))) > total.max() - TELLING_LOSS
     moves = np.abs(np.diff(np.array([one.instant for one in found])[likely], axis=0))
     steady = (moves < 2 * np.diff(trials_s[likely])[:, None, None] + JUMP_S).all(axis=0)
@@ -308,19 +314,20 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
     moved = np.where(np.isfinite(moved), moved, shift)
     better = np.where(alike & (mean > SURE_OF_SOFT * sd), mean, own_s)
     instant, doubt = fits.instant + moved * (better - own_s), np.hypot(mean - better, sd)
-    centre = shift.mean() if alike else shift  # feet that move otherwise may change places
+    centre = shift.mean() if alike else shift  # feet that shift differently may swap places
     error = np.hypot(fits.unit_se, (moved - centre) * doubt / law.noise_m)
-    if alike:  # the law's own error, of what it was learned from
+    if alike:  # include the law's own error, since it was learned from a finite number of landings
         error *= np.sqrt(1 + 1 / max(np.isfinite(instant).any(axis=1).sum(), 1))
     common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
     return replace(fits, instant=instant, unit_se=error), common
 
 
 def _compliance(trials_s: FloatArray, gains: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean and sd (n,) of compliances, s, by the log likelihoods (K, n) of trials (K,).
+    """Return mean and sd (n,) of compliances, s, from log likelihoods (K, n) of trials (K,).
 
-    Between these they are a cubic spline, whose third derivative jumps at inner trials but the
-    outermost. SciPy's would cost a short study more time to load than to judge all its contacts.
+    Log likelihoods are interpolated by a cubic spline, whose third derivative jumps at the inner
+    trials except the outermost (not-a-knot). Loading SciPy's spline would take a short study longer
+    than judging all its contacts.
     """
 
     def basis(at: FloatArray) -> FloatArray:
@@ -340,10 +347,10 @@ def _compliance(trials_s: FloatArray, gains: FloatArray) -> tuple[FloatArray, Fl
 def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:
     """Fit each foot alone, by the simplest law that determines its contacts.
 
-    With a free curvature (unless gravity is `known`), windows recentred: first a foot that stops at
-    once and stands; where that leaves too many of its contacts undetermined, one that creeps on;
-    and where that does not do either, the median over softer and softer contacts. What these differ
-    by from landing to landing is part of the standard error.
+    Curvature is free (unless gravity is `known`) and windows are recentred. The first law is a foot
+    that stops at once and stands. If that leaves too many of its contacts undetermined, the foot
+    creeps on. If that does not suffice either, the median over ever softer contacts is taken. The
+    spread of these in each landing is part of the standard error.
     """
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m, pushes=False)
     best = _alone(feet, near, law)
@@ -360,7 +367,7 @@ def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity:
             spread[foot] = False
     law = replace(law, noise_m=noise, creeps=True)
     softly, common = _with_softness(feet, best, law, alike=False)
-    # The error of a median has the spread.
+    # The error of a median already contains the spread over compliances.
     return replace(best, unit_se=np.where(spread, softly.unit_se, best.unit_se)), common
 
 
@@ -372,12 +379,12 @@ def _alone(feet: FootHeights, near: FloatArray, law: Law) -> KinkFits:
 
 
 def _determined(fits: KinkFits, noise_m: float) -> BoolArray:
-    """Say which contacts (L, n) have a kink that fixes their instant."""
+    """Mark the contacts (L, n) with a kink that determines their instant."""
     return np.asarray((noise_m * fits.unit_se < UNDETERMINED_S) & (fits.velocity < 0))
 
 
 def _undetermined(fits: KinkFits, near: FloatArray, noise_m: float) -> FloatArray:
-    """Return the share of each foot's contacts (n,) that have none; of ten one does not count."""
+    """Return each foot's share of undetermined contacts (n,); one in ten or more is forgiven."""
     wanted = np.isfinite(near)
     count = wanted.sum(axis=0)
     without = (wanted & ~_determined(fits, noise_m)).sum(axis=0) - (count >= ODD_ONE_OF)
@@ -385,9 +392,9 @@ def _undetermined(fits: KinkFits, near: FloatArray, noise_m: float) -> FloatArra
 
 
 def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFits:
-    """Return the fits whose instants of a foot are nearest to the median, with that instant.
+    """Return the fits whose instants of a foot are nearest to the median, with the median instant.
 
-    The standard error gets the spread of the instants over the laws.
+    The standard error includes the spread of the instants over the laws.
     """
     known = np.stack([_determined(fits, noise_m)[:, foot] for fits in found])
     instant = np.ma.array([fits.instant[:, foot] for fits in found], mask=~known)
@@ -407,17 +414,17 @@ def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFit
 
 
 def merged(fits: KinkFits, others: KinkFits, where: BoolArray) -> KinkFits:
-    """Return the fits (L, n), and the others where that is said, (L, n)."""
+    """Return the fits (L, n), replaced by the others where `where` (L, n) is true."""
     both = ((name, value, getattr(others, name)) for name, value in vars(fits).items())
     return KinkFits(**{k: np.where(where.T, b.T, a.T).T for k, a, b in both})
 
 
 def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) -> Law:
-    """Learn from the landings with these instants (L, n), s, from weak priors on."""
+    """Learn the law from the landings with these instants (L, n), s, starting from weak priors."""
     instant, weak = some_landings(instant, LEARNING_LANDINGS), law.priors
     for step in range(LEARNING_STEPS):
         some = some_landings(instant, STANCE_LANDINGS)
-        if step == 2:  # what was learned with a hard contact would hold it where it is
+        if step == 2:  # restart: priors learned with a hard contact would keep it hard
             stance = _with_stance(feet, some, replace(law, priors=weak))
             law = replace(stance, priors=weak if stance.compliance_s > 0 else law.priors)
         elif step > 2:
@@ -428,13 +435,14 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     law = _refined(feet, some, law)
     free = replace(law, pushes=False)
     gain = _gain(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
-    # Weak pushes hardly pay for the freedom they take, and left out make errors larger than stated;
-    # kept where there are none they only widen them. So they go where the data speak against them.
+    # Weak pushes hardly pay for their extra freedom, but leaving them out makes errors larger than
+    # stated. Keeping them where there are none only widens the stated errors. So they are dropped
+    # only if the data speak against them.
     return law if gain.sum() > -TELLING_LOSS else free
 
 
 def some_landings(instant: FloatArray, most: int) -> FloatArray:
-    """At most so many of the landings (L, n) with an instant, evenly spaced."""
+    """Return at most `most` of the landings (L, n) with an instant, evenly spaced."""
     rows = np.flatnonzero(np.isfinite(instant).any(axis=1))
     if len(rows) > most:
         rows = rows[np.linspace(0, len(rows) - 1, most).round().astype(np.int64)]
@@ -448,11 +456,11 @@ def _one_step(fits: KinkFits, law: Law, *, own: bool, sharpen: bool = False) -> 
 
 
 def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
-    """Give the law a soft contact or creeping feet if the landings (L, n) clearly ask for them."""
+    """Give the law a soft contact or creeping feet if the landings (L, n) clearly call for them."""
     best, likelihood, totals = law, _log_likelihood(feet, instant, law), [-np.inf]
     for creeps in (False, True):
         known = []
-        for compliance_s in COMPLIANCES_S:  # up to the first that is worse than the last
+        for compliance_s in COMPLIANCES_S:  # until one is worse than the one before
             trial = replace(law, compliance_s=compliance_s, creeps=creeps)
             if creeps:
                 learned = _one_step(feet.fits(instant, trial), trial, own=False)
@@ -461,7 +469,7 @@ def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
             known.append(float(np.nansum(found)))
             gain = _gain(found, likelihood)
             if gain.sum() > STANCE_GAIN + STANCE_GAIN_PER_FIT * len(gain):
-                best, likelihood, totals = trial, found, known  # which still grows
+                best, likelihood, totals = trial, found, known  # the list `known` still grows
             if known[-1] < max(known):
                 break
     if best.compliance_s == 0.0:
@@ -470,7 +478,7 @@ def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
 
 
 def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
-    """Adjust the compliance of a soft contact to the law that was learned with it."""
+    """Adjust the compliance of a soft contact to the law learned with it."""
     if law.compliance_s == 0.0:
         return law
     for shares in ((0.7, 1.0, 1.4), (0.9, 1.0, 1.1)):
@@ -481,7 +489,7 @@ def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
 
 
 def _log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatArray:
-    """Log likelihood of each foot of each landing (L, n), but for a constant."""
+    """Return the log likelihood of each foot in each landing (L, n), up to a constant."""
     return feet.fits(instant, law).evidence / (-2 * law.noise_m**2)
 
 
@@ -490,7 +498,7 @@ def _gain(more: FloatArray, fewer: FloatArray) -> FloatArray:
 
 
 def _vertex(trials: Sequence[float], totals: Sequence[float]) -> float:
-    """Return the trial of largest likelihood, by a parabola through the best and its two next."""
+    """Return the trial of maximum likelihood, by a parabola through the best and its neighbours."""
     x, y = np.array(trials), np.array(totals)
     middle = int(np.clip(np.argmax(y), 1, len(x) - 2))
     near = slice(middle - 1, middle + 2)
@@ -500,7 +508,7 @@ def _vertex(trials: Sequence[float], totals: Sequence[float]) -> float:
 
 
 def weak_priors(n: int, gravity: str, foot_of: tuple[int, ...] = ()) -> FlightPriors:
-    """Priors of n feet before the recording has been asked: see `find_contacts` for `gravity`."""
+    """Return priors of n feet before anything is learned; see `find_contacts` for `gravity`."""
     mean = np.zeros((n, 2 * n))
     pushes = [WEAK_CHANGE_SD, WEAK_JERK_SD] * (n - 1)
     mean[:, 0], acceleration_sd = chosen("touchdowns.gravity", gravity, GRAVITIES)
