@@ -1,7 +1,7 @@
-"""A study in one process: the stages of the workflow, for a notebook or a program.
+"""A study in one process: the stages of the workflow for a notebook or a program.
 
-Each stage takes what the workflow's file between two stages would hold, in the digits of that file,
-so that its numbers are the workflow's to the last byte.
+Stages exchange their data as the workflow's files would hold them, rounded to the same digits, so
+the results equal the workflow's byte for byte.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
 
 Contents = dict[str, Any]
-#: In a checkout this link leads to its own Snakefile; in a wheel the file is beside the others.
+#: The workflow: in a checkout this path is a link to the Snakefile, in a wheel it is the file.
 SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
-BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)  # smooth terms: differences that `plan` tells of
+#: Differences that `plan` lists, beyond what smooth terms may leave, as shares of the map.
+BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
 Progress = Callable[[str], object]
 Simulate = Callable[..., tuple[Recording, Truth]]
 
@@ -51,14 +52,14 @@ def read(
     Parameters
     ----------
     file : path or sequence of path
-        A file, or several in the order of time.
+        A file, or several in chronological order.
     feet, body : sequence of str
-        Names of the markers to keep, by their roles.
+        Names of the markers to keep, by role.
     name : str, optional
-        Name of the recording; that of the file if it is left out.
+        Name of the recording; by default the name of the file.
     options
         ``unit``, ``vertical_axis``, ``rate_hz``: see
-        `hopdata.recordings.importing.import_recording`. The axis is guessed if it is left out.
+        `hopdata.recordings.importing.import_recording`. The axis is guessed if it is not given.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def read(
 
 
 def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, list[str]]:
-    """Return what ``hopdata init`` guesses: the axis of a file that is up, and other feet in it."""
+    """Return the guesses of ``hopdata init``: the vertical axis of a file, and its other feet."""
     from hopdata.recordings.quality.orientation import guess_unit_and_up
     from hopdata.recordings.quality.roles import feet_between
     from hopdata.recordings.raw import METRES_PER_UNIT, rotate_up
@@ -116,7 +117,7 @@ def study(
     progress: Progress = lambda _stage: None,
     **keys: Any,
 ) -> Study:
-    """Prepare a study, to be gone through step by step; arguments and errors of `analyse`."""
+    """Prepare a study for use step by step; arguments and errors are those of `analyse`."""
     from hopdata.recordings.plausibility import check_plausible
 
     if not callable(progress):
@@ -154,7 +155,7 @@ def study(
             keys["sections"] = {**sections, "frames": "landings"}
             progress(f"sections.frames: landings, since other feet land too ({', '.join(others)})")
     keys = {"markers": roles, **keys} if any(roles.values()) else keys
-    for key, one in keys.items():  # what a section of the source says besides stays
+    for key, one in keys.items():  # other keys in the same section of the source stay
         if isinstance(one, Mapping) and isinstance(beside := content.get(key), Mapping):
             keys[key] = {**beside, **one}
     config = load_config({**content, **keys}, files=files, check_files=not given)
@@ -172,30 +173,30 @@ def analyse(
     progress: Progress = lambda _stage: None,
     **keys: Any,
 ) -> Study:
-    """Analyse a recording, or the study of a configuration, as the workflow does.
+    """Analyse recordings, or the study of a configuration, as the workflow does.
 
     Parameters
     ----------
     source : path, mapping, Recording or list of Recording
-        A configuration (YAML file or its content), a file of motion capture, or recordings.
+        A configuration (YAML file or its content), a motion-capture file, or recordings.
     feet, body : sequence of str
-        Marker names by role, for a file of motion capture.
+        Marker names by role, for a motion-capture file.
     progress : callable
-        Told the name of each stage as it begins, such as `print`.
+        A function such as `print`, called with the name of each stage as it begins.
     keys
-        Sections of the configuration, such as ``touchdowns={"method": "kink"}``; what a section
-        of `source` says besides stays. Without an ``input["vertical_axis"]`` that of a file is
-        guessed from what falls in it.
+        Sections of the configuration, such as ``touchdowns={"method": "kink"}``. Other keys in the
+        same section of `source` stay as they are. For a motion-capture file the vertical axis is
+        guessed from free fall unless ``input["vertical_axis"]`` is given.
 
     Returns
     -------
     Study
-        Its stages are computed when they are asked for; the verdict already is.
+        The study, whose verdict is computed; other stages are computed on request.
 
     Raises
     ------
     ConfigError
-        If the configuration is wrong: one line for each mistake.
+        If the configuration is wrong; the message has one line per mistake.
     RecordingError, AnalysisError
         If a recording cannot be read or analysed.
     """
@@ -208,7 +209,7 @@ def analyse(
 def synthesize(
     scene: str = "hopper", *, name: str = "simulated", seed: int = 0, **keys: Any
 ) -> tuple[Recording, Truth]:
-    """Simulate a recording of a scene as motion capture sees it, with its truth.
+    """Simulate a motion-capture recording of a scene, and return it with its truth.
 
     Parameters
     ----------
@@ -217,7 +218,7 @@ def synthesize(
     name : str
         Name of the recording.
     seed : int
-        Of kicks and noise.
+        Seed of kicks and noise.
     keys
         Sections of the configuration, such as ``simulation={"hops": 200}`` and
         ``motion_capture={"rate_hz": 250}``.
@@ -225,19 +226,19 @@ def synthesize(
     Raises
     ------
     ConfigError
-        If there is no such scene or a value is out of range.
+        If the scene does not exist or a value is out of range.
 
     Examples
     --------
     >>> recording, truth = synthesize("quadruped", simulation={"hops": 5}, seed=1)
-    >>> truth.contact_times.shape  # of each landing and foot
+    >>> truth.contact_times.shape  # landings, feet
     (5, 4)
     """
     from hopdata.synthesis import simulate_recording
 
     options = keys.get("simulation") or {}
     keys["simulation"] = {"scene": scene, **options} if isinstance(options, Mapping) else options
-    # All markers are made, whichever of them a study would follow.
+    # The simulation makes all markers, whatever names are given here.
     markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
     content = {"study": name, "recordings": [{"name": name}], "markers": markers, "seed": seed}
     return _simulated(load_config({**content, **keys}), 0, simulate_recording)
@@ -251,31 +252,31 @@ def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recor
 
 
 def planned(allowed: float) -> list[float]:
-    """Return the differences to plan for, which smooth terms alone do not leave."""
+    """Return the differences to plan for, all larger than the `allowed` effect of smooth terms."""
     return [round(allowed + more, 2) for more in BEYOND]
 
 
 @told_call
 def plan(pilot: Study | Verdict, differences: Sequence[float] | None = None) -> pd.DataFrame:
-    """Say how many landings a study takes to show a difference of the maps.
+    """Return how many landings a study needs to show a difference between the maps.
 
     Parameters
     ----------
     pilot : Study or Verdict
-        Of a short recording, or of a simulated one.
+        A study of a short or a simulated recording.
     differences : sequence of float, optional
-        Sizes, as shares of the map, larger than what smooth terms may leave (0.1 or more); by
-        default from 0.03 to 0.4 beyond that.
+        Sizes of the difference, as shares of the map. They must exceed what smooth terms may leave
+        (0.1 or more); by default they exceed it by 0.03 to 0.4.
 
     Returns
     -------
     DataFrame
-        ``difference`` (share of the map), ``landings`` that show it with the verdict's power.
+        ``difference`` (share of the map) and ``landings`` that show it with the verdict's power.
 
     Raises
     ------
     AnalysisError
-        If the pilot has no answer, or no number of landings shows a difference.
+        If the pilot has no answer, or if no number of landings shows one of the differences.
     """
     from hopdata.maps.verdict.effect import landings_needed
     from hopdata.maps.verdict.judge import Verdict
@@ -295,16 +296,16 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] | None = None) -> 
 
 @dataclass(frozen=True, repr=False)
 class Study(Shown):
-    """A study whose stages are computed once, when they are first asked for.
+    """A study whose stages are computed once, when they are first used.
 
     Attributes
     ----------
     config
         The whole configuration, as `hopdata.config.load_config` returns it.
     given
-        Plausible recordings that take the place of the configuration's files.
+        Plausible recordings to use instead of the configuration's files.
     progress
-        Told the name of each stage as it begins.
+        Function that is called with the name of each stage as it begins.
     """
 
     config: Contents
@@ -312,25 +313,25 @@ class Study(Shown):
     progress: Progress = field(default=lambda _stage: None)
 
     def told(self) -> str:
-        """Return its name and the answer."""
+        """Return the name and the answer."""
         known = self.__dict__.get("verdict")
         return f"'{self.config['study']}': {known.sentence if known else 'no verdict yet'}"
 
     def _repr_html_(self) -> str:
-        """Show the answer and its picture, as a notebook does with the last line of a cell."""
+        """Return the answer and its figure as HTML, for the output of a notebook's cell."""
         if "verdict" not in self.__dict__ or self.verdict.effect is None:
             return f"<p>{escape(repr(self))}</p>"
         told = escape(self.verdict.sentence)
         return f'<div aria-label="{told}">{self.figures.verdict()._repr_svg_()}</div>'
 
-    # The stages by name, for those who go step by step; what each finds stays with the study.
+    # The stages as methods, for use step by step; the study keeps the result of each.
 
     def read(self) -> list[Recording]:
-        """Read the recordings and check that they make sense; return `imported`."""
+        """Read the recordings and check that they are plausible; return `imported`."""
         return self.imported
 
     def level(self) -> list[Recording]:
-        """Take off the floor and fill short gaps; return `recordings`."""
+        """Subtract the floor and fill short gaps; return `recordings`."""
         return self.recordings
 
     def find_contacts(self) -> dict[str, pd.DataFrame]:
@@ -342,7 +343,7 @@ class Study(Shown):
         return self.sections
 
     def find_touchdowns(self) -> pd.DataFrame:
-        """Tabulate the touchdowns with their orders of contact; return `touchdowns`."""
+        """Tabulate the touchdowns with their contact orders; return `touchdowns`."""
         return self.touchdowns
 
     @told_call
@@ -388,7 +389,7 @@ class Study(Shown):
 
     @cached_property
     def recordings(self) -> list[Recording]:
-        """Recordings on a level floor, with short gaps filled where that can be done."""
+        """Recordings on a level floor, with short gaps filled where possible."""
         from hopdata.landings.contacts.joined import join_feet
         from hopdata.landings.filling import fill_gaps
         from hopdata.landings.floor import level
@@ -406,7 +407,7 @@ class Study(Shown):
 
     @cached_property
     def contacts(self) -> dict[str, pd.DataFrame]:
-        """Descents of the body, and when each foot touched in them: a table a recording."""
+        """Table per recording of the body's descents and the contact instants of each foot."""
         from hopdata.landings.contacts.find import find_landings
 
         options, found = consistency.contact_options(self.config), {}
@@ -434,7 +435,7 @@ class Study(Shown):
 
     @cached_property
     def candidates(self) -> pd.DataFrame:
-        """Touchdowns before it is known which of them have a state at both sections."""
+        """Touchdowns, including those that lack a state at one of the sections."""
         from hopdata.landings.touchdowns import touchdown_tables
 
         config, heights = self.config, self._heights
@@ -447,7 +448,7 @@ class Study(Shown):
 
     @cached_property
     def _landings(self) -> tuple[pd.DataFrame, Pairs, Contents]:
-        """Touchdowns, pairs and units: a touchdown without a state is excluded."""
+        """Touchdowns, pairs and units; touchdowns without a state are marked as excluded."""
         from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
         from hopdata.maps.units import choose_units
 
@@ -462,12 +463,12 @@ class Study(Shown):
 
     @property
     def touchdowns(self) -> pd.DataFrame:
-        """One row a touchdown, excluded ones with their reason."""
+        """Table with one row per touchdown; excluded ones have a reason."""
         return self._landings[0]
 
     @property
     def pairs(self) -> Pairs:
-        """States at the two sections in the home frame, with the contact instants."""
+        """Pairs of states at the two sections in the home frame, with the contact instants."""
         return self._landings[1]
 
     @property
@@ -543,13 +544,13 @@ class Study(Shown):
 
     @cached_property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """All tables by their names in the folder ``tables`` of the workflow's results."""
+        """All tables, by their names in the folder ``tables`` of the workflow's results."""
         found = ("touchdowns", *self._of_landings, *self._of_maps[0])
         return {name: self._content(name) for name in found}
 
     @property
     def quality(self) -> pd.DataFrame:
-        """Checks of the recordings and landings: value, unit, what is good and poor, and status."""
+        """Checks of recordings and landings: value, unit, limits of good and poor, and status."""
         return pd.DataFrame(self._checks)
 
     @cached_property
@@ -569,36 +570,36 @@ class Study(Shown):
 
     @property
     def figures(self) -> Figures:
-        """The figures, each a function: ``study.figures.verdict(style="nature")``."""
+        """Functions that draw the figures, such as ``study.figures.verdict(style="nature")``."""
         return Figures(self)
 
     def _content(self, file: str) -> Any:
-        """Return what the workflow's file of this path would hold."""
+        """Return the content that the workflow's file of this path would have."""
         name = Path(file).stem
-        if name in ("touchdowns", "units"):  # without all the other stages
+        if name in ("touchdowns", "units"):  # these need no later stage
             return getattr(self, name)
         if name in ("verdict", "sections"):
             return getattr(self, name).to_dict()
         if name not in self._stored:
-            found = self._of_landings  # without fitting all the models
+            found = self._of_landings  # looked up first, so that models are fitted only if needed
             self._stored[name] = as_stored(found[name] if name in found else self._of_maps[0][name])
         return self._stored[name]
 
     @cached_property
     def _stored(self) -> dict[str, pd.DataFrame]:
-        """Tables in the digits of their files, as they are asked for."""
+        """Tables that have been used so far, rounded as in their files."""
         return {}
 
     @told_call
     def report(self, file: str | Path, *, drawn: str | Path | None = None) -> Path:
-        """Write the study's page, which needs no other file.
+        """Write the study's page, a single self-contained file.
 
         Parameters
         ----------
         file : path
-            Where to.
+            Path of the page.
         drawn : path, optional
-            Folder in which `save` has left the figures as SVG; by default they are drawn anew.
+            Folder with the figures as SVG from `save`; by default they are drawn again.
 
         Returns
         -------
@@ -676,17 +677,18 @@ def _place(key: str, path: str | Path) -> Path:
 
 @dataclass(frozen=True)
 class Figures:
-    """The figures of a study, each drawn when its function is called.
+    """Functions that draw the figures of a study.
 
-    They take ``ax=`` (an axes whose place they fill) and ``style=``, and return the figure or,
-    where `ax` is given, what was drawn into: see `hopdata.figures.style.styled`.
+    They accept ``ax=`` (an axes that the figure replaces) and ``style=``. They return the figure
+    or, if `ax` is given, the part of a figure that they drew into: see
+    `hopdata.figures.style.styled`.
     """
 
     of: Study
 
     @property
     def names(self) -> dict[str, str]:
-        """Names of the functions, and those of the figures in the workflow's results."""
+        """Names of the functions -> names of the figures in the workflow's results."""
         drawings = FIGURES["landings"] | FIGURES["maps"]
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 

@@ -23,15 +23,15 @@ class Event:
     label : str
         Name of the event.
     time_s : float
-        Time stamp as in the file, s.
+        Time as in the file, s.
     """
 
     label: str
     time_s: float
 
 
-SLOWEST_S = 0.5  # between frames; more are milliseconds
-ROLES = ("body", "foot", "part", "boom", "other")  # a part is a marker of the foot before it
+SLOWEST_S = 0.5  # longest median time between frames; longer ones suggest times in milliseconds
+ROLES = ("body", "foot", "part", "boom", "other")  # "part": another marker of the preceding foot
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,13 +57,13 @@ class Recording(Shown):
     source_sha256 : str
         Digest of that file.
     vertical_axis : str
-        Direction of the source file that was up, such as ``"y"`` or ``"-z"`` (`axes.FILE_AXES`).
+        Axis of the source file that pointed up, such as ``"y"`` or ``"-z"`` (`axes.FILE_AXES`).
     events : tuple of Event
         Events marked in the file, on the same clock as `time`.
     remarks : tuple of str
-        What the file said that did not hold and was put right, one line each.
+        Statements in the file that were wrong and have been corrected, one line each.
     filled : (N, M) bool array, optional
-        Positions that were not seen but filled in; None if no gaps were filled.
+        True for positions that were not seen but filled in; None if no gaps were filled.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Recording(Shown):
                 raise ArgumentError.at(name, f"an array of shape {shape}", found)
 
     def told(self) -> str:
-        """Return name, size and how much of it was seen."""
+        """Return the name, the size and the share of positions seen."""
         seen = 100 * fraction_seen(self).mean() if self.positions.size else 0.0
         return (
             f"'{self.name}': {len(self.markers)} markers, {len(self.time):,} frames at "
@@ -97,7 +97,7 @@ class Recording(Shown):
         )
 
     def rows(self) -> dict[str, Any]:
-        """Return marker, role and share of the frames in which it was seen."""
+        """Return each marker, its role and the percentage of frames in which it was seen."""
         return {"marker": self.markers, "role": self.roles, "seen (%)": 100 * fraction_seen(self)}
 
     def to_xarray(self) -> Any:
@@ -106,7 +106,8 @@ class Recording(Shown):
         Returns
         -------
         DataArray, (N, M, 3)
-            Along ``time`` (s), ``marker`` (with its ``role``) and ``axis`` (x, y, z up), in m.
+            Positions in m along ``time`` (s), ``marker`` (with its ``role``) and ``axis`` (x, y,
+            and z up).
 
         Raises
         ------
@@ -136,26 +137,26 @@ class Recording(Shown):
         body: Iterable[str],
         name: str = "recording",
     ) -> Recording:
-        """Make a recording of what is in memory.
+        """Make a recording from arrays.
 
         Parameters
         ----------
         time : (N,) array-like
-            Time of each frame, s, strictly increasing; put back onto the even grid of which it is
-            rounded, as float32 and whole ms are.
+            Time of each frame, s, strictly increasing. Times rounded from an even grid, for example
+            to float32 or to whole ms, are put back on the grid.
         positions : (N, M, 3) array-like
             Marker positions, m, z up; NaN where a marker was not seen.
         markers : iterable of str
             The M marker names.
         feet, body : iterable of str
-            Those of the feet and of the body; the others are kept without a role.
+            Names of the foot and body markers; the other markers are kept without a role.
         name : str
             Name of the recording.
 
         Raises
         ------
         HopdataError
-            If shapes, times or names do not fit together.
+            If shapes, times or names do not match.
 
         Examples
         --------
@@ -191,30 +192,30 @@ class Recording(Shown):
         number = np.arange(1.0, len(stamps) + 1)
         whole, own = (rate_of(stamps, number, whole=w) or np.nan for w in (True, False))
         grid, remarks = settle("time", stamps, number, whole)
-        fits = not remarks and grid is not stamps  # but for the rounding with which they are kept
+        fits = not remarks and grid is not stamps  # even except for rounding
         kept = (grid, whole) if fits else (stamps, own)
         return cls(name, kept[0], places, known, tuple(roles), kept[1])
 
     def indices(self, role: str) -> list[int]:
-        """Return indices of the markers with this role, in order."""
+        """Return the indices of the markers with this role, in order."""
         require_choice("role", role, ROLES)
         return [i for i, r in enumerate(self.roles) if r == role]
 
     def names(self, role: str) -> tuple[str, ...]:
-        """Return names of the markers with this role, in order."""
+        """Return the names of the markers with this role, in order."""
         return tuple(self.markers[i] for i in self.indices(role))
 
     @property
     def place(self) -> str:
-        """Where it comes from, as a message names it."""
+        """Origin of the recording, for messages."""
         if more := self.source_sha256.count(","):
             return f"{self.source.partition(', ')[0]} and {more} more"
         return self.source or f"recording '{self.name}'"
 
     def part(self, frames: slice) -> Recording:
-        """Return the recording of these frames alone; every second frame has half the rate."""
+        """Return a recording of these frames only; taking every second frame halves the rate."""
         if not isinstance(frames, slice) or (frames.step or 1) < 0:
-            raise ArgumentError.at("frames", "a slice, as slice(0, 1000)", f"{frames!r}")
+            raise ArgumentError.at("frames", "a slice such as slice(0, 1000)", f"{frames!r}")
         filled = None if self.filled is None else self.filled[frames]
         kept: Any = {"time": self.time[frames], "positions": self.positions[frames]}
         return replace(self, **kept, filled=filled, rate_hz=self.rate_hz / (frames.step or 1))
@@ -236,16 +237,16 @@ class Recording(Shown):
 
     @cached_property
     def scale(self) -> float:
-        """See `scale_of`, by the body and the feet."""
+        """Scale of the body and foot markers: see `scale_of`."""
         return scale_of(sampled(self.positions)[:, self.indices("body") + self.indices("foot")])
 
     @property
     def pace(self) -> float:
-        """Root of the scale: what times are multiplied by, since all bodies fall alike."""
+        """Factor for times: the root of the scale, since gravity is the same at all sizes."""
         return float(np.sqrt(self.scale))
 
     def of_1_m(self) -> Recording:
-        """Return the recording as if the animal were of 1 m, and fell as it does."""
+        """Return the recording scaled to an animal of 1 m, with gravity unchanged."""
         if self.scale == 1.0:
             return self
         scaled: Any = {"time": self.time / self.pace, "positions": self.positions / self.scale}
@@ -253,13 +254,13 @@ class Recording(Shown):
 
 
 def _together(markers: list[int]) -> list[int] | slice:
-    """Return markers that stand side by side as a slice, which copies no frame."""
+    """Return the indices of adjacent markers as a slice, which avoids a copy of the frames."""
     side_by_side = markers and markers == list(range(markers[0], markers[-1] + 1))
     return slice(markers[0], markers[-1] + 1) if side_by_side else markers
 
 
 def numbers(key: str, values: ArrayLike) -> FloatArray:
-    """Return what is given for an argument as an array; refuse all but numbers by its name."""
+    """Return an argument as an array of floats; raise an error with its name if it is none."""
     try:
         return np.ma.asarray(values, float).filled(np.nan)
     except (TypeError, ValueError) as error:
@@ -267,7 +268,7 @@ def numbers(key: str, values: ArrayLike) -> FloatArray:
 
 
 def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
-    """Return a list of names as a tuple; refuse all else with the key."""
+    """Return a list of distinct names as a tuple; raise an error with the key for anything else."""
     listed = isinstance(names, Iterable) and not isinstance(names, str)
     found = tuple(names) if listed else ()
     if not listed or not all(isinstance(name, str) for name in found):
@@ -277,18 +278,18 @@ def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
     return found
 
 
-# No landing may count twice: the same content under two names is refused.
+# No landing may count twice, so the same content under two names is an error.
 
 SEPARATOR = ", "  # between the files of one recording, and between their digests
 
 
 def require_distinct(recordings: Iterable[Recording]) -> None:
-    """Refuse files that are byte for byte the same, in one recording or in two.
+    """Raise an error if two files are byte for byte the same, within or between recordings.
 
     Raises
     ------
     RecordingError
-        Naming both files.
+        If so; the message names both files.
     """
     known: dict[str, str] = {}
     for recording in recordings:
@@ -296,29 +297,29 @@ def require_distinct(recordings: Iterable[Recording]) -> None:
             here = f"file {number + 1} of recording '{recording.name}'"
             if digest in known:
                 raise RecordingError(
-                    f"{recording.place}: expected each file once, found the bytes of {here} in "
-                    f"{known[digest]} as well: their landings would count twice"
+                    f"{recording.place}: expected each file once, found the same bytes in {here} "
+                    f"and in {known[digest]}: their landings would count twice"
                 )
             known[digest] = here
 
 
-# How much of a recording there is to see, and how far its markers spread.
+# How much of a recording was seen, and how far its markers extend.
 
 SAMPLE_FRAMES = 2000
 
 
 def fraction_seen(recording: Recording) -> FloatArray:
-    """Fraction of the frames in which each marker was seen, (M,)."""
+    """Return the fraction of the frames in which each marker was seen, (M,)."""
     return np.asarray((~np.isnan(recording.positions).any(axis=2)).mean(axis=0))
 
 
 def extent(positions: FloatArray) -> float:
-    """Median over frames of the diagonal of the box around all markers seen.
+    """Return the diagonal of the box around all markers seen, as a median over frames.
 
     Parameters
     ----------
     positions : (N, M, 3) array
-        In any unit, along any axes.
+        Marker positions in any unit, along any axes.
 
     Returns
     -------
@@ -335,28 +336,29 @@ def extent(positions: FloatArray) -> float:
 
 
 def scale_of(positions: FloatArray) -> float:
-    """Return what lengths found on animals of 1 m are multiplied by for another: 1/16, 1/4, 1, 4.
+    """Return the factor for lengths that were tuned on animals of 1 m: ..., 1/16, 1/4, 1, 4, ...
 
-    Of markers (N, M, 3), m, by their `extent`; in steps of four, since two recordings of one animal
-    are to have one, and those of 0.5 to 2 m the numbers that they chose. Times go with its root.
+    It is the `extent` of the markers (N, M, 3), m, rounded to a power of four, so that two
+    recordings of one animal have the same factor, and animals of 0.5 to 2 m, on which the lengths
+    were tuned, have the factor 1. Times scale with its root.
     """
     size = extent(positions)
     return float(4.0 ** np.round(0.5 * np.log2(np.clip(size, 1e-3, 1e3)))) if size > 0 else 1.0
 
 
 def body_over_feet(recording: Recording) -> FloatArray:
-    """Median over frames of the mean body position less the mean foot position, (3,), m."""
+    """Return the median over frames of mean body position minus mean foot position, (3,), m."""
     difference = sampled(recording.body).mean(axis=1) - sampled(recording.feet).mean(axis=1)
     difference = difference[~np.isnan(difference).any(axis=1)]
     return np.asarray(np.median(difference, axis=0)) if len(difference) else np.full(3, np.nan)
 
 
 def sampled(positions: FloatArray) -> FloatArray:
-    """Return at most `SAMPLE_FRAMES` of the frames (N, ...), evenly spaced."""
+    """Return an evenly spaced sample of frames (N, ...), fewer than twice `SAMPLE_FRAMES`."""
     return positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
 
 
-# What a simulation knows about a recording and a camera does not; only scoring reads it.
+# Facts about a recording that only a simulation knows; only scoring reads them.
 
 
 @dataclass(frozen=True, repr=False)
@@ -368,30 +370,30 @@ class Truth(Shown):
     Parameters
     ----------
     contact_times : (L, n) array
-        Instant at which each foot first touched in each landing, s; NaN if it did not.
+        Instant at which each foot first touched in each landing, s; NaN if it did not touch.
     apex_times : (L,) array
         Time of the apex before each landing, s.
     complete : (L,) bool array
-        Whether all feet stood at once.
+        Whether all feet were on the floor at once.
     foot_down : (N, n) bool array
-        Whether each foot was in contact, at each frame.
+        Whether each foot was in contact in each frame.
     body_height : (N,) array
         Mean height of the body markers above the flat simulated floor, without noise, m.
     contact_points : (L, n, 2) array
-        Where each foot first touched, world frame, m.
+        Point at which each foot first touched, in the world frame, m.
     floor_at_contacts : (L, n) array
         Height of the measured (curved) floor at these points, m.
     apex_states : (L, 12) array
-        State of the body at the apex, after its kick (see `hopdata.scenes.body`).
+        State of the body at the apex, after the kick (see `hopdata.scenes.body`).
     preloads_n : (L, n) array
         Preload of each leg in each landing, N.
     noise_m : float
         Standard deviation of the noise per marker coordinate, m.
     parameters_json : str
-        Everything that the recording was made with, as JSON.
+        All parameters of the simulation, as JSON.
     true_effect : float
-        Relative difference of the exact maps of the contact orders, as the verdict measures it,
-        between the sections of a study; NaN where nobody has worked it out.
+        Relative difference between the exact maps of the contact orders, as the verdict measures
+        it, between the sections of a study; NaN if it was not computed.
     """
 
     contact_times: FloatArray
@@ -408,11 +410,11 @@ class Truth(Shown):
     true_effect: float = float("nan")
 
     def told(self) -> str:
-        """Return how many landings there are, and on how many feet."""
+        """Return the numbers of landings and feet."""
         return "of {} landings on {} feet".format(*self.contact_times.shape)
 
 
-# Sizes that go by letters: N frames, L landings, n feet; the others are fixed.
+# Shapes by array: letters are N frames, L landings and n feet; numbers are fixed sizes.
 _SIZES: dict[str, str] = {
     "contact_times": "L n", "apex_times": "L", "complete": "L", "foot_down": "N n",
     "body_height": "N", "contact_points": "L n 2", "floor_at_contacts": "L n",
@@ -421,12 +423,12 @@ _SIZES: dict[str, str] = {
 
 
 def check_sizes(truth: Truth) -> None:
-    """Require that the arrays of a truth agree in their numbers of frames, landings and feet.
+    """Check that the arrays of a truth agree in their numbers of frames, landings and feet.
 
     Raises
     ------
     ValueError
-        Naming the array that does not fit those before it.
+        If not; the message names the first array that does not match those before it.
     """
     known: dict[str, int] = {}
     for name, letters in _SIZES.items():
