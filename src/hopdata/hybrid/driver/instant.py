@@ -202,11 +202,8 @@ LOOK_AHEAD = 1e-6  # of the way to the end of t_span
 @kernel
 def decide(h: float, rate: float, bend: float) -> int:
     """Return the lock of a guard with these values; exactly zero passes the question on."""
-    if h != 0.0:
-        return 1 if h > 0.0 else -1
-    if rate != 0.0:
-        return 1 if rate > 0.0 else -1
-    return 1 if bend > 0.0 else -1
+    told = h if h != 0.0 else rate if rate != 0.0 else bend
+    return 1 if told > 0.0 else -1
 
 
 @kernel
@@ -217,7 +214,7 @@ def look_ahead(p: problem.Problem, m: Memory) -> None:
     for i in range(s.width):
         s[at.SCRATCH, i] = s[at.Y, i] + ahead * s[at.K1, i]
     problem.eval_field(p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE)
-    problem.guards_inside(p, m, m.clock[at.T] + ahead)
+    problem.eval_guards(p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
 @kernel

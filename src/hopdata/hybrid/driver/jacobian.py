@@ -121,15 +121,6 @@ def rate_along(
 
 
 @kernel
-def add_part(p: Problem, m: Memory, i: int, part: float) -> float:
-    """Add `part` times row i of Phi to the row ALONG; return `part` times the state's tolerance."""
-    phi, along = p.tangent, single(m, at.ALONG)
-    for j in range(m.states.width):
-        phi[along, j] += part * phi[i, j]
-    return abs(part) * tolerance(p, i, abs(m.states[at.Y, i]))
-
-
-@kernel
 def project(p: Problem, m: Memory, k: int, rate: float) -> float:
     """Write Dh Phi / rate of guard k into the row ALONG, for its rate Dh f- + dh/dt.
 
@@ -152,7 +143,9 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> float:
             moved_rate = rate_along(p, m, k, moved, m.clock[at.T], m.states, at.Y)
             part = (moved_rate - rate) / (phi[moved, i] - phi[before, i]) / rate
             phi[moved, i] = phi[before, i]
-            unknown += add_part(p, m, i, part)
+            for j in range(n):
+                phi[single(m, at.ALONG), j] += part * phi[i, j]
+            unknown += abs(part) * tolerance(p, i, abs(m.states[at.Y, i]))
     return unknown
 
 

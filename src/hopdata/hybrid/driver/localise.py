@@ -12,8 +12,8 @@ from hopdata.hybrid.driver.problem import (
     EPS,
     Problem,
     blur,
+    eval_listed,
     is_leaving,
-    near_inside,
     time_resolution,
 )
 from hopdata.hybrid.driver.watch import GRAZE, clearance, ends_between, knot, piece_before
@@ -45,35 +45,23 @@ def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, f
         return NOWHERE, NOWHERE
     # At the minimum the slope rises, 2 b + 2 a x = +2 sqrt(root); at the maximum it falls.
     q = -(b + sqrt(root)) if b >= 0.0 else sqrt(root) - b
-    near, far = d0 / q, NOWHERE
-    if a != 0.0:
-        far = q / a
+    near, far = d0 / q, q / a if a != 0.0 else NOWHERE
     minimum, maximum = (near, far) if b >= 0.0 else (far, near)
-    if not 0.0 < minimum < 1.0:
-        minimum = NOWHERE
-    if not 0.0 < maximum < 1.0:
-        maximum = NOWHERE
-    return maximum, minimum
-
-
-@kernel
-def falling_root(g0: float, d0: float, g1: float, d1: float) -> float:
-    """Return about where a function that falls from g0 > 0 to g1 < 0 vanishes; else NOWHERE.
-
-    By the cubic through places and slopes of the inverse function: no iteration.
-    """
-    if d0 < 0.0 and d1 < 0.0 and g1 < 0.0 < g0:
-        rise = g1 - g0
-        return cubic(0.0, rise / d0, 1.0, rise / d1, -g0 / rise)
-    return NOWHERE
+    minimum = minimum if 0.0 < minimum < 1.0 else NOWHERE
+    return maximum if 0.0 < maximum < 1.0 else NOWHERE, minimum
 
 
 @kernel
 def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: float) -> float:
-    """Return a root in [low, high], where the cubic falls from above to below zero."""
-    rise = g1 - g0
+    """Return a root in [low, high], where the cubic falls from above to below zero.
+
+    The first guess is by the cubic through places and slopes of the inverse function, if that is
+    one.
+    """
+    rise, x = g1 - g0, NOWHERE
     b, a = 3.0 * rise - 2.0 * d0 - d1, 3.0 * (d0 + d1 - 2.0 * rise)
-    x = falling_root(g0, d0, g1, d1)
+    if d0 < 0.0 and d1 < 0.0 and g1 < 0.0 < g0:
+        x = cubic(0.0, rise / d0, 1.0, rise / d1, -g0 / rise)
     if not low < x < high:
         x = 0.5 * (low + high)
     for _ in range(ITERATIONS):
@@ -125,9 +113,7 @@ def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[i
         return PASS, 1.0, 0.0
     top, bottom = turning_points(g0, d0, g1, d1)
     low = top if g0 == 0.0 and top < bottom else 0.0
-    deep = inf
-    if EDGE < bottom < 1.0 - EDGE:
-        deep = cubic(g0, d0, g1, d1, bottom)
+    deep = cubic(g0, d0, g1, d1, bottom) if EDGE < bottom < 1.0 - EDGE else inf
     if crossed:
         high = bottom if deep < 0.0 and bottom > low else 1.0
         return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
@@ -164,28 +150,12 @@ def suspect_before(
 
 
 @kernel
-def first_suspect(p: Problem, m: Memory, dt: float) -> Suspicion:
+def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
     """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
-    All that are near are asked; those that are suspect have no clearance at all from then on.
-    """
-    best = (PASS, NONE, NOWHERE, 0.0, 0)
-    resolution = time_resolution(m.clock[at.T], dt)
-    for a in range(m.counts[at.N_NEAR]):
-        k = m.lists[at.NEAR, a]
-        kind, guess, low, piece = suspect_before(m, k, p.mode[k], dt, 1.0, resolution)
-        if kind != PASS:
-            m.guards[at.CLEARANCE, k] = -inf
-            if guess < best[2]:
-                best = (kind, k, guess, low, piece)
-    return best
-
-
-@kernel
-def first_rival(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
-    """Return the same of the guards that may flip before guard k does, at `end`.
-
-    Asked are those that are suspect, and those past their surface in row H.
+    At first, with k = NONE, all that are near are asked; those that are suspect have no clearance
+    at all from then on. Afterwards they are, and those past their surface in row H: they may flip
+    before guard k does, at `end`.
     """
     g = m.guards
     best = (PASS, NONE, NOWHERE, 0.0, 0)
@@ -193,9 +163,12 @@ def first_rival(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspici
     for a in range(m.counts[at.N_NEAR]):
         j = m.lists[at.NEAR, a]
         lock = p.mode[j]
-        if j == k or not (g[at.CLEARANCE, j] == -inf or lock * g[at.H, j] < 0.0):
+        asked = g[at.CLEARANCE, j] == -inf or lock * g[at.H, j] < 0.0
+        if k != NONE and (j == k or not asked):
             continue
         kind, guess, low, piece = suspect_before(m, j, lock, dt, end, resolution)
+        if kind != PASS and k == NONE:
+            g[at.CLEARANCE, j] = -inf
         if kind != PASS and guess < best[2]:
             best = (kind, j, guess, low, piece)
     return best
@@ -214,7 +187,7 @@ MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
     interpolate_with_slope(p, m, theta, dt)
-    near_inside(p, m, m.clock[at.T] + theta * dt)
+    eval_listed(p, m, at.NEAR, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
 @kernel_apart
@@ -344,7 +317,7 @@ def crossing(
         if exact and abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
             return x
         if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
-            return high
+            break
         x = new
     return high
 
@@ -357,8 +330,8 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     before it.
     """
     kind, k, theta = PASS, NONE, 1.0
-    rival, other, guess, low, piece = first_suspect(p, m, dt)
     for _ in range(MOST_RIVALS * m.counts[at.N_NEAR]):
+        rival, other, guess, low, piece = first_suspect(p, m, dt, k, theta)
         if rival == PASS:
             break
         prepare_interpolant(p, m, dt)
@@ -369,5 +342,4 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
         if k != NONE and not place < theta:
             break
         kind, k, theta = rival, other, place
-        rival, other, guess, low, piece = first_rival(p, m, dt, k, theta)
     return kind, k, theta

@@ -61,26 +61,20 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
 @kernel_apart
 def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
     """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
-    if p.guards != 0:
-        eval_all(p, m, t, y, dy, h, rate)
-    elif p.guard != 0:
-        eval_listed(p, m, at.AWAKE, m.counts[at.N_AWAKE], t, y, dy, h, rate)
+    eval_listed(p, m, at.AWAKE, t, y, dy, h, rate)
 
 
 @kernel_in_loop
-def eval_all(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
-    """Evaluate the guards of a system that gives all at once."""
-    s, g = m.states, m.guards
-    g[h, 0] = np.nan
-    m.counts[at.NGEV] += 1
-    code.call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
-
-
-@kernel
 def eval_listed(
-    p: Problem, m: Memory, which: int, count: int, t: float, y: int, dy: int, h: int, rate: int
+    p: Problem, m: Memory, which: int, t: float, y: int, dy: int, h: int, rate: int
 ) -> None:
-    """Evaluate the guards in a list, one by one."""
+    """Evaluate the guards in a list, one by one; those of a system that gives all at once, all."""
+    s, g, count = m.states, m.guards, m.counts[at.N_AWAKE + which]
+    if p.guards != 0:
+        g[h, 0] = np.nan
+        m.counts[at.NGEV] += 1
+        code.call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
+        return
     m.counts[at.NGEV] += count
     for a in range(count):
         eval_guard(p, m, t, y, dy, m.lists[which, a], h, rate)
@@ -109,21 +103,6 @@ def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the end of the step; tell whether all are finite."""
     eval_guards(p, m, t, at.END, at.KEND, at.H1, at.RATE1)
     return guards_are_finite(p, m, at.H1, at.RATE1)
-
-
-@kernel
-def guards_inside(p: Problem, m: Memory, t: float) -> None:
-    """Evaluate the guards at the state and slope that stand in the working rows."""
-    eval_guards(p, m, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
-
-
-@kernel
-def near_inside(p: Problem, m: Memory, t: float) -> None:
-    """Evaluate there at least the guards that the step may concern."""
-    if p.guards != 0:
-        eval_all(p, m, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
-    else:
-        eval_listed(p, m, at.NEAR, m.counts[at.N_NEAR], t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
 @kernel_apart
@@ -254,10 +233,7 @@ def remember_parts(p: Problem, m: Memory) -> None:
     for turn in range(2):
         for i in range(s.width):
             s[at.SLOPE, i] = turn * way(i) * s[at.Y, i]
-        if p.guards != 0:
-            eval_all(p, m, t, at.Y, at.SLOPE, at.H, at.RATE)
-        else:
-            eval_listed(p, m, at.DUE, m.counts[at.N_DUE], t, at.Y, at.SLOPE, at.H, at.RATE)
+        eval_listed(p, m, at.DUE, t, at.Y, at.SLOPE, at.H, at.RATE)
         for a in range(m.counts[at.N_DUE]):
             k = m.lists[at.DUE, a]
             still = g[at.PARTS, k]  # the rate while the state stands still

@@ -24,21 +24,13 @@ from hopdata.hybrid.layout import Memory
 # Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in it.
 ONE_PIECE, TWO_PIECES = 22, 28
 THIRD = 1.0 / 3.0
-Ends = tuple[
-    float, float, float, float
-]  # margin and slope at the start, margin and slope at the end
+Ends = tuple[float, float, float, float]  # margin and slope at the start, and at the end
 
 
 @kernel
 def knot(m: Memory, number: int) -> int:
     """Return the row of the guards at a knot; that of their rates comes next."""
     return at.H1 if number == m.counts[at.PIECES] else at.H0 + 2 * number
-
-
-@kernel
-def piece_ends(m: Memory, k: int, lock: int, piece: int, dt: float) -> Ends:
-    """Return margin and slope of guard k, per piece, at both ends of a piece of the step."""
-    return ends_between(m, k, lock, at.H0 + 2 * piece, knot(m, piece + 1), dt * m.clock[at.PIECE])
 
 
 @kernel
@@ -63,6 +55,13 @@ def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
 
 
 @kernel
+def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
+    """Evaluate the guards on the interpolant at `theta` into a row, their rates into the next."""
+    interpolate_with_slope(p, m, theta, dt)
+    eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
+
+
+@kernel
 def set_knots(p: Problem, m: Memory, dt: float) -> None:
     """Choose the knots of a step, and evaluate the guards at those inside."""
     m.counts[at.PIECES], m.clock[at.PIECE] = 1, 1.0
@@ -76,9 +75,7 @@ def set_knots(p: Problem, m: Memory, dt: float) -> None:
     else:
         m.counts[at.PIECES], m.clock[at.PIECE] = 3, THIRD
     for number in range(1, m.counts[at.PIECES]):
-        theta, row = number * m.clock[at.PIECE], at.H0 + 2 * number
-        interpolate_with_slope(p, m, theta, dt)
-        eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
+        look(p, m, dt, number * m.clock[at.PIECE], at.H0 + 2 * number)
 
 
 GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
@@ -145,14 +142,13 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
 @kernel_apart
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     """Do the same by all knots of the step: a guard must stay clear between each two."""
-    g = m.guards
+    span = dt * m.clock[at.PIECE]
     for a in range(m.counts[at.N_AWAKE]):
-        k = awake(p, m, a)
-        lock, least = p.mode[k], np.inf
+        k, least = awake(p, m, a), np.inf
         for piece in range(m.counts[at.PIECES]):
-            g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
-            least = min(least, clearance(g0, d0, g1, d1))
-        g[at.CLEARANCE, k] = least
+            start, end = at.H0 + 2 * piece, knot(m, piece + 1)
+            least = min(least, clearance(*ends_between(m, k, p.mode[k], start, end, span)))
+        m.guards[at.CLEARANCE, k] = least
     return gather_unclear(p, m)
 
 
@@ -229,20 +225,14 @@ def clipped(p: Problem, m: Memory, dt: float) -> float:
 
     Of the guards asleep those that might flip by then wake, the nearest first.
     """
-    dt = clipped_by_awake(p, m, dt)
+    soon = SOON * m.clock[at.GAP]
+    first = clipped_by_coming(p, m, soon) if soon < dt else dt
+    dt = first if first < min(soon, dt) else clipped_by_coming(p, m, dt)
     k = wake_for(p, m, dt)
     while k >= 0:
         dt = clipped_by(p, m, k, dt)
         k = wake_for(p, m, dt)
     return dt
-
-
-@kernel
-def clipped_by_awake(p: Problem, m: Memory, dt: float) -> float:
-    """Return `dt`, or a little more than the time to the first flip that is predicted before."""
-    soon = SOON * m.clock[at.GAP]
-    first = clipped_by_coming(p, m, soon) if soon < dt else dt
-    return first if first < min(soon, dt) else clipped_by_coming(p, m, dt)
 
 
 @kernel

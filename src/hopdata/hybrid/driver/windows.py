@@ -21,7 +21,7 @@ from hopdata.hybrid.driver.problem import (
     way,
 )
 from hopdata.hybrid.driver.stepping import take_step
-from hopdata.hybrid.driver.watch import facing
+from hopdata.hybrid.driver.watch import facing, look
 from hopdata.hybrid.layout import Memory
 
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
@@ -273,13 +273,6 @@ def unused(a: int, b: int) -> int:
         return at.H
     row = at.H0 + 2
     return row if row not in (a, b) else row + 2
-
-
-@kernel
-def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
-    """Evaluate the guards on the interpolant at `theta` into a row, their rates into the next."""
-    interpolate_with_slope(p, m, theta, dt)
-    eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
 
 
 @kernel_apart
