@@ -29,9 +29,9 @@ Rotation = tuple[float, float, float, float, float, float, float, float, float]
 @kept_njit(error_model="numpy")
 def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
     """Return the nine entries of R(yaw, pitch, roll), row by row; angles in rad."""
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cr, sr = math.cos(roll), math.sin(roll)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    cp, sp = np.cos(pitch), np.sin(pitch)
+    cr, sr = np.cos(roll), np.sin(roll)
     return (
         cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
         sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
@@ -126,10 +126,5 @@ def rotation_matrices(angles: FloatArray) -> FloatArray:
     -------
     (..., 3, 3) array
     """
-    (cy, cp, cr), (sy, sp, sr) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    entries = rotation_entries.py_func(*np.moveaxis(angles, -1, 0))
+    return np.stack(entries, axis=-1).reshape(*np.shape(angles)[:-1], 3, 3)

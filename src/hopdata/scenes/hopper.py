@@ -97,14 +97,6 @@ def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[flo
 
 
 @kept_njit(error_model="numpy")
-def gap_rate_along(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
-    """Rate of a leg's gap, m/s, when the state changes at the rate `dy`."""
-    k = hp.LEGS + hp.LEG_STRIDE * leg
-    tx, ty, tz = vertical_rate(y, dy, rot)
-    return dy[2] + tx * p[k + 1] + ty * p[k + 2] - tz * p[hp.LEG_LENGTH]
-
-
-@kept_njit(error_model="numpy")
 def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
     """Acceleration of a leg's gap, m/s^2, when the state changes at the rate `dy`."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
@@ -144,15 +136,16 @@ def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[V
 @kept_njit(error_model="numpy")
 def total_wrench(
     y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray
-) -> tuple[Vector, Vector]:
-    """Sum of force and torque over the legs in contact, in body axes."""
-    fx, fy, fz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+) -> tuple[Vector, Vector, int]:
+    """Sum of force and torque over the legs in contact, in body axes, and how many these are."""
+    fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     for leg in range(int(p[hp.N_LEGS])):
         if mode[leg] > 0:
             force, torque = leg_wrench(leg, y, rot, p)
             fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
             tx, ty, tz = tx + torque[0], ty + torque[1], tz + torque[2]
-    return (fx, fy, fz), (tx, ty, tz)
+            standing += 1
+    return (fx, fy, fz), (tx, ty, tz), standing
 
 
 @kept_njit(error_model="numpy")
@@ -195,13 +188,14 @@ def fill_rates(
     t: float,
     y: FloatArray,
     rot: Rotation,
-    wrench: tuple[Vector, Vector],
+    force: Vector,
+    torque: Vector,
     p: FloatArray,
     dy: FloatArray,
 ) -> None:
     """Fill `dy` with the rate of the state under a force and torque in body axes."""
     w = (y[9], y[10], y[11])
-    a, turn = body_accelerations(w, wrench[0], wrench[1], boom_motion(t, p), p)
+    a, turn = body_accelerations(w, force, torque, boom_motion(t, p), p)
     dy[0], dy[1], dy[2] = y[6], y[7], y[8]
     dy[3], dy[4], dy[5] = euler_rates(y[4], y[5], y[9], y[10], y[11])
     dy[6] = rot[0] * a[0] + rot[1] * a[1] + rot[2] * a[2]
@@ -214,7 +208,8 @@ def fill_rates(
 def hopper_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
     """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
     rot = rotation_entries(y[3], y[4], y[5])
-    fill_rates(t, y, rot, total_wrench(y, mode, rot, p), p, dy)
+    force, torque, _ = total_wrench(y, mode, rot, p)
+    fill_rates(t, y, rot, force, torque, p, dy)
 
 
 @guards
@@ -230,14 +225,14 @@ def hopper_guards(
     """Fill `h` and `hdot`: reach of each leg less its gap, climb rate, tilt beyond its limit."""
     n = int(p[hp.N_LEGS])
     rot = rotation_entries(y[3], y[4], y[5])
+    tx, ty, tz = vertical_rate(y, dy, rot)
     for leg in range(n):
-        gap, _ = foot_gap(leg, y, rot, p)
+        k = hp.LEGS + hp.LEG_STRIDE * leg
         reach = p[hp.RELEASE_EXTENSION] if mode[n + 2 + leg] > 0 else 0.0
-        h[leg] = reach - gap
-        hdot[leg] = -gap_rate_along(leg, y, dy, rot, p)
+        h[leg] = reach - foot_gap(leg, y, rot, p)[0]
+        hdot[leg] = -(dy[2] + tx * p[k + 1] + ty * p[k + 2] - tz * p[hp.LEG_LENGTH])
     h[n], hdot[n] = y[8], dy[8]
-    h[n + 1] = math.cos(p[hp.TILT_LIMIT]) - rot[8]
-    hdot[n + 1] = math.sin(y[4]) * math.cos(y[5]) * dy[4] + math.cos(y[4]) * math.sin(y[5]) * dy[5]
+    h[n + 1], hdot[n + 1] = math.cos(p[hp.TILT_LIMIT]) - rot[8], -tz
 
 
 @on_event

@@ -45,16 +45,11 @@ _event = kept_njit(error_model="numpy")(hopper_event.function)
 def control_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
     """Fill `dy` with the rate of the state; the forces of the legs are coupled."""
     rot = rotation_entries(y[3], y[4], y[5])
-    force, torque = total_wrench(y, mode, rot, p)
-    n, standing = int(p[hp.N_LEGS]), 0
-    for leg in range(n):
-        standing += mode[leg] > 0
-    share = 1.0 + p[COUPLING] * (standing - n)
-    coupled = (
-        (share * force[0], share * force[1], share * force[2]),
-        (share * torque[0], share * torque[1], share * torque[2]),
-    )
-    fill_rates(t, y, rot, coupled, p, dy)
+    force, torque, standing = total_wrench(y, mode, rot, p)
+    share = 1.0 + p[COUPLING] * (standing - p[hp.N_LEGS])
+    force = (share * force[0], share * force[1], share * force[2])
+    torque = (share * torque[0], share * torque[1], share * torque[2])
+    fill_rates(t, y, rot, force, torque, p, dy)
 
 
 @guards
@@ -156,20 +151,18 @@ class HopperDrag:
 def drag_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
     """Fill `dy` with the rate of the state, held back by the board if it is touched."""
     rot = rotation_entries(y[3], y[4], y[5])
-    force, torque = total_wrench(y, mode[1:], rot, p)
-    n, standing = int(p[hp.N_LEGS]), 0
-    for leg in range(n):
-        standing += mode[1 + leg] > 0
+    force, torque, standing = total_wrench(y, mode[1:], rot, p)
     ux, uy = p[DIRECTION_X], p[DIRECTION_Y]
     into = max(y[6] * ux + y[7] * uy, 0.0) if mode[0] > 0 else 0.0
-    drag = -p[DRAG] * standing / n * into / math.sqrt(into * into + p[hp.SLIP_VELOCITY] ** 2)
+    size = math.sqrt(into * into + p[hp.SLIP_VELOCITY] ** 2)
+    drag = -p[DRAG] * standing / p[hp.N_LEGS] * into / size
     fx, fy = drag * ux, drag * uy
     held = (
         force[0] + rot[0] * fx + rot[3] * fy,
         force[1] + rot[1] * fx + rot[4] * fy,
         force[2] + rot[2] * fx + rot[5] * fy,
     )
-    fill_rates(t, y, rot, (held, torque), p, dy)
+    fill_rates(t, y, rot, held, torque, p, dy)
 
 
 @guards
