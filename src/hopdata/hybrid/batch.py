@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from math import inf
 
@@ -105,6 +105,16 @@ class BatchSolution:
         Modes at the end.
     n_events, n_steps, nfev : (B,) array of int
         Events, accepted steps, field evaluations.
+    culprit : (B,) array of int
+        Number of the guard that the status is about, -1 if there is none.
+    rates : (B, 2) array
+        Its rates before its last two flips, rising and falling, 1/s.
+    guard_names : tuple of str
+        Names of all guards.
+    lanes : (B,) array of bool
+        Which were integrated in lanes.
+    lanes_reason : str
+        Why none was; empty if some were.
     t : (N,) array, optional
         `t_eval`, if given.
     y : (B, n, N) array, optional
@@ -113,16 +123,6 @@ class BatchSolution:
         Derivatives of the final by the initial states, if asked for.
     sensitivity : (B, n, p) array, optional
         Derivatives of the final states by the parameters, if asked for.
-    culprit : (B,) array of int, optional
-        Number of the guard that the status is about, -1 if there is none.
-    rates : (B, 2) array, optional
-        Its rates before its last two flips, rising and falling, 1/s.
-    guard_names : tuple of str
-        Names of all guards.
-    lanes : (B,) array of bool, optional
-        Which were integrated in lanes.
-    lanes_reason : str
-        Why none was; empty if some were.
     """
 
     status: IntArray
@@ -132,15 +132,15 @@ class BatchSolution:
     n_events: IntArray
     n_steps: IntArray
     nfev: IntArray
+    culprit: IntArray
+    rates: FloatArray
+    guard_names: tuple[str, ...]
+    lanes: BoolArray
+    lanes_reason: str
     t: FloatArray | None = None
     y: FloatArray | None = None
     jacobian: FloatArray | None = None
     sensitivity: FloatArray | None = None
-    culprit: IntArray | None = None
-    rates: FloatArray | None = None
-    guard_names: tuple[str, ...] = ()
-    lanes: BoolArray | None = None
-    lanes_reason: str = ""
 
     def __len__(self) -> int:
         return len(self.status)
@@ -164,11 +164,10 @@ class BatchSolution:
         )
 
     def _sentence(self, place: int) -> str:
-        number = -1 if self.culprit is None else int(self.culprit[place])
-        guard = self.guard_names[number] if number >= 0 else ""
-        time, status = float(self.t_end[place]), int(self.status[place])
-        below, above = (0.0, 0.0) if self.rates is None else self.rates[place]
-        return at.describe(status, time=time, guard=guard, rates=(float(below), float(above)))
+        return at.describe(
+            int(self.status[place]), time=self.t_end[place], culprit=self.culprit[place],
+            names=self.guard_names, rates=self.rates[place],
+        )  # fmt: skip
 
 
 class _Room:
@@ -314,8 +313,7 @@ def solve_batch(
         system.methods(method, jacobian).specialise(steps * len(left))
         chunk = min(STEPS_AT_A_TIME // (steps + 1) + 1, CHUNK)
     run_in_threads(run_left, done, len(states), workers, progress, chunk)
-    here = ~np.isin(np.arange(len(states)), left)
-    return replace(_solution(room, times, jacobian, system), lanes=here, lanes_reason=reason)
+    return _solution(room, times, jacobian, system, left, reason)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
@@ -327,7 +325,9 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
     return states
 
 
-def _solution(room: _Room, times: FloatArray, jacobian: bool, system: System) -> BatchSolution:
+def _solution(
+    room: _Room, times: FloatArray, jacobian: bool, system: System, left: IntArray, reason: str
+) -> BatchSolution:
     y, shown = None, system.n_shown
     if len(times):
         room.samples[np.arange(len(times)) >= room.counts[:, at.SAMPLES, None]] = np.nan
@@ -340,5 +340,6 @@ def _solution(room: _Room, times: FloatArray, jacobian: bool, system: System) ->
         jacobian=room.jacobians[:, :shown, :shown] if jacobian else None,
         sensitivity=room.jacobians[:, :shown, shown:] if shown < system.n_states else None,
         culprit=room.counts[:, at.CULPRIT], rates=room.ends[:, 1:END_STATE],
-        guard_names=system.guard_names,
+        guard_names=system.guard_names, lanes=~np.isin(np.arange(len(room.status)), left),
+        lanes_reason=reason,
     )  # fmt: skip

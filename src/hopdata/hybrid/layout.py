@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hopdata.arrays import FloatArray
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
 
 
@@ -90,7 +91,8 @@ NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
 # The method, the degree of its interpolant, if there is one, how many pieces the knots make of a
 # step, and what is known of the step (see `watch`).
 METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
-# How many guards stand in each of the lists, how many are known to bend, and which one to report.
+# How many guards stand in each of the lists, in their order, how many are known to bend, and which
+# one to report.
 N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
 # Instants, those too near to each other, how often a handler has changed the state, and had before
 # this instant, the instant at which rates along one way were taken, how often the rates of guards
@@ -155,13 +157,7 @@ RATE_DIFFERS = -12
 RAISED = -13
 NO_LOCK = -14
 
-# Within the driver only.
-RUNNING = 2
-NEEDS_ROOM = 3
-PAUSED = 4
-NEEDS_METHOD = 5
-BAD_START = 6
-BAD_NUMBERS = 7
+RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(2, 8)  # in the driver
 
 SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",
@@ -193,7 +189,9 @@ SENTENCES = {
 }
 
 
-def describe(status: int, *, time: float, guard: str, rates: tuple[float, float]) -> str:
+def describe(
+    status: int, *, time: float, culprit: int, names: tuple[str, ...], rates: FloatArray
+) -> str:
     """Say in a sentence how an integration ended.
 
     Parameters
@@ -202,10 +200,12 @@ def describe(status: int, *, time: float, guard: str, rates: tuple[float, float]
         One of the codes of this module.
     time : float
         Where it ended, s.
-    guard : str
-        Name of the guard concerned, or an empty string.
-    rates : tuple of float
+    culprit : int
+        Number of the guard concerned, -1 if there is none.
+    names : tuple of str
+        Names of all guards.
+    rates : (2,) array
         Rates of that guard's event function just before its last two flips, 1/s.
     """
-    below, above = rates
+    guard, (below, above) = names[culprit] if culprit >= 0 else "", rates
     return SENTENCES[status].format(at=f"t = {time:.17g}", guard=guard, below=below, above=above)

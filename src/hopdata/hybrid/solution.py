@@ -255,10 +255,10 @@ class Solution(Told):
     @property
     def message(self) -> str:
         """How the integration ended, in words."""
-        culprit = int(self.counts[layout.CULPRIT])
-        below, above = self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]]
-        guard = self.form.guard_names[culprit] if culprit >= 0 else ""
-        return layout.describe(self.status, time=self.t_end, guard=guard, rates=(below, above))
+        return layout.describe(
+            self.status, time=self.t_end, culprit=int(self.counts[layout.CULPRIT]),
+            names=self.form.guard_names, rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
+        )  # fmt: skip
 
     @property
     def nfev(self) -> int:

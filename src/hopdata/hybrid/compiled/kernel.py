@@ -13,7 +13,7 @@ options of what is called from outside, by Python or by its address.
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba import njit, types
 
@@ -111,24 +111,42 @@ call_rate_bound = caller(RATE_BOUND.native, _T, _STATE, _STATE, _MODE, _PARAMS)
 # call_on_event(address, t, s, y, mode, params, guard, direction)
 call_on_event = caller(ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _NUMBER, _NUMBER)
 
-_FLOAT, _INT = types.float64, types.int64
-_SPANS = (_INT,) * 6  # addresses and widths of states, mode and params
-STEP_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_SPANS, _INT, _INT)
-INTERPOLANT_NATIVE = _INT(_FLOAT, _FLOAT, *_SPANS, _INT)
-REFRESH_NATIVE = _FLOAT(*_SPANS[1:])
-TANGENT_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_SPANS, _INT, _INT, _INT, _INT)
-_SPREAD = ((TABLE, SPAN), (INTEGERS, SPAN), (FLOATS, SPAN))
+# The parts of a method (see `methods.method`), in the order in which they are made ready: a method
+# that has a step is. Of field and jacobian their own addresses are handed over.
 
-# call_step(address, t, dt, rtol, s, mode, params, atol, field): the field's own address
-call_step = caller(STEP_NATIVE, _T, _T, _T, *_SPREAD, (FLOATS, ADDRESS), _NUMBER)
-# call_interpolant(address, t, dt, s, mode, params, field)
-call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_SPREAD, _NUMBER)
-# call_tangent(address, t, dt, rtol, s, mode, params, atol, phi, field, jacobian): their addresses
-call_tangent = caller(
-    TANGENT_NATIVE, _T, _T, _T, *_SPREAD, (FLOATS, ADDRESS), (TABLE, ADDRESS), _NUMBER, _NUMBER
-)
-# call_refresh(address, s, mode, params)
-call_refresh = caller(REFRESH_NATIVE, (TABLE, ADDRESS), *_SPREAD[1:])
+_HANDED = {
+    **dict.fromkeys(("t", "dt", "rtol"), _T), **dict.fromkeys(("field", "jacobian"), _NUMBER),
+    "s": (TABLE, SPAN), "mode": (INTEGERS, SPAN), "params": (FLOATS, SPAN),
+    "atol": (FLOATS, ADDRESS), "phi": (TABLE, ADDRESS),
+}  # fmt: skip
+
+
+class Part(NamedTuple):
+    """Arguments of a part, the signature of its machine code, and ``call(address, *arguments)``."""
+
+    arguments: str
+    native: Any
+    call: Any
+
+
+def _part(arguments: str, returns: Any = types.float64) -> Part:
+    plan, taken = [_HANDED[name] for name in arguments.split(", ")], list[Any]()
+    for kind, way in plan:
+        taken += [kind] if way == VALUE else [types.int64] * (2 if way == SPAN else 1)
+    native = returns(*taken)
+    return Part(arguments, native, caller(native, *plan))
+
+
+_TANGENT = _part("t, dt, rtol, s, mode, params, atol, phi, field, jacobian")
+PARTS = {
+    "refresh": _part("s, mode, params"),
+    "tangent": _TANGENT,
+    "short_tangent": _TANGENT,
+    "interpolant": _part("t, dt, s, mode, params, field", types.int64),
+    "step": _part("t, dt, rtol, s, mode, params, atol, field"),
+}
+call_step, call_interpolant = PARTS["step"].call, PARTS["interpolant"].call
+call_tangent, call_refresh = _TANGENT.call, PARTS["refresh"].call
 
 
 ENTRY: dict[str, Any] = {"error_model": "numpy"}

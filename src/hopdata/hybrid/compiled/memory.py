@@ -1,4 +1,4 @@
-# ruff: noqa: ARG001, ARG002 (signatures are prescribed by Numba)
+# ruff: noqa: ARG001, ARG002, ARG005, PLW0108 (signatures are prescribed by Numba)
 """Arrays without owners, for compiled code.
 
 Numba counts references whenever it takes an array out of a tuple or makes a row of a table; in the
@@ -89,37 +89,38 @@ class _ViewModel(models.StructModel):
 make_attribute_wrapper(View, "width", "width")
 
 
+def built(count: int, typed: Callable[..., Any], generate: Callable[..., Any]) -> Any:
+    """Return an intrinsic of so many arguments, of the signature that `typed` makes of their types.
+
+    What is typed as None has no meaning. Numba wants the arguments to have names.
+    """
+    names = ", ".join(f"a{k}" for k in range(count))
+    known = {"typed": typed, "generate": generate}
+    return intrinsic(eval(f"lambda typing, {names}: (typed({names}), generate)", known))
+
+
 def _view_at(kind: View) -> Any:
     """Return a function that makes a view from an address and a width."""
 
-    @intrinsic
-    def make(typing: Any, address: Any, width: Any) -> Any:
-        def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-            proxy = cgutils.create_struct_proxy(sign.return_type)(context, builder)
-            proxy.data = builder.inttoptr(values[0], proxy.data.type)
-            proxy.width = values[1]
-            return proxy._getvalue()
-
-        return kind(INDEX, INDEX), generate
-
-    return make
-
-
-@intrinsic
-def _view(typing: Any, array: Any) -> Any:
-    """Return a view of a C-ordered array."""
-
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        owner = make_array(sign.args[0])(context, builder, values[0])
         proxy = cgutils.create_struct_proxy(sign.return_type)(context, builder)
-        proxy.data = owner.data
-        proxy.width = cgutils.unpack_tuple(builder, owner.shape, array.ndim)[-1]
+        proxy.data = builder.inttoptr(values[0], proxy.data.type)
+        proxy.width = values[1]
         return proxy._getvalue()
 
-    return View(array.dtype, array.ndim)(array), generate
+    return built(2, lambda address, width: kind(INDEX, INDEX), generate)
 
 
-view: Any = _view
+def _view(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    """Build a view of a C-ordered array."""
+    owner = make_array(sign.args[0])(context, builder, values[0])
+    proxy = cgutils.create_struct_proxy(sign.return_type)(context, builder)
+    proxy.data = owner.data
+    proxy.width = cgutils.unpack_tuple(builder, owner.shape, sign.args[0].ndim)[-1]
+    return proxy._getvalue()
+
+
+view = built(1, lambda array: View(array.dtype, array.ndim)(array), _view)
 float_vector, float_table = (_view_at(View(types.float64, ndim)) for ndim in (1, 2))
 int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
 
@@ -182,40 +183,22 @@ def lower_array(
 
 def _from_row_on(ndim: int) -> Any:
     """Return a function that makes an array of a row of a table, or a square of that and others."""
-
-    @intrinsic
-    def make(typing: Any, table: Any, index: Any) -> Any:
-        def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-            return lower_array(context, builder, sign.args[0], values[0], values[1], ndim)
-
-        return types.Array(table.dtype, ndim, "C")(table, INDEX), generate
-
-    return make
-
-
-@intrinsic
-def _array_of(typing: Any, vector: Any) -> Any:
-    """Return a vector as an array."""
-
-    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return lower_array(context, builder, sign.args[0], values[0])
-
-    return types.Array(vector.dtype, 1, "C")(vector), generate
-
-
-@intrinsic
-def _address_of(typing: Any, owner: Any) -> Any:
-    """Return the address of what a view shows."""
-
-    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return _as_span(context, builder, sign.args[0], values)[0]
-
-    return INDEX(owner), generate
+    return built(
+        2, lambda table, index: types.Array(table.dtype, ndim, "C")(table, INDEX),
+        lambda context, builder, sign, values:
+            lower_array(context, builder, sign.args[0], values[0], values[1], ndim),
+    )  # fmt: skip
 
 
 row, square = _from_row_on(1), _from_row_on(2)
-array_of: Any = _array_of
-address_of: Any = _address_of
+array_of = built(
+    1, lambda vector: types.Array(vector.dtype, 1, "C")(vector),
+    lambda context, builder, sign, values: lower_array(context, builder, sign.args[0], *values),
+)  # fmt: skip
+address_of = built(
+    1, lambda owner: INDEX(owner),
+    lambda context, builder, sign, values: _as_span(context, builder, sign.args[0], values)[0],
+)  # fmt: skip
 
 
 # Named tuples that are read from a table of addresses, each item where it is used.
@@ -284,29 +267,29 @@ def _item(context: Any, builder: Any, kind: Record, address: Any, name: str) -> 
     return value
 
 
-def reader(kind: type[Tuple], **slots: int) -> Callable[[IntVector], Tuple]:
+def reader(
+    slots: Mapping[str, int], kind: type[Tuple], **others: int
+) -> Callable[[IntVector], Tuple]:
     """Return a function for compiled code that reads a named tuple from a desk.
 
     Parameters
     ----------
+    slots : mapping
+        Where on the desk each item stands, by its name in capitals: a number or a truth in one
+        slot, address and width of a view in two.
     kind : type
         The named tuple, which says what its items are.
-    **slots : int
-        Where on the desk each stands: a number or a truth in one slot, address and width of a view
-        in two.
+    **others : int
+        The slots of those that have another name there.
     """
-    hints = get_type_hints(kind)
-    record = Record(kind.__name__, {k: (KINDS[hints[k]], int(slots[k])) for k in hints})
+    places = {**slots, **{name.upper(): slot for name, slot in others.items()}}
+    items = {k: (KINDS[hint], int(places[k.upper()])) for k, hint in get_type_hints(kind).items()}
+    record = Record(kind.__name__, items)
 
-    @intrinsic
-    def read(typing: Any, desk: Any) -> Any:
-        def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-            return cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0]).data
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0]).data
 
-        return record(desk), generate
-
-    made: Any = read
-    return made  # type: ignore[no-any-return]
+    return built(1, lambda desk: record(desk), generate)  # type: ignore[no-any-return]
 
 
 # Calls of machine code by its address, and the way it is handed what views show.
@@ -353,10 +336,8 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
         result = builder.call(target, arguments)
         return context.get_dummy_value() if native.return_type == types.void else result
 
-    # Numba wants an intrinsic whose arguments have names.
-    names = ", ".join(f"a{k}" for k in range(len(kinds)))
-    known = {"sign": native.return_type(INDEX, *kinds), "generate": generate}
-    return intrinsic(eval(f"lambda typing, address, {names}: (sign, generate)", known))  # type: ignore[no-any-return]
+    sign = native.return_type(INDEX, *kinds)
+    return built(1 + len(kinds), lambda *_: sign, generate)  # type: ignore[no-any-return]
 
 
 # A product and a sum, rounded once.
@@ -367,17 +348,11 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
 FLOAT = types.float64
 
 
-@intrinsic
-def _fma_fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return a b + c, rounded once: one instruction, if the processor has it."""
-
-    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return builder.fma(*values)
-
-    return FLOAT(FLOAT, FLOAT, FLOAT), generate
-
-
-fma: Any = _fma_fused
+# fma(a, b, c) is a b + c: one instruction, if the processor has it.
+fma = built(
+    3, lambda *_: FLOAT(FLOAT, FLOAT, FLOAT),
+    lambda context, builder, sign, values: builder.fma(*values),
+)  # fmt: skip
 
 
 # A call of a Python function, with the interpreter's lock: the caller keeps the function alive.

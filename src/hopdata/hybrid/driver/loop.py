@@ -36,25 +36,15 @@ from hopdata.hybrid.layout import Memory
 
 # The desk: a table of addresses, on which the driver finds its callbacks and arrays.
 
-desk_problem = memory.reader(
-    problem.Problem,
-    field=at.FIELD, guards=at.GUARDS, guard=at.GUARD, rate_bound=at.RATE_BOUND,
-    on_event=at.ON_EVENT, methods=at.METHOD_TABLE, params=at.PARAMS, mode=at.MODE, rules=at.RULES,
-    rtol=at.RTOL, atol=at.ATOL, max_step=at.MAX_STEP, t_end=at.T_END, tangent=at.TANGENT_TABLE,
-    first_order=at.FIRST_ORDER, here=at.HERE, t_start=at.T_START, first_step=at.FIRST_STEP,
-    max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS, start_state=at.START_STATE, kept=at.KEPT,
-)  # fmt: skip
-desk_memory = memory.reader(
-    Memory,
-    states=at.STATE_TABLE, guards=at.GUARD_TABLE, flags=at.FLAG_TABLE, lists=at.LIST_TABLE,
-    wake_at=at.WAKE_AT, clock=at.CLOCK, counts=at.COUNTS,
-)  # fmt: skip
-desk_output = memory.reader(
-    dense.Output,
-    wanted=at.WANTED, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, n_rows=at.N_ROWS,
-    per_step=at.ROWS_PER_STEP,
-)  # fmt: skip
-desk_log = memory.reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
+reader = partial(memory.reader, vars(at))
+desk_problem = reader(problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE)
+desk_memory = reader(
+    Memory, states=at.STATE_TABLE, guards=at.GUARD_TABLE, flags=at.FLAG_TABLE, lists=at.LIST_TABLE
+)
+desk_output = reader(
+    dense.Output, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, per_step=at.ROWS_PER_STEP
+)
+desk_log = reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
 
 
 EVENTS_PER_INSTANT = 2  # of each guard, at most

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, W1, Y
 
 STANDARD_ROWS = 3  # of an interpolant: those that value and slope at both ends determine
@@ -177,6 +178,11 @@ def compose(name: str, arguments: str, body: list[str], known: dict[str, Any]) -
     exec(compile(source, __file__, "exec"), names)
     made: FunctionType = names[name]
     return made
+
+
+def compose_part(part: str, body: list[str], known: dict[str, Any]) -> FunctionType:
+    """Return a part of a method made of these lines."""
+    return compose(part, PARTS[part].arguments, body, known)
 
 
 # The methods themselves: numbers in a file, with their sources.

@@ -25,9 +25,9 @@ from numba import cfunc
 
 from hopdata.code_cache import compiled_in_cache, function_digest, is_in_cache
 from hopdata.hybrid.compiled import kernel as code
+from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
-from hopdata.hybrid.compiled.memory import array_of, float_table, float_vector, int_vector, row
 from hopdata.hybrid.layout import PHI_ROWS
 from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
 
@@ -91,64 +91,13 @@ class Method:
     stiff_tenths: int = 0
 
 
-# Names that stand for what differs between scenes; the values are put in with the scene. N is 0 in
-# generic code, which works for any number of states.
-FUNCTION: Any = None
-N = 0
-
-
-def _enter_step(
-    t: float, dt: float, rtol: float, s: int, n: int, mode: int, n_modes: int,
-    params: int, n_params: int, atol: int, field: int,
-) -> float:  # fmt: skip
-    width = n if N == 0 else N
-    result: float = FUNCTION(
-        t, dt, rtol, float_table(s, width), array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)), float_vector(atol, width), field,
-    )  # fmt: skip
-    return result
-
-
-def _enter_interpolant(
-    t: float, dt: float, s: int, n: int, mode: int, n_modes: int,
-    params: int, n_params: int, field: int,
-) -> int:  # fmt: skip
-    result: int = FUNCTION(
-        t, dt, float_table(s, n if N == 0 else N), array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)), field,
-    )  # fmt: skip
-    return result
-
-
-def _enter_tangent(
-    t: float, dt: float, rtol: float, s: int, n: int, mode: int, n_modes: int,
-    params: int, n_params: int, atol: int, phi: int, field: int, jacobian: int,
-) -> float:  # fmt: skip
-    width = n if N == 0 else N
-    result: float = FUNCTION(
-        t, dt, rtol, float_table(s, width), array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)), float_vector(atol, width),
-        float_table(phi, width), field, jacobian,
-    )  # fmt: skip
-    return result
-
-
-def _enter_refresh(s: int, mode: int, n_modes: int, params: int, n_params: int) -> float:
-    result: float = FUNCTION(
-        float_table(s, N), array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)),
-    )  # fmt: skip
-    return result
-
-
-# By what each part of a method is entered, and how machine code calls that. The step comes last: a
-# method that has one is ready.
-ENTRIES: dict[str, tuple[Function, Any]] = {
-    "refresh": (_enter_refresh, code.REFRESH_NATIVE),
-    "tangent": (_enter_tangent, code.TANGENT_NATIVE),
-    "short_tangent": (_enter_tangent, code.TANGENT_NATIVE),
-    "interpolant": (_enter_interpolant, code.INTERPOLANT_NATIVE),
-    "step": (_enter_step, code.STEP_NATIVE),
+# What stands for an argument in machine code, and what is made of that.
+HANDED = {
+    "s": ("s, n", "float_table(s, width)"),
+    "mode": ("mode, n_modes", "array_of(int_vector(mode, n_modes))"),
+    "params": ("params, n_params", "array_of(float_vector(params, n_params))"),
+    "atol": ("atol", "float_vector(atol, width)"),
+    "phi": ("phi", "float_table(phi, width)"),
 }
 
 
@@ -158,16 +107,23 @@ def compiled_part(part: str, method: Method, n_states: int, *, cache: bool = Tru
     entry, digest = _entry(part, method, n_states)
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(ENTRIES[part][1], cache=cache and cached, **code.ENTRY)(entry)
+        return cfunc(code.PARTS[part].native, cache=cache and cached, **code.ENTRY)(entry)
 
     return compiled_in_cache(entry, digest, compile_it)
 
 
 @lru_cache(KEPT)
 def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
-    """Return the entry to a part of a method, to be compiled, and its digest."""
+    """Return the entry to a part of a method, to be compiled, and its digest.
+
+    N is 0 in generic code, which works for any number of states.
+    """
     inner = code.kernel_in_loop(with_digest(getattr(method, part)))
-    entry = with_digest(ENTRIES[part][0], FUNCTION=inner, N=n_states)
+    pairs = [HANDED.get(name, (name, name)) for name in code.PARTS[part].arguments.split(", ")]
+    taken, given = map(", ".join, zip(*pairs, strict=True))
+    body = ["width = n if N == 0 else N", f"return FUNCTION({given})"]
+    known = {**vars(memory), "__name__": __name__, "FUNCTION": inner, "N": n_states}
+    entry = with_digest(explicit.compose(f"enter_{part}", taken, body, known))
     return entry, f"{function_digest(entry)}-{driver_digest()}"
 
 
@@ -218,10 +174,6 @@ def put_in(template: Any, **names: Any) -> Any:
     return code.kernel(with_digest(template, **names))
 
 
-STEP_ARGUMENTS = "t, dt, rtol, s, mode, params, atol, field"
-INTERPOLANT_ARGUMENTS = "t, dt, s, mode, params, field"
-
-
 def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Method:
     """Return the method of a tableau for a scene or, with generic code, for all."""
     known, body, n, of_stage = {"TINY": explicit.TINY, "sqrt": sqrt}, [], 0, 0
@@ -231,14 +183,14 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
     else:
         n, of_stage = scene.n_states, 0 if scene.jacobian else 4 * scene.n_states
         evaluation = explicit.inlined
-        known |= {"FIELD": scene.field.dispatcher, "N": n, "row": row}
+        known |= {"FIELD": scene.field.dispatcher, "N": n, "row": memory.row}
     step = body + explicit.step_code(tableau, evaluation)
     interpolant = body + explicit.interpolant_code(tableau, evaluation)
     short = tangent.short_tangent if tableau.order <= tangent.HIGHEST_ORDER else None
     return Method(
         order=tableau.order,
-        step=explicit.compose("step", STEP_ARGUMENTS, step, known),
-        interpolant=explicit.compose("interpolant", INTERPOLANT_ARGUMENTS, interpolant, known),
+        step=explicit.compose_part("step", step, known),
+        interpolant=explicit.compose_part("interpolant", interpolant, known),
         evaluations=tableau.evaluations,
         interpolant_evaluations=len(tableau.dense_nodes),
         interpolant_error=tableau.dense_error,

@@ -16,6 +16,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
+from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
 from hopdata.hybrid.methods.method import Method, Scene, compiled_part
@@ -182,7 +183,7 @@ class MethodTable:
         method, scene = self._methods[number], self.scene
         self._enter_tangents(number)
         generic = () if self._jacobian and self._names[number] not in TABLEAUS else TANGENTS
-        for part in made.ENTRIES:
+        for part in PARTS:
             if part not in generic and getattr(method, part) is not None:
                 code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
                 self._enter(number, {part: code})

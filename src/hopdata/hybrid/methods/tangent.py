@@ -18,7 +18,7 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.memory import FloatTable, fma, square
-from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
+from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose_part
 from hopdata.hybrid.methods.taylor import fastest_motion
 
 # Products of the blocks of a tangent's table, named by their first rows. Sums are taken in order,
@@ -207,8 +207,7 @@ def tangent_code(tableau: Tableau) -> list[str]:
 
 def tangent_template(tableau: Tableau) -> FunctionType:
     """Return ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` of a method."""
-    arguments = "t, dt, rtol, s, mode, params, atol, phi, field, jacobian"
-    return compose("tangent", arguments, tangent_code(tableau), globals())
+    return compose_part("tangent", tangent_code(tableau), globals())
 
 
 # The flow's Jacobian over a short step, along the interpolant of the state: of order four.

@@ -24,7 +24,7 @@ import numpy as np
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma, row, square
 from hopdata.hybrid.layout import END, K1, KEND, LARGEST_DEGREE, P1, SCRATCH, SLOPE, W1, Y
-from hopdata.hybrid.methods.explicit import INDENT, compose
+from hopdata.hybrid.methods.explicit import INDENT, compose_part
 
 # The fastest motion of a linear flow: by its matrix, whatever the state does.
 
@@ -122,8 +122,7 @@ def step_function(n: int) -> FunctionType:
     tolerance. Terms are added until two in a row are below an eighth of the rounding error of the
     state. The returned error is that of degree 32 all the same, which is what limits a step.
     """
-    arguments = "t, dt, rtol, s, mode, params, atol, field"
-    return compose("step", arguments, _step_code(n), {**globals(), "N": n})
+    return compose_part("step", _step_code(n), {**globals(), "N": n})
 
 
 def _each(n: int, *lines: str) -> list[str]:
