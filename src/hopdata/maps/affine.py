@@ -1,8 +1,8 @@
-"""Affine least-squares maps and mean predictors, many fits at once.
+"""Affine least-squares maps and mean predictors, with many fits at once.
 
-Every fit goes through an orthonormal basis of the pooled inputs, and only what the pooled fit
-leaves is fitted again. In that basis the normal equations of each replicate are close to a multiple
-of the identity, so that they cost one small matrix product and lose no digits.
+All fits use an orthonormal basis of the pooled inputs, and each replicate fits only the residuals
+of the pooled fit. In that basis the normal equations of a replicate are close to a multiple of the
+identity, so they cost one small matrix product and lose no digits.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import chunks
 
-#: Singular values of the scaled, centred inputs below this share of the largest count as zero.
+#: Singular values of the scaled, centred inputs below this fraction of the largest count as zero.
 RANK_TOLERANCE = 1e-11
 
 
@@ -27,7 +27,7 @@ def pooled_basis(x: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray
-        (n, 1 + rank), columns orthogonal, each of mean square one.
+        (n, 1 + rank) design with orthogonal columns, each of mean square one.
     """
     x = np.asarray(x, float)
     rounding = 8 * np.finfo(float).eps * np.abs(x).max(axis=0)
@@ -39,12 +39,12 @@ def pooled_basis(x: FloatArray) -> FloatArray:
     return np.column_stack([np.ones(len(x)), np.sqrt(len(x)) * spread])
 
 
-#: A replicate with a smaller ratio of least to largest eigenvalue is fitted by pseudo-inverse.
+#: Replicates with a smaller ratio of least to largest eigenvalue are fitted by pseudo-inverse.
 _LEAST_SPREAD = 1e-6
 
 
 def affine_predictions(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return what one affine map by ordinary least squares says of the rows it was fitted to.
+    """Return the fitted values of an affine map by ordinary least squares.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ def affine_predictions(x: FloatArray, y: FloatArray) -> FloatArray:
 def leave_one_out_residuals(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the (n, q) errors of predicting each row from an affine fit to all the others.
 
-    Uses the leverages of the full fit, so nothing is refitted (Allen's PRESS residuals).
+    The leverages of the full fit give them without refitting (Allen's PRESS residuals).
 
     Raises
     ------
     ValueError
         If the arrays do not match or hold values that are not finite.
     AnalysisError
-        If some row alone decides a direction of the fit, so that the others cannot predict it.
+        If one row alone determines a direction of the fit, so the others cannot predict it.
     """
     x, y = checked(x, y)
     design = pooled_basis(x) / np.sqrt(len(x))
@@ -92,9 +92,9 @@ def affine_test_errors(x: FloatArray, y: FloatArray, train: IntArray, test: IntA
     x, y
         (n, p) inputs and (n, q) outputs of the population; all finite.
     train, test
-        (R, m) and (R, t) row numbers of each replicate. A direction that the whole population
-        lacks plays no part; one that only a training set lacks gets the minimum-norm solution in
-        the units of `x`.
+        (R, m) and (R, t) row numbers of each replicate. A direction in which the whole population
+        does not vary is ignored; one in which only a training set does not vary gets the
+        minimum-norm solution in the units of `x`.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def affine_test_errors(x: FloatArray, y: FloatArray, train: IntArray, test: IntA
     """
     x, y = checked(x, y)
     design = pooled_basis(x)
-    # What the pooled fit explains is exact in every replicate; fit only what it leaves.
+    # Every replicate reproduces the pooled fit exactly, so only its residuals need fitting.
     centred = y - y.mean(0)
     residual = centred - design @ (design.T @ centred / len(x))
     errors, spread = _whitened_errors(design, residual, train, test)
@@ -136,7 +136,7 @@ def mean_test_errors(y: FloatArray, train: IntArray, test: IntArray) -> FloatArr
 def _whitened_errors(
     design: FloatArray, residual: FloatArray, train: IntArray, test: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (R, q) errors of the normal equations, and (R,) least over largest eigenvalue."""
+    """Return (R, q) test errors and the (R,) ratios of least to largest eigenvalue."""
     inputs, rows = design.shape[1], np.concatenate([design, residual], axis=1)
     errors, spread = np.empty((len(train), residual.shape[1])), np.empty(len(train))
     for chunk in chunks(len(train), train.shape[1] * rows.shape[1]):
@@ -144,7 +144,7 @@ def _whitened_errors(
         normal = drawn[..., :inputs].swapaxes(1, 2) @ drawn
         values = np.linalg.eigvalsh(normal[..., :inputs])
         spread[chunk] = np.maximum(values[:, 0], 0.0) / values[:, -1]
-        normal[spread[chunk] <= _LEAST_SPREAD, :, :inputs] = np.eye(inputs)  # fitted otherwise
+        normal[spread[chunk] <= _LEAST_SPREAD, :, :inputs] = np.eye(inputs)  # refitted later
         slopes = np.linalg.solve(normal[..., :inputs], normal[..., inputs:])
         errors[chunk] = np.mean((tested[..., inputs:] - tested[..., :inputs] @ slopes) ** 2, axis=1)
     return errors, spread
@@ -153,7 +153,7 @@ def _whitened_errors(
 def _minimum_norm_errors(
     x: FloatArray, y: FloatArray, train: IntArray, test: IntArray
 ) -> FloatArray:
-    """Return (R, q) errors of replicates fitted by pseudo-inverse in the units of `x`."""
+    """Return the (R, q) test errors of fits by pseudo-inverse in the units of `x`."""
     inputs, outputs = x[train], y[train]
     centre, level = inputs.mean(1, keepdims=True), outputs.mean(1, keepdims=True)
     slopes = np.linalg.pinv(inputs - centre, rcond=RANK_TOLERANCE) @ (outputs - level)
@@ -161,12 +161,12 @@ def _minimum_norm_errors(
 
 
 def checked(x: FloatArray, y: FloatArray, *beside: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return inputs (n, p) and outputs (n, q) as arrays of floats, if they are such.
+    """Return inputs (n, p) and outputs (n, q) as arrays of floats.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, also to the length of what stands beside, or a number is not finite.
+        If the shapes do not match, if `beside` has another length, or if a value is not finite.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
     if x.ndim != 2 or y.ndim != 2 or {len(x)} != {*map(np.size, beside), len(y)}:

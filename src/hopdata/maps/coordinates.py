@@ -1,9 +1,10 @@
-"""A rigid body on a section: from marker states to the eight coordinates that can vary there.
+"""Coordinates of a rigid body on a section, computed from marker states.
 
-Three or more markers on one rigid body have 6B coordinates and twelve degrees of freedom. On a
-section (one less), and with place and heading left out (three less), eight remain: pitch and roll,
-the velocity of the centre in the heading frame, and the angular velocity. The outcome of a landing
-is described by eleven: the change of place and heading, and the same eight at the post section.
+Three or more markers on one rigid body have 6B coordinates and twelve degrees of freedom. The
+section removes one of these, and leaving out place and heading removes three. Eight remain: pitch
+and roll, the velocity of the centre in the heading frame, and the angular velocity. Eleven numbers
+describe the outcome of a landing: the change of place and heading, and the same eight coordinates
+at the post section.
 
 Angles are those of the body relative to its mean attitude, about axes that turn with its heading,
 so they stay small and free of singularities for any body that lands on its feet.
@@ -21,14 +22,14 @@ from hopdata.rigid import headings, kabsch, turned, wrapped
 
 @dataclass(frozen=True)
 class RigidStates:
-    """States of a rigid body, in the frame of the markers that gave them.
+    """States of a rigid body, in the frame of the marker states.
 
     Attributes
     ----------
     centre, velocity
-        (n, 3) mean of the markers, m, and its velocity, m/s.
+        (n, 3) mean position of the markers, m, and its velocity, m/s.
     rotation
-        (n, 3, 3) from the mean attitude to the present one.
+        (n, 3, 3) rotation from the mean attitude to the present one.
     spin
         (n, 3) angular velocity in body axes, rad/s.
     """
@@ -40,7 +41,7 @@ class RigidStates:
 
 
 def split_states(states: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities, (n, B, 3) each, of (n, 6B) states."""
+    """Split (n, 6B) states into positions and velocities, (n, B, 3) each."""
     positions, velocities = np.split(np.asarray(states, float), 2, axis=1)
     shape = (len(states), positions.shape[1] // 3, 3)
     return positions.reshape(shape), velocities.reshape(shape)
@@ -68,9 +69,9 @@ def rigid_states(states: FloatArray, shape: FloatArray) -> RigidStates:
 
 
 def section_coordinates(pre: RigidStates, post: RigidStates) -> tuple[FloatArray, FloatArray]:
-    """Return inputs (n, 8) and outputs (n, 11): see `INPUT_NAMES`, `OUTPUT_NAMES` of `rigid`.
+    """Return inputs (n, 8) and outputs (n, 11): see `INPUT_NAMES` and `OUTPUT_NAMES` in `rigid`.
 
-    Outputs are in the heading frame of the state at the pre section.
+    Steps and velocities are in the heading frame of the state at the pre section.
     """
     yaw, after = headings(pre.rotation), headings(post.rotation)
     step = turned(post.centre - pre.centre, yaw)[:, :2]
@@ -82,8 +83,8 @@ def section_coordinates(pre: RigidStates, post: RigidStates) -> tuple[FloatArray
 def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
     """Return weights (11,) that turn outputs into rms displacements of the markers, m.
 
-    An angle counts by the rms distance of the markers from its axis, a velocity by the way it
-    makes in the unit of time.
+    Angles are weighted by the rms distance of the markers from the axis, velocities by the
+    distance covered in the unit of time.
     """
     about = np.sqrt(np.mean((shape**2).sum(axis=1, keepdims=True) - shape**2, axis=0))
     position = np.concatenate([[1.0, 1.0, about[2]], about[[1, 0]]])
@@ -95,26 +96,26 @@ def _tilt(rotation: FloatArray) -> FloatArray:
     return np.column_stack([pitch, np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])])
 
 
-# What a landing map that is not C1 looks like near a simultaneous contact: kinks.
+# Kinks: the shape of a landing map that is not C1 near a simultaneous contact.
 #
 # The flow of an event-selected system is continuous, and to first order it is linear on each mode
-# schedule (Burden et al. 2016; chapter I of the dissertation). Its maps can differ between
-# schedules only in how they depend on the contact instants, and they must agree where two feet
-# touch at once. So the difference from one linear map is a continuous function of the contact
-# instants that is linear on each order of them. The functions "latest contact of a set of feet"
-# span all of these: 2^n - n - 1 for n feet. They vanish from the map exactly if it has one
-# derivative.
+# schedule (Burden et al. 2016; chapter I of the dissertation). The maps of two schedules can differ
+# only in how they depend on the contact instants, and they must agree where two feet touch at once.
+# So the difference from one linear map is a continuous function of the contact instants that is
+# linear on each contact order. The functions "latest contact of a set of feet" span all such
+# functions; there are 2^n - n - 1 of them for n feet. Their coefficients in the map are all zero
+# exactly if the map has one derivative.
 #
-# A map that is C1 can still have second derivatives that differ between schedules. The differences
-# begin with the squares of the time between two contacts, ``d |d|``, and go on with ``|d|^3``.
+# A C1 map can still have second derivatives that differ between schedules. The differences begin
+# with the signed square of the time between two contacts, ``d |d|``, and continue with ``|d|^3``.
 
-#: Up to this many feet all sets are used; with more, the pairs.
+#: Up to this many feet the kinks of all sets of feet are used; with more feet only those of pairs.
 ALL_SETS_UP_TO = 3
 Feet = tuple[int, ...]
 
 
 def foot_sets(n_feet: int) -> list[Feet]:
-    """Return the sets of feet whose latest contacts span the kinks.
+    """Return the sets of feet whose latest contacts are the kinks.
 
     >>> foot_sets(3)
     [(0, 1), (0, 2), (1, 2), (0, 1, 2)]
@@ -124,7 +125,7 @@ def foot_sets(n_feet: int) -> list[Feet]:
 
 
 def kinks(instants: FloatArray) -> FloatArray:
-    """Return the latest contact of each set of feet, (n, K), relative to the mean of all feet.
+    """Return the latest contact in each set of feet, (n, K), relative to the mean over all feet.
 
     Parameters
     ----------
@@ -141,7 +142,7 @@ def kink_slopes(order: Feet) -> FloatArray:
     Parameters
     ----------
     order
-        Feet in the order of their contacts, first one first.
+        Feet in the order of their contacts.
     """
     sets = foot_sets(len(order))
     slopes = np.zeros((len(sets), len(order)))
@@ -151,14 +152,14 @@ def kink_slopes(order: Feet) -> FloatArray:
 
 
 def time_differences(instants: FloatArray) -> FloatArray:
-    """Return the differences of the contact instants of each pair of feet, (n, pairs)."""
+    """Return the difference between the contact instants of each pair of feet, (n, pairs)."""
     pairs = list(combinations(range(instants.shape[1]), 2))
     return np.column_stack([instants[:, i] - instants[:, j] for i, j in pairs])
 
 
-# The free smooth terms of a landing map: monomials of the inputs, as many as landings allow.
+# Free smooth terms of a landing map: monomials of the inputs, as many as the landings allow.
 
-#: Landings wanted for each free term.
+#: Number of landings required for each free term.
 LANDINGS_PER_TERM = 2.5
 
 
@@ -177,13 +178,13 @@ def _products_of(x: FloatArray, degree: int) -> FloatArray:
 
 
 def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
-    """Return the number of monomials up to a degree, and of odd steps between each two feet."""
+    """Return the number of monomials up to a degree, plus two terms for each pair of feet."""
     return comb(n_inputs + degree, degree) + n_feet * (n_feet - 1)
 
 
 def affordable_degree(
     landings: int, n_inputs: int, n_feet: int, per_term: float = LANDINGS_PER_TERM
 ) -> int:
-    """Return the order up to which so many landings can have free terms: 3, 2, 1 or 0."""
+    """Return the highest degree of free terms that this number of landings allows: 3, 2, 1 or 0."""
     terms = (number_of_free_terms(n_inputs, n_feet, degree) for degree in (1, 2, 3))
     return sum(landings >= per_term * number for number in terms)

@@ -1,4 +1,4 @@
-"""Random draws of the bootstraps: one independent, named stream for each thing that is drawn."""
+"""Random draws of the bootstraps, with an independent named stream for each kind of draw."""
 
 import zlib
 from collections.abc import Mapping
@@ -7,22 +7,22 @@ import numpy as np
 
 from hopdata.arrays import IntArray
 
-#: Working set of one chunk of draws.
+#: Memory that one chunk of draws may use.
 _CHUNK_BYTES = 2 * 2**20
 
 
 def named_generator(seed: int, *names: str) -> np.random.Generator:
-    """Return the generator that `names` own under `seed`.
+    """Return the random generator of these names under `seed`.
 
-    The stream depends on the seed and the names only, so results do not change when other
-    models or schedules are added, left out or taken in another order.
+    The stream depends only on the seed and the names, so results do not change when other models
+    or schedules are added, omitted or reordered.
 
     Parameters
     ----------
     seed
         Non-negative seed of the study.
     names
-        What is drawn, e.g. ``("prediction", "schedule 2>3>1")``.
+        Names of what is drawn, e.g. ``("prediction", "schedule 2>3>1")``.
     """
     key = tuple(zlib.crc32(name.encode()) for name in names)
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
@@ -31,7 +31,7 @@ def named_generator(seed: int, *names: str) -> np.random.Generator:
 def distinct_draws(
     generator: np.random.Generator, population: int, sizes: tuple[int, ...], count: int
 ) -> tuple[IntArray, ...]:
-    """Draw `count` times disjoint random sets of the given sizes, without replacement.
+    """Draw disjoint random sets of the given sizes without replacement, `count` times.
 
     Parameters
     ----------
@@ -40,15 +40,15 @@ def distinct_draws(
     population
         Number of items to draw from.
     sizes
-        Size of each set; together at most `population`.
+        Size of each set; their sum is at most `population`.
     count
         Number of draws.
 
     Returns
     -------
     tuple of ndarray
-        One (count, size) array of increasing indices per set. In a row of the first and the
-        same row of the second no index occurs twice.
+        One (count, size) array of increasing indices per set. No index occurs twice in the same
+        row, within a set or in two sets.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def distinct_draws(
         If the sets together are larger than the population.
     """
     total = sum(sizes)
-    # The first steps of a shuffle (Fisher and Yates): each swaps one of the items that are left.
+    # The first steps of a Fisher-Yates shuffle: each step swaps in one of the remaining items.
     left = np.arange(population, population - total, -1)
     steps = generator.integers(0, left, size=(count, total))
     drawn = [_shuffled(steps[some], population) for some in chunks(count, population)]
@@ -65,47 +65,47 @@ def distinct_draws(
 
 
 def chunks(count: int, floats_each: int) -> list[slice]:
-    """Return slices of draws that are worked on together, each of which takes so many floats."""
+    """Return slices of `count` draws that fit in memory if each draw needs `floats_each` floats."""
     step = max(1, _CHUNK_BYTES // (8 * max(1, floats_each)))
     return [slice(start, min(start + step, count)) for start in range(0, count, step)]
 
 
 def _shuffled(steps: IntArray, population: int) -> IntArray:
-    """Return the (R, m) items that the steps of R shuffles draw, all rows a step at a time."""
+    """Return the (R, m) items drawn by the steps of R shuffles, which advance together."""
     drawn = np.empty_like(steps)
     items = np.tile(np.arange(population), (len(steps), 1))
     row = np.arange(len(steps))
     for k in range(steps.shape[1]):
         place = k + steps[:, k]
         drawn[:, k] = items[row, place]
-        items[row, place] = items[:, k]  # what step k leaves behind; it is not looked at again
+        items[row, place] = items[:, k]  # half a swap suffices: column k is not read again
     return drawn
 
 
-# What is said of schedules with too few landings: one by one, or together where they are many.
+# Notes on schedules with too few landings.
 
 Notes = list[dict[str, str]]
 
-MOST_ONE_BY_ONE = 6
+MOST_ONE_BY_ONE = 6  # schedules; more than these share one note
 
 
 def rare_notes(what: str, sizes: Mapping[str, int], wanted: str) -> Notes:
-    """Note the schedules that are left out.
+    """Return notes on the schedules that are left out.
 
     Parameters
     ----------
     what
-        What they do not have, such as ``"subspaces"``.
+        What these schedules lack, such as ``"subspaces"``.
     sizes
         Schedule -> number of its landings.
     wanted
-        How many it takes, in words.
+        Number of landings needed, in words.
 
     Returns
     -------
     list
-        ``{"what", "reason"}`` of each schedule, or, of more than six, of all together: six feet may
-        show hundreds of schedules of a landing or two.
+        ``{"what", "reason"}`` for each schedule, or one note for all if there are more than six:
+        six feet may show hundreds of schedules with one or two landings each.
     """
     if len(sizes) <= MOST_ONE_BY_ONE:
         return [

@@ -1,15 +1,14 @@
 """Bootstrapped prediction errors of the six models of Fig. 2.4.
 
-Affine maps and mean predictors of the state at the post section from the state at the pre
-section, "specialised" to one mode schedule or not, and "near" to or "far" from the trajectory
-on which all feet touch at once (Sec. 2.3 of the dissertation: contact spread below or above the
-median of the data set).
+The models are affine maps and mean predictors of the state at the post section from the state at
+the pre section. Some are "specialised" to one mode schedule; others are fitted to the landings
+"near" to or "far" from the trajectory on which all feet touch at once (Sec. 2.3 of the
+dissertation: contact spread below or above the median of the data set).
 
 A bootstrap here is a random split: 161 distinct landings are drawn from those that a model may
-use, 120 to fit and the other 41 to test. Nothing is drawn twice, since a landing on both sides
-of a split would flatter the fit. Where a model has fewer than 161 landings, both numbers shrink
-in proportion, and they shrink for every model of the study, so that all are compared at one
-sample size.
+use, 120 to fit and the other 41 to test. No landing is drawn twice, because a landing on both sides
+of a split would flatter the fit. If a model has fewer than 161 landings, both numbers shrink in
+proportion for every model of the study, so that all are compared at the same sample size.
 """
 
 from __future__ import annotations
@@ -23,15 +22,18 @@ from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.maps.affine import affine_test_errors, checked, mean_test_errors, pooled_basis
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 
-# Which landings each model of Fig. 2.4 draws from, and how large its splits are.
+# The landings that each model of Fig. 2.4 draws from, and the sizes of its splits.
 
-#: Landings that a fit must have beyond its number of coefficients per output.
+#: Number of landings that a fit needs beyond its number of coefficients per output.
 SPARE_LANDINGS = 2
 
 
 @dataclass(frozen=True)
 class Population:
-    """Landings that a model draws from: `kind` class, near, all or far; `schedule` of a class."""
+    """Landings that a model draws from.
+
+    `kind` is ``class``, ``near``, ``all`` or ``far``; `schedule` is the mode schedule of a class.
+    """
 
     kind: str
     schedule: str
@@ -39,7 +41,7 @@ class Population:
 
     @property
     def name(self) -> str:
-        """Name in notes, and of the random stream that its splits come from."""
+        """Name in notes and of the random stream of the splits."""
         return f"schedule {self.schedule}" if self.kind == "class" else self.kind
 
 
@@ -48,7 +50,7 @@ def select_populations(
 ) -> tuple[list[Population], Notes]:
     """Sort the landings into classes, near, all and far, and note the classes left out.
 
-    Near and far are those below and above the median contact spread of all landings.
+    Near and far landings have a contact spread below and above the median of all landings.
     """
     populations = []
     rare: dict[str, int] = {}
@@ -73,7 +75,7 @@ def select_populations(
 
 
 def split_sizes(population: int, train: int, test: int) -> tuple[int, int]:
-    """Return the sizes of the two parts of a split, scaled down where landings are few.
+    """Return the sizes of the two parts of a split, scaled down if there are few landings.
 
     >>> split_sizes(2860, 120, 41), split_sizes(80, 120, 41)
     ((120, 41), (60, 20))
@@ -84,14 +86,17 @@ def split_sizes(population: int, train: int, test: int) -> tuple[int, int]:
 
 
 def needed_training(x: FloatArray) -> int:
-    """Return the smallest training set that an affine map of these inputs may be fitted to."""
+    """Return the size of the smallest training set for an affine map of these inputs."""
     return (pooled_basis(x).shape[1] if len(x) else 1) + SPARE_LANDINGS
 
 
 def large_enough(
     populations: list[Population], train: int, test: int, needed: int
 ) -> tuple[list[Population], Notes]:
-    """Drop what is too small for an affine map; keep `all` for its mean while it has a split."""
+    """Drop populations too small for an affine map, and note them.
+
+    `all` stays for its mean predictor if it has two landings or more.
+    """
     kept, notes = [], []
     thin: dict[str, int] = {}
     wanted = f"an affine map of these inputs needs {needed}"
@@ -112,7 +117,7 @@ def large_enough(
 def common_split(
     populations: list[Population], train: int, test: int
 ) -> tuple[tuple[int, int], Notes]:
-    """Return the split of the smallest population, which all models share."""
+    """Return the split of the smallest population, which all models use."""
     if not populations:
         return (train, test), []
     smallest = min(populations, key=lambda population: len(population.rows))
@@ -126,7 +131,7 @@ def common_split(
 
 
 def _fewest(smallest: Population) -> str:
-    """Say which landings are so few that they decide the size of the splits."""
+    """Return words for the population whose size limits the splits."""
     size = len(smallest.rows)
     if smallest.kind == "class":
         return f"the rarest order with a model of its own, {smallest.schedule}, has only {size}"
@@ -134,7 +139,7 @@ def _fewest(smallest: Population) -> str:
     return f"there are only {size} {which}touchdowns"
 
 
-#: Models in the order of Fig. 2.4, and the landings each draws from.
+#: Models in the order of Fig. 2.4 -> the kind of population that each draws from.
 MODELS = {
     "specialised": "class",
     "near": "near",
@@ -147,18 +152,18 @@ MODELS = {
 
 @dataclass(frozen=True)
 class PredictionStudy:
-    """What the bootstrap gave.
+    """Results of the bootstrap.
 
     Attributes
     ----------
     errors
-        One row per model, schedule and bootstrap: ``model, schedule, bootstrap, n_train,
-        n_test, mse, mse_position, mse_velocity`` in squared normalised units, and
-        ``worst_position_mm, worst_velocity_m_s``, the largest rms error of any one coordinate.
+        One row per model, schedule and bootstrap: ``model, schedule, bootstrap, n_train, n_test``;
+        ``mse, mse_position, mse_velocity`` in squared normalised units; and ``worst_position_mm,
+        worst_velocity_m_s``, the largest rms error of any one coordinate.
     summary
         One row per model: see `summarise_errors`.
     notes
-        What could not be done or was done otherwise, each ``{"what": ..., "reason": ...}``.
+        Steps that were omitted or changed, each ``{"what": ..., "reason": ...}``.
     """
 
     errors: pd.DataFrame
@@ -190,17 +195,17 @@ def bootstrap_prediction(
     schedule
         (n,) mode schedules; a landing without one (empty) joins no class.
     spread
-        (n,) sd of the contact instants in s; a landing without one (NaN) is neither near nor far.
+        (n,) sd of the contact instants, s; a landing without one (NaN) is neither near nor far.
     seed
-        Seed of the study. Each class, and near, all and far, has its own stream.
+        Seed of the study. Each class and each of near, all and far has its own stream.
     length_unit_m, time_unit_s
         Units of `x` and `y`, for the errors in mm and m/s.
     bootstraps
         Number of splits per model (and schedule).
     train, test
-        Landings to fit and to test in a split of full size.
+        Numbers of landings to fit and to test in a split of full size.
     minimum_class
-        Classes with fewer landings are left out of the specialised models.
+        Classes with fewer landings get no specialised model.
 
     Raises
     ------
@@ -209,9 +214,9 @@ def bootstrap_prediction(
 
     Notes
     -----
-    An affine map is fitted only where the training set is large enough for it (see
-    `needed_training`); otherwise it is noted and left out. Few landings
-    never raise: an empty table with its notes is a result too.
+    An affine map is fitted only if the training set is large enough (see `needed_training`);
+    otherwise it is left out and noted. Too few landings never raise an error: the result may be an
+    empty table with notes.
     """
     x, y = checked(x, y, schedule, spread)
     populations, notes = select_populations(
@@ -244,11 +249,11 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``model, n_classes, n_train, n_test``, the median and quantiles of ``mse`` (``median,
-        q25, q75, p2_5, p97_5``), ``worst_position_mm, worst_velocity_m_s``: the level that
-        97.5 % of the splits keep below with the rms error of their worst coordinate, and median
-        and 95 % interval of the errors in position and in velocity alone (``position_median,
-        position_p2_5, position_p97_5``, and of ``velocity``).
+        ``model, n_classes, n_train, n_test``; the median and quantiles of ``mse`` (``median,
+        q25, q75, p2_5, p97_5``); ``worst_position_mm, worst_velocity_m_s``, the 97.5 % quantile
+        over the splits of the rms error of the worst coordinate; and the median and 95 % interval
+        of the errors in position and in velocity alone (``position_median, position_p2_5,
+        position_p97_5``, and the same for ``velocity``).
     """
     rows = []
     for model in [name for name in MODELS if name in set(errors["model"])]:
@@ -262,12 +267,12 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, float]:
-    """Return what Fig. 2.4 is read for: how the models' errors compare.
+    """Return the comparison of the models' errors for which Fig. 2.4 is read.
 
     Parameters
     ----------
     summary
-        As from `summarise_errors`; a model that it lacks gives NaN.
+        Table from `summarise_errors`; a missing model gives NaN.
     touchdowns
         The study's table of touchdowns.
 
@@ -304,7 +309,7 @@ _COLUMNS = ("model", "schedule", "bootstrap", *_SIZES, *_ERRORS)
 def _rows(
     model: str, population: Population, errors: FloatArray, sizes: tuple[int, int], unit: FloatArray
 ) -> pd.DataFrame:
-    """Return the table of one model and population from its (R, 6B) squared errors."""
+    """Return the table of one model and population, given its (R, 6B) squared errors."""
     position, velocity = np.split(errors, 2, axis=1)
     values = (
         *(model, population.schedule, np.arange(len(errors)), *sizes),
@@ -316,7 +321,7 @@ def _rows(
 
 
 def _table(frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate in the order of Fig. 2.4."""
+    """Concatenate tables in the order of Fig. 2.4."""
     if not frames:
         return pd.DataFrame(columns=list(_COLUMNS))
     frames = sorted(frames, key=lambda frame: list(MODELS).index(frame["model"].iloc[0]))

@@ -1,10 +1,10 @@
 """Constraint subspaces of the mode schedules, and the arc lengths between them (Fig. 2.5).
 
-Björck and Golub (1973): the cosines of the principal angles are the singular values of
-``a.T @ b`` and their sines those of ``b - a @ (a.T @ b)``. A cosine near one has lost half the
-digits of a small angle, a sine near one those of an angle near a right angle, so each angle is
-taken from the form that is good for it. The arc length is the 2-norm of the angles (Edelman,
-Arias and Smith 1998, Sec. 4.3), the geodesic distance on the Grassmann manifold.
+The cosines of the principal angles are the singular values of ``a.T @ b``, and their sines are
+those of ``b - a @ (a.T @ b)`` (Björck and Golub 1973). A cosine near one loses half the digits of
+a small angle, and a sine near one loses half those of an angle near a right angle, so each angle is
+computed from the more accurate of the two. The arc length is the 2-norm of the angles (Edelman,
+Arias and Smith 1998, Sec. 4.3), which is the geodesic distance on the Grassmann manifold.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import Notes, chunks, distinct_draws, named_generator, rare_notes
 
-#: Arc lengths below this need the sines: an error e in each cosine moves a length d by k e / d.
+#: Arc lengths d below this need the sines: an error e in each cosine changes d by k e / d.
 _SMALL_ARC_LENGTH = 0.5
 
 
@@ -36,7 +36,7 @@ def principal_angles(a: FloatArray, b: FloatArray) -> FloatArray:
     -------
     ndarray
         (..., k) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16 times
-        the departure of the bases from orthonormality.
+        the deviation of the bases from orthonormality.
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
     overlap = a.swapaxes(-1, -2) @ b
@@ -74,39 +74,40 @@ def orthonormalised(matrices: FloatArray) -> FloatArray:
     return np.linalg.qr(np.asarray(matrices, float))[0]
 
 
-# What distances between subspaces are without any data: equal but noisy, or unrelated ones.
+# Baselines: distances between equal but noisy subspaces and between unrelated ones, without data.
 
 
 def noised_identity(
     generator: np.random.Generator, shape: tuple[int, int], count: int, noise_sd: float
 ) -> FloatArray:
-    """Return arc lengths of `count` pairs of (D, k) identities with normal noise on each entry.
+    """Return the arc lengths between `count` pairs of (D, k) identities with normal noise.
 
     The dissertation compares with "noised identical matrices ... with a signal-to-noise ratio of
-    10" (Sec. 2.3) and does not say what is noised or how the ratio is counted. Of all ways to read
-    it, noise of sd 0.1 on every entry of both gives distances like the printed ones.
+    10" (Sec. 2.3). It does not say what the noise is added to or how the ratio is defined. Of all
+    possible readings, noise of sd 0.1 on every entry of both matrices gives distances like the
+    printed ones.
     """
     noise = noise_sd * generator.standard_normal((2, count, *shape))
     return arc_length(*orthonormalised(np.eye(*shape) + noise))
 
 
 def random(generator: np.random.Generator, shape: tuple[int, int], count: int) -> FloatArray:
-    """Return arc lengths of `count` pairs of uniform (Haar) random subspaces."""
+    """Return the arc lengths between `count` pairs of uniform (Haar) random subspaces."""
     return arc_length(*orthonormalised(generator.standard_normal((2, count, *shape))))
 
 
 # Constraint subspaces of the landing map: bootstrapped principal components of pairs.
 #
-# A pair (pre state, post state) has 12B coordinates; the two section conditions make two of its
-# principal components nearly constant, and a map from 6B - 1 to 6B - 1 dimensions then shows as
-# 6B - 1 large and 6B - 1 small components in the 12B - 2 that remain (Sec. 2.2.4 of the
-# dissertation). The printed text compares the small ones; 30 landings have rank 29 at most, which
-# leaves several of those arbitrary, so the *leading* ones are kept here. The arc length between
-# two subspaces is that between their complements.
+# A pair (pre state, post state) has 12B coordinates. The two section conditions make two of its
+# principal components nearly constant. A map from 6B - 1 to 6B - 1 dimensions then appears as
+# 6B - 1 large and 6B - 1 small components among the remaining 12B - 2 (Sec. 2.2.4 of the
+# dissertation). The printed text compares the small ones. But 30 landings have rank 29 at most,
+# which leaves several small components arbitrary, so the *leading* ones are kept here. The arc
+# length between two subspaces equals that between their complements.
 
-#: Principal components taken for the two Poincaré sections.
+#: Number of principal components that the two Poincaré sections use up.
 SECTION_COMPONENTS = 2
-#: Singular values below this share of the largest leave a draw without that component.
+#: A draw lacks the components whose singular values are below this fraction of the largest.
 _RANK_TOLERANCE = 1e-10
 
 
@@ -117,12 +118,12 @@ class SubspaceStudy:
     Attributes
     ----------
     bases
-        Schedule -> (bootstraps, D, k) orthonormal bases of the leading components, in axes along
-        those of the pooled pairs: see `pooled_frame`.
+        Schedule -> (bootstraps, D, k) orthonormal bases of the leading components, in the axes of
+        `pooled_frame`.
     shape
-        (D, k) of the bases, known even where no class has any.
+        (D, k) of the bases, known even if no class has any.
     notes
-        What was left out, each ``{"what": ..., "reason": ...}``.
+        Omissions, each ``{"what": ..., "reason": ...}``.
     """
 
     bases: dict[str, FloatArray]
@@ -131,9 +132,9 @@ class SubspaceStudy:
 
 
 def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the principal components of pairs but for the two that vary least, (12B, 12B - 2).
+    """Return the principal components of pairs without the two that vary least, (12B, 12B - 2).
 
-    These two are the section conditions.
+    Those two are the section conditions.
 
     Parameters
     ----------
@@ -163,15 +164,16 @@ def bootstrap_subspaces(
     x, y
         (n, 6B) normalised pairs.
     schedule
-        (n,) mode schedules; landings without one (empty) serve the pooled frame only.
+        (n,) mode schedules; landings without one (empty) are used only for the pooled frame.
     seed
         Seed of the study; each schedule has its own stream.
     bootstraps
-        Draws per schedule.
+        Number of draws per schedule.
     samples
-        Distinct landings per draw, centred on their own mean. Smaller classes are left out.
+        Number of distinct landings per draw, centred on their own mean. Smaller classes are left
+        out.
     components
-        Dimension k of the subspaces, by default 6B - 1 and less than `samples`.
+        Dimension k of the subspaces; by default the smaller of 6B - 1 and `samples` - 1.
 
     Raises
     ------
@@ -225,9 +227,9 @@ def leading_subspaces(
     Returns
     -------
     bases
-        (R, D, k) orthonormal.
+        (R, D, k) orthonormal bases.
     full
-        (R,) whether the draw has k components; otherwise some of the basis is arbitrary.
+        (R,) whether the draw has k components; if not, part of the basis is arbitrary.
     """
     bases = np.empty((len(draws), pairs.shape[1], k))
     full = np.empty(len(draws), bool)
@@ -241,7 +243,7 @@ def leading_subspaces(
 
 
 def _fewer_components(k: int, printed: int, components: int | None, samples: int) -> Notes:
-    """Note that many body markers ask for more components than a draw's landings span."""
+    """Return a note if the body markers need more components than a draw's landings span."""
     if components or k == printed:
         return []
     reason = f"{samples} landings span no more: set subspaces.samples"
@@ -260,28 +262,29 @@ def _problem(samples: int, k: int, dimension: int) -> str:
 
 # Arc-length distances between subspaces, and the two baselines of Fig. 2.5.
 #
-# Four kinds: in-class (two draws of one mode schedule), cross-class (draws of two schedules),
-# noised identity (the identity and the identity, both with noise: what equal matrices look like
-# when they are estimated) and random (what unrelated ones look like).
+# There are four kinds: in-class (two draws of one mode schedule), cross-class (draws of two
+# schedules), noised identity (two identities with noise, as equal matrices look when estimated)
+# and random (as unrelated subspaces look).
 #
-# Draws of one schedule are taken from one pool and share landings, so in-class distances are
-# smaller than those of independent draws and an AUC against them is above 0.5 even where all
+# Draws of one schedule come from one pool and share landings. In-class distances are therefore
+# smaller than those of independent draws, and an AUC against them is above 0.5 even if all
 # schedules have one map. The AUC is reported as a description, not as a test.
 
 
 def pair_mean_error(values: FloatArray, first: IntArray, second: IntArray) -> float:
-    """Return the standard error of the mean over pairs of numbered draws; NaN of one pair.
+    """Return the standard error of the mean over pairs of numbered draws; NaN for one pair.
 
-    A mean over pairs is a U-statistic: pairs that share a draw are not independent. Two pairs with
-    a draw in common are taken to covary, no others (Aronow, Samii and Assenova 2015). It is not
-    less than if all pairs were independent, which a sample can make it seem.
+    A mean over pairs is a U-statistic: pairs that share a draw are not independent. Two pairs are
+    assumed to covary only if they have a draw in common (Aronow, Samii and Assenova 2015). The
+    result is at least the error for independent pairs, although the estimate from a sample can be
+    smaller.
 
     Parameters
     ----------
     values
-        (N,) of the pairs.
+        (N,) values of the pairs.
     first, second
-        (N,) numbers of the draws of each pair.
+        (N,) numbers of the two draws of each pair.
     """
     if len(values) < 2:
         return float("nan")
@@ -295,7 +298,7 @@ def pair_mean_error(values: FloatArray, first: IntArray, second: IntArray) -> fl
 def in_class_pairs(
     generator: np.random.Generator, draws: int, pairs: int
 ) -> tuple[IntArray, IntArray]:
-    """Choose up to `pairs` different pairs of different draws."""
+    """Choose up to `pairs` distinct pairs of different draws."""
     first, second = np.triu_indices(draws, 1)
     chosen = _some(generator, len(first), pairs)
     return first[chosen], second[chosen]
@@ -304,7 +307,7 @@ def in_class_pairs(
 def cross_class_pairs(
     generator: np.random.Generator, first: int, second: int, pairs: int
 ) -> tuple[IntArray, IntArray]:
-    """Choose up to `pairs` different pairs of one draw from each of two sets."""
+    """Choose up to `pairs` distinct pairs with one draw from each of two sets."""
     return np.divmod(_some(generator, first * second, pairs), second)
 
 
@@ -327,7 +330,7 @@ class DistanceStudy:
     Attributes
     ----------
     distances
-        ``kind, schedule_a, schedule_b, distance_rad``.
+        One row per distance: ``kind, schedule_a, schedule_b, distance_rad``.
     summary
         One row per kind: see `summarise_distances`.
     notes
@@ -359,8 +362,8 @@ def measure_distances(
     seed
         Seed of the study; each schedule, pair of schedules and baseline has its own stream.
     pairs
-        Pairs per schedule, per pair of schedules and per baseline; all pairs of draws where
-        there are fewer.
+        Number of pairs per schedule, per pair of schedules and per baseline; if there are fewer
+        pairs of draws, all are used.
     noise_sd
         Sd of the noise on each entry of both identity matrices.
     """
@@ -395,22 +398,21 @@ def measure_distances(
 def summarise_distances(
     lengths: Mapping[str, FloatArray], standard_errors: Mapping[str, float]
 ) -> pd.DataFrame:
-    """Summarise each kind.
+    """Summarise the distances of each kind.
 
     Parameters
     ----------
     lengths
         Kind -> distances, rad; kinds without any are left out.
     standard_errors
-        Kind -> Monte-Carlo standard error of the mean; where not given, that of independent
-        distances.
+        Kind -> Monte-Carlo standard error of the mean; by default that of independent distances.
 
     Returns
     -------
     DataFrame
         ``kind, n, mean, mean_se, sd, q05, q25, median, q75, q95`` in rad and
         ``auc_against_in_class``: the probability that a distance of this kind exceeds an in-class
-        one (NaN without any).
+        one (NaN if there are no in-class distances).
     """
     own = np.sort(lengths.get("in_class", np.zeros(0)))
     rows = []
@@ -428,7 +430,7 @@ def auc(values: FloatArray, reference: FloatArray) -> float:
     """Return the probability that a value exceeds a reference value; ties count half."""
     if not (len(values) and len(reference)):
         return float("nan")
-    ordered = np.sort(reference)  # quick where it is sorted already
+    ordered = np.sort(reference)  # fast if it is sorted already
     below = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
     return float(below.mean() / (2 * len(reference)))
 

@@ -1,11 +1,11 @@
-"""Units of length and time in which position and velocity errors weigh the same.
+"""Units of length and time in which position and velocity errors have equal weight.
 
-After Sec. 2.2.4 of the dissertation, which prints 29.13 mm and 27 ms but not the rule. Here:
+They follow Sec. 2.2.4 of the dissertation, which prints 29.13 mm and 27 ms but not the rule. Here:
 
 - the length unit is the rms norm of the centred post-section position vector of all body
-  markers, so that one unit is how far a landing's outcome typically lies from the mean outcome;
-- the time unit is the rms position prediction error over the rms velocity prediction error of
-  the unspecialised affine map, each landing predicted from all the others.
+  markers, so that one unit is the typical distance of a landing's outcome from the mean outcome;
+- the time unit is the ratio of the rms position prediction error to the rms velocity prediction
+  error of the unspecialised affine map, where each landing is predicted from all the others.
 """
 
 from dataclasses import asdict, dataclass
@@ -25,13 +25,13 @@ class Units:
     Attributes
     ----------
     length_unit_m, time_unit_s
-        The units; the velocity unit is their ratio.
+        The units; their ratio is the velocity unit.
     length_rule, time_rule
-        How each was chosen, in words: by the data, or given in the configuration.
+        How each unit was chosen, in words: from the data, or given in the configuration.
     rms_position_error_m, rms_velocity_error_m_s
-        Rms prediction error per coordinate of the map behind `predictor`.
+        Rms prediction error per coordinate of the predictor.
     predictor
-        ``"affine"``, or ``"mean"`` where an affine map cannot serve: see `prediction_errors`.
+        ``"affine"``, or ``"mean"`` if no affine map can be used: see `prediction_errors`.
     n_landings
         Number of landings used.
     """
@@ -51,7 +51,7 @@ class Units:
         return self.length_unit_m / self.time_unit_s
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all values, and the printed ones beside them, for ``units.json``."""
+        """Return all values and the dissertation's printed units, for ``units.json``."""
         printed = {"printed_length_unit_m": 0.02913, "printed_time_unit_s": 0.027}
         return {**asdict(self), "velocity_unit_m_s": self.velocity_unit_m_s, **printed}
 
@@ -68,7 +68,7 @@ def choose_units(
         (n, 6B) home-frame states at the pre and the post section: 3B positions in m, then 3B
         velocities in m/s.
     length_m, time_s
-        Given units; by default they are chosen by the rules of this module.
+        Fixed units; by default the rules of this module choose them.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def choose_units(
 
 
 def prediction_errors(x: FloatArray, y: FloatArray) -> tuple[FloatArray, str]:
-    """Return leave-one-out errors (n, 6B) of the unspecialised map, and the map's name.
+    """Return the leave-one-out errors (n, 6B) of the unspecialised map and the predictor's name.
 
-    Falls back to the mean predictor where the landings are too few for an affine map, or where
-    the affine map is exact, so that its errors are nothing but rounding.
+    The mean predictor is used if there are too few landings for an affine map, or if the affine
+    map is exact, so that its errors are only rounding.
     """
-    # The mean of the others misses by n / (n - 1) times the distance from the mean of all.
+    # The error of the mean of the others is n / (n - 1) times the distance from the mean of all.
     of_mean = (y - y.mean(0)) * len(y) / (len(y) - 1)
     try:
         errors = leave_one_out_residuals(x, y)

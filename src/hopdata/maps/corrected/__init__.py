@@ -1,1 +1,1 @@
-"""Maps with what noise in the inputs and curvature do to them taken off."""
+"""Maps corrected for noise in the inputs and for curvature."""

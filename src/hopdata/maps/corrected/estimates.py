@@ -1,10 +1,10 @@
 """All estimates of a study's landing map.
 
-The printed map is affine in the 6B marker coordinates of the home frame. That frame moves with what
-the landing does, so that some columns are no state but outcome, and on a section many directions
-are noise alone: its coefficients are no derivative. What it says of the states is the map from the
-rigid-body coordinates to its own predictions, brought to the same coordinates; to first order
-that is least squares on these coordinates (Frisch and Waugh 1933).
+The printed map is affine in the 6B marker coordinates of the home frame. Its coefficients are not a
+derivative, for two reasons: the home frame moves with the landing, so some columns are outcomes
+rather than states, and on a section many directions contain only noise. Its statement about the
+states is the map from the rigid-body coordinates to its own predictions in the same coordinates. To
+first order that is least squares on these coordinates (Frisch and Waugh 1933).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from hopdata.maps.corrected.regression import LinearMap, corrected_map, curved_m
 from hopdata.maps.draws import Notes
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES, body_shape
 
-# The estimates of a study's landing map: a table for people, plain data for other stages.
+# The estimates as a table for readers and as plain data for other stages.
 
-#: Estimators in the order of the table, with what each is.
+#: Estimators in the order of the table -> description.
 ESTIMATORS = {
     "printed": "affine least squares on marker coordinates, as printed",
     "ols": "least squares on rigid-body coordinates",
@@ -44,23 +44,23 @@ class MapEstimates:
     Attributes
     ----------
     maps
-        Name of the estimator -> the map, 8 inputs by 11 outputs in SI units; those that could not
-        be made are missing.
+        Name of the estimator -> map of 8 inputs by 11 outputs in SI units; estimates that could
+        not be computed are missing.
     n_landings
-        Landings that they rest on.
+        Number of landings used.
     notes
-        What could not be done, each ``{"what": ..., "reason": ...}``.
+        Estimates that failed or are limited, each ``{"what": ..., "reason": ...}``.
     shape
-        (B, 3) body markers in the mean attitude, m: what the coordinates rest on; without rows if
-        they show no rigid body.
+        (B, 3) body markers in the mean attitude, m, which define the coordinates; without rows if
+        the markers are not a rigid body.
     noise
-        Of the markers at the pre section.
+        Noise of the markers at the pre section.
     errors
-        What it does to the inputs.
+        Errors of inputs and outputs that follow from this noise.
     input_covariance
-        (8, 8) of the measured inputs.
+        (8, 8) covariance of the measured inputs.
     output_weights
-        (11,) from outputs to rms displacements of the markers, m.
+        (11,) factors from outputs to rms displacements of the markers, m.
     """
 
     maps: Mapping[str, LinearMap]
@@ -73,10 +73,10 @@ class MapEstimates:
     output_weights: FloatArray = field(default_factory=lambda: np.zeros(11))
 
     def table(self) -> pd.DataFrame:
-        """Return one row an estimator, input and output.
+        """Return one row per estimator, input and output.
 
         ``value`` and ``standard_error`` are in SI units; ``standardised`` is the rms displacement
-        of the markers, mm, by one standard deviation of the input.
+        of the markers, mm, per standard deviation of the input.
         """
         sd = np.sqrt(np.diag(self.input_covariance))
         columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
@@ -117,9 +117,9 @@ class MapEstimates:
 def coefficient_table(
     coefficients: FloatArray, input_sd: FloatArray, weights: FloatArray
 ) -> pd.DataFrame:
-    """Return one row an input and output of a map (8, 11): ``input, output, value, standardised``.
+    """Return one row per input and output of a map (8, 11): ``input, output, value, standardised``.
 
-    The last is the rms displacement of the markers, mm, by one standard deviation of the input.
+    The last is the rms displacement of the markers, mm, per standard deviation of the input.
     """
     return pd.DataFrame(
         {
@@ -143,14 +143,14 @@ def estimate_maps(
         (n, 6B) home-frame states at the pre and the post section: positions, m, and velocities,
         m/s, of the markers of a rigid body.
     instants
-        (n, feet) contact instants, s. Landings take part where they and both states are known.
+        (n, feet) contact instants, s. Landings with an unknown state or instant are left out.
     time_unit_s
-        Unit of time that weighs velocities against positions.
+        Unit of time that weights velocities against positions.
 
     Returns
     -------
     MapEstimates
-        Without maps, but with a note, if the markers do not show a rigid body.
+        The estimates; if the markers are not a rigid body, a note and no maps.
     """
     before, after, times = (np.asarray(part, float) for part in (x, y, instants))
     known = np.asarray(np.isfinite(np.hstack([before, after, times])).all(axis=1))
@@ -193,10 +193,11 @@ def _estimates(
 
 
 def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> LinearMap:
-    """Return what the affine map of the marker coordinates says in rigid-body coordinates.
+    """Return the affine map of the marker coordinates in rigid-body coordinates.
 
-    Its predictions lie on the map, so they do not scatter as landings do: standard errors are those
-    of least squares on the landings themselves, which it is to first order.
+    The predictions lie on the map and do not scatter as landings do. The standard errors are
+    therefore those of least squares on the landings themselves, which equals this map to first
+    order.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
-"""Noise of the markers of a rigid body, and what it does to the coordinates on a section.
+"""Noise of the markers of a rigid body, and the errors it causes in the section coordinates.
 
-Three or more markers on a rigid body say more than its motion needs. What a rigid body cannot
-explain is noise, of positions, of velocities, and of both together: a velocity fitted to frames
-that end at a contact errs together with the position that the same fit gives there.
+Three or more markers on a rigid body contain more information than its motion needs. The part that
+no rigid motion explains is noise in the positions and velocities. The two are correlated: a
+velocity fitted to frames that end at a contact errs together with the position from the same fit.
 
-The states are those at the instant at which the mean height of the markers passes the section, as
-measured. An error of that height is therefore an error of the instant, and shifts all else along
-the motion. All this is propagated to first order to the coordinates, and to the errors that inputs
-and outputs share: steps and turns begin at the pre section, and the heading there turns velocities.
+States are taken at the instant at which the measured mean height of the markers passes the section.
+An error in that height is therefore an error of the instant, and shifts all else along the motion.
+Both effects are propagated to first order to the coordinates and to the errors that inputs and
+outputs share: steps and turns begin at the pre section, and the heading there turns velocities.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
 
-#: Landings at which the propagation is linearised, at most; evenly taken from all.
+#: Largest number of landings at which the propagation is linearised; they are evenly spaced.
 LINEARISED = 100
-_STEPS = (1e-5, 1e-4)  # of positions, m, and of velocities, m/s
+_STEPS = (1e-5, 1e-4)  # finite-difference steps of positions, m, and of velocities, m/s
 
 
 @dataclass(frozen=True)
 class MarkerNoise:
-    """Covariance of the errors of one coordinate of one marker; markers err independently.
+    """Covariance of the errors of one marker coordinate; coordinates err independently.
 
     Attributes
     ----------
@@ -44,21 +44,21 @@ class MarkerNoise:
     velocity: float
 
     def covariance(self, n_markers: int) -> FloatArray:
-        """Return the covariance (6B, 6B) of the state of so many markers."""
+        """Return the covariance (6B, 6B) of the state of `n_markers` markers."""
         one = np.array([[self.position, self.shared], [self.shared, self.velocity]])
         return np.asarray(np.kron(one, np.eye(3 * n_markers)))
 
 
 @dataclass(frozen=True)
 class InputErrors:
-    """Second moments of the errors of inputs, and of those that outputs share with them.
+    """Covariances of the errors of inputs, and of errors that inputs and outputs share.
 
     Attributes
     ----------
     inputs
         (p, p) covariance of the errors of the inputs.
     shared
-        (p, q) covariance of the errors of inputs and outputs.
+        (p, q) covariance between the errors of inputs and outputs.
     """
 
     inputs: FloatArray
@@ -66,12 +66,12 @@ class InputErrors:
 
     @classmethod
     def none(cls, n_inputs: int, n_outputs: int) -> InputErrors:
-        """Return the moments of inputs that are known exactly."""
+        """Return the covariances of inputs that are known exactly: zero."""
         return cls(np.zeros((n_inputs, n_inputs)), np.zeros((n_inputs, n_outputs)))
 
 
 def marker_noise(states: FloatArray, shape: FloatArray) -> MarkerNoise:
-    """Estimate the noise of markers from what a rigid body cannot explain.
+    """Estimate the noise of markers from the residuals of a rigid-body fit.
 
     Parameters
     ----------
@@ -103,8 +103,8 @@ def input_errors(
 ) -> InputErrors:
     """Propagate the noise of the states at the pre section to inputs and outputs.
 
-    Noise at the post section is that of other frames and plays no part here: it makes outputs
-    scatter, but biases no map.
+    Noise at the post section comes from other frames and is ignored: it adds scatter to the
+    outputs but does not bias a map.
 
     Parameters
     ----------
@@ -113,12 +113,12 @@ def input_errors(
     shape
         (B, 3) markers in the body, m.
     noise
-        Of the states at the pre section.
+        Noise of the states at the pre section.
 
     Raises
     ------
     AnalysisError
-        If a body does not sink through the pre section.
+        If the body does not move down through the pre section in every landing.
     """
     some = slice(None, None, -(-len(before) // LINEARISED))
     before, after = before[some], after[some]
@@ -144,7 +144,7 @@ def _slopes(before: FloatArray, after: FloatArray, shape: FloatArray) -> FloatAr
 
 
 def _at_noisy_instant(states: FloatArray) -> FloatArray:
-    """Return what becomes of errors at a fixed instant, (n, 6B, 6B), at that of the section."""
+    """Return the matrices (n, 6B, 6B) from errors at a fixed instant to errors at the section."""
     _, velocities = split_states(states)
     n, markers, _ = velocities.shape
     sinking = velocities[..., 2].mean(axis=1)
@@ -157,30 +157,31 @@ def _at_noisy_instant(states: FloatArray) -> FloatArray:
     return np.asarray(np.eye(motion.shape[1]) - motion[:, :, None] * late[:, None, :])
 
 
-# What inputs are to be expected given those that were measured with noise.
+# Expected true inputs, given inputs measured with noise.
 #
-# Regression calibration (Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch. 4): least squares on
-# the expected inputs is the moment estimate of errors in variables (Fuller 1987).
+# This is regression calibration (Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch. 4): least
+# squares on the expected inputs is the moment estimate of errors in variables (Fuller 1987).
 
-#: Share of the variance of the inputs that is taken as more than noise, in every direction: no
-#: coefficient is multiplied by more than its inverse.
+#: Least share of the inputs' variance, in every direction, that is not attributed to noise. The
+#: correction multiplies no coefficient by more than its inverse.
 LEAST_RELIABILITY = 0.3
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """What inputs are to be expected given the measured ones.
+    """Linear regression of the true inputs on the measured ones.
 
     Attributes
     ----------
     slopes
-        (p, p), by which deviations from the mean are multiplied from the right.
+        (p, p) slopes; deviations of measured inputs from the mean are multiplied by them from the
+        right.
     doubt
-        (p, p) covariance of the inputs about what is expected.
+        (p, p) covariance of the true inputs about their expected values.
     drift
-        (p, q) of the outputs' errors: what is expected of them given the measured inputs.
+        (p, q) slopes of the outputs' errors on the measured inputs.
     removed
-        Share of the noise covariance that was taken off.
+        Share of the noise covariance that was subtracted.
     """
 
     slopes: FloatArray
@@ -190,18 +191,19 @@ class Calibration:
 
 
 def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
-    """Return what to expect of inputs measured with noise.
+    """Return the regression of the true inputs on inputs measured with noise.
 
-    Moments minus those of the noise need not be positive, and where they nearly vanish the estimate
-    is wild. As Fuller (1987, sec. 2.2) does, only as much noise is then taken off as leaves enough:
-    `LEAST_RELIABILITY` of the variance in every direction.
+    The measured covariance minus that of the noise need not be positive, and where it nearly
+    vanishes the estimate becomes erratic. As in Fuller (1987, sec. 2.2), the noise is then
+    subtracted only in part, such that `LEAST_RELIABILITY` of the variance is left in every
+    direction.
 
     Parameters
     ----------
     x
         (n, p) measured inputs.
     errors
-        Covariances of their errors.
+        Covariances of the errors of inputs and outputs.
 
     Raises
     ------
@@ -214,7 +216,7 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
         root = np.linalg.cholesky(moments)
     except np.linalg.LinAlgError as error:
         raise AnalysisError("map: expected inputs that vary in all directions") from error
-    # Share of the noise in the variance, direction by direction.
+    # Share of noise in the variance along each principal direction.
     shares = np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, noise).T))
     bearable = 1.0 - LEAST_RELIABILITY
     removed = 1.0 if shares[-1] <= bearable else bearable / float(shares[-1])

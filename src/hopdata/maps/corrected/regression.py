@@ -1,10 +1,10 @@
-"""The derivative of a landing map at a simultaneous contact: four estimates of it.
+"""Four estimates of the derivative of a landing map at a simultaneous contact.
 
-Ordinary least squares errs twice. Noise of the inputs pulls its coefficients towards zero (errors
-in variables; Fuller 1987), and at a finite spread of the landings it is a secant of a curved map,
-not its derivative. Each can be corrected, and both.
+Ordinary least squares has two errors. Noise in the inputs pulls its coefficients towards zero
+(errors in variables; Fuller 1987). And because the landings have a finite spread, it estimates a
+secant of a curved map, not the derivative. Either error can be corrected, or both.
 
-All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs
+All estimates use the coordinates of a rigid body on a section, 8 inputs and 11 outputs
 (`hopdata.maps.coordinates`).
 """
 
@@ -19,35 +19,35 @@ from hopdata.maps.affine import checked
 from hopdata.maps.coordinates import affordable_degree, monomials, time_differences
 from hopdata.maps.corrected.marker_noise import InputErrors, calibration
 
-# Curvature of a landing map that all schedules share, as terms beside the linear ones.
+# Curved terms: the curvature of a landing map that all schedules share.
 #
-# Where inputs carry noise, a term is replaced by what it is on average given the measured inputs
-# (regression calibration; Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch. 4). With one linear
-# term this is the moment correction of Fuller (1987). Inputs and their errors are taken as normal.
+# If the inputs are noisy, a term is replaced by its mean given the measured inputs (regression
+# calibration; Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch. 4). For a single linear term
+# this is the moment correction of Fuller (1987). Inputs and their errors are assumed to be normal.
 #
-# The largest second-order terms of a landing are not products of inputs but ``d |d|``, the squares
-# of the times between two contacts with the sign of their order: a map that is C1 may have them.
+# The largest second-order terms of a landing are not products of inputs but ``d |d|``, the squared
+# times between two contacts with the sign of their order. A C1 map may have them.
 
-#: Landings wanted for each term. Cubic terms of p inputs multiply the variance of a derivative by
-#: 1 + (p + 2) / 2: they are worth it only where landings are many.
+#: Number of landings required for each term. Cubic terms of p inputs multiply the variance of a
+#: derivative by 1 + (p + 2) / 2, so they pay off only with many landings.
 LANDINGS_PER_TERM = 4.0
-_OUTLYING = 5.0
+_OUTLYING = 5.0  # robust standard deviations beyond which contact instants are left out
 
 
 def mean_terms(x: FloatArray, slopes: FloatArray, degree: int, doubt: FloatArray) -> FloatArray:
-    """Return the curved terms on average over what the inputs may be, (n, terms).
+    """Return the means of the curved terms over the distribution of the true inputs, (n, terms).
 
     Parameters
     ----------
     x
-        (n, p) inputs to be expected given the measured ones, from the point of expansion.
+        (n, p) expected inputs given the measured ones, relative to the point of expansion.
     slopes
         (p, feet) derivatives of the contact instants, in a unit in which they are about one.
     degree
-        Three and two are those of all inputs. One has second-order terms of the contact instants
-        only, zero has none but the linear ones.
+        Order of the terms. Two and three include those of all inputs; one has only second-order
+        terms of the contact instants; zero has no curved terms.
     doubt
-        (p, p) covariance of the inputs given the measured ones.
+        (p, p) covariance of the true inputs given the measured ones.
     """
     if degree == 0:
         return np.empty((len(x), 0))
@@ -64,13 +64,13 @@ def mean_terms(x: FloatArray, slopes: FloatArray, degree: int, doubt: FloatArray
 
 
 def mean_signed_square(middle: FloatArray, sd: FloatArray) -> FloatArray:
-    """Return the mean of ``d |d|`` of normal d of this mean and standard deviation."""
+    """Return the mean of ``d |d|`` for normal d with this mean and standard deviation."""
     share, density = _normal(middle, sd)
     return np.asarray((middle**2 + sd**2) * share + 2 * middle * sd * density)
 
 
 def mean_cube(middle: FloatArray, sd: FloatArray) -> FloatArray:
-    """Return the mean of ``|d|^3`` of normal d of this mean and standard deviation."""
+    """Return the mean of ``|d|^3`` for normal d with this mean and standard deviation."""
     share, density = _normal(middle, sd)
     far = (middle**3 + 3 * middle * sd**2) * share
     return np.asarray(far + 2 * sd * (middle**2 + 2 * sd**2) * density)
@@ -79,9 +79,9 @@ def mean_cube(middle: FloatArray, sd: FloatArray) -> FloatArray:
 def contact_slopes(x: FloatArray, instants: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the contact instants at the mean input, (feet,), and their derivatives (p, feet).
 
-    Relative to the mean of all feet. Linear in the inputs: what they are beyond that changes the
-    second-order terms of the map only in third order. Landings whose instants lie far off are left
-    out of the fit.
+    Instants are relative to the mean over all feet and fitted as linear functions of the inputs;
+    their higher orders change the second-order terms of the map only in third order. Landings with
+    outlying instants are left out of the fit.
 
     Parameters
     ----------
@@ -103,14 +103,14 @@ def contact_slopes(x: FloatArray, instants: FloatArray) -> tuple[FloatArray, Flo
 def simultaneous_point(x: FloatArray, middle: FloatArray, slopes: FloatArray) -> FloatArray:
     """Return the input (p,) nearest to the mean at which all contacts are expected at once.
 
-    Nearest by the covariance of the inputs.
+    The distance is measured by the covariance of the inputs (Mahalanobis).
 
     Parameters
     ----------
     x
         (n, p) inputs.
     middle, slopes
-        Contact instants at their mean, and their derivatives: see `contact_slopes`.
+        Contact instants at the mean input, and their derivatives: see `contact_slopes`.
     """
     spread = np.cov(x, rowvar=False)
     weights = np.linalg.lstsq(slopes.T @ spread @ slopes, -middle, rcond=1e-8)[0]
@@ -141,14 +141,14 @@ class LinearMap:
     Attributes
     ----------
     coefficients
-        (p, q).
+        (p, q) derivatives.
     standard_errors
-        (p, q) by the sandwich formula, leverages allowed for (MacKinnon and White 1985, HC2). The
-        noise of the markers counts as known.
+        (p, q) by the sandwich formula with a correction for leverage (MacKinnon and White 1985,
+        HC2). The noise of the markers is treated as known.
     degree
-        Order of the curved terms beside the linear ones; 0 for none.
+        Order of the curved terms in the fit, see `mean_terms`; 0 if there are none.
     removed
-        Share of the noise covariance that was taken off: less than 1 where the inputs hardly vary
+        Share of the noise covariance that was subtracted: less than 1 if the inputs hardly vary
         more than their noise.
     """
 
@@ -171,17 +171,17 @@ def ols_map(x: FloatArray, y: FloatArray) -> LinearMap:
 
 
 def corrected_map(x: FloatArray, y: FloatArray, errors: InputErrors) -> LinearMap:
-    """Fit an affine map whose inputs carry noise of known covariance.
+    """Fit an affine map whose inputs have noise of known covariance.
 
-    The coefficients are ``(Sxx - N)^-1 (Sxy - M)`` with the moments S of the data and those of the
-    errors, N of the inputs and M shared with the outputs.
+    The coefficients are ``(Sxx - N)^-1 (Sxy - M)``, where S are covariances of the data, N is the
+    covariance of the inputs' errors and M that between the errors of inputs and outputs.
 
     Parameters
     ----------
     x, y
         (n, p) inputs and (n, q) outputs.
     errors
-        Their errors.
+        Covariances of their errors.
     """
     x, y = _enough(x, y)
     known = calibration(x, errors)
@@ -199,10 +199,10 @@ def curved_map(
     *,
     units: FloatArray | None = None,
 ) -> LinearMap:
-    """Fit the derivative where all feet are expected at once, with curvature beside it.
+    """Fit the derivative at the simultaneous contact, together with curved terms.
 
-    The order of the curved terms is what the landings bear, or less where that is expected to err
-    less.
+    The order of the curved terms is the highest that the landings allow, or a lower one with a
+    smaller expected error.
 
     Parameters
     ----------
@@ -211,10 +211,10 @@ def curved_map(
     instants
         (n, feet) measured contact instants, s.
     errors
-        Errors of inputs and outputs; by default there are none.
+        Covariances of the errors of inputs and outputs; by default zero.
     units
-        (q,) units in which errors of the outputs count alike, by which the order of the terms is
-        chosen; by default their standard deviations.
+        (q,) units in which errors of the outputs have equal weight when the order of the terms is
+        chosen; by default the standard deviations of the outputs.
     """
     x, y = _enough(x, y)
     if not np.ptp(instants - instants.mean(axis=1, keepdims=True), axis=0).any():
@@ -243,16 +243,16 @@ def curved_map(
 
 
 def _least_error(fits: list[LinearMap], units: FloatArray) -> LinearMap:
-    """Return the fit of the least expected error, bias and scatter together.
+    """Return the fit with the least expected squared error, the sum of bias and scatter.
 
-    The last one has all terms and counts as unbiased. Another's bias is its distance from that,
-    less what the scatter of the last one makes of it (the focused criterion of Claeskens and Hjort
-    2003).
+    The last fit has all terms and counts as unbiased. The squared bias of another fit is its
+    squared distance from the last one, less the part that the scatter of the last one explains (the
+    focused criterion of Claeskens and Hjort 2003).
 
     Parameters
     ----------
     fits
-        Maps of standardised inputs with more and more terms.
+        Maps of standardised inputs, in order of increasing numbers of terms.
     units
         (q,) units of the outputs.
     """
@@ -273,9 +273,10 @@ def _regress(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients of the linear terms, (p, q), and their standard errors.
 
-    Where inputs and outputs are those expected given the measured ones, `astray` has what was taken
-    off both, (n, p) and (n, q). Landings count by their measured values: so the moments that make
-    the expectation are uncertain too (Fuller 1987, sec. 2.2).
+    If inputs and outputs are the values expected given the measured ones, `astray` has the
+    corrections that were subtracted from both, (n, p) and (n, q). The standard errors then use the
+    measured values, so they include the uncertainty of the moments behind the corrections (Fuller
+    1987, sec. 2.2).
     """
     rest = np.ones((len(linear), 1))
     if others is not None:
@@ -293,7 +294,8 @@ def _regress(
         return slopes, np.sqrt(influence**2 @ residuals**2)
     lost = astray[1] - astray[0] @ slopes
     residuals, mean = residuals + lost, influence @ lost / len(lost)
-    # The mean is what the corrections stand for: no scatter. Squares about it are never negative.
+    # The corrections' mean contribution is not scatter, so squares are taken about it. Except for
+    # rounding they are never negative.
     square = influence**2 @ residuals**2 + mean * (len(lost) * mean - 2 * influence @ residuals)
     return slopes, np.sqrt(np.maximum(square, 0.0))
 
