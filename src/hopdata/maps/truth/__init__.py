@@ -1,1 +1,1 @@
-"""What a simulated study is scored against: exact maps, landings, and the scaling study."""
+"""Scores of a simulated study against the truth: exact maps, landings, and the scaling study."""

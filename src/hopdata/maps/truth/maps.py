@@ -1,11 +1,11 @@
-"""Estimated landing maps against the exact one.
+"""Comparison of estimated landing maps with the exact one.
 
-The exact maps of a simulated study are in the axes of the true body, estimates in those of the mean
-attitude that the study has seen. Neighbours of the landing at which the exact maps hold, each moved
-a little in one coordinate, carry them over.
+The exact maps of a simulated study use the axes of the true body; estimates use those of the mean
+attitude that the study has seen. The exact maps are converted with neighbours of the landing at
+which they hold, each displaced a little in one coordinate.
 
 The error of a map is a relative difference of predictions for the study's true inputs
-(`hopdata.maps.truth.maps`), outputs as displacements of the markers.
+(`relative_difference`), with outputs as displacements of the markers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hopdata.maps.verdict.effect import contrasts, relative_size
 from hopdata.maps.verdict.inputs import contact_orders, marker_root
 from hopdata.rigid import OUTPUT_NAMES, kabsch
 
-# Entries of ``truth.json``: name -> value, unit and what it is.
+# Entries of ``truth.json``: name -> value, unit and description.
 
 Entry = dict[str, Any]
 Entries = dict[str, Entry]
@@ -34,27 +34,27 @@ TOLD: dict[str, Any] = tomllib.loads(Path(__file__).with_name("entries.toml").re
 
 
 def entry(value: float | int | bool, unit: str, what: str) -> Entry:
-    """Return one entry; a value that could not be computed is None, which JSON can hold."""
+    """Return one entry; a value that is not finite becomes None, which JSON can represent."""
     if not isinstance(value, bool | int):
         value = float(value)
     return {"value": value if np.isfinite(value) else None, "unit": unit, "what": what}
 
 
 def mean(values: NDArray[Any]) -> float:
-    """Return the mean; NaN of nothing."""
+    """Return the mean, or NaN if there are no values."""
     return float(np.mean(values)) if values.size else float("nan")
 
 
 def quantile(values: NDArray[Any], fraction: float) -> float:
-    """Return a quantile; NaN of nothing."""
+    """Return a quantile, or NaN if there are no values."""
     return float(np.quantile(values, fraction)) if values.size else float("nan")
 
 
-# How far linear maps are from each other, for the inputs that a study has.
+# Differences between linear maps, for the inputs of a study.
 #
-# A difference counts by what it does to predictions: its rms over the inputs, relative to the rms
-# of what a map predicts, with each output in its own unit. It has no unit and does not change with
-# the coordinates of the inputs.
+# A difference is measured by its effect on predictions: the rms change over the inputs relative to
+# the rms prediction of a map, with each output in its own unit. It is dimensionless and does not
+# depend on the coordinates of the inputs.
 
 
 def input_root(x: FloatArray) -> FloatArray:
@@ -66,7 +66,7 @@ def input_root(x: FloatArray) -> FloatArray:
 def relative_difference(
     a: FloatArray, b: FloatArray, *, root: FloatArray, units: FloatArray
 ) -> float:
-    """Return the rms difference of the predictions of two maps over the rms of those of `b`.
+    """Return the rms difference between the predictions of two maps over the rms of those of `b`.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def relative_difference(
 
 
 def largest_difference(maps: FloatArray, *, root: FloatArray, units: FloatArray) -> float:
-    """Return the largest relative difference between maps (S, q, p), over the mean map's size."""
+    """Return the largest difference between maps (S, q, p), relative to the mean map."""
     mean = maps.mean(axis=0)
     pairs = (
         relative_difference(mean + a - b, mean, root=root, units=units)
@@ -92,7 +92,7 @@ def largest_difference(maps: FloatArray, *, root: FloatArray, units: FloatArray)
     return max(pairs, default=0.0)
 
 
-# Of tilts, rad, velocities, m/s, and spins, rad/s; central differences err by their squares.
+# Steps of tilts, rad, velocities, m/s, and spins, rad/s. Central differences err by their squares.
 _STEPS = np.repeat([1e-4, 1e-4, 5e-4], [2, 3, 3])
 
 
@@ -103,11 +103,11 @@ class ExactMap:
     Attributes
     ----------
     coefficients
-        (8, 11), SI units; the mean of all schedules.
+        (8, 11) derivatives in SI units, the mean over all schedules.
     inputs
         (n, 8) true inputs of the study.
     weights
-        (11,) from outputs to displacements of the markers, m.
+        (11,) factors from outputs to displacements of the markers, m.
     """
 
     coefficients: FloatArray
@@ -120,7 +120,7 @@ class ExactMap:
         return relative_difference(coefficients.T, self.coefficients.T, root=root, units=units)
 
     def table(self) -> pd.DataFrame:
-        """Return one row an input and output, as `MapEstimates.table` has them."""
+        """Return one row per input and output, as in `MapEstimates.table`."""
         return coefficient_table(self.coefficients, self.inputs.std(axis=0, ddof=1), self.weights)
 
 
@@ -128,7 +128,7 @@ class ExactMap:
 def exact_map(
     exact: Mapping[str, Any], states: FloatArray, *, shape: FloatArray, time_unit_s: float
 ) -> ExactMap:
-    """Bring the exact map to the coordinates that the estimates use.
+    """Convert the exact map to the coordinates of the estimates.
 
     Parameters
     ----------
@@ -137,10 +137,10 @@ def exact_map(
     states
         (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
     shape
-        (B, 3) body markers as estimated, in the attitude of the coordinates, m; without rows the
-        true ones are taken.
+        (B, 3) estimated body markers in the attitude of the coordinates, m; if it has no rows, the
+        true markers are used.
     time_unit_s
-        Unit of time that weighs velocities against positions.
+        Unit of time that weights velocities against positions.
     """
     points = np.array(exact["body_points_m"], float)
     centred = points - points.mean(axis=0)
@@ -161,13 +161,13 @@ def exact_map(
 
 
 def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return marker states (n, 6B) of bodies with these coordinates, their centres at height zero.
+    """Return marker states (n, 6B) of bodies with these coordinates and centres at height zero.
 
     Parameters
     ----------
     coordinates
-        (n, 11), see `hopdata.rigid.OUTPUT_NAMES`: place and heading in the plane, and
-        the inputs, with velocities in the frame of the plane.
+        (n, 11) place and heading in the plane, then the inputs, with velocities in the frame of
+        the plane; see `hopdata.rigid.OUTPUT_NAMES`.
     shape
         (B, 3) markers in the body, centred, m.
     """
@@ -199,7 +199,7 @@ def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFra
 
 
 def score_estimates(errors: pd.DataFrame) -> Entries:
-    """Say how far the estimates of the landing map are from the exact one, and what is gained."""
+    """Return entries on the errors of the estimated landing maps and the gain by corrections."""
     found = dict(zip(errors["estimator"], errors["error"].astype(float), strict=True))
     whats = (f"Relative error of the landing map: {what}" for what in errors["what"])
     entries = {
@@ -213,7 +213,7 @@ def score_estimates(errors: pd.DataFrame) -> Entries:
     return entries
 
 
-# The verdict's effect against the exact maps of a simulated study.
+# Comparison of the verdict's effect with the exact maps of a simulated study.
 
 
 @one_blas_thread()
@@ -227,8 +227,8 @@ def true_effect(exact: Mapping[str, Any], states: FloatArray, instants: FloatArr
     states
         (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
     instants
-        (m, feet) contact instants, s; NaN where not known. Of more than three feet the orders count
-        as often as they occur, if there is an exact map.
+        (m, feet) contact instants, s; NaN where not known. With more than three feet, the orders
+        that have an exact map are weighted by how often they occur.
     """
     points = np.array(exact["body_points_m"], float)
     body = rigid_states(states, points - points.mean(axis=0))
@@ -242,21 +242,22 @@ def true_effect(exact: Mapping[str, Any], states: FloatArray, instants: FloatArr
 
 
 def marker_motions(points_m: FloatArray) -> FloatArray:
-    """Return what takes outputs, see `OUTPUT_NAMES`, to rms motions of markers (B, 3), (11, 11)."""
+    """Return the (11, 11) matrix from outputs (`OUTPUT_NAMES`) to rms motions of markers (B, 3)."""
     root = marker_root(points_m - points_m.mean(axis=0)).T
     motions = np.eye(len(OUTPUT_NAMES))
-    motions[2:5, 2:5] = root[:, [2, 1, 0]]  # turn, pitch, roll are about z, y, x
+    motions[2:5, 2:5] = root[:, [2, 1, 0]]  # turn, pitch and roll are about z, y and x
     motions[8:, 8:] = root
     return motions
 
 
 def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
-    """Return one row: the true effect beside that of ``verdict.json`` (empty without an answer).
+    """Return one row with the true effect and that of ``verdict.json``.
 
     Returns
     -------
     DataFrame
-        Columns true_effect, estimate, low, high, upper_bound, detectable, p_value, conclusion.
+        Columns true_effect, estimate, low, high, upper_bound, detectable, p_value, conclusion; no
+        rows if the verdict has no answer.
     """
     columns = ["true_effect", "estimate", "low", "high", "upper_bound", "detectable", "p_value"]
     effect = verdict["effect"]
@@ -267,7 +268,7 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def score_verdict(errors: pd.DataFrame) -> Entries:
-    """Say how the verdict's effect compares with the true one."""
+    """Return entries that compare the verdict's effect with the true one."""
     if errors.empty:
         return {}
     row = errors.iloc[0]

@@ -1,12 +1,13 @@
-"""The scaling study: what linear maps leave over as the landings draw together.
+"""The scaling study: residuals of linear maps as the landings approach a simultaneous contact.
 
 Affine maps are fitted to noise-free landings whose deviations from a simultaneous contact have been
-scaled down. If the landing map is C1 there, the error of one map for all landings falls with the
-square of the scale, and the maps of the schedules become one. If each schedule has a derivative of
-its own, the error falls with the scale, and their difference stays.
+scaled down. If the landing map is C1 there, the error of one map for all landings decreases with
+the square of the scale, and the maps of the schedules converge. If each schedule has its own
+derivative, the error decreases only in proportion to the scale, and the maps stay different.
 
-The preloads of the legs differ from landing to landing too. They are no coordinates of the body and
-act like noise in proportion to the scale; here they are known, and stand beside the inputs.
+The preloads of the legs also vary between landings. They are not coordinates of the body and act
+like noise in proportion to the scale. In the simulation they are known, so they are additional
+inputs.
 """
 
 from __future__ import annotations
@@ -34,19 +35,19 @@ def scaling_table(samples: Iterable[Any]) -> pd.DataFrame:
     Parameters
     ----------
     samples
-        `ScaledLandings` of each case, the largest scale first; outputs are in units of their
-        standard deviation in the first sample of all.
+        `ScaledLandings` of each case, the largest scale first. Errors of outputs are in units of
+        the outputs' standard deviations in the first sample with enough landings.
 
     Returns
     -------
     DataFrame
-        One row a sample. ``case``, the strengths ``coupling, impulse, delay_s``, ``scale``,
-        ``landings, failed, schedules``, ``spread_ms`` (median standard deviation of the contact
-        instants), ``pooled_rms`` and ``specialised_rms`` (error per output, corrected for the
-        degrees of freedom), ``pooled_over_specialised`` (ratio of mean squares),
-        ``map_difference`` (largest between two schedules), ``exact_difference`` (of the exact
-        derivatives), ``map_error`` (of the pooled map against their mean), ``slope`` (of log
-        pooled rms over log scale, the same for all rows of a case). A sample of too few landings
+        One row per sample: ``case``; the strengths ``coupling, impulse, delay_s``; ``scale``;
+        ``landings, failed, schedules``; ``spread_ms`` (median standard deviation of the contact
+        instants); ``pooled_rms`` and ``specialised_rms`` (error per output, corrected for the
+        degrees of freedom); ``pooled_over_specialised`` (ratio of mean squares);
+        ``map_difference`` (largest between two schedules); ``exact_difference`` (the same for the
+        exact derivatives); ``map_error`` (pooled map against the mean exact one); ``slope`` (of log
+        pooled rms over log scale, the same in all rows of a case). A sample with too few landings
         has no errors (NaN).
     """
     rows: list[dict[str, Any]] = []
@@ -65,7 +66,7 @@ def scaling_table(samples: Iterable[Any]) -> pd.DataFrame:
 
 
 def score_scaling(table: pd.DataFrame) -> truth.Entries:
-    """Say what the scaling study shows of each case."""
+    """Return entries on the results of the scaling study for each case."""
     entries: truth.Entries = {}
     for case in dict.fromkeys(table["case"]):
         smallest = table[table["case"] == case].sort_values("scale").iloc[0]
@@ -111,7 +112,7 @@ def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
     }
 
 
-#: Slopes of an affine map of inputs and preloads, sum of the squares it leaves, their freedom.
+#: Slopes of an affine map of inputs and preloads, residual sum of squares, degrees of freedom.
 _Fit = tuple[FloatArray, float, int]
 
 
@@ -126,24 +127,24 @@ def _fit(sample: Any, rows: IntArray, units: FloatArray) -> _Fit:
 
 
 def _fits(sample: Any, units: FloatArray) -> list[_Fit]:
-    """Return the fits of the schedules that have landings enough."""
+    """Return the fits of the schedules that have enough landings."""
     classes = [np.flatnonzero(sample.schedule == name) for name in np.unique(sample.schedule)]
     return [_fit(sample, rows, units) for rows in classes if len(rows) >= _needed(sample)]
 
 
 def _needed(sample: Any) -> int:
-    """Return how many landings a map of inputs and preloads needs."""
+    """Return the number of landings that a map of inputs and preloads needs."""
     return 1 + sample.x.shape[1] + sample.preloads_n.shape[1] + SPARE_LANDINGS
 
 
 def _mean_square(fits: list[_Fit]) -> float:
-    """Return the mean square that fits with freedom leave; NaN if there are none."""
+    """Return the residual mean square of fits with degrees of freedom; NaN if there are none."""
     free = [(squares, freedom) for _, squares, freedom in fits if freedom > 0]
     return sum(s for s, _ in free) / sum(f for _, f in free) if free else float("nan")
 
 
 def _slope(scale: FloatArray, rms: FloatArray) -> float:
-    """Return the slope of log rms over log scale; NaN of a single scale."""
+    """Return the slope of log rms over log scale; NaN for fewer than two scales."""
     known = np.isfinite(rms) & (rms > 0)
     if known.sum() < 2:
         return float("nan")

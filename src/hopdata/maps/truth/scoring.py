@@ -1,6 +1,6 @@
 """Accuracy of a synthetic study against its truth: the content of ``truth.json``.
 
-Everything here compares what the pipeline found with what the simulator knew. Each entry is
+These functions compare the results of the pipeline with the facts of the simulator. Each entry is
 ``name -> {"value", "unit", "what"}``.
 """
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from hopdata.landings.floor_surface import FloorModel
     from hopdata.recording import Truth
 
-# Which touchdown found is which true landing: one to one, by time.
+# Matching of touchdowns found with true landings, one to one, by time.
 
-#: A touchdown and a true landing are the same if their mean contact instants are this close.
+#: A touchdown matches a true landing if their mean contact instants differ by at most this.
 MATCH_WITHIN_S = 0.1
 
 
@@ -45,8 +45,8 @@ def match_landings(found: FloatArray, true: FloatArray) -> IntArray:
     Returns
     -------
     (m,) array
-        Number of the landing, -1 for a touchdown without one. Of several touchdowns near one
-        landing only the closest is matched.
+        Number of the landing for each touchdown, or -1 if there is none. If several touchdowns are
+        near one landing, only the closest is matched.
     """
     landing = np.full(len(found), -1)
     if not (len(found) and len(true)):
@@ -54,7 +54,7 @@ def match_landings(found: FloatArray, true: FloatArray) -> IntArray:
     gaps = np.abs(_mean_instant(found)[:, None] - _mean_instant(true))
     gaps[np.isnan(gaps)] = np.inf
     nearest, gap = gaps.argmin(axis=1), gaps.min(axis=1)
-    for row in np.argsort(gap, kind="stable")[::-1]:  # the closest claims last, and so keeps it
+    for row in np.argsort(gap, kind="stable")[::-1]:  # the closest comes last and so keeps it
         if gap[row] <= MATCH_WITHIN_S:
             landing[landing == nearest[row]] = -1
             landing[row] = nearest[row]
@@ -72,14 +72,15 @@ def score_contacts(
 ) -> Entries:
     """Score the mode schedules and contact instants of one method.
 
-    Two shares of right schedules are given: of the touchdowns used, and of all true landings,
-    where an excluded or missed landing counts as not right. Touchdowns of recordings without a
-    truth are not scored; one without a true landing nearby, or beside a closer one, is wrong.
+    The entries give the share of correct schedules among the touchdowns used and among all true
+    landings; in the latter an excluded or missed landing counts as incorrect. Touchdowns of
+    recordings without a truth are not scored. A touchdown counts as incorrect if no true landing is
+    near it, or if another touchdown is closer to that landing.
 
     Parameters
     ----------
     known
-        Recording name -> what is known of it; L landings in all.
+        Recording name -> its truth; L landings in all.
     table
         Touchdowns of all recordings.
     feet
@@ -110,14 +111,14 @@ def score_contacts(
 
 
 def score_sections(known: Mapping[str, Truth], sections: Mapping[str, Any]) -> Entries:
-    """Compare the sections with those that the true foot states give by the same rule.
+    """Compare the sections with those that the same rule gives for the true foot states.
 
     Parameters
     ----------
     known
-        Recording name -> what is known of it.
+        Recording name -> its truth.
     sections
-        Content of ``sections.json``. A height that the configuration gave has no error.
+        Content of ``sections.json``. A height set in the configuration gets no error.
     """
     pooled = [_true_frames(item, sections["frames"]) for item in known.values()]
     height, all_up, all_down = (np.concatenate(part) for part in zip(*pooled, strict=True))
@@ -134,7 +135,7 @@ def score_sections(known: Mapping[str, Truth], sections: Mapping[str, Any]) -> E
 
 
 def _true_frames(item: Truth, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
-    """Body height and foot states of the frames that the section rule looks at."""
+    """Return body height and foot states of the frames that the section rule uses."""
     keep = np.isfinite(item.body_height)
     n_down = item.foot_down.sum(axis=1)
     all_up, all_down = n_down == 0, n_down == item.foot_down.shape[1]
@@ -145,7 +146,7 @@ def _true_frames(item: Truth, frames: str) -> tuple[FloatArray, BoolArray, BoolA
 
 
 def score_floor(known: Mapping[str, Truth], floors: Mapping[str, FloorModel]) -> Entries:
-    """Compare the floor models with the floor, each after its mean difference is removed."""
+    """Compare the floor models with the true floor, without the mean difference of each."""
     differences = []
     for name, item in known.items():
         x, y = np.moveaxis(item.contact_points, -1, 0)
@@ -158,7 +159,7 @@ def score_floor(known: Mapping[str, Truth], floors: Mapping[str, FloorModel]) ->
 
 
 def _landed(item: Truth) -> BoolArray:
-    """Mark the landings in which all feet came to stand, (L,)."""
+    """Return whether all feet came to stand in each landing, (L,)."""
     touched = np.isfinite(item.contact_times).sum(axis=1) == item.contact_times.shape[1]
     return np.logical_and(touched, item.complete)
 
@@ -166,7 +167,7 @@ def _landed(item: Truth) -> BoolArray:
 def _true_contacts(
     known: Mapping[str, Truth], recordings: NDArray[np.str_], found: FloatArray
 ) -> FloatArray:
-    """Return the true instants (m, n) of the landings that were found; NaN without one."""
+    """Return the true instants (m, n) of the touchdowns found; NaN if no landing matches."""
     true = np.full_like(found, np.nan)
     for name, item in known.items():
         rows = np.flatnonzero(recordings == name)
@@ -176,7 +177,7 @@ def _true_contacts(
     return true
 
 
-# Errors of the states at the sections, of a study whose true landings are known.
+# Errors of the states at the sections, for a study whose true landings are known.
 
 
 def true_rows(
@@ -186,12 +187,12 @@ def true_rows(
     contacts: Mapping[str, FloatArray],
     feet: Sequence[str],
 ) -> IntArray:
-    """Return the row of `true` that each row of `pairs` is, (n,), -1 where there is none.
+    """Return the row of `true` that corresponds to each row of `pairs`, (n,), or -1.
 
     Parameters
     ----------
     pairs, true
-        Measured and true `Pairs`; the index of the latter is the number of the landing.
+        Measured and true `Pairs`; the index of the true ones is the number of the landing.
     table
         The study's touchdowns.
     contacts
@@ -216,14 +217,14 @@ def true_rows(
 def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
     """Return the errors of the states at the sections.
 
-    Each touchdown's home frame is where it lies best on the true states, at both sections at once:
-    a shift in the plane and a turn about the vertical.
+    Each touchdown's home frame is first fitted to the true states, at both sections at once, by a
+    shift in the plane and a turn about the vertical.
 
     Returns
     -------
     DataFrame
-        Columns section (``pre``, ``post``), landings, position_rms_mm, velocity_rms_mm_s; per
-        coordinate of a marker.
+        Columns section (``pre``, ``post``), landings, position_rms_mm, velocity_rms_mm_s; errors
+        are per coordinate of a marker.
     """
     known = np.flatnonzero(rows >= 0)
     mine = [split_states(states[known]) for states in (pairs.x, pairs.y)]
@@ -246,7 +247,10 @@ def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
 
 
 def _plane_turns(source: FloatArray, target: FloatArray) -> FloatArray:
-    """Return the turns (n, 3, 3), for rows on the left, that bring points (n, k, 3) to others."""
+    """Return the turns (n, 3, 3) of the plane, for row vectors, from `source` to `target` points.
+
+    Both are (n, k, 3).
+    """
     a, b = (p[..., :2] - p[..., :2].mean(axis=1, keepdims=True) for p in (source, target))
     along = (a * b).sum(axis=(1, 2))
     across = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(axis=1)
@@ -258,7 +262,7 @@ def _plane_turns(source: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def score_states(errors: pd.DataFrame) -> Entries:
-    """Say how good positions and velocities at the sections are."""
+    """Return entries on the errors of positions and velocities at the sections."""
     entries: Entries = {}
     for row in errors.to_dict("records"):
         where = f"at the {row['section']} section, per coordinate"
@@ -289,9 +293,9 @@ def score(
     Parameters
     ----------
     known
-        Recording name -> what is known of it; without any there is nothing to score.
+        Recording name -> its truth; if empty, there is nothing to score.
     floors
-        Recording name -> the floor that was fitted to it.
+        Recording name -> its fitted floor.
     feet
         Names of the n feet, in the order of the truth.
     tables
@@ -301,8 +305,8 @@ def score(
     prediction_summary, distance_summary
         Tables of the same names.
     exact
-        Tables ``state_errors``, ``scaling_study``, ``estimate_errors`` and
-        ``verdict_errors`` of a study that is simulated as a whole.
+        Tables ``state_errors``, ``scaling_study``, ``estimate_errors`` and ``verdict_errors``, if
+        all recordings of the study are simulated.
     """
     if not known:
         return {}
@@ -321,7 +325,7 @@ def score(
 
 
 def score_predictions(summary: pd.DataFrame) -> Entries:
-    """Say whether the prediction errors order as the closeness to the simultaneous contact."""
+    """Return an entry on whether prediction errors grow with distance from simultaneous contact."""
     mse = dict(zip(summary["model"], summary["median"], strict=True))
     if not {"near", "all", "far"} <= mse.keys():
         return {}
@@ -331,7 +335,7 @@ def score_predictions(summary: pd.DataFrame) -> Entries:
 
 
 def score_distances(summary: pd.DataFrame) -> Entries:
-    """Say how far random subspaces stand from all others."""
+    """Return an entry on the gap between random distances and all others."""
     rows = summary.set_index("kind")
     others = rows.drop(index="random", errors="ignore")["q95"]
     if "random" not in rows.index or others.empty:
