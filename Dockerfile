@@ -1,5 +1,5 @@
 # docker build -t hopdata . && docker run --rm -v "$PWD:/study" hopdata run config/monday.yaml
-# Versions are those of requirements.lock; nothing is fetched when it runs.
+# Installs the versions in requirements.lock. A running container fetches nothing.
 FROM python:3.13-slim
 WORKDIR /build
 COPY requirements.lock requirements-build.lock ./
@@ -7,8 +7,9 @@ RUN pip install --no-cache-dir --require-hashes --only-binary :all: -r requireme
  && pip install --no-cache-dir --require-hashes --no-build-isolation -r requirements.lock
 COPY . .
 RUN pip install --no-cache-dir --no-build-isolation --no-deps . && rm -r /build
-# Machine code is compiled once, here: by the sample's study, which also tries the image, and by a call of the
-# integrator. It is looked for only in a folder that whoever runs the image may write to; nor has he a home.
+# Machine code is compiled once, here, by the sample's study (which also tests the image) and by the calls that
+# load the integrator. The user who runs the image may have no home folder, and Numba looks for machine code only
+# in a folder that this user can write to.
 ENV NUMBA_CACHE_DIR=/opt/hopdata-code MPLCONFIGDIR=/tmp/matplotlib XDG_CACHE_HOME=/tmp/cache
 WORKDIR /trial
 RUN hopdata run --cores 2 && rm -rf /trial/* /tmp/cache

@@ -1,17 +1,17 @@
 # Two commands: `make figures` runs the bundled study, `make test` runs the tests.
-# Both build a private environment in .venv from the hash-pinned lock files; uv is used where it is present.
+# Both build a private environment in .venv from the hash-pinned lock files, with uv if it is installed.
 
 CONFIG ?= config/config.yaml
 CORES  ?= 2
 VENV   ?= .venv
 PYTEST_ARGS ?=
 
-# The lock files are tried with Python 3.11 to 3.13; a newer one is taken only where none of them is.
+# The lock files are tested with Python 3.11 to 3.13; a newer Python is used only if none of these is found.
 PYTHON ?= $(shell for limit in 3,14 4,0; do for p in python3 python3.13 python3.12 python3.11; do \
 	"$$p" -c "import sys; sys.exit(not (3, 11) <= sys.version_info < ($$limit))" 2>/dev/null \
 	&& { echo "$$p"; exit; }; done; done)
 BIN := $(VENV)/bin
-# Environments do not leak into the private one; nor is each job to compile all that it imports.
+# Keep other environments out of the private one, and let jobs cache the bytecode of their imports.
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
@@ -20,19 +20,19 @@ unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
-	@echo "make test-cluster the sample and a group through a SLURM of one node, jobs killed (as root, with slurm-wlm)"
-	@echo "make both-sides the study of the dissertation's size: C1, not C1, half the spread, and all side by side"
-	@echo "make benchmarks error and run time beside other libraries, into results/benchmarks"
-	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
-	@echo "make format     let ruff and snakefmt rewrite the files"
+	@echo "make test-cluster  run the sample and a group on a one-node SLURM and kill jobs (as root, with slurm-wlm)"
+	@echo "make both-sides run the study of the dissertation's size: C1, not C1, half the spread, then compare them"
+	@echo "make benchmarks measure error and run time against other libraries, into results/benchmarks"
+	@echo "make lint       run ruff, mypy, snakefmt and snakemake --lint"
+	@echo "make format     reformat the files with ruff and snakefmt"
 	@echo "make docs       write docs/configuration.md from the schema"
-	@echo "make site       the documentation as pages, into build/site; tutorials are run, links checked"
+	@echo "make site       build the documentation into build/site; runs the tutorials and checks links"
 	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
-	@echo "make release    wheel and sdist, twice to the same bytes, tried in a fresh environment, with digests and the changelog's entry"
+	@echo "make release    build wheel and sdist reproducibly, test them in a fresh environment, write digests and release notes"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
-# The bundled study is shown beside its control.
+# The bundled study is followed by its control, and both are shown on one page.
 figures: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 ifeq ($(CONFIG),config/config.yaml)
@@ -77,7 +77,7 @@ site: $(VENV)/.docs
 	$(BIN)/sphinx-build --quiet --jobs $(CORES) --fail-on-warning --keep-going -c docs . build/site
 	@echo "open build/site/index.html"
 
-# Exact maps hold between sections: those that the study of the new recording finds.
+# Exact maps hold between sections, so the study of the new recording must find its sections first.
 define bundle
 	for step in simulated bundled; do \
 	  $(BIN)/snakemake --cores 1 --configfile config/$(1).yaml -- results/$(2)/$$step/$(3).h5 && \
@@ -94,9 +94,10 @@ $(VENV)/pyvenv.cfg:
 	@if command -v uv >/dev/null 2>&1; then uv venv --quiet --clear --python "$(PYTHON)" $(VENV); \
 	else "$(PYTHON)" -m venv --clear $(VENV); fi
 
-# One recipe for all environments: $(1) is the lock file. Versions agree, so they share a folder. What
-# builds comes first, from a lock of its own: an isolated build would fetch what no lock holds. Nothing is
-# compiled beforehand: of some 9,000 modules a study imports few, which are compiled as they are imported.
+# One recipe for all environments; $(1) is the lock file. The locks agree on versions, so the environments share
+# a folder. Build requirements are installed first, from a lock of their own, because an isolated build would
+# fetch packages that no lock pins. Bytecode is not compiled at installation: a study imports few of the some
+# 9,000 modules, and Python compiles those when they are imported.
 define install
 	@if command -v uv >/dev/null 2>&1; then \
 	  pip="uv pip install --quiet --python $(BIN)/python"; \
@@ -110,8 +111,8 @@ define install
 endef
 
 $(VENV)/.run: requirements.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
-	@case "$(abspath $(VENV))" in *" "*) echo "VENV: expected a path without spaces, which Snakemake cannot start," \
-	  "found $(abspath $(VENV)); keep it elsewhere, as by: make figures VENV=\$$HOME/.hopdata" >&2; exit 1;; esac
+	@case "$(abspath $(VENV))" in *" "*) echo "VENV: expected a path without spaces (Snakemake cannot start a program from one with spaces)," \
+	  "found $(abspath $(VENV)); keep it elsewhere, for example: make figures VENV=\$$HOME/.hopdata" >&2; exit 1;; esac
 	@echo "Preparing $(VENV) from requirements.lock"
 	$(call install,requirements.lock)
 
@@ -119,11 +120,11 @@ $(VENV)/.dev: requirements-dev.lock requirements-build.lock pyproject.toml | $(V
 	@echo "Preparing $(VENV) from requirements-dev.lock"
 	$(call install,requirements-dev.lock)
 
-# Sphinx and what runs the pages' code, beside what hopdata needs.
+# Sphinx and the packages that run the pages' code, in addition to hopdata's own requirements.
 $(VENV)/.docs: requirements-docs.lock | $(VENV)/.run
 	$(call install,requirements-docs.lock)
 
-# The libraries that the benchmarks compare with are many and large: nothing else needs them.
+# The libraries that the benchmarks compare with are many and large, and nothing else needs them.
 $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-bench.lock"
 	$(call install,requirements-bench.lock)
@@ -135,22 +136,22 @@ lock:
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
 	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock
-# What builds hopdata, and connection-pool of Snakemake, which is published as source only.
+# Builds hopdata, and Snakemake's dependency connection-pool, which is published only as source.
 	printf 'hatchling>=1.27,<2\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock
 
-# Dates in the archives are those of the commit, so that anyone can build the same bytes.
+# Archives carry the commit's date, so that anyone can build the same bytes.
 release: export SOURCE_DATE_EPOCH = $(shell git log -1 --format=%ct)
 release: VERSION = $(shell $(BIN)/hopdata --version | cut -d' ' -f2)
 release: $(VENV)/.dev
 	@test -z "$$(git status --porcelain)" || { echo "release: expected a clean checkout, found changes" >&2; exit 1; }
 	grep -q "^version: $(VERSION)$$" CITATION.cff
-# The wheel brings machine code; it stands here only meanwhile, for a clone compiles its own.
+# The wheel contains machine code. It is removed from the checkout afterwards: a clone compiles its own.
 	rm -rf dist && trap 'rm -rf src/hopdata/_machine_code' EXIT && \
 	  $(BIN)/python packaging/machine_code.py src/hopdata/_machine_code && \
 	  for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to || exit 1; done
 	for file in dist/hopdata-*; do cmp $$file dist/again/$${file##*/} || exit 1; done
 	rm -r dist/again && cd dist && sha256sum hopdata-* > SHA256SUMS && cat SHA256SUMS
-# The index refuses metadata that are not valid; the changelog's entry is the text of the release.
+# The package index refuses invalid metadata. The changelog's entry becomes the text of the release.
 	$(BIN)/python -c "import sys, tarfile; from packaging.metadata import Metadata; \
 	  Metadata.from_email(tarfile.open(sys.argv[1]).extractfile('hopdata-$(VERSION)/PKG-INFO').read())" dist/*.tar.gz
 	awk '/^## /{on = $$2 == "$(VERSION)"} on' CHANGELOG.md | sed "1s/(unreleased)/($$(git log -1 --format=%cs))/" \

@@ -14,9 +14,9 @@ if not workflow.overwrite_configfiles:
     configfile: "config/config.yaml"
 
 
-# The base image to build on with `--software-deployment-method apptainer` (hopdata must be installed
-# in it, by the three steps of the Makefile). Without that option, which is the default, the active
-# environment is used and this line does nothing.
+# Base image for `--software-deployment-method apptainer`; hopdata must be installed in it by the
+# three steps of the Makefile. Without that option (the default), this line does nothing and the
+# active environment is used.
 container: "docker://python:3.13-slim"
 
 

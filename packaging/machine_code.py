@@ -1,10 +1,13 @@
-"""Compile what a first `solve` else would, for the wheel to bring: `make release` calls it.
+"""Compile, for the wheel, the code that a first `solve` would otherwise compile.
+
+`make release` calls it:
 
     python packaging/machine_code.py src/hopdata/_machine_code
 
-Made are the driver, what carries Jacobians, and the generic steps of explicit methods, for a
-processor of the level x86-64-v3 (2013 and later) and for the Python, Numba and llvmlite at work. A
-machine where one of them differs compiles as without. `hopdata.code_cache.brought_code` reads it.
+It compiles the driver, the code that carries Jacobians, and the generic steps of explicit methods,
+for processors of level x86-64-v3 (2013 and later) and for the running Python, Numba and llvmlite. A
+machine that differs in one of these compiles as if the wheel had no machine code.
+`hopdata.code_cache.brought_code` reads the files.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ FEATURES = [
     "avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "xsave",
 ]  # fmt: skip
 SWITCHES = ",".join(f"+{feature}" for feature in FEATURES)
-os.environ |= {"NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": SWITCHES}  # read by Numba's import
+os.environ |= {"NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": SWITCHES}  # read by Numba at import
 
 import llvmlite.binding as llvm  # noqa: E402
 
@@ -41,7 +44,7 @@ def main() -> None:
     folder.mkdir(parents=True)
 
     def keep(function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]) -> Any:
-        """Compile as `compiled_in_cache` would, and write the machine code down."""
+        """Compile as `compiled_in_cache` would, and write the machine code to a file."""
         compiled = compile_it(False)
         needed = re.findall(r"^declare .*?@(\w+)\(", compiled.inspect_llvm(), re.MULTILINE)
         line = json.dumps([made_with(), compiled.native_name, FEATURES, needed])

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The sample, then a group of four subjects, through a SLURM of one node on this machine, by profiles/slurm.
-# A job dies by kill -9, and one that holds several is cancelled: the results are a local run's to the bytes.
-# As root, where no SLURM is set up: its configuration must lie in /etc/slurm, and is taken away again.
+# Run the sample, then a group of four subjects, on a one-node SLURM on this machine, with profiles/slurm.
+# One job is killed by kill -9 and a group job is cancelled; the results must equal those of a local run byte for
+# byte. Run as root on a machine without SLURM: the script writes /etc/slurm/slurm.conf and removes it afterwards.
 #
 #   tests/cluster.sh [sample] [group]
 set -euo pipefail
@@ -37,7 +37,7 @@ runuser -u munge -- munged --foreground >"$work/munged.log" 2>&1 & started+=($!)
 slurmctld -D >"$work/slurmctld.log" 2>&1 & started+=($!)
 slurmd -D >"$work/slurmd.log" 2>&1 & started+=($!)
 until [ "$(sinfo -h -o %T 2>/dev/null)" = idle ]; do sleep 1; done
-# The two values, and what a SLURM without accounts wants.
+# Fill in the two values, and enable the status command for a SLURM without accounting.
 sed 's/PARTITION/short/; s/ACCOUNT/lab/; s/^# slurm-status/slurm-status/' profiles/slurm/config.yaml \
   >"$work/profile/config.yaml"
 run() { # folder, options
@@ -49,13 +49,13 @@ run() { # folder, options
 at_work() { # stage
   until pgrep -f "$work/cluster/.snakemake/scripts/.*\.$1\.py"; do kill -0 $study || exit 1; sleep 0.2; done
 }
-both() { # retries, what is killed
+both() { # retries, function that kills jobs
   run local --cores 2
   run cluster --profile "$work/profile" --slurm-init-seconds-before-status-checks 3 & study=$!
   "$2"
   wait $study
   [ "$(grep -c "Trying to restart" "$work/cluster.log")" = "$1" ] || stop "$work/cluster.log: expected $1 retries"
-  # All but times, and where it ran.
+  # Compare everything but times and the record of the machine.
   diff -rq -x logs -x benchmarks -x report.html -x provenance.json "$work"/{local,cluster}/results
   rm -r "$work"/{local,cluster}
   say "$(grep -c "submitted with SLURM" "$work/cluster.log") submissions, the bytes of a local run"

@@ -1,5 +1,5 @@
 BENCHMARKS = "results/benchmarks"
-# Each program of benchmarks/, and the tables that it writes: the one that it is told, others beside it.
+# The tables that each program of benchmarks/ writes: its `--out` first, then those beside it.
 BENCHMARK_TABLES = {
     "machine": ["machine.csv"],
     "order": ["order.csv", "theorem.csv", "dense.csv"],
@@ -44,7 +44,7 @@ BENCHMARK_TABLES = {
     "adaptation": ["adaptation.csv", "adaptation_return.csv"],
     "live_loop": ["live_loop.csv", "live_faults.csv"],
 }
-# Less than a program does by itself, so that all of them are done within an hour on two cores.
+# Smaller than the programs' defaults, so that all of them finish within an hour on two cores.
 BENCHMARK_ARGUMENTS = {
     "adaptation": "--seeds 1",
     "animals": "--hops 60 --rates 100 500",
@@ -69,7 +69,7 @@ BENCHMARK_ARGUMENTS = {
     "verdict_power": "--studies 1",
     "work_precision": "--turns 7 --race-turns 30 --systems 4000",
 }
-# Whose tables hold errors, or seconds of the processor: these run beside each other, others alone.
+# Programs whose tables hold errors or processor time. They run in parallel; all others run alone.
 UNTIMED = {
     "adaptation",
     "animals",
@@ -85,7 +85,7 @@ UNTIMED = {
     "recording_faults",
     "velocities",
 }
-# Each figure, as `benchmark_figures.py` draws it, and the tables that it is drawn from.
+# Each figure that `benchmark_figures.py` draws, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ["order.csv"],
     "fig4_3_calibration": ["calibration_trajectories.csv"],
@@ -113,14 +113,14 @@ for program, tables in BENCHMARK_TABLES.items():
             beside=[f"{BENCHMARKS}/{table}" for table in tables[1:]],
         log:
             f"{BENCHMARKS}/{program}.log",
-        # Timings want a machine to themselves, and one for all: this one, whose cores they take.
+        # Timings need the same machine, and all of it: run locally and occupy every core.
         localrule: True
         threads: 1 if program in UNTIMED else os.cpu_count()
         params:
             python=sys.executable,
             program=f"{PROGRAMS}/{program}.py",
             arguments=BENCHMARK_ARGUMENTS.get(program, ""),
-            # Not of `input`: what depends on inputs is no reason for Snakemake to run a rule again.
+            # Does not use `input`: Snakemake reruns no rule for parameters that depend on inputs.
             code=lambda wildcards, program=program: [code_digest(one) for one in sources(program)],
         shell:
             "OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 "
@@ -154,7 +154,7 @@ for figure_name, tables in BENCHMARK_FIGURES.items():
 
 
 rule benchmark_page:
-    """Every table and figure of the last run on one page, with what it ran on."""
+    """Show every table and figure of the last run on one page, with the machine it ran on."""
     input:
         tables=[f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
         figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=BENCHMARK_FIGURES),
@@ -181,7 +181,7 @@ rule benchmark_page:
 
 
 rule benchmarks:
-    """All tables and figures of the benchmarks: `snakemake --cores 2 benchmarks`."""
+    """Make all tables and figures of the benchmarks: `snakemake --cores 2 benchmarks`."""
     input:
         rules.benchmark_page.output,
         expand(

@@ -13,12 +13,12 @@ from hopdata.errors import HopdataError
 from hopdata.figures.catalogue import FIGURES as CATALOGUE, source_of, tables_of
 from hopdata.provenance import code_digest
 
-# Snakemake writes Python's path into the shell command of each script, and does not quote it.
+# Snakemake writes Python's path unquoted into the shell command of each script.
 if re.search(r"[\s'\"()&;]", sys.executable):
     sys.exit(
-        "hopdata: error: Python: expected a path without spaces, quotes and brackets, which "
-        f"Snakemake cannot start, found '{sys.executable}'; keep the environment elsewhere, "
-        "as by: make figures VENV=$HOME/.hopdata"
+        "hopdata: error: Python: expected a path without spaces, quotes and brackets (Snakemake "
+        f"does not quote it), found '{sys.executable}'; keep the environment elsewhere, "
+        "for example: make figures VENV=$HOME/.hopdata"
     )
 
 try:
@@ -39,14 +39,14 @@ check_times((file for files in SOURCES.values() for file in files), RESULTS)
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
 METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]
-# Only a simulation, or a file of ours, can carry the truth that all methods are scored against.
+# Only a simulation or a file of hopdata's own can carry the truth against which methods are scored.
 MAY_HAVE_TRUTH = any(
     not files or files[0].endswith((".h5", ".hdf5")) for files in SOURCES.values() if len(files) < 2
 )
 SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
 SIMULATED = consistency.is_simulated(STUDY)
-# What is known from elsewhere of the contacts in each recording, where anything is.
+# Contacts known from other sources, for the recordings that have any.
 EXTERNAL = {
     entry["name"]: {block: entry[block] for block in ("contacts", "forces")}
     for entry in STUDY["recordings"]
@@ -54,20 +54,21 @@ EXTERNAL = {
 }
 EXCLUDED = {entry["name"]: entry["exclude"] for entry in STUDY["recordings"]}
 FILLS = consistency.fills(STUDY)
-# Levelled recordings, with their short gaps filled where that is asked for.
+# Levelled recordings, with short gaps filled if the study asks for it.
 READY = f"{RESULTS}/ready/{{recording}}.h5"
-# Their descents and contacts.
+# Descents and contacts of these recordings.
 CONTACTS = f"{RESULTS}/landings/contacts/{{recording}}.csv"
 FORMATS = STUDY["figures"]["formats"]
-# Of this file, not of the Snakefile, which is another's where this workflow is a module. Relative, so
-# that a study may be run in another folder (`--directory`) and a checkout may be moved.
+# Paths start from this file: if another workflow includes this one as a module, the Snakefile is its
+# own. They are relative, so that a study can run in another folder (`--directory`) and a checkout
+# can be moved.
 HERE = Path(workflow.current_basedir.get_path_or_uri(secret_free=True))
 CHECKOUT = Path(os.path.relpath(HERE.parents[1]))
 SCRIPTS = CHECKOUT / "workflow" / "scripts"
 CAPTIONS = CHECKOUT / "workflow" / "captions"
 PROGRAMS = CHECKOUT / "benchmarks"
-STRESS_SUITE = CHECKOUT / "tests" / "hybrid"  # one of the benchmarks runs it
-DAMAGE_SUITE = CHECKOUT / "tests" / "recordings"  # and another this
+STRESS_SUITE = CHECKOUT / "tests" / "hybrid"  # run by the benchmark `stress`
+DAMAGE_SUITE = CHECKOUT / "tests" / "recordings"  # used by the benchmark `reading`
 
 
 wildcard_constraints:
@@ -75,21 +76,21 @@ wildcard_constraints:
 
 
 def code(script, *modules):
-    """Digest of a script, modules it imports by name, and the library code that they use.
+    """Return a function that digests a script, the given modules and the library code they use.
 
-    A rule runs again when it changes. Worked out only for jobs that are planned, since to read all
-    code takes a second.
+    A rule runs again when the digest changes. It is computed only for planned jobs, because reading
+    all the code takes a second.
     """
     return lambda wildcards: [code_digest(path) for path in (SCRIPTS / f"{script}.py", *modules)]
 
 
 def needs(*, minutes, mb_a_mb=0):
-    """Memory, by the size of the inputs, and time that a job asks a cluster for; twice at a retry."""
+    """Return the memory and time that a job requests on a cluster; each retry doubles both."""
 
     def memory(wildcards, input, attempt):
         if all(map(os.path.exists, input)):
             size_mb = input.size_mb
-        else:  # Jobs before it in its group write them: by the recordings that all come from.
+        else:  # Earlier jobs of the group write the inputs: use the size of the recordings.
             names = [wildcards.recording] if "recording" in wildcards.keys() else RECORDINGS
             files = [file for name in names for file in SOURCES[name] if os.path.exists(file)]
             size_mb = sum(map(os.path.getsize, files)) / 1e6
@@ -102,29 +103,29 @@ def needs(*, minutes, mb_a_mb=0):
 
 
 def stage_times(folder):
-    """Where the times of a study's jobs are written, of the rules that stand so far."""
+    """Return the files with the run times of a study's jobs, for the rules defined so far."""
     times = [strip_wildcard_constraints(one.benchmark) for one in workflow.rules if one.benchmark]
     own = [one for one in times if one.startswith(f"{folder}/benchmarks/")]
     return sorted(set(expand(own, recording=RECORDINGS, seed=SEEDS, manoeuvre=MANOEUVRES)))
 
 
 def each_recording(pattern):
-    """One path a recording, in the order of the config."""
+    """Return one path per recording, in the order of the configuration."""
     return expand(pattern, recording=RECORDINGS)
 
 
 def of_first(rule_output):
-    """The file of the first seed, whose runs and model a steering study shows."""
+    """Return the file of the first seed, whose runs and model a steering study shows."""
     return expand(rule_output, seed=1, allow_missing=True)[0]
 
 
 def touchdowns_by(method):
-    """Tables of touchdowns by one method, one a recording."""
+    """Return the touchdown tables of one method, one per recording."""
     return each_recording(f"{RESULTS}/landings/{method}/{{recording}}.csv")
 
 
 def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMAGE_SUITE)):
-    """A program and all that it imports from beside it, directly or not; a package as a whole."""
+    """Return a program and its local imports, direct or indirect; packages are included whole."""
     found, waiting = set(), [PROGRAMS / f"{name}.py"]
     while waiting:
         file = waiting.pop()

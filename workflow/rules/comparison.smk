@@ -1,11 +1,11 @@
-# Studies that are finished; `make both-sides` runs them first. Two sides, one C1 and one not, and the
-# first with half of the contact spread.
+# Compare finished studies, which `make both-sides` runs first: one that is C1, one that is not, and
+# the first again with half the contact spread.
 SIDES = drawn("sides", "results", to="results/both_sides")
 COMPARED = ["thesis", "control", "half_spread"]
 
 
 rule both_sides:
-    """Fig. 2.5 for both sides, with their verdicts."""
+    """Draw Fig. 2.5 for both sides, with their verdicts."""
     input:
         **SIDES["input"],
     output:
@@ -21,7 +21,7 @@ rule both_sides:
 
 
 rule prediction_ratios:
-    """Fig. 2.4 of several studies in a few numbers."""
+    """Summarise Fig. 2.4 of several studies in a few numbers."""
     input:
         summaries=expand("results/{study}/tables/prediction_summary.csv", study=COMPARED),
         touchdowns=expand("results/{study}/tables/touchdowns.csv", study=COMPARED),
@@ -38,13 +38,13 @@ rule prediction_ratios:
         "../scripts/prediction_ratios.py"
 
 
-# What `make figures` ends with: the bundled sample and its control.
+# The last step of `make figures` compares the bundled sample with its control.
 PAIR = drawn("pair", "results", to="results/both_sides")
 PAIRED = ["sample", "sample_control"]
 
 
 rule verdicts:
-    """The verdicts on the sample and on its control, one below the other."""
+    """Draw the verdicts on the sample and on its control, one below the other."""
     input:
         **PAIR["input"],
     output:
@@ -60,7 +60,7 @@ rule verdicts:
 
 
 rule first_look:
-    """Both verdicts on a page, with what does not tell the two apart."""
+    """Show both verdicts on a page, with the numbers that do not distinguish the two."""
     input:
         figures=rules.verdicts.output,
         captions=f"{CAPTIONS}/verdicts.md",
@@ -82,7 +82,7 @@ rule first_look:
 
 
 rule bundled:
-    """A simulated recording whose truth says how far its exact maps are apart, as in data/sample."""
+    """Write a simulated recording whose truth states how far apart its exact maps are."""
     input:
         recording=rules.simulate.output.recording,
         maps=rules.true_sections.output.maps,

@@ -1,5 +1,5 @@
 rule contact_overlay:
-    """Contacts found beside those known from elsewhere: events, foot switches, forces."""
+    """Compare the contacts found with events, foot switches or forces from other sources."""
     input:
         recordings=expand(READY, recording=list(EXTERNAL)),
         touchdowns=rules.pairs.output.touchdowns,

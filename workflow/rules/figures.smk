@@ -1,8 +1,8 @@
-# A rule for each kind of figure that this study has; `hopdata.figures.catalogue` says what is drawn.
+# One rule for each kind of figure in this study; `hopdata.figures.catalogue` lists the figures.
 KINDS = ["landings", "maps"]
 KINDS += ["truth"] if SIMULATED else []
 KINDS += ["overlay"] if EXTERNAL else []
-# On the page the answer comes first, then the dissertation's figures.
+# The page shows the answer first, then the dissertation's figures.
 FIGURE_NAMES = sorted(
     (name for kind in KINDS for name in CATALOGUE[kind]),
     key=lambda name: (name != "verdict", not name.startswith("fig")),
@@ -11,7 +11,7 @@ FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, fo
 
 
 def drawn(kind, folder, *, to):
-    """Input, output and parameters of a job that draws: figures of a kind from a folder's tables."""
+    """Return input, output and parameters of a job that draws one kind of figure."""
     names = list(CATALOGUE[kind])
     sources = sorted({source_of(name) for name in names})
     return {

@@ -5,7 +5,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-# Snakemake refuses a locked folder, and does not say with which command it is unlocked.
+# Snakemake refuses a locked folder without saying which command unlocks it.
 if (
     workflow.is_main_process
     and "--unlock" not in sys.argv
@@ -18,14 +18,14 @@ if (
         f"Snakemake refuses to start and no other runs: {shlex.join([*program, *sys.argv[1:]])} --unlock",
         file=sys.stderr,
     )
-SKEW_S = 60  # by so much may the clocks of two machines differ
+SKEW_S = 60  # allowed difference between the clocks of two machines, s
 
 
 def stamps(files):
-    """Names, sizes and times of the files that are there.
+    """Return names, sizes and modification times of the files that exist.
 
-    Snakemake compares times only for which is later: one with an older time that took the place of
-    another, or came while the clock was wrong, would go unnoticed.
+    Snakemake only checks whether an input is newer than an output. It would not notice a file that
+    was replaced by an older one, or written while the clock was wrong.
     """
     found = []
     for file in files:
@@ -36,7 +36,7 @@ def stamps(files):
 
 
 def check_times(files, folder):
-    """Refuse files dated after now, whose results Snakemake would refuse, and name such results."""
+    """Refuse inputs dated in the future, which Snakemake rejects, and warn of such results."""
     if not workflow.is_main_process:
         return
     made = (os.path.join(place, name) for place, _, names in os.walk(folder) for name in names)
@@ -54,12 +54,12 @@ def check_times(files, folder):
 
 
 onstart:
-    # Scripts that Snakemake wrote out for jobs of a run that was killed; a run beside this one may
-    # be at work with its own.
+    # Remove scripts that Snakemake wrote for the jobs of a killed run, unless another run is active
+    # and may be using its own.
     if len(list(Path(".snakemake/locks").glob("*.output.lock"))) == 1:
         for left in Path(".snakemake/scripts").glob("tmp*"):
             left.unlink(missing_ok=True)
-    # The limit of starts in time is meant for clusters: here it lets each run wait a second more,
-    # and there is no option without it.
+    # The rate limit for starting jobs is meant for clusters. Locally it delays each run by a second;
+    # no option disables it.
     if getattr(workflow, "local_exec", False) and hasattr(workflow, "scheduler"):
         workflow.scheduler.job_rate_limiter = None

@@ -1,5 +1,5 @@
 rule pairs:
-    """The Poincare sections, touchdowns between them by each method, states at both in home frames."""
+    """Find Poincare sections, touchdowns by each method, and states at both sections in home frames."""
     input:
         recordings=each_recording(READY),
         landings=each_recording(CONTACTS),
@@ -16,7 +16,7 @@ rule pairs:
         f"{RESULTS}/logs/pairs.log",
     benchmark:
         f"{RESULTS}/benchmarks/pairs.tsv"
-    priority: 1  # more waits for it than for a figure
+    priority: 1  # more jobs wait for it than for a figure
     resources:
         **needs(mb_a_mb=10, minutes=30),
     params:
@@ -34,7 +34,7 @@ rule pairs:
 
 
 rule quality:
-    """Whether the recordings and their landings are to be trusted."""
+    """Check whether the recordings and their landings can be trusted."""
     input:
         levelled=each_recording(READY),
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),

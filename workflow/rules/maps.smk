@@ -1,5 +1,5 @@
 rule maps:
-    """Linear maps of each schedule, prediction errors, constraint subspaces and their distances."""
+    """Fit linear maps per schedule; find prediction errors, constraint subspaces and distances."""
     input:
         pairs=rules.pairs.output.pairs,
     output:
@@ -30,7 +30,7 @@ rule maps:
 
 
 rule true_sections:
-    """What would be measured at the sections without noise, and the exact linear maps."""
+    """Compute the noise-free states at the sections, and the exact linear maps."""
     input:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         sections=rules.pairs.output.sections,
@@ -52,7 +52,7 @@ rule true_sections:
 
 
 rule scaling_study:
-    """Maps of noise-free landings whose deviations from a simultaneous contact are scaled down."""
+    """Fit maps to noise-free landings with scaled-down deviations from a simultaneous contact."""
     input:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         sections=rules.pairs.output.sections,
@@ -74,7 +74,7 @@ rule scaling_study:
 
 
 rule verdict:
-    """Whether the map through the landing is C1: effect size, interval and bound."""
+    """Judge whether the map through the landing is C1: effect size, interval and bound."""
     input:
         pairs=rules.pairs.output.pairs,
     output:
@@ -83,7 +83,7 @@ rule verdict:
         f"{RESULTS}/logs/verdict.log",
     benchmark:
         f"{RESULTS}/benchmarks/verdict.tsv"
-    priority: 2  # the longest of the stages that wait for nothing else
+    priority: 2  # the longest stage among those with no others to wait for
     resources:
         **needs(mb_a_mb=200, minutes=60),
     params:
@@ -95,7 +95,7 @@ rule verdict:
 
 
 rule estimate_errors:
-    """States, estimates of the landing map, and the verdict, against the truth."""
+    """Compare states, estimates of the landing map and the verdict with the truth."""
     input:
         pairs=rules.pairs.output.pairs,
         touchdowns=rules.pairs.output.touchdowns,
@@ -125,7 +125,7 @@ rule estimate_errors:
 
 
 rule score:
-    """Accuracy against the truth that a synthetic recording carries."""
+    """Score a study against the truth in its synthetic recordings."""
     input:
         **{
             f"{method}_{recording}": f"{RESULTS}/landings/{method}/{recording}.csv"

@@ -1,5 +1,5 @@
 rule simulate:
-    """A scene as motion capture would see it, with its truth beside it."""
+    """Simulate a scene as motion capture would see it, and keep its truth."""
     output:
         recording=f"{RESULTS}/simulated/{{recording}}.h5",
     log:
@@ -19,7 +19,7 @@ rule simulate:
 
 
 rule recording:
-    """Any supported file in metres, z up; then level, short gaps filled; its descents and contacts."""
+    """Import a file in metres, z up; level it, fill short gaps, and find descents and contacts."""
     input:
         source=lambda wildcards: (SOURCES[wildcards.recording] or rules.simulate.output.recording),
     output:
@@ -50,7 +50,7 @@ rule recording:
 
 
 rule inspection:
-    """What is wrong with the recordings themselves; it runs beside the search for sections."""
+    """Look for faults in the recordings; runs in parallel with the search for sections."""
     input:
         recordings=each_recording(rules.recording.output.recording),
     output:

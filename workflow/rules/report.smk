@@ -1,5 +1,5 @@
 rule report:
-    """One page with everything, and where it comes from."""
+    """Write one page with all results and their provenance."""
     input:
         figures=FIGURES,
         captions=expand(f"{CAPTIONS}/{{name}}.md", name=FIGURE_NAMES),

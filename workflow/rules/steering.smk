@@ -1,10 +1,10 @@
-# Chapter III: `snakemake --cores 2 steering`. Without recordings in which the boom moves, the robot is
-# simulated; experiments are made with the simulated robot alone.
+# Chapter III: `snakemake --cores 2 steering`. The robot is simulated if no recording with a moving
+# boom is given. Only the simulated robot makes experiments.
 STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
-# Of each seed: what was learned, and the experiments by manoeuvre. Of a recorded robot
-# there is one, and nothing but what was learned. Observations beside the first one have folders
-# of their own, `seeds/1_printed`.
+# Each seed has a folder with the learned model and the experiments of each manoeuvre. A recorded
+# robot has a single folder, with the learned model only. Observations after the first have their
+# own folders, such as `seeds/1_printed`.
 OF_SEED = f"{STEERING}/seeds/{{seed}}"
 SEEDS = [
     f"{seed}_{observation}" if other else str(seed)
@@ -21,7 +21,7 @@ wildcard_constraints:
 
 
 rule steering_learn:
-    """Frame changes of an excitation, simulated if none was recorded, and a process that knows them."""
+    """Observe the frame changes of an excitation, simulated if none is recorded, and learn them."""
     input:
         expand(f"{RESULTS}/recordings/{{recording}}.h5", recording=STEERED),
     output:
@@ -60,7 +60,7 @@ rule steering_learn:
 
 
 rule steering_true_map:
-    """The frame changes of the simulated robot that nothing disturbs."""
+    """Compute the frame changes of the undisturbed simulated robot."""
     output:
         table=f"{STEERING_TABLES}/true_map.csv",
     log:
@@ -78,7 +78,7 @@ rule steering_true_map:
 
 
 rule steering_experiments:
-    """One manoeuvre, on free ground and with a board: all controllers from all starts."""
+    """Run one manoeuvre on free ground and with a board: all controllers from all starts."""
     input:
         model=rules.steering_learn.output.model,
         true_map=rules.steering_true_map.output.table,
@@ -104,7 +104,7 @@ rule steering_experiments:
 
 
 rule steering_horizons:
-    """What its horizon alone does to the printed controller."""
+    """Measure how the horizon alone affects the printed controller."""
     input:
         model=of_first(rules.steering_learn.output.model),
         true_map=rules.steering_true_map.output.table,
@@ -127,7 +127,7 @@ rule steering_horizons:
 
 
 rule steering_outcomes:
-    """What came of all runs over the seeds; all trajectories."""
+    """Collect the outcomes of all runs over the seeds, and all trajectories."""
     input:
         runs=expand(rules.steering_experiments.output.runs, seed=SEEDS, manoeuvre=MANOEUVRES),
         stances=expand(rules.steering_experiments.output.stances, seed=SEEDS, manoeuvre=MANOEUVRES),
@@ -152,7 +152,7 @@ rule steering_outcomes:
 
 
 rule steering_score:
-    """Pose, boom angle, stances and model against the truth of the simulation."""
+    """Score pose, boom angle, stances and model against the truth of the simulation."""
     input:
         motion=of_first(rules.steering_learn.output.motion),
         stances=of_first(rules.steering_learn.output.stances),
@@ -175,7 +175,7 @@ rule steering_score:
 
 
 rule steering_learning:
-    """The map that was learned, how many hops it takes, and whether the kernel matters."""
+    """Tabulate the learned map, the hops it needs, and the effect of the kernel."""
     input:
         changes=of_first(rules.steering_learn.output.changes),
         model=of_first(rules.steering_learn.output.model),
@@ -222,7 +222,7 @@ for kind in ("steering_model", "steering_runs"):
 
 
 rule steering_film:
-    """A typical run to the origin as an animated GIF."""
+    """Draw a typical run to the origin as an animated GIF."""
     input:
         film=of_first(rules.steering_experiments.output.film).format(manoeuvre="origin"),
         example=of_first(rules.steering_experiments.output.example).format(manoeuvre="origin"),
@@ -240,7 +240,7 @@ rule steering_film:
         "../scripts/steering_film.py"
 
 
-# What the page shows; of a recorded robot neither experiments nor truth.
+# Contents of the page. A recorded robot has neither experiments nor truth.
 STEERING_PAGE = {
     "figures": [
         *([] if STEERED else [*rules.figures_steering_runs.output, *rules.steering_film.output]),
@@ -273,7 +273,7 @@ STEERING_PAGE = {
 
 
 rule steering_report:
-    """A page with everything on the steering, and where it comes from."""
+    """Write a page with all steering results and their provenance."""
     input:
         **STEERING_PAGE,
     output:
@@ -292,6 +292,6 @@ rule steering_report:
 
 
 rule steering:
-    """Everything of chapter III: `snakemake --cores 2 steering`."""
+    """Make everything of chapter III: `snakemake --cores 2 steering`."""
     input:
         rules.steering_report.output,

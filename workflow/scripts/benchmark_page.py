@@ -9,11 +9,11 @@ import pandas as pd
 from hopdata.jobs import reported, whole_file
 from hopdata.report.inputs import render_caption
 
-MOST_ROWS = 13  # of a table, on the page: to see what it holds
+MOST_ROWS = 13  # rows of a table shown on the page, enough to see what it holds
 
 
 def line(values):
-    """Return a row of a table in Markdown; numbers that are not there are empty."""
+    """Return a row of a table in Markdown, with empty cells for missing numbers."""
     cells = (f"{x:.4g}" if isinstance(x, float) else str(x).replace("|", "/") for x in values)
     return f"| {' | '.join('' if cell == 'nan' else cell for cell in cells)} |"
 

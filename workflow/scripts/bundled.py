@@ -1,4 +1,4 @@
-"""Write a simulated recording again, with the difference of its exact maps in its truth."""
+"""Rewrite a simulated recording with the difference of its exact maps added to its truth."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Compare the contacts found with those that are known from elsewhere."""
+"""Compare the contacts found with those known from other sources."""
 
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.landings.forces import overlay_external_truth

@@ -1,4 +1,4 @@
-"""Put the verdicts on two studies on a page, with the numbers that do not tell them apart."""
+"""Show the verdicts on two studies on a page, with the numbers that do not distinguish the two."""
 
 from hopdata.jobs import read_table, reported, whole_file
 from hopdata.maps.prediction import error_ratios

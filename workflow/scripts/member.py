@@ -1,4 +1,4 @@
-"""Do the study of one member of a group."""
+"""Run the study of one member of a group."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Sections of a study, touchdowns between them, states at both in home frames, and the units."""
+"""Find sections, touchdowns between them, states at both in home frames, and the units."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Bring one recording into the form that the analysis reads, level, and find its contacts."""
+"""Import and level one recording, fill its gaps, and find its contacts."""
 
 from hopdata.jobs import logger, reported, write_json, write_table
 from hopdata.landings.contacts.find import find_landings
@@ -23,12 +23,12 @@ with reported(snakemake.log[0]):
         logger.warning("%s", note)
     floor = fit_floor(recording, **params.floor)
     write_recording(snakemake.output.recording, recording, truth=truth)
-    ready = level(recording, floor, overwrite=True)  # a long one fits into memory once
+    ready = level(recording, floor, overwrite=True)  # memory may hold one copy only
     ready = join_feet(ready, params.feet)
     if params.fills:
         ready = fill_gaps(ready, longest_s=params.longest_s, overwrite=True)
     write_recording(snakemake.output.ready, ready)
     write_json(snakemake.output.floor, floor.to_dict())
-    del recording, truth, ready  # before it is read as later stages read it
+    del recording, truth, ready  # free the memory, then read the recording as later stages do
     ready = read_recording(snakemake.output.ready)
     write_table(snakemake.output.landings, find_landings(ready, **params.contacts))

@@ -12,7 +12,7 @@ TABLES = ("touchdowns", "prediction", "distances", "faults", "remarks")
 
 with reported(snakemake.log[0]):
     source = snakemake.input
-    read = map(read_recording, source.recordings)  # of which none is kept
+    read = map(read_recording, source.recordings)  # lazy, so that no recording stays in memory
     facts = [(describe_recording(r), r.source, r.source_sha256) for r in read]
     recordings, names = [one for one, *_ in facts], [one["name"] for one, *_ in facts]
     stage_times = [Path(path) for path in snakemake.params.stage_times if Path(path).exists()]

@@ -1,4 +1,4 @@
-"""Score a study against the truth that its synthetic recordings carry."""
+"""Score a study against the truth in its synthetic recordings."""
 
 from pathlib import Path
 

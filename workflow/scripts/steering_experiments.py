@@ -13,7 +13,7 @@ with reported(snakemake.log[0]):
     seed, _, observation = snakemake.wildcards.seed.partition("_")
     number, steering = int(seed), snakemake.params.steering
     controllers = [*steering["experiments"]["controllers"], CEILING]
-    if observation:  # beside the first, which all others do not depend on
+    if observation:  # later observations run only the controllers that depend on them
         controllers = [name for name in controllers if name in LEARNED]
     manoeuvre = snakemake.wildcards.manoeuvre
     tables = experiments_of(

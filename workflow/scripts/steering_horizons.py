@@ -1,4 +1,4 @@
-"""Let the printed controller go to the origin with other horizons."""
+"""Steer to the origin by the printed controller with other horizons."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The map that was learned, how many hops it takes to learn it, and whether the kernel matters."""
+"""Tabulate the learned map, the hops it takes to learn, and the effect of the kernel."""
 
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.steering.frame_changes import from_table

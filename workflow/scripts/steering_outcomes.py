@@ -1,4 +1,4 @@
-"""Gather the experiments of all seeds: outcomes, trajectories, the typical runs of the first."""
+"""Gather the experiments of all seeds: outcomes, trajectories, typical runs of the first seed."""
 
 from hopdata.jobs import read_tables, reported, write_table
 from hopdata.steering.experiments.outcomes import outcome_table

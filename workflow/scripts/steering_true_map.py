@@ -1,4 +1,4 @@
-"""Measure the frame changes of the simulated robot without chance."""
+"""Measure the frame changes of the simulated robot without randomness."""
 
 from hopdata.jobs import reported, write_table
 from hopdata.steering.robot import camera_of, robot_of

@@ -1,4 +1,4 @@
-"""True marker states at the sections, and the exact linear maps between them."""
+"""Compute true marker states at the sections, and the exact linear maps between them."""
 
 import numpy as np
 
