@@ -181,7 +181,7 @@ def test_a_floor_that_moves_is_told_by_check(folder, capsys):
     main(["check", "config/monday.yaml"])
     told = capsys.readouterr().out
     assert re.search(
-        r"note: .*monday.tsv: the floor moves: .* lower, by (18|19|20|21) mm; it is followed", told
+        r"note: .*monday.tsv: the floor moves: .* together by (18|19|20|21) mm; hopdata", told
     )
 
 

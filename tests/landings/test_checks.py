@@ -126,8 +126,8 @@ def test_the_worst_foot_is_not_hidden_by_the_others(tables):
 @pytest.mark.parametrize(
     ("error_s", "told"),
     [
-        (3e-4, "; in 10 of 10 f2 and f3 land as close together as their errors of 0.3 ms"),
-        (2e-2, "; in 10 of 10 f2 and f3 are least sure: f3, to 20 ms, slows without a kink"),
+        (3e-4, "; in 10 of 10, f2 and f3 land as close together as their errors of 0.3 ms"),
+        (2e-2, "; in 10 of 10, f2 and f3 are least sure: f3 slows without a kink (error 20 ms)"),
     ],
 )
 def test_the_feet_of_a_doubtful_order_are_those_that_land_together(tables, error_s, told):

@@ -366,7 +366,7 @@ def test_a_floor_that_moves_is_told_and_followed(bent, fitted, motion):
     moved = MOTIONS[motion](bent.time)
     up = moved[:, None, None] * np.array([0.0, 0.0, 1.0])
     moving_deck = replace(bent, positions=bent.positions + up)
-    (told,) = re.findall(r"floor moves: .* lower, by (\d+) mm; it is followed", moving(moving_deck))
+    (told,) = re.findall(r"floor moves: .* together by (\d+) mm; hopdata uses", moving(moving_deck))
     assert float(told) == pytest.approx(
         1e3 * np.subtract(*np.quantile(moved, [0.95, 0.05])), rel=0.1
     )
@@ -408,7 +408,7 @@ def test_a_floor_that_turns_is_told(bent, when):
     turned = bent.positions.copy()
     turned[..., 2] += slope[:, None] * turned[..., 1]
     deck = replace(bent, positions=turned)
-    (told,) = re.findall(r"the floor lies (\d\.\d) degrees otherwise", moving(deck))
+    (told,) = re.findall(r"the floor is tilted by (\d\.\d) degrees", moving(deck))
     assert float(told) == pytest.approx(1.0, abs=0.2)
     assert moving(deck) in fit_floor(deck, degree=3).note
 

@@ -218,9 +218,9 @@ def _open_foot(used: pd.DataFrame) -> str:
     pair = pairs[int(counts.argmax())]
     error, foot = max((float(np.nanmedian(se[:, k])), feet[k]) for k in pair)
     both = f"{feet[pair[0]]} and {feet[pair[1]]}"
-    told = f"; in {counts.max()} of {len(doubtful)} {both} "
+    told = f"; in {counts.max()} of {len(doubtful)}, {both} "
     if error > NO_KINK_S:
-        return f"{told}are least sure: {foot}, to {1e3 * error:.2g} ms, slows without a kink"
+        return f"{told}are least sure: {foot} slows without a kink (error {1e3 * error:.2g} ms)"
     return f"{told}land as close together as their errors of {1e3 * error:.2g} ms"
 
 
@@ -231,7 +231,7 @@ def _common(used: pd.DataFrame) -> str:
         common, foot = float(used[name].median()), str(name).removeprefix("common_")
         if common > float(used[f"se_{foot}"].median()):
             told.append(f"{foot.removesuffix('_s')} by {1e3 * common:.2g} ms")
-    return f"; all contacts of a foot may be off alike: {', '.join(told)}" if told else ""
+    return f"; contacts of a foot may all be early or late: {', '.join(told)}" if told else ""
 
 
 def _sections(stability: pd.DataFrame) -> Check:

@@ -1,10 +1,10 @@
-"""Floor compensation: fit the floor to the feet at rest, then take it off.
+"""Floor compensation: fit the floor to the feet at rest, then subtract it.
 
 The model is z = floor(x, y) + offset(foot): a polynomial of the place, and for each foot the
-height at which its marker is mounted. The offsets sum to zero, so that the level of the floor
-carries their mean. The degree is the highest, up to the one asked for, at which the feet at
-rest still fix the floor all over the ground that they step on: few steps cannot, nor can feet
-that each keep to a place of their own, since a slope is then the same as a mount height.
+height at which its marker is mounted. The offsets sum to zero, so the level of the floor contains
+their mean. The degree is the highest, up to the requested one, at which the feet at rest still
+determine the floor everywhere on the ground that they step on. Few steps do not determine it, nor
+do feet that each stay in one place, because a slope then looks like a mount height.
 """
 
 from dataclasses import replace
@@ -18,8 +18,8 @@ from hopdata.landings import floor_surface
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
-NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
-NOTED_SLOPE_DEG = 1.0  # cameras are levelled better than this
+NOTED_SHARE = 0.05  # share of a foot's rests above the floor that is reported
+NOTED_SLOPE_DEG = 1.0  # slope that is reported: cameras are levelled better than this
 
 
 def _notes(
@@ -30,16 +30,16 @@ def _notes(
     largest_error_m: float,
     ground: FloatArray,
 ) -> str:
-    """Say which feet often rest above the floor, why its degree is lower, and that it slopes.
+    """Report feet that often rest above the floor, a lowered degree, and a slope.
 
-    `ground` (P, 3) is where the feet rest, less their mount heights; `degrees` the one found and
-    the one asked for.
+    `ground` (P, 3) holds the places where the feet rest, with mount heights subtracted; `degrees`
+    are the degree found and the degree requested.
     """
     notes = []
     for foot, name in enumerate(recording.names("foot")):
         if (share := float(raised[rest.foot == foot].mean())) >= NOTED_SHARE:
             told = f"{100 * share:.0f} % of its frames at rest"
-            notes.append(f"{name} rests above the floor in {told}, left out")
+            notes.append(f"{name} rests above the floor in {told} (left out)")
     found, wanted = degrees
     if found != wanted:
         notes.append(f"feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m")
@@ -53,21 +53,22 @@ def _notes(
     return "; ".join(notes)
 
 
-# Rests above the floor: of a foot that hangs low or drags, or that stands on something.
+# Rests above the floor: the foot hangs low, drags, or stands on something.
 #
-# Nothing is below the floor, so what spoils its fit lies above it, and often in one part of the run
-# or of the ground, where a polynomial can follow it. An M-estimator that starts from least squares
-# then stays there. The start here is a low quantile, which most of the rests may leave upwards.
+# Nothing is below the floor, so rests that spoil the fit lie above it, often in one part of the run
+# or of the ground, where a polynomial can follow them. An M-estimator that starts from least
+# squares then stays there. The fit here starts from a low quantile, which tolerates that most rests
+# are raised.
 
 _QUANTILE = 0.05
-_START_POINTS = 2000  # enough to start from
+_START_POINTS = 2000  # points that suffice for the start
 _MOST_FITS = 300
-_STILL = 5e-5  # of the band, a change of the coefficients that ends the fits
-_SIGMAS = 4.0  # of the ground mode's left flank: what is farther above it is raised
+_STILL = 5e-5  # change of the coefficients at which the fits end, as a share of the band
+_SIGMAS = 4.0  # height above the mode, in deviations of its left flank, at which a rest is raised
 _ROUNDS = 4
-_LEAST_POINTS = 20  # that a ground mode is found from
-LEAST_STEPS = 5  # of a foot: fewer do not tell rests above the floor from one that gave way below
-_LEAST_SHARE = 0.02  # of the points: the regression deals with fewer by itself
+_LEAST_POINTS = 20  # fewest points that determine a ground mode
+LEAST_STEPS = 5  # fewest steps per foot that tell raised rests from one rest that gave way
+_LEAST_SHARE = 0.02  # share of the points below which the regression copes by itself
 
 
 def raised_rests(
@@ -78,25 +79,25 @@ def raised_rests(
     Parameters
     ----------
     heights : (P,) array
-        Of feet at rest, m.
+        Heights of feet at rest, m.
     columns : (P, T) array
-        Terms of the floor and of the mount heights at each.
+        Terms of the floor and of the mount heights at each of them.
     band_m : float
-        How far from the floor a resting foot may be, m: what is farther away tells nothing of it.
+        Largest distance of a resting foot from the floor, m; points farther away are uninformative.
     scale : float
-        Of the recording.
+        Scale of the recording.
 
     Returns
     -------
     (P,) bool array
-        Those higher above the fitted surface than four standard deviations of the scatter below
-        the mode of all heights above it; none if these are fewer than 2 % of the points, which a
-        robust regression deals with by itself.
+        Rests that lie above the mode of the heights over the fitted surface by more than four
+        standard deviations of the scatter below that mode. None if these are fewer than 2 % of the
+        points, since a robust regression then copes by itself.
 
     Notes
     -----
-    Start by quantile regression (iterated weights, as statsmodels' `QuantReg`), then least squares
-    of the points about the mode, a few times.
+    The first fit is a quantile regression (iterated weights, as in statsmodels' `QuantReg`). A few
+    least-squares fits of the points about the mode follow.
     """
     residuals = heights - columns @ _low_surface(heights, columns, _STILL * band_m)
     raised = np.zeros(len(heights), dtype=bool)
@@ -113,7 +114,7 @@ def raised_rests(
 
 
 def _low_surface(heights: FloatArray, columns: FloatArray, still_m: float = 1e-6) -> FloatArray:
-    """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
+    """Return coefficients of the surface with a twentieth of the points below; nearly optimal."""
     step = max(1, len(heights) // _START_POINTS)
     heights, columns = heights[::step], columns[::step]
     found, weights = np.zeros(columns.shape[1]), np.ones_like(heights)
@@ -128,8 +129,8 @@ def _low_surface(heights: FloatArray, columns: FloatArray, still_m: float = 1e-6
     return np.asarray(found)
 
 
-_STAYS = 0.01  # singular value, against the largest, of feet that keep to their places: no slope
-_MOST_OF_PLANE = 20_000  # rests, evenly taken, that tell whether the floor slopes
+_STAYS = 0.01  # relative singular value below which feet stay in place and show no slope
+_MOST_OF_PLANE = 20_000  # evenly sampled rests from which a slope of the floor is found
 
 
 @one_blas_thread()
@@ -158,26 +159,26 @@ def fit_floor(
     rest_speed_m_s : float, optional
         Largest vertical speed of a foot at rest, m/s.
     rest_window_s : float, optional
-        Span of the central difference which gives that speed, s.
+        Span of the central difference that gives this speed, s.
     rest_band_m : float, optional
-        How far from the floor a resting foot may be, m; three times as far at the start.
+        Largest distance of a resting foot from the floor, m; three times this in the first fit.
     largest_error_m : float, optional
-        Largest standard error of the floor on the rim of the ground stepped on, m, with one
-        step counted as one point; the degree is lowered until it is met, or is 0. What is not given
-        goes with the size of the animal (`Recording.scale`).
+        Largest standard error of the floor on the rim of the ground stepped on, m, where one step
+        counts as one point. The degree is lowered until the error is met or the degree is 0. The
+        defaults scale with the animal's size (`Recording.scale`).
     max_points : int
-        Rest points used, at most; taken evenly from all.
+        Largest number of rest points used, sampled evenly.
 
     Raises
     ------
     AnalysisError
-        A foot is never at rest.
+        If a foot is never at rest.
 
     Notes
     -----
-    Dissertation Sec. 2.2.1 (compensation of the slight curvature of the floor). A floor that moves
-    is followed (`floor_motion`), rests above it are left out (`raised_rests`), then robust
-    regression by iteratively reweighted least squares
+    See Sec. 2.2.1 of the dissertation (compensation of the slight curvature of the floor). A moving
+    floor is followed (`floor_motion`) and rests above the floor are left out (`raised_rests`). The
+    floor is then fitted by robust regression with iteratively reweighted least squares
     (`hopdata.landings.floor_surface.robust_regression`).
     """
     rest_speed_m_s = rest_speed_m_s or floor_surface.REST_SPEED_M_S * recording.pace
@@ -222,38 +223,44 @@ def fit_floor(
     return floor_surface.FloorModel(fit.terms, fit.coefficients_m, centre, scale, rim, *own)
 
 
-# A floor that moves up and down: the deck of a treadmill or a ship, or under cameras that sink.
+# A floor that moves up and down: the deck of a treadmill or ship, or a floor under sinking cameras.
 
-_SPAN_S, _REST_S = 0.3, 0.04  # a foot's rest is one point a span; a shorter one may be in the air
-_LEAST_RESTS = 10  # of a foot: two jumps on a soft sole do not tell
-_LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # a box is higher
-_SELDOM, _FAR = 5.0, 0.9  # of the range of nine in ten rests; feet that roll alike differ there
-# So far the floor must turn between the halves, and leave so many times as much if that is ignored.
+# A foot's rest gives one point per span, s; a rest shorter than the second, s, may be in the air.
+_SPAN_S, _REST_S = 0.3, 0.04
+_LEAST_RESTS = 10  # fewest rests per foot: two jumps on a soft sole prove nothing
+_LEAST_MOVE_M, _FOLLOWED_M = 0.005, 0.15  # range of a moving floor, m; a box is higher
+# Distance from the mode, in ranges of nine in ten rests, of a foot in the air; and the quantile of
+# the motion beyond which disagreement between feet is judged, since feet that roll alike differ
+# there.
+_SELDOM, _FAR = 5.0, 0.9
+# Smallest turn of the floor between the halves, degrees, and the factor by which residuals must
+# grow if it is ignored.
 _TURNED_DEG, _TURN_SHOWS = 0.3, 1.3
-# Of feet that rest one after the other: chance makes it 3.5, a hand that lifts slowly 8, decks 50.
+# Smallest ratio of the motion to the disagreement of feet that rest in succession: chance gives
+# 3.5, a hand that lifts slowly 8, a moving deck 50.
 _MOVE_PER_APART = 12.0
 
 
 def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray]:
-    """Find how a floor moves up and down, if all feet stand now higher, now lower.
+    """Find how a floor moves up and down, from feet that all stand higher at some times.
 
-    Returns instants (W,), s, and how much higher the floor was then, (W,), m, beside what a floor
-    of degree 2 and the mounts of the feet explain; a single 0 where nine of ten rests are within
-    5 mm of each other, or the feet do not agree.
+    Return instants (W,), s, and the height of the floor at each, (W,), m, beyond what a floor of
+    degree 2 and the mount heights explain. Both are a single 0 if nine in ten rests are within
+    5 mm of each other, or if the feet disagree.
     """
     still, n_feet = (np.zeros(1), np.zeros(1)), len(rest.start_m)
     rest = rest.take((np.abs(rest.above_mode) <= _FOLLOWED_M * rest.scale) & ~rest.let_go)
     steps = _settled(rest) if len(rest.foot) else rest
     if n_feet < 2 or min(len(steps.foot), rest.n_steps) < _LEAST_RESTS * n_feet:
         return still
-    least_m = _LEAST_MOVE_M * rest.scale  # farther off than that, and seldom: in the air
+    least_m = _LEAST_MOVE_M * rest.scale  # rare rests farther off than this are in the air
     usual_m = max(_SELDOM * _range(steps.above_mode), least_m)
     steps = steps.take(np.abs(steps.above_mode) <= usual_m)
     place = steps.points[:, :2] - steps.points[:, :2].mean(axis=0)
     terms = floor_surface.design(place / np.abs(place).max(), floor_surface.polynomial_terms(2))
     columns = np.hstack([np.eye(n_feet)[steps.foot], terms[:, 1:]])
     height, other = steps.points[:, 2], np.diff(steps.foot) != 0
-    at_once = np.diff(columns, axis=0)[other], np.diff(height)[other]  # whatever the floor does
+    at_once = np.diff(columns, axis=0)[other], np.diff(height)[other]  # cancels the floor's motion
     fits = [np.linalg.lstsq(a, b, rcond=_STAYS)[0] for a, b in ((columns, height), at_once)]
     apart = np.abs(at_once[1] - at_once[0] @ fits[1])
     lines = np.stack([steps.time, *(height - columns @ fit for fit in fits)])
@@ -267,10 +274,10 @@ def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray
 
 
 def _settled(rest: floor_surface.RestPoints) -> floor_surface.RestPoints:
-    """Return a point for each foot and span in which it rests, in the order of time.
+    """Return one point for each foot and span in which it rests, in order of time.
 
-    Without the first of several spans, in which a soft sole settles; lower quartiles, since what
-    is in the air is above the floor.
+    The first of several spans is left out, because a soft sole settles in it. Each point is a lower
+    quartile, because a foot in the air is above the floor.
     """
     span_s, least_s = _SPAN_S * np.sqrt(rest.scale), _REST_S * np.sqrt(rest.scale)
     begins = (np.diff(rest.foot, prepend=-1) != 0) | (np.diff(rest.time, prepend=0) > span_s)
@@ -291,7 +298,7 @@ def _range(moved_m: FloatArray) -> float:
 
 
 def moving(recording: Recording) -> str:
-    """Say how far the floor under a recording moves, and what to do; empty if it does not."""
+    """Report how far the floor under a recording moves, and what to do; empty if it does not."""
     rest = floor_surface.rest_points(recording)
     moved = floor_motion(rest)
     rest.points[:, 2] -= np.interp(rest.time, *moved)
@@ -300,7 +307,7 @@ def moving(recording: Recording) -> str:
 
 
 def turning(rest: floor_surface.RestPoints) -> str:
-    """Say if the floor lies otherwise in the second half of a recording; empty if it does not."""
+    """Report if the floor is tilted in the second half of a recording; empty if it is not."""
     rest = floor_surface.thinned(rest, _MOST_OF_PLANE)
     if len(np.unique(rest.foot)) < 2 or rest.n_steps < _LEAST_RESTS * len(rest.start_m):
         return ""
@@ -316,39 +323,39 @@ def turning(rest: floor_surface.RestPoints) -> str:
     if turned < _TURNED_DEG or left[0] < _TURN_SHOWS * left[1]:
         return ""
     return (
-        f"the floor lies {turned:.1f} degrees otherwise in the second half: it or the cameras "
-        "turned, which is not followed, or a foot's marker moved; make two recordings of it"
+        f"the floor is tilted by {turned:.1f} degrees in the second half: it or the cameras "
+        "turned, which is not followed, or a foot's marker moved; split the recording in two"
     )
 
 
 def _told_motion(moved_m: FloatArray) -> str:
     if len(moved_m) < 2:
         return ""
-    far = f"all feet stand now higher, now lower, by {1e3 * _range(moved_m):.0f} mm"
-    better = "better still export positions relative to a marker on it"
-    return f"the floor moves: {far}; it is followed by the feet at rest; {better}"
+    far = f"all feet at rest rise and fall together by {1e3 * _range(moved_m):.0f} mm"
+    better = "better still, export positions relative to a marker on it"
+    return f"the floor moves: {far}; hopdata uses them to follow it; {better}"
 
 
 @one_blas_thread()
 def level(
     recording: Recording, floor: floor_surface.FloorModel, *, overwrite: bool = False
 ) -> Recording:
-    """Take the floor off a recording, so that feet at rest have height 0.
+    """Subtract the floor from a recording, so that feet at rest have height 0.
 
     Parameters
     ----------
     recording : Recording
-        Its feet are those of `floor`, in the same order.
+        Recording with the feet of `floor`, in the same order.
     floor : FloorModel
-        What to take off.
+        Floor to subtract.
     overwrite : bool
-        Work in the memory of the recording, whose positions are lost.
+        Work in the memory of the recording, whose own positions are lost.
 
     Returns
     -------
     Recording
-        The same, except that each marker's z is less the floor's height at the marker's own
-        (x, y) and at its time, and each foot's z less its offset as well. NaN stays NaN.
+        The same recording with the floor's height at the marker's (x, y) and time subtracted from
+        each marker's z, and the foot's offset from each foot's z as well. NaN stays NaN.
     """
     if recording.names("foot") != floor.feet:
         raise ValueError(f"feet: expected {floor.feet}, found {recording.names('foot')}")
@@ -363,7 +370,7 @@ def level(
 
 
 def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
-    """Find the rests within reach of a level floor, or of a plane where the floor slopes, (P,)."""
+    """Mark the rests within reach of a level floor, or of a plane if the floor slopes, (P,)."""
     near = np.abs(rest.above_mode) <= reach_m
     few = slice(None, None, -(-len(near) // _MOST_OF_PLANE) or 1)
     heights, columns, told = rest.points[few, 2], _columns_of_plane(rest, few), near[few]
@@ -377,13 +384,13 @@ def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
 
 
 def _columns_of_plane(rest: floor_surface.RestPoints, rows: slice = slice(None)) -> FloatArray:
-    middle = rest.points[:, :2].sum(axis=0) / max(len(rest.points), 1)  # far from the origin or not
+    middle = rest.points[:, :2].sum(axis=0) / max(len(rest.points), 1)  # may be far from the origin
     places = rest.points[rows, :2] - middle
     return np.hstack([rest.scale * np.eye(len(rest.start_m))[rest.foot[rows]], places])
 
 
 def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:
-    """Raise an error that names the feet which are never at rest."""
+    """Raise an error that names the feet that are hardly ever at rest."""
     if not (names := recording.names("foot")):
         raise AnalysisError(f"{recording.name}: floor: expected at least one foot, found none")
     moving = [name for name, start in zip(names, rest.start_m, strict=True) if np.isnan(start)]

@@ -15,14 +15,14 @@ from hopdata.recording import Recording
 
 # Frames in which a foot is at rest: hardly moving up or down, and low.
 
-_LEAST_FRAMES = 20
-_SHORT_FRAMES = 1000  # of a jump or two: a foot that rests in too few of them may be less still
-BIWEIGHT = 4.685  # deviations at which Tukey's weight, 95 % efficient, ends
-# Of an animal of 1 m; of another times `Recording.scale`, or its root.
+_LEAST_FRAMES = 20  # fewest frames at rest that a foot needs
+_SHORT_FRAMES = 1000  # recordings this short hold a jump or two, so feet may rest less still
+BIWEIGHT = 4.685  # deviations at which Tukey's weight reaches zero (95 % efficiency)
+# For an animal of 1 m; others are multiplied by `Recording.scale`, or its square root.
 REST_SPEED_M_S, REST_WINDOW_S, REST_BAND_M = 0.05, 0.04, 0.02
-_PAUSE_S = 0.1
-_LEVEL_M = 0.06  # heights of a foot at rest on one floor, uneven as it may be
-_LET_GO_S, _LET_GO_M = 0.15, 0.02  # whatever sinks so fast by so much at the end of a rest fell
+_PAUSE_S = 0.1  # time not at rest that ends a rest, s
+_LEVEL_M = 0.06  # range of the heights of a foot at rest on one floor, however uneven, m
+_LET_GO_S, _LET_GO_M = 0.15, 0.02  # within this time after a rest, a foot that sinks this far fell
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,15 @@ class RestPoints:
     points : (P, 3) array
         Marker positions, m, z up.
     foot : (P,) array of int8
-        Which foot each belongs to, 0-based in the order of the recording.
+        Number of the foot, from 0 in the order of the recording.
     time : (P,) array
-        When, s.
+        Time of each point, s.
     start_m : (n,) array
-        The ground mode of each foot's resting heights, m; NaN for a foot that never rests.
+        Ground mode of each foot's resting heights, m; NaN for a foot that never rests.
     let_go : (P,) bool array
-        Whether the foot fell when its rest was over: it was held, or stood on something.
+        Whether the foot fell when its rest ended: it was held, or stood on something.
     scale : float
-        That of the recording.
+        Scale of the recording.
     """
 
     points: FloatArray
@@ -73,9 +73,9 @@ class RestPoints:
 def rest_points(
     recording: Recording, *, speed_m_s: float | None = None, window_s: float | None = None
 ) -> RestPoints:
-    """Collect the feet at rest.
+    """Collect the frames in which feet are at rest.
 
-    Only the vertical speed is asked for, since on a treadmill a foot on the ground travels.
+    Only the vertical speed counts, because on a treadmill a foot on the ground travels.
 
     Parameters
     ----------
@@ -90,8 +90,9 @@ def rest_points(
     Returns
     -------
     RestPoints
-        All frames that are slow; those high up are left to the caller, who has the floor. In a
-        recording of a jump or two, where these are too few, a foot may be up to four times as fast.
+        All slow frames, including high ones, which the caller removes because it knows the floor.
+        If these are too few in a recording of a jump or two, the speed limit is up to four times
+        higher.
     """
     speed_m_s = speed_m_s or REST_SPEED_M_S * recording.pace
     lag = max(1, round(0.5 * (window_s or REST_WINDOW_S * recording.pace) * recording.rate_hz))
@@ -119,7 +120,7 @@ def rest_points(
 
 
 def _let_go(recording: Recording, height: FloatArray, slow: IntArray) -> NDArray[np.bool_]:
-    """Tell of the frames in which a foot is slow, (K,), whether it falls when that rest is over."""
+    """Mark the slow frames of a foot, (K,), that belong to a rest after which the foot falls."""
     long = np.diff(recording.time[slow], append=np.inf) > _PAUSE_S * recording.pace
     ends = slow[long]
     ahead = np.arange(1 + round(_LET_GO_S * recording.pace * recording.rate_hz))
@@ -129,9 +130,10 @@ def _let_go(recording: Recording, height: FloatArray, slow: IntArray) -> NDArray
 
 
 def _ground_of(time: FloatArray, heights: FloatArray, scale: float) -> float:
-    """Height on which a foot rests, m: of a box and the ground where it comes to rest more often.
+    """Return the height on which a foot rests, m; of a box and the ground, the one used more often.
 
-    Each rest counts as long as it lasts, but 0.1 s at most: a body stands long before it jumps.
+    Each rest counts by its duration, but by 0.1 s at most, because an animal stands for long before
+    it jumps. The lowest level with at least half the weight of the heaviest is taken.
     """
     mode = ground_mode(heights, scale=scale).height_m
     pause_s, level_m = _PAUSE_S * np.sqrt(scale), _LEVEL_M * scale
@@ -145,9 +147,9 @@ def _ground_of(time: FloatArray, heights: FloatArray, scale: float) -> float:
 
 
 def thinned(rest: RestPoints, max_points: int) -> RestPoints:
-    """Keep the points of every k-th instant, so that about `max_points` are left.
+    """Keep the points of every k-th instant, so that about `max_points` remain.
 
-    Whole instants, so that the choice does not depend on the order of the feet.
+    Instants are kept whole, so the choice does not depend on the order of the feet.
     """
     step = max(1, -(-len(rest.foot) // max_points))
     kept = np.unique(rest.time)[::step]
@@ -156,7 +158,7 @@ def thinned(rest: RestPoints, max_points: int) -> RestPoints:
 
 
 def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatArray:
-    """Central difference over `lag` frames to either side, (N,), m/s; NaN where it has a gap."""
+    """Return the central difference over `lag` frames to either side, (N,), m/s; NaN in gaps."""
     speed = np.full(len(time), np.nan)
     if len(time) > 2 * lag:
         span = time[2 * lag :] - time[: -2 * lag]
@@ -167,7 +169,7 @@ def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatAr
 
 Terms = tuple[tuple[int, int], ...]
 
-CHUNK = 8192  # frames whose floor is worked out together
+CHUNK = 8192  # frames whose floor is computed together, to bound memory
 
 
 @dataclass(frozen=True)
@@ -185,24 +187,25 @@ class FloorModel:
     scale_m : float
         Unit of the scaled coordinates, m.
     rim_m : (K,) array
-        How far the rest points reach from the centre in K directions, equally spaced from +x
-        turning to +y, m: the floor is known inside the polygon of these K half-planes.
+        Reach of the rest points from the centre in K directions, equally spaced from +x towards
+        +y, m. The floor is known inside the polygon of these K half-planes.
     feet : tuple of str
         Names of the feet.
     foot_offsets_m : (n,) array
-        Height of each foot's marker above the mean of all feet's, m; sums to zero.
+        Height of each foot's marker above the mean of all feet, m; sums to zero.
     residual_rms_m : float
         Robust deviation of the rest points from the model (1.4826 median |residual|), m.
     n_points, n_outliers : int
-        Rest points near the floor, and those among them that the fit gave up, raised ones included.
+        Number of rest points near the floor, and how many of them the fit rejects, including
+        raised ones.
     degree, degree_wanted : int
-        Degree of the polynomial, and the one asked for: lower where the feet at rest do not
-        cover enough ground.
+        Degree of the polynomial, and the degree requested. The first is lower if the feet at rest
+        do not cover enough ground.
     note : str
-        That the floor moves, which feet often rest above it, why the degree is lower, or that
-        none was asked for; else empty.
+        Whether the floor moves, which feet often rest above it, why the degree is lower, or that
+        compensation is off; empty if there is nothing to report.
     moved_s, moved_m : (W,) arrays
-        Instants, s, and how much higher the floor was then, m; a single 0 where it does not move.
+        Instants, s, and the rise of the floor at each, m; a single 0 if it does not move.
     """
 
     terms: Terms
@@ -222,17 +225,17 @@ class FloorModel:
     moved_m: FloatArray = field(default_factory=lambda: np.zeros(1))
 
     def height(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Height of the floor at places (x, y) of any one shape, m; NaN where a place is NaN.
+        """Return the floor's height, m, at places (x, y) of any shape; NaN where a place is NaN.
 
-        A place beyond the rim of the ground stepped on is first moved straight towards the
-        centre until it stands on the rim, so that the polynomial never extrapolates.
+        A place beyond the rim of the ground stepped on is first moved straight towards the centre
+        onto the rim, so that the polynomial never extrapolates.
         """
         place = np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float64)
         heights = design(self._scaled(place.reshape(-1, 2)), self.terms) @ self.coefficients_m
         return np.asarray(heights).reshape(place.shape[:-1])
 
     def _scaled(self, place: FloatArray) -> FloatArray:
-        """Scaled coordinates of places (P, 2), those beyond the rim moved onto it."""
+        """Scale places (P, 2), and move those beyond the rim onto it."""
         return within_rim((place - self.centre_m) / self.scale_m, self.rim_m / self.scale_m)
 
     def to_dict(self) -> dict[str, Any]:
@@ -245,7 +248,7 @@ class FloorModel:
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> FloorModel:
-        """Make the model from what `to_dict` gave."""
+        """Make the model from the fields that `to_dict` returns."""
         arrays = ("coefficients_m", "centre_m", "rim_m", "foot_offsets_m", "moved_s", "moved_m")
         made = dict(fields) | {name: np.array(fields[name], dtype=float) for name in arrays}
         made["terms"] = tuple((int(i), int(j)) for i, j in fields["terms"])
@@ -255,7 +258,7 @@ class FloorModel:
 
 
 def design(scaled: FloatArray, terms: Terms) -> FloatArray:
-    """Columns u^i v^j for places (P, 2) in scaled coordinates, (P, T)."""
+    """Return the columns u^i v^j, (P, T), for places (P, 2) in scaled coordinates."""
     highest = max((max(term) for term in terms), default=0)
     u, v = (_powers(np.ascontiguousarray(scaled[:, k]), highest) for k in (0, 1))
     return np.stack([u[i] * v[j] for i, j in terms]).T
@@ -269,18 +272,18 @@ def _powers(x: FloatArray, highest: int) -> list[FloatArray]:
 
 
 def polynomial_terms(degree: int) -> Terms:
-    """Exponents (i, j) with i + j <= `degree`, by total degree."""
+    """List the exponents (i, j) with i + j <= `degree`, by total degree."""
     return tuple((total - j, j) for total in range(degree + 1) for j in range(total + 1))
 
 
 def rim_of(places: FloatArray, n_directions: int) -> FloatArray:
-    """How far places (P, 2) about the origin reach in each of equally spaced directions, (K,)."""
+    """Return the reach of places (P, 2) from the origin in equally spaced directions, (K,)."""
     reach = (places @ directions(n_directions).T).max(axis=0)
     return np.maximum(reach, 1e-6 * np.abs(reach).max())
 
 
 def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
-    """Places (P, 2), those beyond the rim moved towards the origin until they stand on it."""
+    """Move places (P, 2) beyond the rim towards the origin onto the rim."""
     moved = np.array(places, dtype=np.float64)
     outer = np.flatnonzero(np.einsum("pk,pk->p", places, places) > max(rim.min(), 0.0) ** 2)
     beyond = np.max(places[outer] @ directions(len(rim)).T / rim, axis=1)
@@ -289,15 +292,15 @@ def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
 
 
 def directions(n: int) -> FloatArray:
-    """Make unit vectors (n, 2), equally spaced from +x turning to +y."""
+    """Make unit vectors (n, 2), equally spaced from +x towards +y."""
     angle = 2.0 * np.pi * np.arange(n) / n
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-# Robust regression of the floor, at the highest degree that the feet at rest can fix.
+# Robust regression of the floor, at the highest degree that the feet at rest determine.
 
 RIM_DIRECTIONS = 24  # the polygon overshoots a round rim by at most 0.9 %
-_COLLINEAR = 1e-6  # singular value, against the largest, below which columns are one
+_COLLINEAR = 1e-6  # relative singular value below which columns are collinear
 
 
 @dataclass(frozen=True)
@@ -309,9 +312,9 @@ class FloorRegression:
     terms, coefficients_m : tuple, (T,) array
         Exponents of the polynomial, and the coefficients, m.
     offsets_m : (n,) array
-        Mount heights of the feet, m, that sum to zero.
+        Mount heights of the feet, m; they sum to zero.
     residuals : (P,) array
-        Of all rest points, also those not fitted, m.
+        Residuals of all rest points, including those not fitted, m.
     degree : int
         Degree of the polynomial.
     """
@@ -332,7 +335,7 @@ def regress_floor(
     largest_error_m: float,
     independent_share: float,
 ) -> FloorRegression:
-    """Fit floor and mount heights at the highest degree whose floor is sure enough.
+    """Fit floor and mount heights at the highest degree that is accurate enough.
 
     Parameters
     ----------
@@ -341,13 +344,13 @@ def regress_floor(
     scaled : (P, 2) array
         Their places in scaled coordinates.
     near : (P,) bool array
-        Those to fit.
+        Points to fit.
     degree : int
         Highest degree to try.
     largest_error_m : float
         Largest standard error of the floor on its rim, m.
     independent_share : float
-        Independent points over points, 0 to 1: those of one step share their error.
+        Share of independent points, 0 to 1; the points of one step share their error.
     """
     contrasts = _sum_to_zero(len(rest.start_m))
     far = 1e3 * directions(RIM_DIRECTIONS)
@@ -369,11 +372,11 @@ def regress_floor(
 
 
 def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
-    """Regress values (n,) on columns (n, k) so that outliers count for little, (k,).
+    """Regress values (n,) on columns (n, k) with little weight on outliers, (k,).
 
-    M-estimates of Tukey's biweight (c = 4.685) by iterated weights, until the coefficients stand
-    still; the scale is the median of the absolute residuals. statsmodels' `RLM` finds the same, and
-    takes longer to load than the rest of the job runs.
+    These are M-estimates with Tukey's biweight (c = 4.685), with weights iterated until the
+    coefficients are stationary. The scale is the median absolute residual. statsmodels' `RLM` gives
+    the same result, but takes longer to load than the rest of the job to run.
     """
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
     for _ in range(100):
@@ -381,7 +384,7 @@ def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
         scale = robust_rms(residuals)
         if scale <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit
             break
-        root = np.clip(1 - (residuals / scale / BIWEIGHT) ** 2, 0, None)  # of the weights
+        root = np.clip(1 - (residuals / scale / BIWEIGHT) ** 2, 0, None)  # root of the weights
         before = found
         found = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)[0]
         if np.abs(found - before).max() <= 1e-10 * scale:
@@ -390,16 +393,16 @@ def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:
-    """Terms of the polynomial at places (P, 2), and contrasts of the mounts, (P, T + n - 1)."""
+    """Return polynomial terms at places (P, 2) and contrasts of the mounts, (P, T + n - 1)."""
     return np.hstack([design(scaled, terms), _sum_to_zero(len(rest.start_m))[rest.foot]])
 
 
 def _floor_spread(columns: FloatArray, rim: FloatArray) -> float:
-    """Largest standard error of the floor on its rim for unit residuals; inf if undetermined.
+    """Return the largest standard error on the rim for unit residuals; inf if undetermined.
 
-    The floor alone, without the offset of the foot that stands on it: where feet keep to
-    places of their own, a slope and their mount heights are the same to the data, and only
-    their sum is sure. A polynomial is least sure at its rim.
+    The error is that of the floor alone, without the offset of the foot that stands on it. If each
+    foot stays in its own place, the data cannot separate a slope from mount heights and determine
+    only their sum. The rim is where a polynomial is least certain.
     """
     _, values, right = np.linalg.svd(columns, full_matrices=False)
     if len(columns) <= columns.shape[1] or values[-1] < _COLLINEAR * values[0]:
@@ -409,5 +412,5 @@ def _floor_spread(columns: FloatArray, rim: FloatArray) -> float:
 
 
 def _sum_to_zero(n_feet: int) -> FloatArray:
-    """Contrasts (n, n - 1) whose combinations are all offsets that sum to zero."""
+    """Return contrasts (n, n - 1) that span all offsets that sum to zero."""
     return np.vstack([np.eye(n_feet - 1), -np.ones((1, n_feet - 1))])

@@ -171,7 +171,7 @@ def test_why_there_is_no_pair_is_said_of_each_recording():
         assemble_pairs([SCENE.recording, far], poor, pre_height_m=9.0, post_height_m=8.0)
     text = str(caught.value)
     assert f"{len(TABLE)} descents, poor fit of foot 1 in {len(TABLE)}" in text
-    assert "far: the body never sinks through the pre section, its heights are 0." in text
+    assert "far: the body never sinks through the pre section, with heights from 0." in text
     assert "sections.pre_height_m" in text
     with pytest.raises(AnalysisError, match=": 1 descent, poor fit of foot 1 in 1"):
         assemble_pairs([SCENE.recording], poor.head(1), pre_height_m=9.0, post_height_m=8.0)

@@ -244,8 +244,8 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
         raise AnalysisError(
             "sections: expected descents of the body in which the feet go from all up to all "
             f"down, found none (all up: lowest foot above {lowest:.4f} m; all down: highest foot "
-            f"below {highest:.4f} m); in a walk the body need not sink as a foot lands: else set "
-            "sections.min_foot_threshold_m and sections.max_foot_threshold_m"
+            f"below {highest:.4f} m); in a walk the body need not sink when a foot lands; "
+            "otherwise set sections.min_foot_threshold_m and sections.max_foot_threshold_m"
         )
     where, name, value, n = "stand on", "max_foot_threshold_m", highest, n_down
     if n_up < n_down:

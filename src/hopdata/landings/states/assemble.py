@@ -230,7 +230,7 @@ def _why_few(recording: Recording, table: pd.DataFrame) -> str:
     if not len(heights):
         return f"{recording.name}: no frame shows the whole body"
     return (
-        f"{recording.name}: the body never sinks through the pre section, its heights are "
+        f"{recording.name}: the body never sinks through the pre section, with heights from "
         f"{heights.min():.4g} to {heights.max():.4g} m"
     )
 
