@@ -1,4 +1,4 @@
-"""Gaps of the body markers: filled where that is safe, and marked."""
+"""Gaps of the body markers: fill them where it is safe, and mark what was filled."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen
 from hopdata.rigid import rigid_fit
 
-# The gaps of every marker, and what was filled of them.
+# The gaps of every marker, and how much of them was filled.
 
 
 def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
-    """Count the gaps of every marker, and what was filled of them.
+    """Count the gaps of every marker, and how much of them was filled.
 
     Parameters
     ----------
     recordings : iterable of Recording
-        With filled gaps, or without.
+        With gaps filled or not.
 
     Returns
     -------
     pandas.DataFrame
-        One row a marker of each recording: recording, marker, role, frames, gaps, longest_s,
-        missing, filled, left. Gaps are those of the cameras, filled or not; the last three count
-        frames, and missing = filled + left.
+        One row for each marker of each recording: recording, marker, role, frames, gaps, longest_s,
+        missing, filled, left. Gaps are those of the cameras, filled or not. The last three count
+        frames, with missing = filled + left.
     """
     columns = ("recording", "marker", "role", "frames", "gaps", "longest_s")
     rows = []
@@ -45,27 +45,27 @@ def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*columns, "missing", "filled", "left"])
 
 
-# Where an unseen body marker must be, from the others on the same rigid body.
+# Where an unseen body marker must be, from the other markers on the same rigid body.
 
-LEAST_SEEN = 3  # other markers that a place is told from
-LEAST_FRAMES = 20  # with the whole body, to learn its shape from
+LEAST_SEEN = 3  # fewest other markers from which a marker is placed
+LEAST_FRAMES = 20  # fewest frames with the whole body from which its shape is learned
 SAMPLE_FRAMES = 4000
-LARGEST_GAIN = 4.0  # of the noise of the seen markers, in the place of the unseen one
-LARGEST_MISFIT = 4.0  # of the seen markers to the shape, in the rms misfit of the whole body
+LARGEST_GAIN = 4.0  # largest noise of a placed marker, relative to that of the seen ones
+LARGEST_MISFIT = 4.0  # largest misfit of seen markers, relative to the rms of the whole body
 ALIGNMENTS = 5
 
 
 @dataclass(frozen=True)
 class BodyShape:
-    """A rigid body as its markers show it.
+    """Shape of a rigid body, as its markers show it.
 
     Parameters
     ----------
     points : (B, 3) array
         Mean places of the markers in the body, centred, m.
     misfit_m : float
-        Rms distance per degree of freedom by which markers leave the shape: their noise, and what
-        the body bends.
+        Rms distance of markers from the shape per degree of freedom, from their noise and from
+        bending of the body, m.
     """
 
     points: FloatArray
@@ -73,9 +73,10 @@ class BodyShape:
 
 
 def learn_shape(body: FloatArray) -> BodyShape | None:
-    """Learn the shape of a body from the frames in which all of it is seen.
+    """Learn the shape of a body from the frames that show all of it.
 
-    Generalised Procrustes alignment without scaling (Gower 1975), over at most `SAMPLE_FRAMES`.
+    The method is generalised Procrustes alignment without scaling (Gower 1975), over at most
+    `SAMPLE_FRAMES` frames.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def learn_shape(body: FloatArray) -> BodyShape | None:
     Returns
     -------
     BodyShape or None
-        None with fewer than four markers or than `LEAST_FRAMES` frames with the whole body.
+        None with fewer than four markers, or fewer than `LEAST_FRAMES` frames of the whole body.
     """
     whole = np.flatnonzero(seen(body).all(axis=1))
     if body.shape[1] <= LEAST_SEEN or len(whole) < LEAST_FRAMES:
@@ -101,22 +102,22 @@ def learn_shape(body: FloatArray) -> BodyShape | None:
 
 
 def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> FloatArray:
-    """Places of the wanted markers, from those seen in the same frame.
+    """Place the wanted markers from those seen in the same frame.
 
     Parameters
     ----------
     body : (N, B, 3) array
         Body markers, m; NaN where unseen.
     wanted : (N, B) bool array
-        Which to place; none of them is seen.
+        Which markers to place; none of them is seen.
     shape : BodyShape
-        Of the same markers.
+        Shape of the same markers.
 
     Returns
     -------
     (N, B, 3) array
-        m; NaN where not wanted, where fewer than three others are seen or they lie too near a line
-        to tell the place, and where they do not fit the shape.
+        Places, m. NaN where not wanted, where fewer than three others are seen, where these are too
+        close to collinear, and where they do not fit the shape.
     """
     fit = rigid_fit(body, shape.points)
     patterns, which = np.unique(seen(body), axis=0, return_inverse=True)
@@ -131,8 +132,8 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
 def noise_gain(points: FloatArray, target: FloatArray) -> float:
     """Return the worst standard deviation of a placed marker, per unit of the others' noise.
 
-    From the six small motions that `points` (m, 3) fix, carried to `target` (3,); infinite if the
-    points lie on a line or are fewer than three.
+    The `points` (m, 3) determine six small motions of the body, which are propagated to `target`
+    (3,). The result is infinite if the points are collinear or fewer than three.
     """
     if len(points) < LEAST_SEEN:
         return float("inf")
@@ -145,13 +146,13 @@ def noise_gain(points: FloatArray, target: FloatArray) -> float:
 
 
 def _motions(point: FloatArray) -> FloatArray:
-    """Displacement of a point by small shifts and turns of the body, (3, 6)."""
+    """Return the displacements of a point by small shifts and turns of the body, (3, 6)."""
     x, y, z = point
     return np.hstack([np.eye(3), [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]])
 
 
-LONGEST_S = 0.1
-REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted to
+LONGEST_S = 0.1  # longest gap that is filled, s, for an animal of 1 m
+REACH_S = max(WINDOWS_S)  # time about the sections in which frames may be used for states, s
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
@@ -161,8 +162,8 @@ def fill_gaps(
 ) -> Recording:
     """Fill short gaps of the body markers.
 
-    A marker is placed by three or more others of the body in the same frame. Feet are never filled:
-    a contact is to be seen, not made.
+    A marker is placed from three or more others of the body in the same frame. Feet are never
+    filled: a contact must be seen, not made up.
 
     Parameters
     ----------
@@ -176,7 +177,8 @@ def fill_gaps(
     Returns
     -------
     Recording
-        The same, with the places and with `filled` marking them. What was seen is not touched.
+        The same recording with the places filled in and marked in `filled`. Seen places stay as
+        they are.
     """
     positions = recording.positions if overwrite else recording.positions.copy()
     filled = np.zeros(positions.shape[:2], bool)
@@ -194,23 +196,23 @@ def fill_gaps(
 def mark_filled(
     recording: Recording, table: pd.DataFrame, *, largest_share: float = 1.0
 ) -> pd.DataFrame:
-    """Say of each touchdown how much of it was filled in, and leave out those with too much.
+    """Add the filled share of each touchdown, and exclude touchdowns with too much filling.
 
     Parameters
     ----------
     recording : Recording
-        Whose gaps were filled; with `filled` None the table is returned as it is.
+        Recording with filled gaps; if `filled` is None, the table is returned unchanged.
     table : pandas.DataFrame
         Its touchdowns.
     largest_share : float
-        Touchdowns of which more than this share was filled in are left out, 0 to 1.
+        Filled share above which a touchdown is excluded, 0 to 1.
 
     Returns
     -------
     pandas.DataFrame
-        With a column filled_share: filled places over all places of the body markers, from 0.22 s
-        before the pre section to 0.22 s after the post section (or the pre section, where the post
-        section was not reached).
+        The table with a column filled_share: the share of filled places among all places of the
+        body markers, from 0.22 s before the pre section to 0.22 s after the post section (or after
+        the pre section if the post section was not reached).
     """
     if recording.filled is None:
         return table
@@ -231,7 +233,7 @@ def mark_filled(
 
 
 def _short_gaps(unseen: BoolArray, longest: int) -> BoolArray:
-    """Mark the gaps of (N, B) markers that last at most `longest` frames."""
+    """Mark the gaps of markers (N, B) that last at most `longest` frames."""
     short = np.zeros_like(unseen)
     for marker in range(unseen.shape[1]):
         for start, stop in runs(unseen[:, marker]):

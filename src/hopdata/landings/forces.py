@@ -1,4 +1,4 @@
-"""One landing as the cameras and another device saw it, and how much the threshold matters."""
+"""Contacts from force plates, one example landing, and the influence of the force threshold."""
 
 from __future__ import annotations
 
@@ -16,30 +16,31 @@ from hopdata.landings.overlay import MATCHED, compare_contacts, summarise_overla
 from hopdata.recording import Recording
 from hopdata.recordings import external
 
-# When a force plate says that a foot came down.
+# When a foot came down, according to a force plate.
 
-UNLOADED_S = 0.01  # a force that is gone for less than this is a rattle within a contact
+UNLOADED_S = 0.01  # shortest time without force, s; less is a rattle within a contact
 
 
 def force_onsets(
     time: ArrayLike, force: ArrayLike, *, least_n: float = 50.0, sure_n: float = 400.0
 ) -> FloatArray:
-    """Instants at which the vertical force rises through a threshold, once for each stance.
+    """Find the instants at which the vertical force rises through a threshold, one for each stance.
 
-    A stance reaches `sure_n` after the force has been below the threshold for `UNLOADED_S`: so a
-    rattle of the plate is no contact, and a dip during the rise or in stance no new one. One that
-    has already begun in the first sample has no onset, nor has one beside a missing sample. Two
-    feet that are on the plate together make one. The instant is interpolated between two samples.
+    A stance reaches `sure_n` after the force has been below the threshold for `UNLOADED_S`. So a
+    rattle of the plate is not a contact, and a dip during the rise or the stance is not a new one.
+    A stance that has begun before the first sample has no onset, nor has a stance beside a missing
+    sample. Two feet on the plate at the same time make one stance. The instant is interpolated
+    between two samples.
 
     Parameters
     ----------
     time : (N,) array
         Times of the samples, s.
     force : (N,) array
-        Vertical force, N (or another unit, that of the thresholds), positive in stance; NaN where
-        missing.
+        Vertical force, N (or the unit of the thresholds, if different), positive in stance; NaN
+        where missing.
     least_n : float
-        Threshold of the onset, N; above the noise of the unloaded plate.
+        Threshold of the onset, N; it must exceed the noise of the unloaded plate.
     sure_n : float
         Force that a stance reaches and noise does not, N.
 
@@ -54,7 +55,7 @@ def force_onsets(
 
 
 def _last_unloaded(t: FloatArray, f: FloatArray, least_n: float, sure_n: float) -> IntArray:
-    """Last unloaded sample before each rise to `sure_n`; its neighbour is above the threshold."""
+    """Find the last unloaded sample before each rise to `sure_n`; the next is above threshold."""
     loaded = np.flatnonzero(f >= sure_n)
     if len(loaded) == 0:
         return loaded
@@ -65,26 +66,26 @@ def _last_unloaded(t: FloatArray, f: FloatArray, least_n: float, sure_n: float) 
     reached = loaded[np.minimum(np.searchsorted(loaded, last), len(loaded) - 1)]
     until = np.append(last[1:], len(f))  # the next unloaded stretch ends the attempt
     rises = last[(reached > last) & (reached < until)]
-    return rises[f[rises + 1] >= least_n]  # not so beside a missing sample
+    return rises[f[rises + 1] >= least_n]  # false beside a missing sample
 
 
-# Contact instants by a force under the feet: its threshold, its load, whose foot it may be.
+# Contact instants from a force under the feet: threshold, load, and the foot it may belong to.
 
-LOADED_SHARE = 0.3  # of the large forces: from here on a foot carries load
-LARGE_QUANTILE = 0.9  # of the forces above the threshold
+LOADED_SHARE = 0.3  # share of the large forces from which a foot carries load
+LARGE_QUANTILE = 0.9  # quantile of the forces above the threshold that counts as large
 
 
 def contact_times_of(
     signal: external.ForceSignal, *, threshold: float | None = None
 ) -> external.ContactTimes:
-    """Contact instants of a force signal.
+    """Find the contact instants of a force signal.
 
     Parameters
     ----------
     signal : ForceSignal
-        Its options name the threshold, and the height above which other feet are at work.
+        Its options give the threshold, and the height above which the force is from other feet.
     threshold : float, optional
-        In the signal's unit; by default as the options say, see `threshold_of`.
+        Threshold in the signal's unit; by default from the options, see `threshold_of`.
 
     Raises
     ------
@@ -100,10 +101,10 @@ def contact_times_of(
 
 
 def threshold_of(signal: external.ForceSignal) -> float:
-    """Threshold in the signal's unit: as given in N, else a share of body weight.
+    """Return the threshold in the signal's unit: as given in N, or a share of body weight.
 
-    The weight is the mean force, where the configuration does not give it: over whole strides what
-    the feet carry is the weight. That needs a column that all feet step on.
+    If the configuration does not give the weight, it is the mean force, since the feet carry the
+    weight over whole strides. This requires a column that all feet step on.
     """
     options = signal.options
     if options["threshold_n"] is not None:
@@ -116,7 +117,7 @@ def threshold_of(signal: external.ForceSignal) -> float:
 
 
 def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
-    """Force from which a foot carries load: a share of the large ones, or twice the threshold.
+    """Return the force of a loaded foot: a share of the large forces, or twice the threshold.
 
     Raises
     ------
@@ -137,21 +138,21 @@ def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
 EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
 MEASURES = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
 THRESHOLD_COLUMNS = ("recording", "column", "threshold", "unit", *MEASURES)
-BEFORE_S, AFTER_S = 0.08, 0.12
-FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # of the threshold
+BEFORE_S, AFTER_S = 0.08, 0.12  # time shown about the first external contact, s
+FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # multiples of the threshold that are compared
 
 
 def example_landing(
     recording: Recording, overlay: pd.DataFrame, signals: Sequence[external.ForceSignal] = ()
 ) -> pd.DataFrame:
-    """Foot heights and forces about one typical landing.
+    """Tabulate foot heights and forces about one typical landing.
 
     Parameters
     ----------
     recording : Recording
         Levelled.
     overlay : pandas.DataFrame
-        Comparison of this recording, as `compare_contacts` makes it, of one or more columns.
+        Comparison of this recording from `compare_contacts`, for one or more columns.
     signals : sequence of ForceSignal
         Its forces.
 
@@ -159,10 +160,10 @@ def example_landing(
     -------
     pandas.DataFrame
         recording, time_s (from the first external contact), kind (``height``, ``force``,
-        ``threshold``, ``external`` or ``found``), name (the foot; the column for a force, and for
-        the contact of several feet), value (m, N, body weights; s for instants), unit. The landing
-        is the matched one whose difference is the median, with all columns that know of it. Empty
-        if there is none.
+        ``threshold``, ``external`` or ``found``), name (the foot, or the column for a force and for
+        a contact of several feet), value (m, N, body weights; s for instants), unit. The landing is
+        the matched one with the median difference, with all columns that contain it. Empty if there
+        is none.
     """
     matched = overlay[(overlay["status"] == MATCHED) & ~overlay["excluded"].astype(bool)]
     if matched.empty:
@@ -208,7 +209,7 @@ def threshold_rows(
     Returns
     -------
     list of tuple
-        `THRESHOLD_COLUMNS` of each threshold at which the force can be read.
+        `THRESHOLD_COLUMNS` for each threshold at which the force can be read.
     """
     rows = []
     for signal, factor in product(signals, FACTORS):
@@ -216,7 +217,7 @@ def threshold_rows(
         try:
             contacts = contact_times_of(signal, threshold=threshold)
             table = compare_contacts(recording, touchdowns, contacts, window_s=window_s)
-        except AnalysisError:  # too high for this force; the chosen one has been compared already
+        except AnalysisError:  # too high for this force; the chosen threshold was compared before
             continue
         measures = summarise_overlay(table).iloc[0]
         told = (recording.name, signal.column.name, threshold, signal.unit)
@@ -224,7 +225,7 @@ def threshold_rows(
     return rows
 
 
-# All that is known from elsewhere of a study's recordings, beside what hopdata found in them.
+# All external data on a study's recordings, compared with what hopdata found in them.
 
 
 @dataclass(frozen=True)
@@ -234,11 +235,11 @@ class ExternalTruth:
     Parameters
     ----------
     contacts : pandas.DataFrame
-        One row a contact, see `compare_contacts`.
+        One row for each contact, see `compare_contacts`.
     summary : pandas.DataFrame
-        One row a column, see `summarise_overlay`.
+        One row for each column, see `summarise_overlay`.
     thresholds : pandas.DataFrame
-        See `threshold_rows`; without rows where there are no forces.
+        See `threshold_rows`; empty if there are no forces.
     example : pandas.DataFrame
         See `example_landing`.
     """
@@ -257,16 +258,16 @@ def overlay_external_truth(
     window_s: float,
     rate_hz: float | None = None,
 ) -> ExternalTruth:
-    """Read what is known from elsewhere and compare it with the contacts found.
+    """Read the external data of a study and compare them with the contacts found.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        Levelled; those for which something is known.
+        Levelled recordings that have external data.
     touchdowns : pandas.DataFrame
         Touchdowns of the study.
     configured : mapping
-        By recording name, the blocks ``contacts`` and ``forces`` of the configuration.
+        The blocks ``contacts`` and ``forces`` of the configuration, by recording name.
     window_s : float
         ``external.window_s``.
     rate_hz : float, optional
@@ -285,7 +286,7 @@ def overlay_external_truth(
         compared = [compare_contacts(recording, own, one, window_s=window_s) for one in known]
         contacts += compared
         thresholds += threshold_rows(recording, own, signals, window_s=window_s)
-        shown = pd.concat(compared[-len(signals) :], ignore_index=True)  # forces where there are
+        shown = pd.concat(compared[-len(signals) :], ignore_index=True)  # forces if there are any
         examples.append(example_landing(recording, shown, signals))
     table = pd.concat(contacts, ignore_index=True)
     at_thresholds = pd.DataFrame(thresholds, columns=list(THRESHOLD_COLUMNS))

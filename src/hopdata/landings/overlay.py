@@ -1,4 +1,4 @@
-"""Contacts that hopdata found beside those that another device knows, one row each."""
+"""Contacts that hopdata found, compared with those from another device, one row each."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.recordings.external import ContactTimes
 
-# Which contact of one list is which of another: one to one, within a window.
+# Match the contacts of two lists one to one, within a window.
 
-LARGEST_TABLE = 4_000_000  # differences of pairs, for the search of an offset
+LARGEST_TABLE = 4_000_000  # most pairwise differences in the search for an offset
 
 
 def match_instants(
     first: FloatArray, second: FloatArray, *, window_s: float
 ) -> tuple[IntArray, IntArray]:
-    """Match two lists of instants: as many pairs as there can be, then the nearest ones.
+    """Match two lists of instants: as many pairs as possible, then the nearest ones.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def match_instants(
     Returns
     -------
     in_first, in_second : (P,) int arrays
-        Indices of the pairs in order of time; each entry of either list is in one pair at most.
+        Indices of the pairs in order of time; each entry of either list is in at most one pair.
     """
     pairs: list[tuple[int, int]] = []
     for rows, columns in _clusters(first, second, window_s):
@@ -47,7 +47,7 @@ def match_instants(
 def _clusters(
     first: FloatArray, second: FloatArray, window_s: float
 ) -> list[tuple[IntArray, IntArray]]:
-    """Split into groups further apart than the window, where both lists have an instant."""
+    """Split into groups farther apart than the window; keep those with instants of both lists."""
     together = np.concatenate([first, second])
     order = np.argsort(together, kind="stable")
     ends = np.flatnonzero(np.diff(together[order]) > window_s) + 1
@@ -62,17 +62,17 @@ def _assigned(
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(first[rows][:, None] - second[columns])
-    price = 1.0 + len(apart) + len(columns)  # one pair more is worth any sum of differences
+    price = 1.0 + len(apart) + len(columns)  # one more pair outweighs any sum of differences
     cost = np.where(apart <= window_s, apart / window_s, price)
     chosen = zip(*linear_sum_assignment(cost), strict=True)
     return [(int(rows[i]), int(columns[j])) for i, j in chosen if apart[i, j] <= window_s]
 
 
 def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> float | None:
-    """Shift of `second` that brings most instants together, s; None if none stands out.
+    """Return the shift of `second` that aligns the most instants, s; None if none stands out.
 
-    Two clocks that were not started together differ by a constant: the differences of all pairs
-    then pile up at it.
+    Two clocks that were not started together differ by a constant, at which the differences of all
+    pairs pile up.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> 
 MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
 OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
 UNMATCHED = (MISSED, INVENTED, OTHER_FOOT, NOT_COMPARED)
-LATE_S = 0.1  # a foot may land so long after the post section and belong to the same touchdown
+LATE_S = 0.1  # time after the post section, s, in which a contact belongs to the same touchdown
 NO_DESCENT = "no descent through the pre section"
 COLUMNS = (
     *("recording", "source", "column", "feet", "status", "external_s", "found_s", "se_s"),
@@ -105,32 +105,32 @@ COLUMNS = (
 def compare_contacts(
     recording: Recording, touchdowns: pd.DataFrame, external: ContactTimes, *, window_s: float
 ) -> pd.DataFrame:
-    """Compare the first contacts of a column's feet with the instants that are known from outside.
+    """Compare the first contacts of a column's feet with instants from an external device.
 
     Parameters
     ----------
     recording : Recording
         Levelled: feet rest at height 0.
     touchdowns : pandas.DataFrame
-        Its touchdowns, as `touchdown_table` makes them.
+        Its touchdowns, from `touchdown_table`.
     external : ContactTimes
         Instants of one column.
     window_s : float
-        Contacts further apart than this are not the same, s.
+        Largest difference between matching contacts, s.
 
     Returns
     -------
     pandas.DataFrame
-        One row a contact, `COLUMNS`, by time. `status` is ``matched``; ``missed`` (known outside,
-        not found); ``invented`` (found and used, not known outside); ``other foot`` (known outside,
-        by a foot that is not followed); or ``not compared``, with the reason. `difference_s` is
-        found less external: positive where hopdata is late. `excluded` tells whether the touchdown
-        with this index is left out of the study, and `reason` why.
+        One row for each contact, with `COLUMNS`, in order of time. `status` is ``matched``;
+        ``missed`` (external, not found); ``invented`` (found and used, not external); ``other
+        foot`` (external, from a foot that is not followed); or ``not compared``, with the reason.
+        `difference_s` is found minus external: positive if hopdata is late. `excluded` is whether
+        the touchdown with this index is excluded from the study, and `reason` is why.
 
     Raises
     ------
     AnalysisError
-        If times do not overlap, or no contact of the one is near any of the other.
+        If the times do not overlap, or no found contact is near any external one.
     """
     _check_overlap(recording, external)
     found = _found(touchdowns, external.column.feet)
@@ -180,7 +180,7 @@ def compare_contacts(
 
 
 def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
-    """First contact of these feet in each touchdown that has one: with its foot and index."""
+    """Return the first contact of these feet in each touchdown that has one."""
     instants = touchdowns[[f"contact_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     errors = touchdowns[[f"se_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     rows = np.flatnonzero(~np.isnan(instants).all(axis=1))
@@ -198,7 +198,7 @@ def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
 
 
 def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
-    """Whether all feet of the column are in the air at each external instant, (K,)."""
+    """Return whether all feet of the column are in the air at each external instant, (K,)."""
     if external.other_feet_above_m is None:
         return np.zeros(len(external.instant), dtype=bool)
     names = recording.names("foot")
@@ -211,11 +211,11 @@ def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
 
 
 def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
-    """Touchdown during which an instant lies, and why it has no contact there."""
+    """Return the touchdown that contains an instant, and why it has no contact there."""
     before = np.flatnonzero(touchdowns["t_pre_s"].to_numpy() <= instant)
     if len(before):
         row = touchdowns.iloc[before[-1]]
-        if not instant > row["t_post_s"] + LATE_S:  # nor if the post section was never reached
+        if not instant > row["t_post_s"] + LATE_S:  # true if the post section was never reached
             return {"index": row["index"], "excluded": bool(row["excluded"]),
                     "reason": row["reason"] or "found at another time"}  # fmt: skip
     return {"reason": NO_DESCENT}
@@ -236,33 +236,34 @@ def _check_overlap(recording: Recording, external: ContactTimes) -> None:
         )
 
 
-# How well found contacts agree with external ones: counts, bias, scatter, for each column.
+# How well found and external contacts agree: counts, bias and scatter of each column.
 
 CONFIDENCE = 0.95
+# Fewest and most contacts from which a drift is estimated, and the confidence that it needs.
 LEAST_FOR_DRIFT, MOST_FOR_DRIFT, SURELY = 10, 1000, 0.999
 ALL = "all"
 
 
 def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
-    """Count and measure the agreement of each column of each recording, and of all together.
+    """Summarise the agreement of each column of each recording, and of all recordings together.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        As `compare_contacts` makes it, of one or more recordings and columns.
+        Comparison from `compare_contacts`, of one or more recordings and columns.
 
     Returns
     -------
     pandas.DataFrame
         recording (``all`` where several share a column), source, column, feet, first_feet (which of
         the feet touched first, and how often), n_external (contacts of these feet), n_matched,
-        n_excluded (of them in excluded touchdowns), n_missed, n_invented, n_other_foot,
-        n_not_compared; bias_s (median of the differences of matched contacts), bias_low_s and
-        bias_high_s (95 % interval by order statistics), robust_sd_s (from the median absolute
-        deviation), drift_s (change of the difference from the first contact to the last by its
-        median slope; 0 if chance may do as much, NaN for several recordings or fewer than ten
-        contacts), sd_s, largest_s (largest distance from the bias), scatter_over_se (robust sd of
-        the distances from the bias in their standard errors: 1 if those are right).
+        n_excluded (matched contacts in excluded touchdowns), n_missed, n_invented, n_other_foot,
+        n_not_compared; bias_s (median difference of matched contacts), bias_low_s and bias_high_s
+        (95 % interval by order statistics), robust_sd_s (from the median absolute deviation),
+        drift_s (change of the difference from the first contact to the last, by the median slope;
+        0 if chance may explain it, NaN for several recordings or fewer than ten contacts), sd_s,
+        largest_s (largest distance from the bias), scatter_over_se (robust sd of the distances from
+        the bias in units of their standard errors: 1 if these are right).
     """
     keys = ["source", "column", "feet"]
     groups = list(table.groupby(["recording", *keys], sort=False))
@@ -274,7 +275,7 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def median_interval(values: FloatArray) -> tuple[float, float]:
-    """Interval for the median that needs no model: two order statistics.
+    """Return a distribution-free interval for the median, between two order statistics.
 
     Parameters
     ----------
@@ -284,7 +285,7 @@ def median_interval(values: FloatArray) -> tuple[float, float]:
     Returns
     -------
     low, high : float
-        They hold the median with a probability of `CONFIDENCE` at least; NaN where n is too small.
+        Bounds of the median with a confidence of at least `CONFIDENCE`; NaN if n is too small.
     """
     from scipy.stats import quantile_test
 
@@ -302,7 +303,7 @@ def robust_sd(values: FloatArray) -> float:
 
 
 def _drift(time: FloatArray, difference: FloatArray) -> float:
-    """By how much differences change over the contacts, s: what clocks that run apart do."""
+    """Return the change of the differences over the contacts, s, as between drifting clocks."""
     from scipy.stats import theilslopes
 
     some = slice(None, None, 1 + len(time) // MOST_FOR_DRIFT)

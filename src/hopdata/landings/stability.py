@@ -1,4 +1,4 @@
-"""The sections again, with other bandwidths and from parts of the data."""
+"""Stability of a study: drift between its parts, and sections from variants of the data."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
 
-# How far what should stay the same differs between recordings, or within a single one.
+# How much quantities that should not change differ between recordings, or within a single one.
 
-#: Name -> unit of what is compared, one value a touchdown.
+#: Quantity -> unit; each has one value per touchdown.
 QUANTITIES = {
     "time between the sections": "s",
     "contact spread": "s",
     "height of the feet at the post section": "m",
     "distance between body markers": "m",
 }
-PARTS_OF_ONE = 4
+PARTS_OF_ONE = 4  # parts of a single recording
 MAD_TO_SD = 1.4826
-SE_OF_MEDIAN = 1.2533  # times sd / sqrt(n), for normal values
-LEAST = 5
+SE_OF_MEDIAN = 1.2533  # standard error of the median of normal values, in sd / sqrt(n)
+LEAST = 5  # fewest touchdowns of a part
 
 
 @one_blas_thread()
@@ -46,10 +46,10 @@ def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd
     Returns
     -------
     pandas.DataFrame
-        One row a quantity and part: ``quantity, unit, part, touchdowns, median, se`` (of the
-        median), ``typical`` (median of all), ``spread`` (robust standard deviation within parts)
-        and ``deviation`` of the part's median in spreads. Parts with fewer than five touchdowns
-        are left out, and there are no rows where fewer than two parts remain.
+        One row for each quantity and part: ``quantity, unit, part, touchdowns, median, se`` (of
+        the median), ``typical`` (median of all), ``spread`` (robust standard deviation within
+        parts) and ``deviation`` of the part's median, in spreads. Parts with fewer than five
+        touchdowns are left out. A quantity with fewer than two parts left has no rows.
     """
     values = pd.concat([_values(one, touchdowns) for one in recordings], ignore_index=True)
     if len(recordings) == 1:
@@ -100,7 +100,7 @@ def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
     if len(parts) < 2:  # nothing to compare
         return []
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
-    # Each part's own median lies amid its values: of five, a deviation in five is zero.
+    # Each part's median is taken from its own values: with five, one deviation in five is zero.
     spread = MAD_TO_SD * float(np.median(within)) / (1 - len(parts) / len(within))
     typical = float(np.median(np.concatenate(list(parts.values()))))
     told: list[tuple[object, ...]] = []
@@ -123,28 +123,28 @@ def section_stability(
     options: Mapping[str, Any],
     landings: Mapping[str, pd.DataFrame] | None = None,
 ) -> pd.DataFrame:
-    """Choose the sections again under six bandwidths, and from parts of the data.
+    """Select the sections again with six other bandwidths, and from parts of the data.
 
-    These are each half, each recording, and all but the second that holds the frame farthest on the
-    wrong side of a section: a section rests on few frames, and one bad second can move it.
+    The parts are each half, each recording, and all data but the second around the frame farthest
+    on the wrong side of a section. A section depends on few frames, so one bad second can move it.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        Levelled, as `hopdata.landings.sections.select.select_sections` takes them.
+        Levelled, as for `hopdata.landings.sections.select.select_sections`.
     sections : Sections
-        Those chosen from all, the first row.
+        Sections selected from all data; they are the first row.
     options : mapping
-        Options with which they were chosen.
+        Options with which they were selected.
     landings : mapping, optional
-        Those that they were chosen by.
+        Landings with which they were selected.
 
     Returns
     -------
     pandas.DataFrame
         ``kind`` (``chosen, bandwidth, second, half, recording``), ``variant``, ``bandwidth_m`` of
-        the ground mode of the lowest foot, ``pre_height_m``, ``post_height_m``, and in ``note`` why
-        a variant has none. Heights that the configuration sets stay as they are.
+        the ground mode of the lowest foot, ``pre_height_m``, ``post_height_m``, and ``note``, which
+        says why a variant has no sections. Heights set by the configuration stay as they are.
     """
     landings = landings or {one.name: find_landings(one) for one in recordings}
     rows = [_row("chosen", "all data", sections)]
@@ -179,7 +179,7 @@ def _variants(
 def _farthest_frames(
     recordings: Sequence[Recording], sections: Sections
 ) -> Iterator[tuple[int, int]]:
-    """Find recording and frame of the highest body with some foot down, the lowest with one up."""
+    """Find recording and frame of the highest body with a foot down and the lowest with one up."""
     heights = [heights_of(recording) for recording in recordings]
     states = [sections.pooled([h]) for h in heights]
     for sign, right_side in ((1.0, "all_up"), (-1.0, "all_down")):
@@ -195,15 +195,15 @@ def _farthest_frames(
 def _without_second(
     recordings: Sequence[Recording], number: int, frame: int
 ) -> Iterator[tuple[str, list[Recording]]]:
-    """Yield the recordings with the second around a frame unseen, and what to call that.
+    """Yield the name of a variant, and the recordings with the second around a frame unseen.
 
-    It is put back afterwards: of a long recording memory may hold no second one.
+    The second is restored afterwards, since memory may not hold a copy of a long recording.
     """
     bad = recordings[number]
     time = bad.time[frame]
     unseen = np.abs(bad.time - time) <= HALF_A_SECOND
     kept, parts = bad.positions[unseen], list(recordings)
-    parts[number] = replace(bad)  # which keeps no heights of before
+    parts[number] = replace(bad)  # a new object has no cached heights
     of_which = f" of {bad.name}" if len(recordings) > 1 else ""
     bad.positions[unseen] = np.nan
     try:

@@ -1,1 +1,1 @@
-"""The two Poincare sections: ground modes, the frames that count, the heights."""
+"""The two Poincare sections: ground modes, the frames used, and the heights."""

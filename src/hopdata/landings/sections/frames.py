@@ -1,8 +1,8 @@
 """Which frames have all feet up or down, and which belong to a landing.
 
-A foot at rest trembles by the noise of the cameras, so that a bare threshold at three sigmas
-says "up" in some frames of every stance; they would outweigh the tails that the sections are
-made from. The states here have hysteresis: a height counts as clear of the ground in a run of
+A foot at rest trembles with the noise of the cameras, so a plain threshold at three sigmas says
+"up" in some frames of every stance. These frames would outweigh the tails from which the sections
+are made. The states here therefore have hysteresis: a height is clear of the ground in a run of
 frames above the threshold that also reaches three times as high.
 """
 
@@ -17,12 +17,12 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts.descents import descents
 from hopdata.recording import Recording
 
-_CLEAR = 3.0  # heights above ground, in thresholds, that make a run of frames an up
+_CLEAR = 3.0  # height above ground, in thresholds, that a run of frames must reach to be up
 
 
 @dataclass(frozen=True)
 class Heights:
-    """Heights of one recording, NaN in all three where a foot or the body is not seen.
+    """Heights of one recording; all three are NaN where a foot or the body is not seen.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Heights:
 
 @dataclass(frozen=True)
 class Frames:
-    """Frames pooled over recordings, all seen.
+    """Frames pooled over recordings; everything is seen in each of them.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Frames:
 
 
 def heights_of(recording: Recording) -> Heights:
-    """Lowest foot, highest foot and body height in each frame of a (levelled) recording."""
+    """Return lowest foot, highest foot and body height in each frame of a levelled recording."""
     feet = recording.feet[:, :, 2]
     lowest, highest, body = feet.min(axis=1), feet.max(axis=1), recording.body_height
     unseen = ~np.isfinite(lowest + body)
@@ -82,11 +82,11 @@ def pool_frames(
     min_foot_m, max_foot_m : float
         Thresholds: the lowest (highest) foot is up above this height, m.
     ground_m : float
-        Height of the ground, m, from which the hysteresis is counted.
+        Height of the ground, m, above which the hysteresis is measured.
     landings_only : bool
-        Keep only the descents of the body in which the feet go from all up to all down. From
-        the first frame with all down to the nadir they are taken to stay down: a heel that
-        rises early is not part of the landing.
+        Keep only the descents of the body in which the feet go from all up to all down. From the
+        first frame with all down to the nadir, the feet are assumed to stay down, because a heel
+        that rises early is not part of the landing.
     """
     parts = []
     for h in heights:
@@ -102,14 +102,14 @@ def pool_frames(
 
 
 def pooled(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Join arrays along the first axis; a single one as it is, since it may be large."""
+    """Join arrays along the first axis; do not copy a single one, since it may be large."""
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
 def clear_of_ground(height: FloatArray, *, threshold_m: float, ground_m: float) -> BoolArray:
-    """Mark runs of frames above the threshold that rise to three times as high, (N,).
+    """Mark runs of frames above the threshold that reach three times as high, (N,).
 
-    A frame that is not seen (NaN) is not marked, and does not end a run.
+    An unseen frame (NaN) is not marked and does not end a run.
     """
     clear = np.zeros(len(height), dtype=bool)
     seen = np.flatnonzero(np.isfinite(height))
@@ -139,7 +139,7 @@ def landing_frames(
     Returns
     -------
     in_descent, landed : (N,) bool array
-        Seen frames of these descents, and those from the first with all feet down on.
+        Seen frames of these descents, and those of them from the first with all feet down on.
     """
     in_descent, landed = np.zeros(len(body), dtype=bool), np.zeros(len(body), dtype=bool)
     for apex, nadir in descents(body):

@@ -1,9 +1,11 @@
 """Gaussian kernel density on a uniform grid, exact to about 1e-8, at the cost of one FFT.
 
-Each sample is spread over four nodes of a fine grid by the cubic B-spline; in Fourier space the
+Each sample is spread over four nodes of a fine grid by the cubic B-spline. In Fourier space, the
 counts are multiplied by the transfer function of the Gaussian and divided by that of the spline
-(the type-1 non-uniform FFT with a spline for its window). What is left is aliasing of the
-spline, of order (spacing / bandwidth)^4, and the grid is made as fine as that asks for.
+(a type-1 non-uniform FFT with a spline window). The remaining error is aliasing of the spline, of
+order (spacing / bandwidth)^4; the grid is chosen fine enough for it.
+
+The ground mode is found from such densities: where the heights of feet on the ground pile up.
 """
 
 from dataclasses import dataclass
@@ -15,18 +17,18 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 
 _NODES_PER_BANDWIDTH = 32  # spacing of the fine grid; aliasing below 1e-8 of the peak
-_REACH = 8.0  # bandwidths after which the kernel is nothing (exp(-32) = 1e-14)
+_REACH = 8.0  # bandwidths beyond which the kernel is negligible (exp(-32) = 1e-14)
 _MAX_FINE_NODES = 2**23
-BLOCK = 100_000  # samples at a time
+BLOCK = 100_000  # samples processed at a time, to bound memory
 
 
 def normal_bandwidth(samples: ArrayLike) -> float:
-    """Bandwidth by the normal reference rule with the robust of two spreads.
+    """Return the bandwidth of the normal reference rule, with the smaller of two spreads.
 
     Parameters
     ----------
     samples : array of any shape
-        Values; those not finite are ignored.
+        Values; non-finite ones are ignored.
 
     Returns
     -------
@@ -40,13 +42,13 @@ def normal_bandwidth(samples: ArrayLike) -> float:
 
 
 def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
-    """Density of `samples` under a Gaussian kernel, at the nodes of a uniform grid.
+    """Estimate the density of `samples` with a Gaussian kernel, at the nodes of a uniform grid.
 
     Parameters
     ----------
     samples : array of any shape
-        Values; those not finite are ignored. Values off the grid count in the total, so that
-        the result integrates to the share of the probability that lies on the grid.
+        Values; non-finite ones are ignored. Values off the grid count in the total, so the result
+        integrates to the share of the probability that lies on the grid.
     bandwidth : float
         Standard deviation of the kernel, in the unit of `samples`, > 0.
     grid : (G,) array
@@ -56,12 +58,12 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     -------
     (G,) array
         Probability density per unit of `samples`. It agrees with the exact sum to about 1e-8 of
-        the highest value; in the far tails it may be negative by rounding, and is cut at zero.
+        the highest value. Values that rounding makes negative in the far tails are set to zero.
 
     Raises
     ------
     ValueError
-        A bandwidth so small against the grid that the work would be unreasonable.
+        If the bandwidth is too small for the extent of the grid.
     """
     values, nodes = np.asarray(samples).ravel(), np.asarray(grid, dtype=np.float64)
     spacing = float(nodes[-1] - nodes[0]) / (len(nodes) - 1)
@@ -88,7 +90,7 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
 
 
 def _fast_length(least: int) -> int:
-    """Return the first product of powers of 2, 3 and 5 from `least` on, whose FFT is fast."""
+    """Return the smallest 2^k 3^m 5^n that is at least `least`, for a fast FFT."""
     odd = (3**k * 5**m for k in range(15) for m in range(10))
     return min(one << (-(-least // one) - 1).bit_length() for one in odd)
 
@@ -102,8 +104,8 @@ def finite(samples: ArrayLike) -> FloatArray:
 def _spread(place: FloatArray, counts: FloatArray) -> None:
     """Spread unit counts at fractional places over four nodes each by the cubic B-spline.
 
-    What falls on the first to the last of the four is added to the rows of `counts`, one sample
-    after the other: so the sums do not depend on how many come at a time.
+    Row k of `counts` collects the contributions to node k of the four, one sample after another, so
+    the sums do not depend on the number of samples passed at a time.
     """
     place = place[(place >= 1) & (place < counts.shape[1] - 3)]
     below = place.astype(np.int64)
@@ -114,15 +116,15 @@ def _spread(place: FloatArray, counts: FloatArray) -> None:
         np.add.at(count, below + (row - 1), weight)
 
 
-# The ground mode: where the heights of feet on the ground pile up, and how far they scatter.
+# The ground mode: where the heights of feet on the ground pile up, and how much they scatter.
 
-_FINEST_M = 1e-5  # no optical system resolves less; keeps data without noise from sigma = 0
+_FINEST_M = 1e-5  # below the resolution of optical systems; keeps sigma > 0 for noise-free data
 _LEAST_SAMPLES = 20
 _COARSE = 0.04  # coarse bandwidth, as a share of the range from the 2 % to the 98 % quantile
-_STEP_REACH_M = 5e-3  # about the mode, in which printed steps are looked for
+_STEP_REACH_M = 5e-3  # distance from the mode within which printed steps are sought
 _COARSE_STEP_M = 1e-4  # finer steps are below the noise of cameras
-_TIES, _LEAST_TIES = 20, 2  # heights a level, mean and median, above which they come in steps
-_LARGE = 0.2  # a mode counts from this share of the highest density on
+_TIES, _LEAST_TIES = 20, 2  # mean and median heights per level above which heights come in steps
+_LARGE = 0.2  # smallest density of a mode that counts, as a share of the highest density
 
 
 @dataclass(frozen=True)
@@ -134,8 +136,8 @@ class GroundMode:
     height_m : float
         Place of the mode, m.
     sigma_m : float
-        Standard deviation of its left flank, m. Nothing is below the ground, so that flank is
-        scatter alone: measurement noise and what is left of the floor.
+        Standard deviation of its left flank, m. Nothing is below the ground, so this flank contains
+        only scatter: measurement noise and the remaining error of the floor.
     bandwidth_m : float
         Bandwidth of the density whose highest point is the mode, m.
     """
@@ -145,7 +147,7 @@ class GroundMode:
     bandwidth_m: float
 
     def knee(self, sigmas: float) -> float:
-        """Upper knee of the mode: `sigmas` times the left flank's deviation above it, m."""
+        """Return the upper knee of the mode, m: `sigmas` deviations of the left flank above it."""
         return self.height_m + sigmas * self.sigma_m
 
 
@@ -154,23 +156,23 @@ def ground_mode(
 ) -> GroundMode:
     """Find the lowest large mode of `heights` and the scatter on its left flank.
 
-    The mode is narrower than any bandwidth made for the whole density, so a bandwidth is
-    made for it alone: sigma n^(-1/7), the rate that suits a mode, with sigma from the flank.
+    The mode is narrower than any bandwidth suited to the whole density, so it has a bandwidth of
+    its own: sigma n^(-1/7), the rate suited to a mode, with sigma from the left flank.
 
     Parameters
     ----------
     heights : array of any shape
-        Foot heights, m; those not finite are ignored.
+        Foot heights, m; non-finite ones are ignored.
     bandwidth_m : float, optional
-        Bandwidth for the place of the mode, m; by default from the data as above. One wider
-        than sigma is narrowed to it: its top would be that of all heights, not of the mode.
+        Bandwidth for the place of the mode, m; by default from the data as above. A bandwidth wider
+        than sigma is reduced to sigma: its peak would be that of all heights, not of the mode.
     scale : float
-        Of the recording (`hopdata.recording.scale_of`).
+        Scale of the recording (`hopdata.recording.scale_of`).
 
     Raises
     ------
     AnalysisError
-        Fewer than 20 finite heights.
+        If there are fewer than 20 finite heights.
     """
     values = finite(heights) / scale
     values.sort()
@@ -191,7 +193,7 @@ def ground_mode(
 
 
 def _upper_end_of_lowest_mode(values: FloatArray) -> float:
-    """Where the lowest large mode of a coarse density ends, m."""
+    """Return the upper end of the lowest large mode of a coarse density, m."""
     low, high = np.quantile(values, [0.02, 0.98])
     width = max(_COARSE * float(high - low), _FINEST_M)
     grid = np.linspace(low - 3 * width, high + 3 * width, 512)
@@ -202,7 +204,7 @@ def _upper_end_of_lowest_mode(values: FloatArray) -> float:
 
 
 def _densest(values: FloatArray) -> float:
-    """Half-sample mode of sorted values (Bickel and Fruehwirth 2006): needs no bandwidth."""
+    """Return the half-sample mode of sorted values (Bickel and Fruehwirth 2006), bandwidth-free."""
     while values.size > 8:
         half = (values.size + 1) // 2
         start = int(np.argmin(values[half - 1 :] - values[: values.size - half + 1]))
@@ -211,17 +213,17 @@ def _densest(values: FloatArray) -> float:
 
 
 def _left_flank(values: FloatArray, place: float) -> float:
-    """Robust deviation of what lies below `place`, taken as half of a normal, m."""
+    """Return the robust deviation of the values below `place`, as half of a normal, m."""
     least = max(_FINEST_M, 0.5 * _printed_step(values, place))
     below = values[: np.searchsorted(values, place)]
     return max(float(place - np.median(below)) / NORMAL_MEDIAN, least) if below.size else least
 
 
 def _printed_step(values: FloatArray, place: float) -> float:
-    """Return the step in which heights near `place` were printed, m; 0 if none is to be seen."""
+    """Return the step, m, in which heights near `place` were printed; 0 if none is visible."""
     first, last = np.searchsorted(values, (place - _STEP_REACH_M, place + _STEP_REACH_M))
     near = np.round(values[first:last], 6)
-    starts = np.flatnonzero(np.diff(near, prepend=-np.inf))  # they are sorted
+    starts = np.flatnonzero(np.diff(near, prepend=-np.inf))  # the values are sorted
     levels, ties = near[starts], np.diff(starts, append=len(near))
     if len(levels) < 2 or ties.mean() <= _TIES or np.median(ties) <= _LEAST_TIES:
         return 0.0
@@ -230,7 +232,7 @@ def _printed_step(values: FloatArray, place: float) -> float:
 
 
 def _highest_near(values: FloatArray, place: float, *, reach: float, bandwidth: float) -> float:
-    """Highest point of the density within `reach` of `place`, by a parabola through its top."""
+    """Return the peak of the density within `reach` of `place`, by a parabola through its top."""
     grid = np.linspace(place - reach, place + reach, 401)
     density = kde(values, bandwidth=bandwidth, grid=grid)
     top = int(np.clip(np.argmax(density), 1, len(grid) - 2))
@@ -244,5 +246,5 @@ NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
 
 
 def robust_rms(residuals: FloatArray) -> float:
-    """Deviation about zero that half the residuals keep to, taken as of a normal."""
+    """Return the sd about zero of a normal with the same median absolute residual."""
     return float(np.median(np.abs(residuals))) / NORMAL_MEDIAN

@@ -23,9 +23,9 @@ from hopdata.landings.sections.frames import (
 from hopdata.landings.sections.modes import GroundMode, finite, ground_mode, kde, normal_bandwidth
 from hopdata.recording import Recording
 
-FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
-LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
-_LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
+FRAMES = {"all": False, "landings": True}  # whether only frames of landings count
+LEAST_KNEE_M = 3e-4  # least height of a knee above its mode: no floor is known more accurately
+_LEAST_FRAMES = 5  # fewest frames with all feet up, and with all down, in a hopping gait
 
 
 @dataclass(frozen=True, repr=False)
@@ -39,7 +39,7 @@ class Sections(Shown):
     min_foot_threshold_m, max_foot_threshold_m : float
         Height of the lowest (highest) foot above which all feet (some feet) are up, m.
     ground_m : float
-        Ground mode of the heights of all feet together, m.
+        Ground mode of the pooled heights of all feet, m.
     min_foot_mode, max_foot_mode : GroundMode
         Ground mode of the lowest and of the highest foot.
     threshold_sigmas : float
@@ -47,16 +47,16 @@ class Sections(Shown):
     tail_fraction : float
         Share of frames that may be on the wrong side of a section.
     frames : {"all", "landings"}
-        Frames that the sections are made from.
+        Frames from which the sections are selected.
     decided : dict
         ``"data"`` or ``"config"`` for each of the four heights above; ``"contacts"`` for a section
-        that was moved since it lost too many landings.
+        that was moved because it lost too many landings.
     held : dict
         Share of the landings of all feet that the ``"pre"`` and the ``"post"`` section hold.
     n_frames : int
-        Frames in which all feet and the body are seen.
+        Number of frames in which all feet and the body are seen.
     n_used : int
-        Those among them that the sections are made from.
+        Number of these frames from which the sections are selected.
     """
 
     pre_height_m: float
@@ -75,7 +75,7 @@ class Sections(Shown):
     n_used: int
 
     def pooled(self, heights: Sequence[Heights]) -> Frames:
-        """Pool the frames that the sections are made from, each with its state."""
+        """Pool the frames from which the sections are selected, each with its state."""
         return pool_frames(
             heights,
             min_foot_m=self.min_foot_threshold_m,
@@ -85,7 +85,7 @@ class Sections(Shown):
         )
 
     def told(self) -> str:
-        """Return the heights of the two sections."""
+        """Describe the heights of the two sections."""
         heights = (
             f"{1e3 * self.pre_height_m:.1f} mm before, {1e3 * self.post_height_m:.1f} mm after"
         )
@@ -97,7 +97,7 @@ class Sections(Shown):
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> Sections:
-        """Make the sections from what `to_dict` gave."""
+        """Make the sections from the fields that `to_dict` returns."""
         modes = {k: GroundMode(**fields[k]) for k in ("min_foot_mode", "max_foot_mode")}
         return cls(**{**fields, **modes})
 
@@ -116,26 +116,27 @@ def select_sections(
     pre_height_m: float | None = None,
     post_height_m: float | None = None,
 ) -> Sections:
-    """Select the pre- and post-touchdown section from all recordings of a study.
+    """Select the pre- and post-touchdown sections from all recordings of a study.
 
     The thresholds are the upper knees of the ground modes of the lowest and the highest foot.
-    The pre section is the height that the body hardly ever exceeds while some foot is down,
-    the post section the height that it hardly ever falls below while some foot is up.
+    The pre section is the height that the body hardly ever exceeds while some foot is down. The
+    post section is the height that it hardly ever falls below while some foot is up.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Above the floor (see `hopdata.landings.floor.level`), each with feet and body.
     landings : mapping, optional
-        Of each recording by name, as from `hopdata.landings.contacts.find.find_landings`; by
-        default found here.
+        Landings of each recording by name, from
+        `hopdata.landings.contacts.find.find_landings`; by default found here.
     frames : {"all", "landings"}
         Use all frames, or only descents of the body, from apex to nadir, in which the feet go
-        from all up to all down: for animals that also stand on feet which are not followed.
+        from all up to all down. The latter is for animals that also stand on feet that are not
+        followed.
     tail_fraction : float
-        "Hardly ever" as a share of the frames in question, 0 to 0.1.
+        Meaning of "hardly ever", as a share of the frames in question, 0 to 0.1.
     threshold_sigmas : float
-        Deviations of the left flank from a mode to its knee, > 0.
+        Distance from a mode to its knee, in deviations of the left flank, > 0.
     bandwidth_m : float, optional
         Bandwidth for the place of the modes, m; by default from the data.
     min_foot_threshold_m, max_foot_threshold_m, pre_height_m, post_height_m : float, optional
@@ -144,25 +145,27 @@ def select_sections(
     Raises
     ------
     AnalysisError
-        The feet never leave the ground together or never stand on it together, no descent is
-        a landing, or the pre section is not above the post section.
+        If the feet never leave the ground together or never stand on it together, if no descent is
+        a landing, or if the pre section is not above the post section.
     ConfigError
         If `frames` is unknown.
 
     Notes
     -----
-    Dissertation Sec. 2.2.2, with its two conditions the right way round: above the pre section
-    all feet are up, below the post section all are down. Each is a tail quantile of the frames
-    that would contradict it: those with some foot down, and those with some foot up. A touchdown
-    crosses few frames, so the share of touchdowns that lose a foot beyond a section is much
-    larger than the share of frames (one or two per cent at the default). A foot between the ground
-    and its threshold counts as down while the body still rides up to that much higher than at
-    contact; the section lies in between, and the middle is taken. With a threshold from the
-    configuration a foot below it *is* down, and nothing is taken off.
+    See Sec. 2.2.2 of the dissertation, with its two conditions the right way round: all feet are up
+    above the pre section, and all are down below the post section. Each section is a tail quantile
+    of the frames that would contradict it: frames with some foot down, and frames with some foot
+    up. A touchdown crosses few frames, so the share of touchdowns that lose a foot beyond a section
+    is much larger than the share of frames (one or two per cent at the default).
 
-    Where a section loses many more landings than that, feet and thresholds disagree on what down is
-    (a runner's sole gives after its contact): it moves to the nearest height that holds almost all
-    landings, by their contacts (see `holds`).
+    A foot between the ground and its threshold counts as down while the body may still be higher
+    than at contact, by at most that distance. The section lies within this range, and its middle is
+    taken. If the threshold comes from the configuration, a foot below it *is* down, and nothing is
+    subtracted.
+
+    If a section loses many more landings than this, feet and thresholds disagree on what is down (a
+    runner's sole gives after its contact). The section then moves to the nearest height that holds
+    almost all landings, judged by their contacts (see `holds`).
     """
     require_choice("sections.frames", frames, FRAMES)
     heights = [heights_of(recording) for recording in recordings]
@@ -182,7 +185,7 @@ def select_sections(
     }
     taken = zip(knees, given.values(), strict=False)
     lowest, highest = (knee if own is None else own for knee, own in taken)
-    # How far above the ground a foot may be and still count as down; a given threshold is one.
+    # How far above the ground a foot may be and still count as down, unless its threshold is given.
     excess = [max(knee - every.height_m, 0.0) for knee in knees]
     decided = {name: "data" if value is None else "config" for name, value in given.items()}
     sections = Sections(
@@ -217,7 +220,7 @@ def select_sections(
 
 
 def _held(landings: FloatArray, pre: float, post: float, sections: Sections) -> dict[str, Any]:
-    """Move the sections that lose too many landings (L, 4), and say which share each holds."""
+    """Move sections that lose too many landings (L, 4), and return the share that each holds."""
     heights, decided = {"pre": pre, "post": post}, dict(sections.decided)
     held = dict[str, float | None](pre=None, post=None)
     least = 1.0 - max(LOST_PER_TAIL * sections.tail_fraction, LEFT_LOSS)
@@ -268,33 +271,33 @@ def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) 
 # Landings that a section holds: a foot is down from the instant of its contact on.
 #
 # A pre section holds a landing that begins above it and has its first contact below it, or so
-# little above it that the flight can be continued; a post section one with all contacts above it
-# that goes on below it. Heights of feet say only roughly where that is: a heel or a sole that gives
-# may lie within its threshold long before or after its contact.
+# little above it that the flight can be continued. A post section holds a landing with all contacts
+# above it that continues below it. Heights of feet show only roughly where this is: a heel, or a
+# sole that gives, may lie within its threshold long before or after its contact.
 
-#: Landings that a section may lose for each frame that it may have on its wrong side, both as
-#: shares; and the share that the height may lose to which it gives way if it loses more.
+#: Share of landings that a section may lose, per share of frames on its wrong side; and the share
+#: that the height it moves to may lose if it loses more.
 LOST_PER_TAIL, LEFT_LOSS = 150.0, 0.015
-_INSIDE_M = 1e-3  # of the heights that hold as many, where there is room
-#: Columns of `landing_heights` that bound a section: contact and turning point of the body.
+_INSIDE_M = 1e-3  # margin of a moved section within its range of equal heights, if there is room
+#: Columns of `landing_heights` that bound a section (contact and turning point), and its sign.
 _BOUNDS = {"pre": (1, 0, 1.0), "post": (2, 3, -1.0)}
 
 
 def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
-    """Heights of the body in the landings of all feet: apex, first and last contact, nadir.
+    """Return body heights in the landings of all feet: apex, first and last contact, nadir.
 
     Parameters
     ----------
     recording : Recording
-        Levelled, with feet and body; it may be a part of that whose landings these are.
+        Levelled, with feet and body; it may be a part of the recording with these landings.
     landings : pandas.DataFrame
-        As from `hopdata.landings.contacts.find.find_landings`.
+        Landings from `hopdata.landings.contacts.find.find_landings`.
 
     Returns
     -------
     ndarray
-        (L, 4) mean heights of the body markers, m, of the landings that the recording shows; that
-        of the first contact is as low as the flight can be continued from it.
+        (L, 4) mean heights of the body markers, m, for the landings that the recording shows. The
+        height of the first contact is taken as far down as the flight can be continued.
     """
     contacts = contacts_of(landings)
     whole = (contacts.status == LANDED).all(axis=1) & np.isfinite(contacts.instant).all(axis=1)
@@ -313,14 +316,14 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
 
 
 def holds(height_m: float, landings: FloatArray, side: str) -> BoolArray:
-    """Say which landings (L, 4) a section of this height, m, holds, (L,): `side` is pre or post."""
+    """Mark the landings (L, 4) that a section at this height, m, holds, (L,), by its `side`."""
     contact, turn, sign = _BOUNDS[side]
     reached = sign * landings[:, contact] <= sign * height_m
     return np.asarray(reached & (sign * height_m <= sign * landings[:, turn]))
 
 
 def nearest_holding(height_m: float, landings: FloatArray, side: str) -> float:
-    """Return the height, m, nearest to this one that loses few landings (L, 4), or the fewest."""
+    """Return the nearest height, m, that loses few of the landings (L, 4), or the fewest."""
     contact, turn, sign = _BOUNDS[side]
     edges = np.unique(landings[:, [contact, turn]])
     middles = 0.5 * (edges[1:] + edges[:-1])
@@ -336,33 +339,33 @@ def nearest_holding(height_m: float, landings: FloatArray, side: str) -> float:
 
 # Tables behind the figure of the sections: densities of heights, and a sample of frames.
 
-_FOOT_BANDWIDTH = 0.5  # in deviations of the ground mode: widens it by 12 %
-_FINEST = 1e-5  # of the range of heights: the least bandwidth
+_FOOT_BANDWIDTH = 0.5  # bandwidth in deviations of the ground mode, which it widens by 12 %
+_FINEST = 1e-5  # smallest bandwidth, as a share of the range of heights
 
 
 @one_blas_thread()
 def section_densities(
     recordings: Sequence[Recording], sections: Sections, *, nodes: int = 1024
 ) -> pd.DataFrame:
-    """Densities of foot heights, and of body height given what the feet do.
+    """Estimate densities of foot heights, and of body height given the state of the feet.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        Those that the sections were selected from, above the floor.
+        Recordings from which the sections were selected, above the floor.
     sections : Sections
-        Their thresholds divide the frames, and say which frames are used.
+        Sections whose thresholds divide the frames and determine which are used.
     nodes : int
         Nodes of each curve, >= 2.
 
     Returns
     -------
     DataFrame
-        Columns curve, height_m and density_per_m, `nodes` rows a curve. Curves ``min_foot`` and
-        ``max_foot`` are of all frames; ``body_all``, ``body_given_all_up``,
-        ``body_given_all_down``, ``body_given_some_down`` and ``body_given_some_up`` of the
-        frames that the sections are made from. A condition that fewer than two frames meet, or
-        that leaves but one height, has no curve.
+        Columns curve, height_m and density_per_m, with `nodes` rows for each curve. The curves
+        ``min_foot`` and ``max_foot`` are of all frames. The curves ``body_all``,
+        ``body_given_all_up``, ``body_given_all_down``, ``body_given_some_down`` and
+        ``body_given_some_up`` are of the frames from which the sections are selected. A condition
+        that fewer than two frames meet, or that leaves only one height, has no curve.
     """
     heights = [heights_of(recording) for recording in recordings]
     curves = _foot_curves(heights, sections, nodes) | _body_curves(heights, sections, nodes)
@@ -376,22 +379,22 @@ def section_densities(
 def section_frames(
     recordings: Sequence[Recording], sections: Sections, max_rows: int = 20000
 ) -> pd.DataFrame:
-    """Every k-th frame's lowest foot, highest foot and body height, and whether it is of a landing.
+    """Tabulate lowest foot, highest foot, body height and landing state in every k-th frame.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Above the floor.
     sections : Sections
-        Whose thresholds say what lands.
+        Sections whose thresholds define a landing.
     max_rows : int
-        Rows at most; k is the smallest that keeps to it.
+        Largest number of rows; k is the smallest step that keeps to it.
 
     Returns
     -------
     DataFrame
-        Columns min_foot_m, max_foot_m and body_m, of frames in which all of them are seen, and
-        landing, whether the body is on its way from all feet up to all feet down.
+        Columns min_foot_m, max_foot_m and body_m, for frames in which all three are seen, and
+        landing: whether the body is on its way from all feet up to all feet down.
     """
     heights = [heights_of(recording) for recording in recordings]
     columns = {
@@ -408,7 +411,7 @@ def section_frames(
 def _foot_curves(
     heights: Sequence[Heights], sections: Sections, nodes: int
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Densities of the lowest and the highest foot, on one grid."""
+    """Return the densities of the lowest and the highest foot, on one grid."""
     lowest = finite(pooled([h.min_foot for h in heights]))
     highest = finite(pooled([h.max_foot for h in heights]))
     widths = [_FOOT_BANDWIDTH * m.sigma_m for m in (sections.min_foot_mode, sections.max_foot_mode)]
@@ -424,7 +427,7 @@ def _foot_curves(
 def _body_curves(
     heights: Sequence[Heights], sections: Sections, nodes: int
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Densities of body height given the state of the feet, on one grid."""
+    """Return the densities of body height given the state of the feet, on one grid."""
     frames = sections.pooled(heights)
     groups = {
         "body_all": frames.body,

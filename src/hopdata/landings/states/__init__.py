@@ -1,1 +1,1 @@
-"""States at the sections, and the pairs of them in the home frame."""
+"""Body states at the two sections, and their pairs in the home frame."""

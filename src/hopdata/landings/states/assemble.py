@@ -1,4 +1,4 @@
-"""From touchdowns to pairs: the states at both sections are fitted, and brought home."""
+"""From touchdowns to pairs: fit the states at both sections, and bring them to the home frame."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import turned
 from hopdata.recording import Recording
 
-# The home frame: it moves the plane so that where and which way a landing was does not matter.
+# The home frame moves the plane so that the place and heading of a landing do not matter.
 
-LEAST_RADIUS_M = 1e-6
+LEAST_RADIUS_M = 1e-6  # smallest distance of the home marker from the origin
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,11 @@ def home_frames(
 ) -> HomeFrames:  # fmt: skip
     """Find the home frame of each touchdown (Sec. 2.2.4 of the dissertation).
 
-    The origin is the mean body position during the touchdown, the x axis runs from it through the
-    mean position of one marker. Means are time averages of the markers' tracks between the two
-    instants, linear between frames, so that they do not depend on how the frames fall. Short
-    gaps are bridged by the straight line; a touchdown with a longer one has no frame (NaN).
+    The origin is the mean body position during the touchdown, and the x axis runs from it through
+    the mean position of one marker. Means are time averages of the markers' tracks between the two
+    instants. Tracks are linear between frames, so the means do not depend on where the frames fall.
+    Short gaps are bridged by a straight line; a touchdown with a longer gap has no home frame
+    (NaN).
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def home_frames(
     marker : int
         Number of the body marker on the x axis.
     pace : float
-        Of the recording.
+        Pace of the recording.
 
     Returns
     -------
@@ -106,9 +107,9 @@ def home_frames(
 def track_means(
     time: FloatArray, tracks: FloatArray, t_pre: FloatArray, t_post: FloatArray, pace: float = 1.0
 ) -> FloatArray:
-    """Time averages of tracks (N, B, k) between instants (L,), (L, B, k).
+    """Average tracks (N, B, k) over time between instants (L,), (L, B, k).
 
-    Short gaps are bridged by a straight line; NaN where one is longer than `longest_gap_s`.
+    Short gaps are bridged by a straight line; NaN where a gap is longer than `longest_gap_s`.
     """
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
     longest_gap = longest_gap_s(time, pace) * (1 + 1e-9)
@@ -125,7 +126,7 @@ def track_means(
 
 
 def _integral(t: FloatArray, track: FloatArray, at: FloatArray) -> FloatArray:
-    """Integral of a track that is linear between its frames, from the first of them to `at`."""
+    """Integrate a track that is linear between frames, from the first frame to `at`."""
     whole = np.append(0.0, np.cumsum(0.5 * np.diff(t) * (track[1:] + track[:-1])))
     k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
     step = t[k + 1] - t[k]
@@ -135,7 +136,7 @@ def _integral(t: FloatArray, track: FloatArray, at: FloatArray) -> FloatArray:
 
 logger = logging.getLogger(__name__)
 
-LEAST_PAIRS = 3  # the units of a study need so many
+LEAST_PAIRS = 3  # fewest pairs from which the units of a study can be derived
 STATELESS = "too few frames of the body markers"
 
 
@@ -152,7 +153,7 @@ def assemble_pairs(
     gravity: str = "auto",
     ambiguous: str = "keep",
 ) -> Pairs:
-    """Collect the pairs of the touchdowns that are used.
+    """Collect the pairs of all touchdowns that are not excluded.
 
     Parameters
     ----------
@@ -167,21 +168,21 @@ def assemble_pairs(
     method, window_s, gravity
         See `hopdata.landings.states.fits.section_states`.
     ambiguous : {"keep", "pool", "exclude"}
-        With ``pool``, touchdowns of the class ``ambiguous`` get no schedule: they serve where the
-        order of the contacts does not matter.
+        With ``pool``, touchdowns of the class ``ambiguous`` get no schedule and are used only where
+        the order of the contacts does not matter.
 
     Returns
     -------
     Pairs
-        Raw, SI. A touchdown whose state cannot be fitted for want of frames is logged and left out
-        (see `exclude_stateless`).
+        Pairs in SI units, not normalised. A touchdown with too few frames to fit its states is
+        logged and left out (see `exclude_stateless`).
 
     Raises
     ------
     AnalysisError
-        If fewer than `LEAST_PAIRS` are left, or the recordings differ in their body markers.
+        If fewer than `LEAST_PAIRS` remain, or the recordings differ in their body markers.
     ConfigError
-        If `home_marker` is no body marker, or `method`, `gravity` or `ambiguous` is unknown.
+        If `home_marker` is not a body marker, or `method`, `gravity` or `ambiguous` is unknown.
     """
     require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
     recordings, parts = list(recordings), []
@@ -209,7 +210,7 @@ def assemble_pairs(
 
 
 def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
-    """Return the touchdown table with those excluded that have no pair."""
+    """Return the touchdown table with touchdowns that have no pair excluded."""
     paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
     rows = zip(table["recording"], table["index"], strict=True)
     stateless = np.array([row not in paired for row in rows]) & ~table["excluded"].to_numpy(bool)
@@ -220,7 +221,7 @@ def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
 
 
 def _why_few(recording: Recording, table: pd.DataFrame) -> str:
-    """Say why a recording gives few pairs: its descents, the commonest reason, or its heights."""
+    """Say why a recording gives few pairs: descents and the most common reason, or heights."""
     if len(table):
         reasons = table.loc[table["excluded"].astype(bool), "reason"].value_counts()
         found = f"{len(table)} descent" + ("s" if len(table) > 1 else "")
@@ -238,7 +239,7 @@ def _why_few(recording: Recording, table: pd.DataFrame) -> str:
 def _states(
     recording: Recording, used: pd.DataFrame, sections: tuple[float, float], **options: Any
 ) -> tuple[SectionStates, SectionStates]:
-    """States of the used touchdowns at the pre and at the post section, in the world."""
+    """Fit the states of the used touchdowns at the pre and at the post section, in the world."""
     contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy()
     ends = (
         ("before", "t_pre_s", sections[0], contacts.min(axis=1)),
@@ -255,7 +256,7 @@ def _states(
 def _pairs_of(
     recording: Recording, used: pd.DataFrame, states: Sequence[SectionStates], marker: int
 ) -> Pairs:
-    """Bring states to the home frames of their touchdowns; leave out those not determined."""
+    """Bring states to the home frames of their touchdowns; leave out undetermined ones."""
     t_pre, t_post = used["t_pre_s"].to_numpy(), used["t_post_s"].to_numpy()
     of, pace = (recording.time, recording.body), recording.pace
     home = home_frames(*of, t_pre, t_post, marker=marker, pace=pace)

@@ -1,10 +1,10 @@
 """Coefficients of polynomials fitted to marker tracks, with their covariance.
 
-Two ways: each landing for itself, by least squares; or all landings together, in which place and
-velocity of every marker are free but the coefficients from the acceleration on are drawn from a
-population that is learned (random coefficients, Laird and Ware 1982). What the landings have in
-common is then known well, what they do not is fitted, and an order that nobody needs gets no
-variance: so the order of the polynomials is chosen by evidence.
+There are two ways to fit. One fits each landing by itself, by least squares. The other fits all
+landings together: position and velocity of every marker are free, but the coefficients from the
+acceleration on are drawn from a population that is learned (random coefficients, Laird and Ware
+1982). What the landings share is then known well, and what they do not share is fitted. A power
+that no landing needs gets no variance, so the evidence chooses the order of the polynomials.
 """
 
 from collections.abc import Iterable
@@ -15,11 +15,11 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.landings.states.tracks import LOOK_AT, Moments, evenly, turned
 
-FREE = 2  # place and velocity
-VARIANCES = (..., [0, 1], [0, 1])  # of these, in their covariance
-STEPS = 40  # of expectation and maximisation
+FREE = 2  # number of free coefficients: position and velocity
+VARIANCES = (..., [0, 1], [0, 1])  # index of their variances in a covariance
+STEPS = 40  # steps of expectation and maximisation
 LEAST_NOISE_M = 1e-9
-LEAST_SPREAD = 0.3  # to begin with, in standard errors of it
+LEAST_SPREAD = 0.3  # smallest spread in the first guess, in its standard errors
 HORIZONTAL, VERTICAL = slice(0, 2), slice(2, 3)
 
 
@@ -32,7 +32,7 @@ class Coefficients:
     mean : (L, B, 3, K) array
         Estimates, m; NaN where there are too few frames.
     covariance : (L, B, 3, K, K) array
-        Of their errors, m^2.
+        Covariance of their errors, m^2.
     noise_m : (B, 3) array
         Standard deviation of the noise.
     """
@@ -47,16 +47,16 @@ Fitted = tuple[Moments, Coefficients]
 
 @dataclass(frozen=True)
 class Population:
-    """From where the coefficients of the polynomials from u^2 on are drawn, and the noise.
+    """Population from which the coefficients of u^2 and higher powers are drawn, and the noise.
 
     Parameters
     ----------
     mean : (B, 3, Q) array
-        For each marker and direction, m.
+        Means for each marker and direction, m.
     spread : (3, Q, Q) array
         Covariance over landings for each direction, m^2.
     variance : (B, 3) array
-        Of the noise, m^2.
+        Variance of the noise, m^2.
     """
 
     mean: FloatArray
@@ -65,9 +65,9 @@ class Population:
 
 
 def least_squares(sums: Moments, variance: FloatArray | None = None) -> Coefficients:
-    """Fit each marker in each landing for itself, where it has more frames than coefficients.
+    """Fit each marker in each landing by itself, where it has more frames than coefficients.
 
-    The variance of the noise (B, 3), m^2, is that of these landings unless it is given.
+    The noise variance (B, 3), m^2, is estimated from these landings unless it is given.
     """
     enough, gram, mean, _ = _solved(sums)
     inverse = np.asarray(np.linalg.inv(gram)[:, :, None], float)
@@ -76,7 +76,7 @@ def least_squares(sums: Moments, variance: FloatArray | None = None) -> Coeffici
 
 
 def noise(parts: Iterable[Moments]) -> tuple[FloatArray, FloatArray]:
-    """Variance of the noise (B, 3), m^2, about each landing's own fit, and usable frames (L, B)."""
+    """Return the noise variance (B, 3), m^2, about separate fits, and usable frames (L, B)."""
     found = [(_solved(one)[3], one.frames, one.frames - one.terms) for one in parts]
     left, frames, freedom = map(np.concatenate, zip(*found, strict=True))
     freedom = np.maximum(freedom, 0.0).sum(axis=0)[:, None]
@@ -84,7 +84,7 @@ def noise(parts: Iterable[Moments]) -> tuple[FloatArray, FloatArray]:
 
 
 def _solved(sums: Moments) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
-    """Which tracks have enough frames, normal matrices, their solutions, and squares left over."""
+    """Return which tracks have enough frames, normal matrices, solutions, and residual squares."""
     enough = sums.frames > sums.terms
     gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
     mean = np.asarray(np.linalg.solve(gram[:, :, None], sums.product[..., None])[..., 0], float)
@@ -98,10 +98,11 @@ def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coeffi
     Parameters
     ----------
     sums : Moments
+        Moments of the landings.
     population : Population
         See `learn`.
     least_frames : int
-        With fewer frames than this there is no fit.
+        Fewest frames of a marker that are fitted.
     """
     enough = sums.frames >= max(least_frames, FREE + 1)
     gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
@@ -110,18 +111,18 @@ def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coeffi
 
 
 def misfit(pairs: Iterable[tuple[Coefficients, Coefficients]]) -> tuple[FloatArray, float]:
-    """Return what the model's misfit adds to the variances of place and velocity, (3, 2).
+    """Return what the model's misfit adds to the variances of position and velocity, (3, 2).
 
-    An estimate that is best under its model differs from a less biased one by the difference of
-    their variances. What they differ by beyond that, on average over landings and markers, is the
-    square of a bias (the focus of Claeskens and Hjort 2003). It is added where it is larger than
-    twice its standard error. The mean variance of the velocities, with it, is returned beside.
+    The mean squared difference between the optimal estimate of a model and a less biased estimate
+    is the difference of their variances. Any excess, on average over landings and markers, is a
+    squared bias (the focus of Claeskens and Hjort 2003). It is added if it exceeds twice its
+    standard error. The mean variance of the velocities, including it, is returned as well.
 
     Parameters
     ----------
     pairs : iterable of (Coefficients, Coefficients)
-        Of each block of landings, from `drawn` and from `least_squares`, of the same frames, with
-        more powers.
+        Fits of each block of landings: from `drawn`, and from `least_squares` with the same frames
+        and more powers.
     """
     parts = []
     for fit, reference in pairs:
@@ -138,7 +139,7 @@ def misfit(pairs: Iterable[tuple[Coefficients, Coefficients]]) -> tuple[FloatArr
 
 
 def teachers(frames: FloatArray, terms: int) -> IntArray:
-    """Landings to learn from, of all whose markers have more frames (L, B) than coefficients."""
+    """Choose landings to learn from; all their markers have more frames (L, B) than `terms`."""
     teaching = np.flatnonzero((frames > terms).all(axis=1))
     return teaching[evenly(len(teaching), LOOK_AT)]
 
@@ -146,8 +147,8 @@ def teachers(frames: FloatArray, terms: int) -> IntArray:
 def learn(sums: Moments) -> Population:
     """Learn the population by maximum likelihood (expectation-maximisation).
 
-    Place and velocity have flat priors, so that the likelihood is the restricted one. Only
-    landings in which each marker has more frames than coefficients teach.
+    Position and velocity have flat priors, so the likelihood is the restricted one. Only landings
+    in which each marker has more frames than coefficients are used.
     """
     sums = sums.some(teachers(sums.frames, sums.terms))
     population = _first_guess(sums)
@@ -157,7 +158,7 @@ def learn(sums: Moments) -> Population:
 
 
 def _first_guess(sums: Moments) -> Population:
-    """Moments of the landings' own fits, less those of the noise."""
+    """Guess the population from the moments of separate fits, minus those of the noise."""
     variance = least_squares(sums).noise_m ** 2
     hat = np.linalg.solve(sums.gram[..., :FREE, :FREE], sums.gram[..., :FREE, FREE:])
     across = np.swapaxes(sums.gram[..., :FREE, FREE:], 2, 3) @ hat
@@ -177,10 +178,10 @@ def _first_guess(sums: Moments) -> Population:
 
 
 def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArray:
-    """Covariance of coefficients whose scores have the second moment `seen`.
+    """Return the covariance of coefficients whose scores have the second moment `seen`.
 
-    No direction gets less than `floor` times its variance in a landing's own fit: from few landings
-    a spread can come out as zero that is not.
+    Every direction gets at least `floor` times its variance in a separate fit, because with few
+    landings a nonzero spread can be estimated as zero.
     """
     values, vectors = np.linalg.eigh(information)
     root = vectors / np.sqrt(np.maximum(values, values[-1] * 1e-12))
@@ -190,7 +191,7 @@ def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArr
 
 
 def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, FloatArray]:
-    """Means (L, B, 3, K) and covariances (L, B, 3, K, K) of the coefficients, given the frames."""
+    """Return posterior means (L, B, 3, K) and covariances (L, B, 3, K, K) of the coefficients."""
     inverse = np.linalg.inv(population.spread)
     precision = sums.gram[:, :, None] / population.variance[..., None, None]
     precision[..., FREE:, FREE:] += inverse
@@ -201,7 +202,7 @@ def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, Float
 
 
 def _improved(sums: Moments, population: Population) -> Population:
-    """One step of expectation and maximisation."""
+    """Take one step of expectation and maximisation."""
     fitted, covariance = _posterior(sums, population)
     mean = fitted[..., FREE:].mean(axis=0)
     away = fitted[..., FREE:] - mean
@@ -226,7 +227,7 @@ def _in_powers(
     return Coefficients(mean, covariance, np.sqrt(variance))
 
 
-# Fitted tracks where the mean height of the markers passes a section, with standard errors.
+# Evaluate fitted tracks where the mean height of the markers crosses a section, with errors.
 
 NEWTON_STEPS = 8
 UP = np.array([0.0, 0.0, 1.0])
@@ -234,7 +235,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class SectionStates:
-    """States of B body markers at L crossings of a section, in the world; NaN where not determined.
+    """States of B body markers at L crossings of a section, in the world; NaN if undetermined.
 
     Parameters
     ----------
@@ -243,8 +244,8 @@ class SectionStates:
     position, velocity : (L, B, 3) array
         Positions, m, and velocities, m/s.
     position_covariance, velocity_covariance : (L, B, 3, 3) array
-        Covariance of the errors of each marker, m^2 and m^2/s^2. The error of the instant is in
-        them: the mean height is that of the section, whatever the noise.
+        Covariance of the errors of each marker, m^2 and m^2/s^2. It includes the error of the
+        instant: the mean height equals that of the section for any noise.
     """
 
     time: FloatArray
@@ -260,7 +261,7 @@ def cross(parts: Iterable[Fitted], near: FloatArray, height_m: float) -> Section
     Parameters
     ----------
     parts : iterable of (Moments, Coefficients)
-        What was fitted, about `near`, and the fit; a block of landings each.
+        Moments about `near`, and the fit, for each block of landings.
     near : (L,) array
         Instants at which u is zero, s.
     height_m : float
@@ -275,7 +276,7 @@ def cross(parts: Iterable[Fitted], near: FloatArray, height_m: float) -> Section
 
 
 def _cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -> SectionStates:
-    """Evaluate those of a block."""
+    """Evaluate the polynomials of one block."""
     coefficients = _whole(sums, fit.mean)
     u = _instants(coefficients[:, :, 2].mean(axis=1), height_m)
     place, speed, bend = (
@@ -303,7 +304,7 @@ def _turned_back(covariance: FloatArray, direction: FloatArray) -> FloatArray:
 
 
 def _whole(sums: Moments, fitted: FloatArray) -> FloatArray:
-    """Put back what was taken off before the fit, (L, B, 3, K') with K' of at least three."""
+    """Add back what was subtracted before the fit, (L, B, 3, K') with K' at least 3."""
     terms = max(fitted.shape[-1], 3)
     whole = np.concatenate([fitted, np.zeros((*fitted.shape[:3], terms - fitted.shape[3]))], axis=3)
     whole[..., 0] += sums.centre
@@ -312,7 +313,7 @@ def _whole(sums: Moments, fitted: FloatArray) -> FloatArray:
 
 
 def _powers(u: FloatArray, terms: int, order: int) -> FloatArray:
-    """Return the derivatives of an order of the powers 1, u, ..., (L, terms)."""
+    """Return the derivatives of the given order of the powers 1, u, ..., (L, terms)."""
     columns = np.zeros((len(u), terms))
     for k in range(order, terms):
         factor = float(np.prod(np.arange(k - order + 1, k + 1)))
@@ -321,7 +322,7 @@ def _powers(u: FloatArray, terms: int, order: int) -> FloatArray:
 
 
 def _instants(mean: FloatArray, height_m: float) -> FloatArray:
-    """Scaled times (L,) at which polynomials (L, K) have a value; NaN beyond the window."""
+    """Return scaled times (L,) at which polynomials (L, K) equal `height_m`; NaN out of window."""
     u = np.zeros(len(mean))
     for _ in range(NEWTON_STEPS):
         miss = (mean * _powers(u, mean.shape[1], 0)).sum(axis=1) - height_m
@@ -332,7 +333,7 @@ def _instants(mean: FloatArray, height_m: float) -> FloatArray:
 
 
 def _errors(covariance: FloatArray, u: FloatArray, scale: float) -> FloatArray:
-    """Covariance (2, 2, L, B, 3) of place and velocity of each coordinate at given u."""
+    """Return the covariance (2, 2, L, B, 3) of position and velocity of each coordinate at u."""
     terms = covariance.shape[-1]
     rows = np.stack([_powers(u, terms, order) / scale**order for order in (0, 1)])
     return np.asarray(np.einsum("olk,lbckj,plj->oplbc", rows, covariance, rows, optimize=True))
@@ -341,7 +342,7 @@ def _errors(covariance: FloatArray, u: FloatArray, scale: float) -> FloatArray:
 def _with_instant(
     errors: FloatArray, motion: FloatArray, sinking: FloatArray, of: int
 ) -> FloatArray:
-    """Covariances (L, B, 3, 3) with what an error of the mean height moves along the track."""
+    """Return covariances (L, B, 3, 3), including shifts along the track by errors of height."""
     markers = motion.shape[1]
     along = -motion / sinking[:, None, None]
     height = errors[0, 0, :, :, 2].sum(axis=1) / markers**2

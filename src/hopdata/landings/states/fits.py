@@ -18,14 +18,15 @@ BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06
 NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as ballistic
 WINDOWS_S = (0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)
 FLIGHT_DEGREES, STANCE_DEGREES, ALONE_DEGREE = (2, 3), (3, 5), 3
+# Fewest frames of a fit, fewest of them close to the crossing, and fewest landings to learn from.
 LEAST_FRAMES, LEAST_CLOSE, LEAST_LANDINGS = 6, 3, 30
-LARGEST_MISFIT = 0.25  # in units of the variance that a further coefficient would cost
-FURTHER = 2  # coefficients by which a fit is judged
-LEAD_QUANTILE = 0.1  # of the times between the last contact and the post section
+LARGEST_MISFIT = 0.25  # in units of the variance that one more coefficient would cost
+FURTHER = 2  # extra coefficients by which a fit is judged
+LEAD_QUANTILE = 0.1  # quantile of the times between the last contact and the post section
 FILTER_FRAMES, FILTER_DEGREE = 7, 3
 
 Parts = Iterator[coefficients.Fitted]
-#: Makes the fits block by block, anew each time: of many landings all fill the memory.
+#: Makes the fits anew, block by block: for many landings, all at once would fill the memory.
 Fit = Callable[[], Parts]
 
 
@@ -44,9 +45,9 @@ class Tracks:
     contact : (L,) array
         Contact beyond which no frame is used, s.
     flight : bool
-        Whether the section lies before it.
+        Whether the section lies before the contact.
     pace : float
-        Of the recording: windows are those of an animal of 1 m, times this.
+        Pace of the recording: the windows of an animal of 1 m are multiplied by it.
     """
 
     time: FloatArray
@@ -62,24 +63,24 @@ class Tracks:
         return float(np.median(np.diff(self.time)))
 
     def evenly(self, count: int) -> Tracks:
-        """Return at most so many of the crossings, evenly taken."""
+        """Return at most `count` of the crossings, evenly spaced."""
         rows = evenly(len(self.near), count)
         return replace(self, near=self.near[rows], contact=self.contact[rows])
 
     @property
     def lead_s(self) -> float:
-        """How long before the post section frames count, s; the same for all landings.
+        """Time before the post section in which frames count, s; the same for all landings.
 
-        Were it the time since each landing's own last contact, the errors of the states would
-        know which contact was last, and look like a map that does. Nine in ten landings have
-        that much.
+        If it were the time since each landing's own last contact, the errors of the states would
+        depend on which contact was last, and mimic a map that does. Nine in ten landings have at
+        least this much time.
         """
         after = self.near - self.contact
         known = after[np.isfinite(after)]
         return max(float(np.quantile(known, LEAD_QUANTILE)), 0.0) if len(known) else 0.0
 
     def windows(self, window_s: float) -> Windows:
-        """Frames on either side of the crossings, on this side of the contacts."""
+        """Return windows about the crossings that do not extend beyond the contacts."""
         near, contact = self.near, self.contact
         if self.flight:
             stop = np.searchsorted(self.time, np.minimum(near + window_s, contact))
@@ -92,17 +93,17 @@ class Tracks:
         return Windows(near, start, stop, window_s)
 
     def sums(self, window_s: float, degree: int, *, falling: bool = False) -> Iterator[Moments]:
-        """Sum up the frames for polynomials of a degree, about a free fall or not."""
+        """Sum the frames for polynomials of a degree, with free fall subtracted if `falling`."""
         fall, windows = GRAVITY_M_S2 if falling else 0.0, self.windows(window_s)
         return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall)
 
     def fitted(self, window_s: float, degree: int, *, falling: bool = False) -> Fit:
-        """Fit polynomials of a degree to each landing for itself."""
+        """Fit polynomials of a degree to each landing by itself."""
         return _each(partial(self.sums, window_s, degree, falling=falling))
 
 
 def _each(sums: Callable[[], Iterator[Moments]]) -> Fit:
-    """Fit each landing for itself, by least squares."""
+    """Fit each landing by itself, by least squares."""
     variance, _ = coefficients.noise(sums())
     return lambda: ((part, coefficients.least_squares(part, variance)) for part in sums())
 
@@ -117,17 +118,17 @@ def filtered(tracks: Tracks) -> Fit:
 
 
 def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
-    """Fit straight lines under gravity, each flight for itself."""
+    """Fit straight lines under gravity to each flight by itself."""
     return tracks.fitted(window_s or BALLISTIC_WINDOW_S * tracks.pace, 1, falling=True)
 
 
 def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
-    """Fit parabolas, each flight for itself."""
+    """Fit parabolas to each flight by itself."""
     return tracks.fitted(window_s or WINDOW_S * tracks.pace, 2)
 
 
 def alone(tracks: Tracks, window_s: float | None) -> Fit:
-    """Fit each landing for itself: where there are too few of them to learn from."""
+    """Fit each landing by itself, for recordings with too few landings to learn from."""
     if not tracks.flight:
         return tracks.fitted(window_s or WINDOW_S * tracks.pace, ALONE_DEGREE)
     free, straight = accelerated(tracks, window_s), ballistic(tracks, window_s)
@@ -136,11 +137,11 @@ def alone(tracks: Tracks, window_s: float | None) -> Fit:
 
 
 def together(tracks: Tracks, window_s: float | None) -> Fit:
-    """Fit all landings at once: about free fall before the contacts, smooth after them.
+    """Fit all landings at once: close to free fall before the contacts, smooth after them.
 
-    Accelerations and beyond are drawn from a population that is learned from the landings (see
-    `hopdata.landings.states.coefficients`). Each degree gets the widest window in which it fits; of
-    these the one that expects the smallest errors of velocities is taken.
+    Accelerations and higher derivatives are drawn from a population that is learned from the
+    landings (see `hopdata.landings.states.coefficients`). Each degree gets the widest window in
+    which it fits. The degree with the smallest expected errors of velocities is taken.
     """
     degrees = FLIGHT_DEGREES if tracks.flight else STANCE_DEGREES
     choices = widest(tracks, degrees) if window_s is None else [(d, window_s) for d in degrees]
@@ -150,7 +151,7 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
 
 
 def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | None:
-    """Variance of velocities to be expected, m^2/s^2, and the fit; None of too few landings."""
+    """Return the expected variance of velocities, m^2/s^2, and the fit; None with few landings."""
     sums = partial(tracks.sums, window_s, degree + FURTHER, falling=tracks.flight)
     variance, frames = coefficients.noise(sums())
     rows = coefficients.teachers(frames, degree + 1)
@@ -181,9 +182,9 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> tuple[float, Fit] | 
 def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:
     """Return each degree with the widest window, s, in which such polynomials fit the tracks.
 
-    As long as a coefficient takes less off the squares than the noise would, the error of leaving
-    it out is smaller than that of estimating it (Mallows 1973). A degree that fits nowhere is left
-    out.
+    As long as a coefficient reduces the squared residuals by less than noise would, the error of
+    omitting it is smaller than that of estimating it (Mallows 1973). A degree that fits no window
+    is left out.
     """
     tracks, widths = tracks.evenly(LOOK_AT), [width * tracks.pace for width in WINDOWS_S]
     chosen = []
@@ -197,10 +198,10 @@ def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:
 
 
 def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
-    """Variance that the next coefficients explain beyond noise, in units of the noise's.
+    """Return the variance that the next coefficients explain beyond noise, in noise variances.
 
-    The larger of the horizontal and the vertical, less twice its standard error; None where too
-    few frames are left to tell.
+    It is the larger of the horizontal and the vertical value, minus twice its standard error; None
+    if too few landings have enough frames.
     """
     more = joined(tracks.sums(window_s, degree + FURTHER, falling=tracks.flight))
     whole = np.flatnonzero((more.frames > more.terms).all(axis=1))
@@ -254,24 +255,24 @@ def section_states(
     height_m : float
         Height of the section, m.
     side : {"before", "after"}
-        On which side of the contacts the section lies.
+        Side of the contacts on which the section lies.
     contact : (L,) array
-        The first contact for the pre section, the last one for the post section, s. Frames beyond
-        it are not used by the split fit.
+        First contact for the pre section, last contact for the post section, s. The split fit uses
+        no frames beyond it.
     method : {"split_fit", "savitzky_golay"}
-        Polynomials over the window on the right side of the contacts; or a cubic over the seven
-        nearest frames, whatever happens in them.
+        Polynomials over a window on the section's side of the contacts, or a cubic over the seven
+        nearest frames, whether or not a contact lies among them.
     window_s : float, optional
-        Frames used on either side of the crossing by the split fit, s; on the free side it is
-        widened until the frames suffice. By default as wide as polynomials fit (see
-        `hopdata.landings.states.fits.widest`).
+        Time on either side of the crossing whose frames the split fit uses, s; on the side away
+        from the contacts it is widened until there are enough frames. By default it is as wide as
+        polynomials fit (see `hopdata.landings.states.fits.widest`).
     gravity : {"auto", "known", "free"}
-        Flight before the contacts as straight lines under gravity (`known`), or with an
+        Model of the flight before the contacts: straight lines under gravity (`known`), or an
         acceleration of its own for each marker and landing (`free`). `auto` learns from all
-        landings how much accelerations differ from gravity; from few landings it takes
-        gravity where the residuals are then no larger.
+        landings how much accelerations differ from gravity. With few landings it uses gravity if
+        that does not increase the residuals.
     pace : float
-        Of the recording (`hopdata.recording.Recording.pace`).
+        Pace of the recording (`hopdata.recording.Recording.pace`).
 
     Returns
     -------

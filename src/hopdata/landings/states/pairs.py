@@ -1,4 +1,4 @@
-"""Pairs: states of the body at the pre and at the post section, in the home frame."""
+"""Pairs: states of the body at the pre and the post section, in the home frame."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Pairs(Shown):
     Parameters
     ----------
     x, y : (n, 6B) array
-        States at the pre and at the post section: positions of the B body markers (x1, y1, z1, x2,
-        ...), m, and then their velocities, m/s, in the home frame.
+        States at the pre and the post section: positions of the B body markers (x1, y1, z1, x2,
+        ...), m, followed by their velocities, m/s, in the home frame.
     schedule : (n,) str array
         Mode schedules.
     spread_s : (n,) array
@@ -36,9 +36,8 @@ class Pairs(Shown):
     length_unit_m, time_unit_s : float
         The study's units of normalisation; 1 until they are chosen.
     x_se, y_se : (n, 6B) array, optional
-        Standard errors of `x` and `y`, each in the units of its column, in the home frame as it was
-        found (its own error is common to both sections). Unknown for states that were not
-        measured.
+        Standard errors of `x` and `y`, in the units of each column, with the home frame taken as
+        known (its own error is common to both sections). None for states that were not measured.
     instants, instants_se : (n, feet) array, optional
         Contact instants of the feet, s, and their standard errors.
     """
@@ -58,12 +57,12 @@ class Pairs(Shown):
     instants_se: FloatArray | None = None
 
     def told(self) -> str:
-        """Return numbers of landings, orders and coordinates."""
+        """Describe the numbers of landings, orders and coordinates."""
         orders = len(set(self.schedule))
         return f"of {len(self)} landings in {orders} orders, {self.x.shape[1]} coordinates each"
 
     def rows(self) -> dict[str, Any]:
-        """Return the landings by order of contact."""
+        """Count the landings for each order of contacts."""
         orders, counts = np.unique(self.schedule, return_counts=True)
         return {"order of contacts": orders, "landings": counts}
 
@@ -71,7 +70,7 @@ class Pairs(Shown):
         return len(self.schedule)
 
     def with_units(self, length_m: float, time_s: float) -> Pairs:
-        """Return the same pairs with the units that `normalised` divides by, m and s, > 0."""
+        """Return the same pairs with units, m and s, > 0, for `normalised`."""
         return replace(self, length_unit_m=length_m, time_unit_s=time_s)
 
     def normalised(self) -> tuple[FloatArray, FloatArray]:
@@ -105,10 +104,11 @@ OPTIONAL = ("x_se", "y_se", "instants", "instants_se")
 
 
 def write_pairs(path: str | Path, pairs: Pairs) -> None:
-    """Write pairs to an HDF5 file, which appears under its name only once it is whole.
+    """Write pairs to an HDF5 file, which appears under its name only once it is complete.
 
-    Datasets are the columns of `DESCRIPTIONS`, those of `OPTIONAL` where they are known, each with
-    an attribute `description`; attributes are body_markers, length_unit_m and time_unit_s.
+    The datasets are those of `DESCRIPTIONS`, each with an attribute `description`; those of
+    `OPTIONAL` are written only if known. The file's attributes are body_markers, length_unit_m and
+    time_unit_s.
     """
     import h5py
 
@@ -132,7 +132,7 @@ def read_pairs(path: str | Path) -> Pairs:
     Raises
     ------
     AnalysisError
-        If the file does not exist or holds no pairs.
+        If the file does not exist or does not contain pairs.
     """
     import h5py
 

@@ -1,4 +1,4 @@
-"""Frames of the markers about given instants, summed up for fits of polynomials in time."""
+"""Frames of the markers about given instants, summed for fits of polynomials in time."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.polynomial import Legendre, Polynomial
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 
-#: Entries of the largest array that is made at once.
+#: Entries of the largest array allocated at once, to bound memory.
 LARGEST = 4_000_000
-LOOK_AT = 300  # landings, evenly taken from all, where so many tell what all would
+LOOK_AT = 300  # evenly sampled landings, where these show as much as all of them
 
 
 Seen = tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray, FloatArray]
@@ -21,14 +21,14 @@ Seen = tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray, FloatArr
 
 @dataclass(frozen=True)
 class Windows:
-    """Frames start:stop about each of L instants.
+    """Windows of frames, start:stop, about L instants.
 
     Parameters
     ----------
     near : (L,) array
         Instants, s, at which the scaled time u is zero.
     start, stop : (L,) array of int
-        First and last-plus-one frame.
+        First frame, and the frame after the last.
     scale : float
         Unit of u, s.
     """
@@ -45,13 +45,13 @@ class Windows:
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over the frames of each window: all that a fit by least squares needs.
+    """Sums over the frames of each window: everything that a least-squares fit needs.
 
-    They are over 1, u, and u^2 times orthogonal polynomials: as good as powers of u, but not close
-    to linearly dependent.
+    The basis is 1, u, and u^2 times orthogonal polynomials. It spans the same space as the powers
+    of u without being nearly linearly dependent.
 
     Coordinates are those of the landing's own frame, turned about the vertical, relative to the
-    mean of the marker's track; with the fall under gravity taken off where it was asked for.
+    mean of the marker's track. The fall under gravity is subtracted if requested.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Moments:
     square : (L, B, 3) array
         Squared coordinates, m^2.
     rows : (L,) array of int
-        Numbers of the windows.
+        Indices of the windows.
     frames : (L, B) array
         Number of usable frames.
     centre : (L, B, 3) array
@@ -70,11 +70,11 @@ class Moments:
     direction : (L, 2) array
         x axis of the landing's frame in the world.
     fall : float
-        Coefficient of u^2 in the vertical that was taken off, m.
+        Coefficient of u^2 that was subtracted from the vertical, m.
     scale : float
         Unit of u, s.
     powers : (K, K) array
-        Coefficients of the powers of u in each polynomial; a column each.
+        Coefficients of the powers of u, with one column for each polynomial.
     """
 
     gram: FloatArray
@@ -110,7 +110,7 @@ _ARRAYS = ("gram", "product", "square", "rows", "frames", "centre", "direction")
 def moments(
     time: FloatArray, body: FloatArray, windows: Windows, *, degree: int, gravity_m_s2: float = 0.0
 ) -> Iterator[Moments]:
-    """Sum up the frames of the windows, block by block.
+    """Sum the frames of the windows, block by block.
 
     Parameters
     ----------
@@ -119,16 +119,16 @@ def moments(
     body : (N, B, 3) array
         Markers in the world, z up, m; NaN where unseen.
     windows : Windows
-        Of L instants.
+        Windows about L instants.
     degree : int
         Highest power of time.
     gravity_m_s2 : float
-        The fall under it is taken off.
+        Acceleration whose fall is subtracted, m/s^2.
 
     Yields
     ------
     Moments
-        Of as many windows as fit into `LARGEST` entries, by the same polynomials.
+        Moments of as many windows as fit into `LARGEST` entries, all with the same polynomials.
     """
     width = int(np.max(windows.stop - windows.start, initial=1))
     powers = _polynomials(degree, *_span(time, windows))
@@ -143,14 +143,14 @@ def moments(
 
 
 def joined(parts: Iterable[Moments]) -> Moments:
-    """Put blocks of moments together."""
+    """Join blocks of moments."""
     parts = list(parts)
     arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in _ARRAYS}
     return replace(parts[0], **arrays)
 
 
 def evenly(n: int, count: int) -> IntArray:
-    """Return at most `count` of the numbers below n, evenly spaced."""
+    """Return at most `count` of the integers below n, evenly spaced."""
     return np.unique(np.linspace(0, max(n - 1, 0), count).round().astype(int))[:n]
 
 
@@ -172,9 +172,10 @@ def _moments(
 
 
 def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
-    """Scaled times (L, W), points (L, B, W, 3), which are usable, and their means (L, B, 3).
+    """Return scaled times (L, W), points (L, B, W, 3), which are usable, and means (L, B, 3).
 
-    Then horizontally from the middle of the body to these, and how far.
+    Return then the horizontal vectors from the middle of the body to these means, and their
+    lengths.
     """
     frames = windows.start[:, None] + np.arange(np.max(windows.stop - windows.start, initial=1))
     inside = (frames < windows.stop[:, None]) & (frames >= 0) & (frames < len(time))
@@ -189,14 +190,14 @@ def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
 
 
 def _span(time: FloatArray, windows: Windows) -> tuple[float, float]:
-    """First and last scaled time of all windows."""
+    """Return the first and last scaled time of all windows."""
     first, last = (np.clip(f, 0, len(time) - 1) for f in (windows.start, windows.stop - 1))
     early, late = ((time[frame] - windows.near) / windows.scale for frame in (first, last))
     return float(np.min(early, initial=0.0)), float(np.max(late, initial=0.0))
 
 
 def _polynomials(degree: int, first: float, last: float) -> FloatArray:
-    """Powers in 1, u, and u^2 times Legendre's polynomials on [first, last], (K, K)."""
+    """Return the powers in 1, u, and u^2 times Legendre polynomials on [first, last], (K, K)."""
     powers = np.eye(degree + 1)
     domain = [first, last if last > first else first + 1]
     for k in range(2, degree + 1):
