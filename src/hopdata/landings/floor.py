@@ -67,7 +67,7 @@ _STILL = 5e-5  # change of the coefficients at which the fits end, as a share of
 _SIGMAS = 4.0  # height above the mode, in deviations of its left flank, at which a rest is raised
 _ROUNDS = 4
 _LEAST_POINTS = 20  # fewest points that determine a ground mode
-LEAST_STEPS = 5  # fewest steps per foot that tell raised rests from one rest that gave way
+LEAST_STEPS = 5  # fewest steps per foot that tell raised rests from one that gave way below
 _LEAST_SHARE = 0.02  # share of the points below which the regression copes by itself
 
 
@@ -242,7 +242,7 @@ _MOVE_PER_APART = 12.0
 
 
 def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray]:
-    """Find how a floor moves up and down, from feet that all stand higher at some times.
+    """Find how a floor moves up and down, from feet at rest that rise and fall together.
 
     Return instants (W,), s, and the height of the floor at each, (W,), m, beyond what a floor of
     degree 2 and the mount heights explain. Both are a single 0 if nine in ten rests are within

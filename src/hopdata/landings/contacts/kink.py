@@ -188,7 +188,7 @@ def _windows(
 
 
 def _standing(since: FloatArray, z: FloatArray, after_s: float, rise_m: float) -> FloatArray:
-    """Set heights (P, W) to NaN from `after_s` on, or from where the foot has left the floor again.
+    """Return heights (P, W), NaN from `after_s` on or once the foot has left the floor again.
 
     `since` (P, W) is the time of each frame from the approximate contact, s.
     """
@@ -203,7 +203,7 @@ def _other_contacts(
 ) -> tuple[FloatArray, IntArray]:
     """Return the contacts of the other feet in order of time, (P, n - 1), inf where there is none.
 
-    Return also the columns of `FlightPriors` in that order, (P, 2n).
+    Also return the columns of `FlightPriors` in that order, (P, 2n).
     """
     foot = wanted % n
     others = np.array([[j for j in range(n) if j != i] for i in range(n)], dtype=np.int64)[foot]

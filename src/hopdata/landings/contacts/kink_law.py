@@ -149,7 +149,7 @@ LEARNING_STEPS = 6
 Softly = tuple[KinkFits, FloatArray]  # fits, and the common errors of the feet, s
 # Evenly spaced landings that teach flight and stance; more would sharpen no prior that matters.
 LEARNING_LANDINGS, STANCE_LANDINGS = 400, 120
-COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
+COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)  # tried for the law of stance
 # Log likelihood that a law of stance must gain: in total, to exceed chance, and per fit, because a
 # smaller gain moves an instant by only a small part of its standard error. Then the log likelihood
 # by which the data must speak against pushes.
@@ -160,7 +160,7 @@ STANCE_GAIN, STANCE_GAIN_PER_FIT, TELLING_LOSS = 6.0, 0.15, 20.0
 UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
 FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # fewest frames that determine a kink
 AT_BOUND_S = 1e-3  # an instant this close to the earliest one, s, is only the bound
-SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)
+SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)  # tried beside the law's own
 # Prior odds of a soft against a hard contact, and the sds from zero at which a contact is surely
 # soft.
 SOFTNESS_ODDS, SURE_OF_SOFT = 6.0, 2.0
@@ -384,7 +384,7 @@ def _determined(fits: KinkFits, noise_m: float) -> BoolArray:
 
 
 def _undetermined(fits: KinkFits, near: FloatArray, noise_m: float) -> FloatArray:
-    """Return each foot's share of undetermined contacts (n,); one in ten or more is forgiven."""
+    """Return each foot's share of undetermined contacts (n,), forgiving one in ten or more."""
     wanted = np.isfinite(near)
     count = wanted.sum(axis=0)
     without = (wanted & ~_determined(fits, noise_m)).sum(axis=0) - (count >= ODD_ONE_OF)

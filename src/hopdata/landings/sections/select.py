@@ -278,7 +278,7 @@ def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) 
 #: Share of landings that a section may lose, per share of frames on its wrong side; and the share
 #: that the height it moves to may lose if it loses more.
 LOST_PER_TAIL, LEFT_LOSS = 150.0, 0.015
-_INSIDE_M = 1e-3  # margin of a moved section within its range of equal heights, if there is room
+_INSIDE_M = 1e-3  # margin of a moved section inside the heights that hold as many, if it fits
 #: Columns of `landing_heights` that bound a section (contact and turning point), and its sign.
 _BOUNDS = {"pre": (1, 0, 1.0), "post": (2, 3, -1.0)}
 

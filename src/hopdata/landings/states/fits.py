@@ -14,9 +14,10 @@ from hopdata.errors import chosen
 from hopdata.landings.states import coefficients
 from hopdata.landings.states.tracks import LOOK_AT, Moments, Windows, evenly, joined, moments
 
-BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06
+BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06  # default windows of separate fits, for 1 m
 NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as ballistic
-WINDOWS_S = (0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)
+WINDOWS_S = (0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)  # tried by `widest`
+# Degrees tried before and after the contacts, and the degree of separate fits after them.
 FLIGHT_DEGREES, STANCE_DEGREES, ALONE_DEGREE = (2, 3), (3, 5), 3
 # Fewest frames of a fit, fewest of them close to the crossing, and fewest landings to learn from.
 LEAST_FRAMES, LEAST_CLOSE, LEAST_LANDINGS = 6, 3, 30

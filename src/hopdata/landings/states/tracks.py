@@ -174,7 +174,7 @@ def _moments(
 def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
     """Return scaled times (L, W), points (L, B, W, 3), which are usable, and means (L, B, 3).
 
-    Return then the horizontal vectors from the middle of the body to these means, and their
+    Also return the horizontal vectors from the middle of the body to these means, and their
     lengths.
     """
     frames = windows.start[:, None] + np.arange(np.max(windows.stop - windows.start, initial=1))
