@@ -2,22 +2,24 @@
 
     python benchmarks/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
 
-The model is learned from 100 hops of the simulated hopper as it was. Then the hopper is changed.
-From each of twelve starts, a metre from the origin with any heading, it is steered towards the
-origin for at most 40 hops (`first`: arrived within these), and then from another start as the study
-asks, within 50 hops (`back`). The planner `as it was` is the control; the `adaptive` one begins
-with nothing learned at each of the twelve, and learns at each stance; the one that `learned anew`
-knows 100 hops of the changed hopper, and is the bound. All get the same starts, kicks and noise.
+The model is learned from 100 hops of the original simulated hopper. Then the hopper is changed.
+From each of twelve starts, one metre from the origin with any heading, it is steered towards the
+origin for at most 40 hops (`first`: it arrived within these). It is then steered from another
+start, as in the study, within 50 hops (`back`). The planner `as it was` is the control. The
+`adaptive` planner begins each of the twelve runs with nothing learned and learns at each stance.
+The planner that `learned anew` knows 100 hops of the changed hopper and sets the bound. All
+planners get the same starts, kicks and noise.
 
-One row a seed, change and controller: how many of the twelve arrived, median hops of the second
-way, and the processor's time for a plan, learning included.
-`adaptation_return.csv`: by the number of hops since the change how far a stance was from where the
-controller's model had foretold it, median and 90 % over all runs that still went on.
+There is one row per seed, change and controller: how many of the twelve runs arrived, the median
+number of hops of the second task, and the processor time per plan, learning included.
+`adaptation_return.csv` gives the distance between stances and their predictions by the controller's
+model, by the number of hops since the change: median and 90 % quantile over all runs still in
+progress.
 
     python benchmarks/adaptation.py --out loads.csv --loads
 
-asks what the legs can carry: from how many of twelve releases the hopper still hops after 40 hops,
-which nobody steers, by the load that lies on it.
+measures what the legs can carry: for each load, how many of twelve releases leave the hopper still
+hopping after 40 unsteered hops.
 
 Seeds 1 to 5 are reported. The constants of the correction were set beforehand; seed 101 chose the
 leg that is changed.
@@ -54,18 +56,18 @@ from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_tria
 from hopdata.synthesis.camera import MotionCapture, draw_floor
 
 STARTS, LEARNED = 12, 100
-LEG = 2  # the weakest, whose change costs the planner most (chosen on seed 101)
+LEG = 2  # the weakest leg: changing it costs the planner most (chosen on seed 101)
 FIRST, SECOND = (Task(manoeuvre=ORIGIN, near=0.11, hops=hops) for hops in (40, 50))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChangedFeet(HopperParameters):
-    """A hopper whose rest feet are elsewhere below its centre of mass, by so much, m, each leg."""
+    """A hopper whose rest feet are moved by `moved_m` relative to its centre of mass, m."""
 
     moved_m: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * 3
 
     def rest_feet(self) -> FloatArray:
-        """Return the feet where they now are."""
+        """Return the rest positions of the moved feet."""
         return super().rest_feet() + np.pad(np.array(self.moved_m), ((0, 0), (0, 1)))
 
 
@@ -81,14 +83,14 @@ def preloaded(robot: SteeredHopper, leg: int) -> SteeredHopper:
 
 
 def worn(robot: SteeredHopper, leg: int) -> SteeredHopper:
-    """Wear the point of contact inwards by 4 cm; it slips more easily (as all do here)."""
+    """Move the point of contact inwards by 4 cm, and let all feet slip more easily."""
     feet = np.zeros((3, 2))
     feet[leg] = -0.04 * robot.hopper.rest_feet()[leg, :2] / robot.hopper.foot_radius_m
     return moved(robot, feet, friction=0.9 * robot.hopper.friction)
 
 
 def laden(robot: SteeredHopper, leg: int, *, kilograms: float = 1.0) -> SteeredHopper:
-    """Lay a kilogram 3 cm from the middle (at 5 cm the hopper falls over)."""
+    """Add a mass 3 cm from the middle (at 5 cm the hopper falls over)."""
     hopper = robot.hopper
     side = hopper.rest_feet()[leg, :2] / hopper.foot_radius_m
     shift = 0.03 * kilograms / (hopper.total_mass_kg + kilograms) * side
@@ -134,7 +136,7 @@ def timed(controller: Controller, took: list[float]) -> Controller:
 
 
 def missed(run: Run) -> FloatArray:
-    """Distance of each stance from where it was foretold, m."""
+    """Return the distance of each stance from its prediction, m."""
     stances = run.stances
     return np.hypot(stances["x_m"] - stances["predicted_x_m"],
                     stances["y_m"] - stances["predicted_y_m"]).to_numpy()  # fmt: skip
@@ -143,7 +145,7 @@ def missed(run: Run) -> FloatArray:
 def rows(
     number: int, names: Sequence[str] = tuple(CHANGES)
 ) -> Iterator[tuple[dict[str, object], list[FloatArray]]]:
-    """Steer after each of these changes, with each controller."""
+    """Steer after each of the changes with each controller."""
     seed = np.random.SeedSequence(20261125, spawn_key=(number,))
     robot, camera = SteeredHopper(), MotionCapture()
     geometry, process = learned(robot, child(seed, 10))
@@ -188,10 +190,10 @@ def anew(robot: SteeredHopper, seed: np.random.SeedSequence) -> Callable[[], Pla
 
 
 def loads(robot: SteeredHopper, seed: np.random.SeedSequence) -> pd.DataFrame:
-    """Let the hopper go under loads, with the boom at rest and with swings at random.
+    """Let the hopper hop under loads, with the boom at rest and with random swings.
 
-    Legs that push up to `release_extension_m` leave the floor together only where their forces
-    there carry the weight: ``push_n`` against ``weight_n``.
+    Legs that push up to `release_extension_m` leave the floor together only if their force at that
+    extension carries the weight: compare ``push_n`` with ``weight_n``.
     """
     found = []
     for kilograms, swings in product((0.0, 0.25, 0.5, 0.75, 1.0), (False, True)):
@@ -217,7 +219,7 @@ def loads(robot: SteeredHopper, seed: np.random.SeedSequence) -> pd.DataFrame:
 
 
 def tables(pairs: Iterable[tuple[dict[str, object], list[FloatArray]]]) -> list[pd.DataFrame]:
-    """Return the table of arrivals, and that of distances by hop over all seeds."""
+    """Return the table of arrivals, and the table of distances by hop over all seeds."""
     found, away = [], []
     for row, misses in pairs:
         found.append(row)

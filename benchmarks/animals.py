@@ -2,17 +2,18 @@
 
     python benchmarks/animals.py --out animals.csv [--hops 200]
 
-The body of the three-legged hopper on n legs that together do what three did, simulated and seen
-with 0.6 mm of noise; two point feet cannot balance, so the biped is dropped anew for every landing.
-One row for each number of feet and frame rate, with three body markers, and three rows more of the
-largest animal with four, five and eight. `landings` truly have all feet down; `used` are not
-excluded; `order_right` is of those used, and `order_right_sure` of those whose order has a
-probability of 0.9 or more. `contact_rms_ms` is the error of the instants about their common bias
-`contact_bias_ms`, and `within_se` the share of them within the stated standard error.
-`velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the vertical one there. Seconds of
-the processor are those of the stages floor, sections, touchdowns and pairs, on one thread;
-`peak_mb` is the most memory in use beyond what there was before them, and `recording_mb` the size
-of the positions.
+The animals have the body of the three-legged hopper on n legs that together have the strength of
+its three. They are simulated and seen with 0.6 mm of noise. The biped is dropped anew for every
+landing, because two point feet cannot balance. There is one row for each number of feet and frame
+rate with three body markers, and three more rows for the largest animal with four, five and eight.
+`landings` counts true landings on all feet; `used` counts those that are not excluded.
+`order_right` is the share of used landings with the right order; `order_right_sure` considers those
+whose order has a probability of 0.9 or more. `contact_rms_ms` is the error of the instants about
+their common bias `contact_bias_ms`, and `within_se` the share of them within the stated standard
+error. `velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the vertical velocity at the two
+sections. Processor seconds are given for the stages floor, sections, touchdowns and pairs, on one
+thread. `peak_mb` is the largest memory use above that at the start, and `recording_mb` the size of
+the positions.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ SURE = 0.9
 
 
 def simulate(feet: int, rate_hz: float, markers: int, hops: int) -> tuple[Recording, Truth]:
-    """Simulate an animal: legs that share the strength of three, markers around the body."""
+    """Simulate an animal whose legs share the strength of three, with markers around the body."""
     three, share = HopperParameters(), 3 / feet
     names = ("stiffness_n_m", "damping_n_s_m", "preload_n")
     legs = {"n_legs": feet} | {name: share * getattr(three, name) for name in names}
@@ -61,7 +62,7 @@ def simulate(feet: int, rate_hz: float, markers: int, hops: int) -> tuple[Record
 
 
 def stages(recording: Recording) -> tuple[pd.DataFrame, Pairs, Any, dict[str, float]]:
-    """Run the stages of the landings; return table, pairs, sections and the seconds of each."""
+    """Run the landing stages; return touchdowns, pairs, sections and the seconds of each stage."""
     seconds, begin = {}, time.process_time()
 
     def lap(name: str) -> None:
@@ -82,7 +83,7 @@ def stages(recording: Recording) -> tuple[pd.DataFrame, Pairs, Any, dict[str, fl
 
 
 def velocity_errors(truth: Truth, table: pd.DataFrame, pairs: Pairs, sections: Any) -> list[float]:
-    """Rms error of the vertical velocity of a marker at the two sections, m/s."""
+    """Return the rms error of a marker's vertical velocity at each of the two sections, m/s."""
     scene = known_scene(truth)
     heights = SectionHeights(sections.pre_height_m, sections.post_height_m, scene.body_points_m)
     true = true_states(truth, scene, heights)
@@ -99,12 +100,12 @@ def velocity_errors(truth: Truth, table: pd.DataFrame, pairs: Pairs, sections: A
 
 
 def contacts(table: pd.DataFrame, what: str = "contact") -> np.ndarray:
-    """Contact instants or their standard errors, (rows, feet), s."""
+    """Return contact instants or their standard errors, (rows, feet), s."""
     return table.filter(regex=f"^{what}_.*_s$").to_numpy(float)
 
 
 def measure(feet: int, rate_hz: float, markers: int, hops: int) -> dict[str, float]:
-    """Simulate one animal at one rate, and compare what is found with what was."""
+    """Simulate one animal at one rate, and compare the landings found with the true ones."""
     recording, truth = simulate(feet, rate_hz, markers, hops)
     table, pairs, sections, seconds = stages(recording)
     tracemalloc.start()
@@ -152,7 +153,7 @@ def main() -> None:
     arguments = parser.parse_args()
     cases = [(feet, rate, 3) for feet in arguments.feet for rate in arguments.rates]
     cases += [(arguments.feet[-1], 100.0, markers) for markers in MARKERS]
-    measure(*cases[0], 20)  # compile before the clock runs
+    measure(*cases[0], 20)  # compile before timing
     rows = []
     for case in cases:
         rows.append(measure(*case, arguments.hops))

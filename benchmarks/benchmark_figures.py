@@ -1,8 +1,8 @@
-"""Draw a figure of the benchmarks from the tables that they wrote.
+"""Draw a figure of the benchmarks from their tables.
 
     python benchmarks/benchmark_figures.py fig4_2_order results/benchmarks/order.csv --out order
 
-The workflow has a rule for each (`BENCHMARK_FIGURES` in `workflow/rules/benchmarks.smk`).
+The workflow has a rule for each figure (`BENCHMARK_FIGURES` in `workflow/rules/benchmarks.smk`).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from hopdata.jobs import read_table
 
 # Figure 4.2: how the error of the final state falls with the step, for each method.
 
-# Colour and marker of each method in turn. Curves may lie on one another, so markers are hollow,
-# of different shapes, and the earlier ones larger.
+# Colour and marker of each method in turn. Curves may overlap, so markers are hollow and differ in
+# shape, and earlier ones are larger.
 LOOKS: tuple[tuple[str, str], ...] = (
     (style.BLUE, "o"),
     (style.ORANGE, "s"),
@@ -35,9 +35,9 @@ LOOKS: tuple[tuple[str, str], ...] = (
     (style.GREEN, "D"),
     (style.PURPLE, "v"),
 )
-LARGEST, SMALLEST = 6.5, 2.6  # points
+LARGEST, SMALLEST = 6.5, 2.6  # marker sizes of the first and last method, points
 MOST_MARKERS = 24
-LIGHT_GREY = "#d4d4d4"  # opaque, so that intervals on one another look like one
+LIGHT_GREY = "#d4d4d4"  # opaque, so that overlapping intervals look like one
 
 
 @style.styled
@@ -47,14 +47,14 @@ def order_figure(errors: pd.DataFrame) -> Figure:
     Parameters
     ----------
     errors : DataFrame
-        One row a method and step: ``method``, ``max_step``, ``error_rms``, ``in_fit`` (whether the
-        order was fitted to it), ``fitted_order`` and ``fitted_error`` (the line's error there).
+        One row per method and step: ``method``, ``max_step``, ``error_rms``, ``in_fit`` (whether
+        the order was fitted to it), ``fitted_order`` and ``fitted_error`` (the line's error there).
         A method whose order is NaN has no line.
 
     Returns
     -------
     Figure
-        A curve a method, the line fitted to it dashed, and the steps it was fitted to on grey.
+        One curve per method, its fitted line dashed, and the steps of the fit on grey.
     """
     if not (errors["error_rms"] > 0).any():
         return style.message_figure("No errors: no method was measured.")
@@ -104,14 +104,14 @@ def _name(rows: pd.DataFrame, order: float) -> str:
 
 # Figure 4.3: the hopper's trajectory by MuJoCo and by our integrator, beside the exact one.
 
-# solver: its colour, its line style, its width.
+# Solver: colour, line style, width.
 LINES: dict[str, tuple[str, Any, float]] = {
     "exact": (style.GREY, (0, (1, 1)), 2.2),
     "MuJoCo default contact": (style.BLUE, (0, (5, 1.5)), 1.0),
     "MuJoCo best at 2 ms": (style.PURPLE, (0, (5, 1.2, 1.5, 1.2)), 1.0),
     "hopdata": (style.VERMILION, "-", 0.8),
 }
-# quantity: its unit, as it ends the names of columns and as the reader sees it.
+# Quantity: unit at the end of column names, and unit as displayed.
 QUANTITIES = {"height": ("m", "m"), "velocity": ("m_s", "m/s")}
 
 
@@ -122,14 +122,14 @@ def calibration_figure(trajectories: pd.DataFrame) -> Figure:
     Parameters
     ----------
     trajectories : DataFrame
-        One row a solver and instant: ``solver`` (of `LINES`), ``time_s``, ``height_m``,
-        ``velocity_m_s``, and ``height_residual_m``, ``velocity_residual_m_s``, which are the
-        deviations from the exact solution.
+        One row per solver and instant: ``solver`` (of `LINES`), ``time_s``, ``height_m``,
+        ``velocity_m_s``, and ``height_residual_m``, ``velocity_residual_m_s``, the deviations from
+        the exact solution.
 
     Returns
     -------
     Figure
-        Two columns; the residuals are on a logarithmic axis, where an exact value has no place.
+        Two columns; residuals are on a logarithmic axis, which cannot show exact values.
     """
     if trajectories.empty:
         return style.message_figure("No trajectories to compare.")
@@ -147,7 +147,7 @@ def calibration_figure(trajectories: pd.DataFrame) -> Figure:
 
 
 def _draw(axes: Axes, trajectories: pd.DataFrame, column: str, *, residual: bool) -> None:
-    """Draw a column for each solver: as it is, or its size on a logarithmic axis."""
+    """Draw a column for each solver: its values, or their sizes on a logarithmic axis."""
     for solver, (colour, dash, width) in LINES.items():
         rows = trajectories[trajectories["solver"] == solver]
         if rows.empty or (residual and solver == "exact"):
@@ -162,7 +162,7 @@ def _draw(axes: Axes, trajectories: pd.DataFrame, column: str, *, residual: bool
 
 # Figure 4.4: run time on the plate by number of contacts, for MuJoCo and our integrator.
 
-# solver: what the reader sees, its colour, its line style.
+# Solver: label, colour, line style.
 SERIES: dict[str, tuple[str, str, Any]] = {
     "MuJoCo contact 2 ms": ("MuJoCo, its contacts, 2 ms", style.BLUE, (0, (5, 1.5))),
     "MuJoCo callback 2 ms": ("MuJoCo, our springs, 2 ms", style.GREEN, (0, (5, 1.2, 1.5, 1.2))),
@@ -178,18 +178,18 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     Parameters
     ----------
     times : DataFrame
-        One row a solver (of `SERIES`; others are left out) and number of contacts: ``solver``,
+        One row per solver (of `SERIES`; others are left out) and number of contacts: ``solver``,
         ``n_contacts``, ``time_median_us_per_s``, ``time_q25_us_per_s``, ``time_q75_us_per_s``,
         ``error_median`` and ``error_max``.
     marginal : DataFrame
-        One row a solver and window: ``solver``, ``window`` (only ``local`` is drawn),
+        One row per solver and window: ``solver``, ``window`` (only ``local`` is drawn),
         ``n_contacts``, ``marginal_us_per_contact_s``, ``low95_us_per_contact_s``,
         ``high95_us_per_contact_s``.
 
     Returns
     -------
     Figure
-        Bands are quartiles in (a), 95 % confidence in (b), and median to largest in (c).
+        Bands show quartiles in (a), 95 % confidence in (b), and median to maximum in (c).
     """
     if times.empty:
         return style.message_figure("No run times to compare.")
@@ -227,7 +227,7 @@ def _bands(axes: Axes, table: pd.DataFrame, low: str, middle: str, high: str) ->
         axes.plot(n, rows[middle], color=colour, linestyle=dash, label=label)
 
 
-# way: its colour, line style and marker; of a package alike in colour.
+# Way: colour, line style and marker. Ways of one package share a colour.
 WAYS: dict[str, tuple[str, Any, str]] = {
     "hopdata, call": (style.BLUE, "-", "o"),
     "hopdata, batch": (style.BLUE, (0, (4, 1.5)), "o"),
@@ -250,27 +250,27 @@ SCENE_NAMES = {
     "buck_converter": "buck converter",
     "gears": "gears with backlash",
 }
-MOST_ACROSS = 3  # panels
+MOST_ACROSS = 3  # panels in a row
 
 
 @style.styled
 def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
-    """Draw the time of a trajectory against the error of its end, one panel a scene.
+    """Draw the time of a trajectory against the error of its end, one panel per scene.
 
     Parameters
     ----------
     table : DataFrame
-        One row a scene, solver and setting: ``scene, way, method, setting, error_max,
+        One row per scene, solver and setting: ``scene, way, method, setting, error_max,
         time_median_us, time_q25_us, time_q75_us``. Rows without a time are left out.
     chosen : DataFrame
-        One row a scene and solver: ``scene, way, method, error`` (at which they are compared), and
-        ``best_of_way``, whether the line is drawn strongly.
+        One row per scene and solver: ``scene, way, method, error`` (of the comparison), and
+        ``best_of_way``, whether the line is emphasised.
 
     Returns
     -------
     Figure
-        One line a solver, with the quartiles of its times; the chosen method of each way strong,
-        the others faint. A dotted line at the error at which they are compared.
+        One line per solver, with the quartiles of its times. The chosen method of each way is
+        emphasised, the others are faint. A dotted line marks the error of the comparison.
     """
     done = table[table["time_median_us"].notna() & (table["error_max"] > 0)]
     scenes = list(dict.fromkeys(done["scene"]))
@@ -291,7 +291,7 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
     for axes in grid.ravel():
         axes.set(xscale="log", yscale="log")
         axes.grid()
-    for axes in panels[-across:]:  # the lowest of each column
+    for axes in panels[-across:]:  # the lowest panel of each column
         axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
         axes.tick_params(labelbottom=True)
     for axes in grid.ravel()[len(scenes) :]:
@@ -319,7 +319,7 @@ def _draw_scene(axes: Axes, rows: pd.DataFrame, strong: set[tuple[Any, Any]]) ->
 
 
 def _add_legend(figure: Figure, seen: list[str]) -> None:
-    """Name each way once: in the order of `WAYS`, then those it does not know."""
+    """Add one legend entry per way, in the order of `WAYS`, then those not listed there."""
     from matplotlib.lines import Line2D
 
     names = [way for way in WAYS if way in seen] + [way for way in seen if way not in WAYS]
@@ -333,8 +333,8 @@ def _add_legend(figure: Figure, seen: list[str]) -> None:
 
 # Error of the estimated landing map by number of landings, for levels of noise.
 
-# Estimator: what the reader sees, colour, line style, marker. OLS on rigid-body coordinates is the
-# printed one but for rounding, and is left out.
+# Estimator: label, colour, line style, marker. OLS on rigid-body coordinates equals the printed one
+# except for rounding, and is left out.
 ESTIMATORS: dict[str, tuple[str, str, Any, str]] = {
     "printed": ("least squares, as printed", style.GREY, "-", "o"),
     "corrected": ("corrected for noise", style.ORANGE, (0, (5, 1.5)), "s"),
@@ -346,12 +346,12 @@ STATES = {"split_fit": "states split at contacts", "savitzky_golay": "states by 
 
 @style.styled
 def map_error_figure(table: pd.DataFrame) -> Figure:
-    """Draw the errors, a row of panels for each way of fitting states, a column for each noise.
+    """Draw the errors, with a row of panels per way of fitting states and a column per noise.
 
     Parameters
     ----------
     table : DataFrame
-        One row a setting: ``states`` (of `STATES`), ``noise_mm``, ``estimator`` (of `ESTIMATORS`;
+        One row per setting: ``states`` (of `STATES`), ``noise_mm``, ``estimator`` (of `ESTIMATORS`;
         others are left out), ``landings``, and over the draws ``median, q05, q95``.
 
     Returns
@@ -374,7 +374,7 @@ def map_error_figure(table: pd.DataFrame) -> Figure:
     for axes in panels[-1]:
         axes.set_xlabel("landings")
     style.letters(panels.flat)
-    axes = panels[0, 0]  # whose scales all share
+    axes = panels[0, 0]  # all panels share its scales
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(ticker.FixedLocator([60, 250, 1000, 3000]))
@@ -397,7 +397,7 @@ def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
 # Size and power of the verdict: false alarms, differences found, and the sizes estimated.
 
 SAME = "C1"
-# kind of control: what the reader sees, colour, marker.
+# Kind of control: label, colour, marker.
 CONTROLS = {
     "kappa": ("coupled forces, κ", style.VERMILION, "s"),
     "eps": ("rigid impulses, ε", style.GREEN, "^"),
@@ -409,26 +409,26 @@ TOLERATED = (0.02, 0.08)
 
 @style.styled
 def verdict_power_figure(table: pd.DataFrame) -> Figure:
-    """Draw the shares of simulated studies in which a difference is found, and its size.
+    """Draw how often simulated studies find a difference, and its size.
 
     Parameters
     ----------
     table : DataFrame
-        One row a condition and number of landings: ``condition`` (those that begin with ``C1`` have
-        no difference), ``asked``, landings of a study, of which the most are shown,
-        ``true_effect``, ``found_share`` with its interval ``found_low`` and
-        ``found_high``, ``effect_mean`` and ``effect_sd``.
+        One row per condition and number of landings: ``condition`` (those that begin with ``C1``
+        have no difference), ``asked`` (landings of a study; the largest number is shown),
+        ``true_effect``, ``found_share`` with its interval ``found_low`` and ``found_high``,
+        ``effect_mean`` and ``effect_sd``.
 
     Returns
     -------
     Figure
-        (a) False alarms of landings that are C1; (b) power by true difference; (c) estimated
-        over true difference. Bars are 95 % intervals in (a) and (b), standard deviations in (c).
+        (a) False alarms for C1 landings; (b) power by true difference; (c) ratio of estimated to
+        true difference. Bars are 95 % intervals in (a) and (b), standard deviations in (c).
     """
     if table.empty:
         return style.message_figure("No simulated studies to show.")
-    whole = table["asked"] <= 2100  # larger ones are several studies together
-    most = table[whole].groupby("condition")["asked"].max().min()  # that all conditions have
+    whole = table["asked"] <= 2100  # larger ones join several studies
+    most = table[whole].groupby("condition")["asked"].max().min()  # all conditions have it
     table = table[table["asked"] == most]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
     left, middle, right = figure.subplots(1, 3)
@@ -504,22 +504,22 @@ RETURNS = {
     "adaptive": (style.BLUE, "-"),
     "learned anew": (style.GREY, (0, (1, 1.5))),
 }
-LEAST_RUNS = 6  # of which a median is drawn
+LEAST_RUNS = 6  # fewest runs for which a median is drawn
 
 
 @style.styled
 def adaptation_figure(table: pd.DataFrame) -> Figure:
-    """Draw how far stances are from where they were foretold, by the hops since the change.
+    """Draw the distance of stances from their predictions, by the hops since the change.
 
     Parameters
     ----------
     table : DataFrame
-        One row a change, controller and hop: ``change, controller, hop, median_m, runs``.
+        One row per change, controller and hop: ``change, controller, hop, median_m, runs``.
 
     Returns
     -------
     Figure
-        A panel a change, a line a controller.
+        One panel per change, one line per controller.
     """
     changes = list(dict.fromkeys(table["change"]))
     if not changes:
@@ -544,18 +544,19 @@ def adaptation_figure(table: pd.DataFrame) -> Figure:
 
 @style.styled
 def foot_strikes_figure(table: pd.DataFrame) -> Figure:
-    """Draw how far off each detector's instants are, and how often its order is right.
+    """Draw the errors of each detector's instants, and how often its order is right.
 
     Parameters
     ----------
     table : DataFrame
-        One row a condition and method: ``condition``, ``method``, ``found``, ``bias_ms``,
+        One row per condition and method: ``condition``, ``method``, ``found``, ``bias_ms``,
         ``sd_ms`` and ``order_right``; NaN where a method finds nothing.
 
     Returns
     -------
     Figure
-        A panel of errors, a line from bias - sd to bias + sd for each condition, and one of orders.
+        A panel of errors, with a line from bias - sd to bias + sd for each condition, and a panel
+        of orders.
     """
     table = table[np.isfinite(table["sd_ms"].astype(float))]
     if not len(table):
@@ -587,12 +588,12 @@ def foot_strikes_figure(table: pd.DataFrame) -> Figure:
 
 @style.styled
 def study_cost_figure(table: pd.DataFrame) -> Figure:
-    """Draw the largest process, and the processor time of a frame, over the number of frames.
+    """Draw the memory of the largest process and the processor time per frame, by number of frames.
 
     Parameters
     ----------
     table : DataFrame
-        One row a size: ``frames``, ``peak_mb``, ``cpu_us_per_frame``.
+        One row per size: ``frames``, ``peak_mb``, ``cpu_us_per_frame``.
     """
     if not len(table):
         return style.message_figure("No study was measured.")
@@ -616,7 +617,7 @@ def study_cost_figure(table: pd.DataFrame) -> Figure:
 
 
 def frame_change_of(model: str) -> Callable[[pd.DataFrame, pd.DataFrame], Figure]:
-    """Return what draws Figure 3.3 of one of the models in the tables."""
+    """Return the function that draws Figure 3.3 for one of the models in the tables."""
 
     def drawn(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
         return models.frame_change_figure(*(t[t["model"] == model] for t in (maps, hops)))

@@ -2,17 +2,18 @@
 
     python benchmarks/calibration.py --out results/benchmarks/calibration.csv
 
-From rest at 2 m, k / m = 1000 / s^2, for 2 s, on one thread. MuJoCo is tried in all ways that
-`peers/mujoco_peer.py` knows, with all its integrators, down to time steps of 10 us. Errors are of
-heights, over MuJoCo's steps or 2001 times, and at the end, against the closed form. `time_*` is of
-a whole simulation, by the faster of MuJoCo's two loops in C, `mj_step(nstep)` and `rollout`;
-`python_loop_ms` of a loop of `mj_step` in Python. Beside the table of all runs come two more:
+The hopper starts at rest at 2 m with k / m = 1000 / s^2 and runs for 2 s, on one thread. MuJoCo
+runs in all ways that `peers/mujoco_peer.py` offers, with all its integrators, down to time steps of
+10 us. Errors are those of the height against the closed form: at MuJoCo's steps or at 2001 times,
+and at the end. `time_*` is the time of a whole simulation, by the faster of MuJoCo's two loops in
+C, `mj_step(nstep)` and `rollout`; `python_loop_ms` is that of a loop of `mj_step` in Python. Beside
+the table of all runs, it writes two more:
 
-- ``calibration_table.csv``: the fastest of each solver at or below each error, and the time step
-  of the dissertation, 2 ms, with MuJoCo's default contact;
+- ``calibration_table.csv``: the fastest run of each solver at or below each error, and the time
+  step of the dissertation, 2 ms, with MuJoCo's default contact;
 - ``calibration_trajectories.csv``: the trajectories of figure 4.3.
 
-Without MuJoCo its row says "absent", and the tables show our solver alone.
+Without MuJoCo, its row says "absent" and the tables show our solver alone.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ TIMES_S = np.linspace(0.0, UNTIL_S, 2001)
 TIMESTEPS_S = (2e-3, 5e-4, 1e-4, 1e-5)
 IMPEDANCES = (1e-2, 1e-4)
 TOLERANCES = tuple(10.0**-k for k in range(3, 15))
-CALLS = 20  # of our solver in a row, for each timing
+CALLS = 20  # consecutive calls of our solver in each timing
 LEVELS_M = tuple(10.0**-k for k in range(1, 12))
-LONG = 50_000  # steps, from which on only the faster loop in C is timed
+LONG = 50_000  # steps; from this number on, only the faster loop in C is timed
 DISSERTATION = Setting("default contact", "Euler", 2e-3)
 
 
@@ -54,7 +55,7 @@ def settings() -> Iterator[Setting]:
 
 
 def errors(times_s: FloatArray, states: FloatArray) -> dict[str, float]:
-    """Return the errors of a trajectory (2, N) and its change of energy."""
+    """Return the errors of a trajectory (2, N) and its change in energy."""
     residual = states - hopper_states(HOPPER, START[0], times_s)
     drift = HOPPER.energy(states[:, -1]) / HOPPER.energy(START) - 1
     return {
@@ -66,7 +67,7 @@ def errors(times_s: FloatArray, states: FloatArray) -> dict[str, float]:
 
 
 def times(low: float, median: float, high: float) -> dict[str, float]:
-    """Return the columns of a time given in s."""
+    """Return the columns for a time given in s."""
     return {
         "time_median_ms": 1e3 * median,
         "time_q25_ms": 1e3 * low,
@@ -134,7 +135,7 @@ def with_hopdata(tolerance: float) -> dict[str, Any]:
 
 
 def mujoco_rows() -> list[dict[str, Any]]:
-    """Return the rows of MuJoCo, or one that says that it is absent."""
+    """Return the rows of MuJoCo, or one that says it is absent."""
     if ABSENT:
         print(f"MuJoCo {ABSENT}")
         return [{"solver": "MuJoCo", "setting": ABSENT}]
@@ -161,7 +162,7 @@ def comparison(label: str, mujoco: Any, ours: Any) -> dict[str, Any]:
 
 
 def table_by_level(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the fastest of each solver at each error, and the dissertation's time step."""
+    """Return the fastest run of each solver at each error, and at the dissertation's time step."""
     theirs, ours = (table[table["solver"] == name] for name in ("MuJoCo", "hopdata"))
     printed = theirs[
         (theirs["setting"] == DISSERTATION.name) & (theirs["timestep_s"] == DISSERTATION.timestep_s)
@@ -179,7 +180,7 @@ def table_by_level(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def trajectories() -> pd.DataFrame:
-    """Return the trajectories of figure 4.3, with what they deviate from the exact one."""
+    """Return the trajectories of figure 4.3, with their deviations from the exact one."""
     count = steps(DISSERTATION, UNTIL_S)
     grid = DISSERTATION.timestep_s * np.arange(count + 1)
     tendon = Setting("tendon", "RK4", DISSERTATION.timestep_s)

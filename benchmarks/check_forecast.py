@@ -2,13 +2,13 @@
 
     python benchmarks/check_forecast.py --out check_forecast.csv [--only NAME ...]
 
-Simulated hoppers that are sound or fail, each in its own way (written as files without truth, from
-seeds of their own), and the public recordings of the README where they are present. Each row is one
-study: `hopdata check` as a user sees it, then the whole workflow. `used_*` are touchdowns used;
-`timed_off` is the largest difference of a foot's share of timed contacts; `answer` says whether the
-verdict came out as foretold: in reach or in doubt with an answer, out of reach without one. A study
-that stops has no touchdowns: then `same_end` says whether `check` ended with the same message.
-`seconds_*` are of the processor, of all processes.
+The cases are simulated hoppers, sound or each failing in its own way (written as files without
+truth, from seeds of their own), and the public recordings of the README if they are present. Each
+row is one study: first `hopdata check` as a user sees it, then the whole workflow. `used_*` are
+touchdowns used. `timed_off` is the largest difference in a foot's share of timed contacts. `answer`
+says whether the verdict came out as forecast: an answer if it was in reach or in doubt, none if it
+was out of reach. A study that stops has no touchdowns; `same_end` then says whether `check` ended
+with the same message. `seconds_*` is processor time of all processes.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _with(recording: Recording, change: Callable[[np.ndarray], Any]) -> Recordin
 
 
 def _blinking(recording: Recording, rng: np.random.Generator) -> Recording:
-    """Hide one foot half of the time, for half a second on average."""
+    """Hide one foot half the time, for half a second on average."""
     hidden = np.repeat(rng.random(len(recording.time) // 50 + 1) < 0.5, 50)[: len(recording.time)]
     return _with(recording, lambda p: p[:, 4].__setitem__(hidden, np.nan))
 
@@ -87,13 +87,13 @@ def _cut(frames: int) -> Fault:
 
 
 def _in_flight(recording: Recording, rng: np.random.Generator) -> Recording:
-    """End at the top of a hop."""
+    """End the recording at the top of a hop."""
     del rng
     return recording.part(slice(0, 20_000 + int(np.argmax(recording.body_height[20_000:20_070]))))
 
 
 def _lost(first: float, marker: int) -> Fault:
-    """Lose a marker after this share of the recording."""
+    """Lose a marker after this fraction of the recording."""
     return lambda r, _: _with(
         r, lambda p: p[int(first * len(p)) :, marker].__setitem__(slice(None), np.nan)
     )
@@ -118,12 +118,12 @@ def _standing(recording: Recording, rng: np.random.Generator) -> Recording:
 
 
 def _slipped(recording: Recording, rng: np.random.Generator) -> Recording:
-    """Let a foot's marker slip up its leg by 30 mm half way."""
+    """Let a foot's marker slip up its leg by 30 mm half way through the recording."""
     del rng
     return _with(recording, lambda p: p[len(p) // 2 :, 3, 2].__iadd__(0.03))
 
 
-#: Case: what is done to a sound recording, and what else the configuration says.
+#: Case: change to a sound recording, and additional configuration.
 SYNTHETIC: dict[str, tuple[Fault, dict[str, Any]]] = {
     "sound": (lambda r, _: r, {}),
     "too short for a verdict": (_cut(6_000), {}),
@@ -150,7 +150,7 @@ _WALK = {
 }
 _RUN = {"body": ["R.ASIS", "L.ASIS", "R.PSIS"]}
 _SMALL = {"body": ["body1", "body2", "body3"]}
-#: Case: file, markers, and whether feet land that are not followed.
+#: Case: file, markers, and whether untracked feet also land.
 PUBLIC: dict[str, tuple[str, dict[str, list[str]], bool]] = {
     **{
         f"RBDS001 2.5 m/s, {side}": (
@@ -236,7 +236,7 @@ def public_study(name: str) -> dict[str, Any] | None:
 
 
 def run(folder: Path, *arguments: str) -> tuple[int, str, float]:
-    """Run a module; return its exit code, all that it says, and its processor time, s."""
+    """Run a module; return its exit code, its output, and its processor time, s."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
         [sys.executable, "-m", *arguments], cwd=folder, capture_output=True, text=True, check=False
@@ -247,7 +247,7 @@ def run(folder: Path, *arguments: str) -> tuple[int, str, float]:
 
 
 def foretold(text: str, feet: list[str]) -> dict[str, Any]:
-    """Take from what `hopdata check` prints its numbers."""
+    """Parse the numbers that `hopdata check` prints."""
     found: dict[str, Any] = {"reach": "", "changes": "; ".join(re.findall(r"change +(.*)", text))}
     if numbers := re.search(r"(\d+) of (\d+) will be used", text):
         found |= {"used": int(numbers[1]), "landings": int(numbers[2])}
@@ -263,7 +263,7 @@ def foretold(text: str, feet: list[str]) -> dict[str, Any]:
 
 
 def finding(results: Path, feet: list[str]) -> dict[str, Any]:
-    """Take the same from the results of the study; empty if it stopped before its touchdowns."""
+    """Return the same numbers from the study; empty if it stopped before its touchdowns."""
     if not (results / "tables/touchdowns.csv").is_file():
         return {}
     table = pd.read_csv(results / "tables/touchdowns.csv", keep_default_na=False)
@@ -277,7 +277,7 @@ def finding(results: Path, feet: list[str]) -> dict[str, Any]:
 
 
 def _message(text: str) -> str:
-    """Return the first line of the error of a command or of a study."""
+    """Return the first line of the error message of a command or study."""
     found = re.search(r"(?:hopdata: error: |Error: |ERROR: )(.*)", text)
     return re.sub(r"\s+", " ", found[1]).strip() if found else ""
 

@@ -3,23 +3,26 @@
     python benchmarks/contact_instants.py --out contact_instants.csv [--seeds 5] [--landings 2860]
 
 Three feet fall freely at 1 m/s onto a floor and are seen at 100 Hz with 0.6 mm of noise, at any
-phase between frames. One row for each condition and method, over several seeds, with Monte-Carlo
-standard errors (`_se`): `sd_ms` of the instants about their common bias, beside the Cramer-Rao
-bound for the frames that the fit uses; `covered`, the share of instants within one standard error
-after that bias (0.683 if it is right); the share of landings whose order is right, of all that were
-timed and of those whose order is not ambiguous (as probable as `touchdowns.ambiguous_below` asks).
-`seconds` and `us_per_fit` are CPU time, of all landings of a seed and of one foot of one landing;
-`times_faster` is that of the curve_fit loop, run on the first landings only, over that of the
-method, in turn in this process. "One fit" is what scipy does, a single fit of each foot from a
-start near the truth; the other kink rows are the whole of `find_contacts`.
+phase between frames. There is one row for each condition and method, over several seeds, with
+Monte-Carlo standard errors (`_se`). `sd_ms` is the standard deviation of the instants about their
+common bias, given beside the Cramer-Rao bound for the frames of the fit. `covered` is the share of
+instants within one standard error after removing that bias (ideally 0.683). The share of landings
+with the right order is given for all timed landings, and for those whose order is not ambiguous
+(its probability reaches `touchdowns.ambiguous_below`). `seconds` and `us_per_fit` are CPU time, of
+all landings of a seed and of one foot in one landing. `times_faster` is the time of the curve_fit
+loop, run on the first landings only, over that of the method; the two take turns in this process.
+"One fit" does what scipy does: a single fit of each foot from a start near the truth. The other
+kink rows run the whole of `find_contacts`.
 
-The last rows are of a runner at 2.5 m/s (see the README for the files): the first contact of
-each foot's three markers against the force plate, `sd_ms` by the median absolute deviation; then of
-three runs the landings, with the share `found` of those that give a pair of states.
+The last rows are of a runner at 2.5 m/s (see the README for the files). The first contact of each
+foot's three markers is compared with the force plate, with `sd_ms` from the median absolute
+deviation. For three runs, the landings are counted, and the share `found` that gives a pair of
+states.
 
-Short recordings of three animals follow, simulated, whose feet stop at once or within 2 or 5 ms:
-`own_over_se` is the rms of the errors about their mean in the recording over the stated ones,
-`bias_ms` the rms of these means, `common_ms` what is stated for it, `bias_over_common` their ratio.
+Then come short simulated recordings of three animals, whose feet stop at once or within 2 or 5 ms.
+`own_over_se` is the rms of the errors about their mean in the recording, over the stated errors;
+`bias_ms` is the rms of these means, `common_ms` the error stated for it, and `bias_over_common`
+their ratio.
 """
 
 from __future__ import annotations
@@ -57,10 +60,11 @@ from hopdata.recording import Recording, Truth
 from hopdata.recordings.importing import import_recording
 from hopdata.synthesis.simulate import simulate_recording
 
-# How exactly a contact instant can be known at all: the Cramer-Rao bound of the kink.
+# The least possible uncertainty of a contact instant: the Cramer-Rao bound of the kink.
 #
-# No unbiased estimate from the same frames has a smaller standard deviation than the inverse of the
-# Fisher information of the instant and of all else that is unknown with it.
+# No unbiased estimate from the same frames has a smaller standard deviation than this bound, which
+# is the square root of the instant's entry in the inverse of the Fisher information for the instant
+# and all other unknowns.
 
 PHASES = 100
 
@@ -74,15 +78,15 @@ def kink_bound(
     compliance_s: float = 0.0,
     creep_m_s: float = 0.0,
 ) -> float:
-    """Least standard deviation of a contact instant, s, from frames `s` seconds after it.
+    """Return the least standard deviation of a contact instant, from frames `s` seconds after it.
 
-    Floor and velocity are unknown with it, and the acceleration in flight unless it is gravity;
+    Floor and velocity are also unknown, and so is the acceleration in flight unless it is gravity;
     compliance and creep are known.
 
     Parameters
     ----------
     s : (N,) array
-        Times of the frames from the contact on, s; negative in flight.
+        Times of the frames since the contact, s; negative in flight.
     noise_m : float
         Standard deviation of a height, m.
     velocity_m_s : float
@@ -95,7 +99,7 @@ def kink_bound(
     Returns
     -------
     float
-        Infinite where the frames do not fix the instant.
+        The bound, s; infinite if the frames do not determine the instant.
     """
     flight = s < 0
     decay = np.zeros_like(s)
@@ -128,16 +132,16 @@ def mean_kink_bound(
     compliance_s: float = 0.0,
     creep_m_s: float = 0.0,
 ) -> float:
-    """Root mean square of the bound over all phases between contact and frames, s.
+    """Return the root mean square of the bound over all phases between contact and frames, s.
 
     Parameters
     ----------
     rate_hz : float
         Frame rate, Hz.
     windows_s : tuple of float
-        Frames used, from the contact minus the one to the contact plus the other, s.
+        Durations before and after the contact from which frames are used, s.
     missing_frames : int
-        Odd number of frames about the contact that are not seen, or 0.
+        Odd number of unseen frames about the contact, or 0.
     noise_m, velocity_m_s, known_gravity, compliance_s, creep_m_s
         See `kink_bound`.
     """
@@ -165,12 +169,12 @@ Found = tuple[FloatArray, FloatArray]  # instants and standard errors, s
 RATE_HZ, NOISE_M, SPEED_M_S = 100.0, 6e-4, 1.0
 PERIOD_S, NEAR_S, SPREAD_S = 0.5, 0.002, 0.01
 BEFORE_S, AFTER_S = LONG_WINDOWS_S
-AMBIGUOUS_BELOW = 0.9  # the default of touchdowns.ambiguous_below
+AMBIGUOUS_BELOW = 0.9  # default of touchdowns.ambiguous_below
 
 
 @dataclass(frozen=True)
 class Condition:
-    """How feet land: contacts 5 ms apart or not, missing frames, soft or creeping contacts."""
+    """How feet land: whether contacts are 5 ms apart, missing frames, soft or creeping contacts."""
 
     apart: bool = False
     missing_frames: int = 0
@@ -178,7 +182,7 @@ class Condition:
     creep_m_s: float = 0.0
 
     def height(self, s: FloatArray) -> FloatArray:
-        """Height of a foot `s` seconds after its contact, m."""
+        """Return the height of a foot `s` seconds after its contact, m."""
         fall = -SPEED_M_S * s - 0.5 * GRAVITY_M_S2 * s**2
         after = np.maximum(s, 0.0)
         sunk = self.creep_m_s * after
@@ -187,7 +191,7 @@ class Condition:
         return np.where(s < 0, fall, sunk)
 
     def bound_s(self, *, known: bool) -> float:
-        """Cramer-Rao bound of an instant in our window, s."""
+        """Return the Cramer-Rao bound of an instant in our window, s."""
         return mean_kink_bound(
             rate_hz=RATE_HZ,
             windows_s=LONG_WINDOWS_S,
@@ -263,7 +267,7 @@ def ours(landings: Landings, **options: Any) -> Found:
 
 
 def filled(landings: Landings, **options: Any) -> Found:
-    """Return those of `find_contacts` after gaps are filled."""
+    """Return the results of `find_contacts` after filling gaps."""
     return ours(landings.filled(), **options)
 
 
@@ -284,13 +288,13 @@ def one_fit(landings: Landings, *, known: bool) -> Found:
 
 
 def model(s: FloatArray, tau: float, c: float, b: float, a: float) -> FloatArray:
-    """Height of a foot with a hard contact at `tau`."""
+    """Return the height of a foot with a hard contact at `tau`."""
     u = np.minimum(s - tau, 0.0)
     return c + b * u + 0.5 * a * u**2
 
 
 def by_curve_fit(s: FloatArray, z: FloatArray) -> tuple[float, float]:
-    """Return the instant of one foot and its standard error."""
+    """Return the instant of one foot and its standard error, by `curve_fit`."""
     best, covariance = curve_fit(model, s, z, p0=(0.0, 0.0, -1.0, -9.0))
     return best[0], np.sqrt(covariance[0, 0] / np.mean((z - model(s, *best)) ** 2))
 
@@ -321,7 +325,7 @@ def scipy_loop(
 
 @dataclass(frozen=True)
 class Method:
-    """How to find instants; whether gravity is known to it (None: no bound applies)."""
+    """A way to find instants, and whether it knows gravity (None: no bound applies)."""
 
     find: Callable[[Landings], Found]
     known: bool | None = None
@@ -348,7 +352,7 @@ METHODS = {
 
 
 def asked(condition: Condition, name: str) -> bool:
-    """Whether a method is tried in a condition."""
+    """Return whether a method is tried in a condition."""
     hard = condition in (CONDITIONS["hard, 5 ms apart"], CONDITIONS["hard, N(0, 10 ms)"])
     if "filled" in name:
         return condition.missing_frames > 0
@@ -379,7 +383,7 @@ def measure(method: Method, landings: Landings) -> dict[str, float]:
 
 
 def summary(runs: list[dict[str, float]], feet: int) -> dict[str, float]:
-    """Means over the seeds with their standard errors; the least time of one run."""
+    """Return means over the seeds with standard errors, and the least time of one run."""
     table = pd.DataFrame(runs)
     seconds = table.pop("seconds").min()
     row: dict[str, float] = {}
@@ -414,7 +418,8 @@ def rows_of(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     return rows
 
 
-# Errors over stated errors of short recordings: three animals, two rates, hard and soft contacts.
+# Ratios of errors to stated errors in short recordings: three animals, two rates, hard and soft
+# contacts.
 
 ANIMALS: dict[str, dict[str, Any]] = {
     "hopper": {},
@@ -431,7 +436,7 @@ SOFT_S, FEW_RATES_HZ = (0.0, 0.002, 0.005), (100, 250)
 
 
 def softened(seen: Recording, truth: Truth, time_s: float) -> Recording:
-    """Let feet sink in on: they lose their velocity within a time, and come back up in 0.2 s."""
+    """Let feet sink in at contact: they lose their velocity within `time_s` and return in 0.2 s."""
     positions, time = seen.positions.copy(), seen.time
     for landing, foot in np.argwhere(np.isfinite(truth.contact_times)) if time_s else ():
         touch, marker = truth.contact_times[landing, foot], seen.indices("foot")[foot]
@@ -447,7 +452,7 @@ def softened(seen: Recording, truth: Truth, time_s: float) -> Recording:
 
 
 def pieces(seen: Recording, truth: Truth, count: int) -> Iterator[tuple[Recording, FloatArray]]:
-    """Yield recordings of so many landings one after another, with their true contacts."""
+    """Yield consecutive recordings of `count` landings each, with their true contacts."""
     whole = np.flatnonzero(np.isfinite(truth.contact_times).all(axis=1))
     runs = [whole[k : k + count] for k in range(0, len(whole) - count + 1, count)]
     for rows in [run for run in runs if run[-1] - run[0] == count - 1][:MOST_PIECES]:
@@ -457,7 +462,7 @@ def pieces(seen: Recording, truth: Truth, count: int) -> Iterator[tuple[Recordin
 
 
 def piece_errors(piece: Recording, true: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Errors and standard errors, s, of the landings that are found, and the common error."""
+    """Return errors and standard errors of the landings found, and the common error, all in s."""
     found = contacts_of(find_landings(piece))
     near = (np.abs(found.instant[:, None] - true) < SAME_S).all(axis=2)
     row, landing = np.nonzero(near & (found.status == LANDED).all(axis=1)[:, None])
@@ -466,7 +471,7 @@ def piece_errors(piece: Recording, true: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def few_rows(seeds: range) -> list[dict[str, Any]]:
-    """One row for each animal, rate, softness and number of landings."""
+    """Return one row for each animal, rate, softness and number of landings."""
     rows: dict[Any, list[Any]] = {}
     for animal, seed in product(ANIMALS, seeds):
         simulation = {**ANIMALS[animal], "hops": FEW_HOPS}
@@ -484,7 +489,7 @@ def few_rows(seeds: range) -> list[dict[str, Any]]:
 
 
 def few_row(name: str, count: int, found: list[Any]) -> dict[str, Any]:
-    """Rms of errors over stated ones: of landings about their recording's mean, and of the mean."""
+    """Return ratios of rms errors to stated errors: about the recording's mean, and of the mean."""
     errors, se, common = zip(*found, strict=True)
     own, means = [], []
     for error, stated, shared in zip(errors, se, common, strict=True):
@@ -515,16 +520,16 @@ COLUMNS = (
 )
 
 
-# First contacts of a runner's feet against the onset of force, method by method.
+# First contacts of a runner's feet compared with the onset of force, for each method.
 
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
 MARKERS, FORCES = "RBDS001runT25markers.tsv", "RBDS001runT25forces.txt"
 HEADER_LINES, RUNNER_HZ, FORCE_HZ = 11, 150.0, 300.0
-AT_REST_M = (0.034, 0.045, 0.050)  # heel, first and fifth metatarsal on the standing foot
+AT_REST_M = (0.034, 0.045, 0.050)  # standing foot: heel, first and fifth metatarsal
 SECTIONS = {"pre_height_m": 1.07, "post_height_m": 1.02}  # every descent of the body passes both
-SAME_S = 0.05  # a contact and an onset farther apart are not of one landing
+SAME_S = 0.05  # a contact and an onset farther apart belong to different landings, s
 RUNNER_METHODS = {
     "velocity minimum, whole frame": "velocity_minimum",
     "velocity minimum, parabola": "velocity_minimum_parabola",
@@ -534,7 +539,7 @@ SIDES = {"L": (0, "left"), "R": (1, "right")}  # the first onset is of the left 
 
 
 def runner_rows() -> list[dict[str, Any]]:
-    """One row for each foot and method; one that says so where the files are absent."""
+    """Return one row for each foot and method, or one that says the files are absent."""
     folder = next((f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None)
     if folder is None:
         return [{"condition": "runner against force", "method": "absent: no files of the runner"}]
@@ -560,7 +565,7 @@ def _foot(path: Path, side: str) -> Recording:
     return Recording("runner", time, positions, names, ("body",) * 3 + ("foot",) * 3, RUNNER_HZ)
 
 
-# How many landings of runners' feet are used, from the file to the states at both sections.
+# Number of landings of runners' feet that are used, from the file to the states at both sections.
 
 PELVIS, SOLE = ("R.ASIS", "L.ASIS", "R.PSIS"), ("Heel.Bottom", "MT1", "MT5")
 RUNS = {
@@ -571,7 +576,7 @@ RUNS = {
 
 
 def used_rows() -> list[dict[str, Any]]:
-    """One row for each run and foot: its landings, and of them those with a pair of states."""
+    """Return one row for each run and foot: its landings, and how many have a pair of states."""
     rows = []
     for run, (file, axis, body, sole, between) in RUNS.items():
         path = next((f / file for f in FOLDERS if (f / file).is_file()), None)
@@ -621,7 +626,7 @@ def main() -> None:
         write(pd.DataFrame(few_rows(few)), arguments.out)
         return
     warm = make(60, Condition(compliance_s=0.005), np.random.default_rng(0))
-    ours(warm)  # compile before the clock runs
+    ours(warm)  # compile before timing
     table = pd.DataFrame([row for name in CONDITIONS for row in rows_of(name, arguments)])
     loop = table[table["method"] == "scipy curve_fit loop, free"].set_index("condition")
     table["times_faster"] = table["condition"].map(loop["us_per_fit"]) / table["us_per_fit"]
