@@ -51,7 +51,7 @@ def test_a_jump_of_the_outcome_is_a_difference_beside_kinks_or_without(seed, str
     assert "jumps" not in none.sentence
     one = verdict(landings(strength=strength, seed=seed, jump=0.4))
     assert one.conclusion == "different"
-    assert "the outcome jumps, by " in one.sentence
+    assert "the outcome jumps by " in one.sentence
     exact = verdict(landings(n=5000, strength=strength, jump=0.4, noise=1e-3, seed=8))
     assert one.jump.low < exact.jump.estimate < one.jump.high
 
@@ -270,9 +270,9 @@ BAD = {
     "constant columns": (_constant, "do not vary"),
     "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
     "one constant velocity": (lambda: landings(n=900, constant=4), "do not vary in all"),
-    "instants of pure noise": (_guessed, "do not foretell in which order"),
+    "instants of pure noise": (_guessed, "do not predict in which order"),
     "one foot": (_one_foot, "expected at least 2 feet, found 1"),
-    "whole steps of time": (_coarse, "do not foretell in which order"),
+    "whole steps of time": (_coarse, "do not predict in which order"),
     "constant outcome": (_still, "an outcome of the landing does not vary"),
     "outcome equal to input": (
         lambda: replace(landings(), after=landings().before),

@@ -1,18 +1,19 @@
-"""How different the maps of the contact orders are: size, interval, bound, what could be seen.
+"""Size of the difference between the maps of the contact orders, with its interval and bounds.
 
-The size is the relative difference of the maps' Jacobians, in Frobenius norm over the landings that
-the study has: with D the difference of two orders' Jacobians, J their mean, S the covariance of the
-inputs,
+The size is the relative difference of the maps' Jacobians, in Frobenius norm over the landings of
+the study. With D the difference between the Jacobians of two orders, J their mean, and S the
+covariance of the inputs,
 
     e^2 = mean over pairs of orders of  1/2 |D S^1/2|^2 / |J S^1/2|^2  of the positions
                                       + 1/2 |D S^1/2|^2 / |J S^1/2|^2  of the velocities,
 
-both as rms motions of the markers. In the kinks b it is a quadratic form, e^2 = b'Fb. All that is
-said follows from the one statistic T = b'Fb and its distribution under b = e u, u the direction
-found: each landing's contribution to the error of b is as likely to have the other sign, so random
-signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020); where
-landings that follow each other err alike, `IN_A_ROW` of them have one sign. What
-smooth terms leave shifts b alike in every study of a system: so no size that they are `allowed` is
+both as rms motions of the markers. It is a quadratic form of the kinks b, e^2 = b'Fb.
+
+All results follow from the statistic T = b'Fb and its distribution for b = e u, where u is the
+direction found. Each landing's contribution to the error of b is equally likely to have either
+sign, so random signs simulate that error whatever the scatter of the landings (Hemerik, Goeman and
+Finos 2020). If successive landings have similar errors, `IN_A_ROW` of them get the same sign.
+Residual smooth terms shift b equally in every study of a system, so a size up to `allowed` is not
 evidence.
 """
 
@@ -36,12 +37,12 @@ from hopdata.maps.verdict.model import (
     upper_ends,
 )
 
-#: Landings that get one random sign together where those that follow each other err alike.
+#: Number of successive landings that share a random sign if successive landings err alike.
 IN_A_ROW = 40
 
 _AT_ONCE = 8_000_000  # signs in memory
 _BISECTIONS = 50
-_LARGEST = 1e3
+_LARGEST = 1e3  # size at which the search for a crossing stops
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,26 +52,25 @@ class EffectSize(Shown):
     Attributes
     ----------
     estimate
-        What noise adds on average taken off.
+        Size, after the mean contribution of noise to its square has been subtracted.
     low, high
-        Ends of the interval; `low` is above zero exactly if the test finds more than
-        `allowed`.
+        Ends of the interval; `low` is above zero exactly if the test finds more than `allowed`.
     upper_bound
-        One-sided bound: no difference larger than this, at the given confidence. Like `high` it
-        is never below what the median study without a difference gives.
+        One-sided bound: at the given confidence the difference is not larger than this. Like
+        `high`, it is never below the value that the median study without a difference gives.
     detectable
-        Difference that the test finds with the given power.
+        Size of a difference that the test finds with the given power.
     p_value
-        Share of the random signs with a statistic as large though smooth terms left `allowed`,
-        the data's own included.
+        Share of the sign patterns, including the data's own, that give at least this statistic if
+        smooth terms left `allowed`.
     squared, squared_error
-        Square of the size without bias, below zero where noise makes it so, and its standard error
-        where there is no difference.
+        Unbiased estimate of the squared size, which noise can make negative, and its standard error
+        if there is no difference.
     along_error
-        Standard error of the kinks along what was found; with a difference of size e the variance
-        of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
+        Standard error of the kinks along the direction found. For a difference of size e the
+        variance of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
     allowed, left
-        Sizes up to which this study, and the mean of such studies, is no evidence: see `KinkFit`.
+        Sizes up to which one study, and the mean of such studies, is not evidence: see `KinkFit`.
     """
 
     estimate: float
@@ -86,32 +86,33 @@ class EffectSize(Shown):
     left: float
 
     def told(self) -> str:
-        """Return the estimate, its interval, the bound and what could have been found."""
+        """Return the estimate, its interval, the bound and the detectable size."""
         size = f"{self.estimate:.2g}, {self.low:.2g} to {self.high:.2g}"
-        return f"{size}; at most {self.upper_bound:.2g}; from {self.detectable:.2g} on found"
+        return f"{size}; at most {self.upper_bound:.2g}; detectable from {self.detectable:.2g}"
 
     def sizes(self) -> tuple[float, float, float, float]:
-        """Return estimate, interval and bound."""
+        """Return estimate, low, high and upper bound."""
         return self.estimate, self.low, self.high, self.upper_bound
 
 
 def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return what is compared: the pairs of orders, or of more than three feet the pairs of feet.
+    """Return the weights of the compared orders: pairs of orders, or of feet if more than three.
 
-    Of the latter the difference between i before j and j before i, all else pooled as it occurs;
-    two feet count if each comes first in `LEAST_CLASS` landings or more.
+    For a pair of feet i and j, landings with i before j are compared with landings with j before i;
+    the other feet are pooled in the proportions in which their orders occur. A pair is used if each
+    of its feet comes first in `LEAST_CLASS` landings or more.
 
     Parameters
     ----------
     orders
-        (S, feet) orders of contact: their feet, first one first.
+        (S, feet) contact orders: the feet in the order in which they touch.
     counts
-        (S,) number of landings of each.
+        (S,) number of landings of each order.
 
     Returns
     -------
     tuple of ndarray
-        (C, S) weights of the orders in the differences, and (S,) in the mean.
+        (C, S) weights of the orders in the differences, and (S,) weights in the mean.
     """
     number, feet = orders.shape
     if feet <= coordinates.ALL_SETS_UP_TO:
@@ -129,18 +130,18 @@ def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArra
 
 
 def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
-    """Return what is compared in terms of kinks, and in words.
+    """Return the comparisons in terms of kinks and in words.
 
     Returns
     -------
     tuple
         (C, all kinks, feet) differences of the kinks' derivatives by the contact instants, (all
-        kinks, feet) derivatives of the mean map, and words to follow "the maps of".
+        kinks, feet) derivatives of the mean map, and words that complete "the maps of".
 
     Raises
     ------
     AnalysisError
-        If no two orders, or feet, have `LEAST_CLASS` landings each.
+        If no two orders, or no two feet, have `LEAST_CLASS` landings each.
     """
     by_order = landings.expected.shape[1] <= coordinates.ALL_SETS_UP_TO
     orders, counts = contact_orders(landings.expected, LEAST_CLASS if by_order else 1)
@@ -157,7 +158,7 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
 
 
 def _commonest(landings: SectionLandings) -> str:
-    """Say how many landings the three commonest contact orders have."""
+    """Return the three commonest contact orders and their numbers of landings, in words."""
     orders, counts = contact_orders(landings.expected, 1)
     names, common = order_names(orders), np.argsort(-counts, kind="stable")[:3]
     return ", ".join(f"{names[k].replace('>', ' → ')} has {counts[k]}" for k in common)
@@ -168,7 +169,7 @@ def squared_size(
 ) -> FloatArray:
     """Return a root R (K q, K q) of the squared size of the kinks, |R b|^2 = b'Fb.
 
-    `differences` and `mean` are those of `compared`.
+    `differences` and `mean` are from `compared`.
     """
     t = landings.expected
     changes = np.einsum("aK,caf,fg->cKg", fit.seen, differences, symmetric_root(np.cov(t.T)))
@@ -179,10 +180,10 @@ def squared_size(
 
 
 def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
-    """Return a root of the squared size of the steps, as `squared_size` of kinks.
+    """Return a root of the squared size of the steps, as `squared_size` does for kinks.
 
-    It is the mean over the pairs of feet of the squared jump from one order to the other, as a
-    share of what the outcome varies.
+    The squared size is the mean over the pairs of feet of the squared jump from one order to the
+    other, relative to the variance of the outcome.
     """
     weights = np.diag(np.sqrt(halves(np.var(landings.outputs, axis=0, ddof=1))))
     pairs, seen = fit.seen.shape
@@ -190,15 +191,15 @@ def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
 
 
 def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> float:
-    """Return the size of the difference of known maps, as the verdict measures it.
+    """Return the size of the difference between known maps, as the verdict measures it.
 
     Parameters
     ----------
     maps
-        (S, 11, p) of each order: from inputs of covariance one to motions of the markers, see
-        `SectionLandings.outputs`.
+        (S, 11, p) map of each order, from inputs with unit covariance to motions of the markers;
+        see `SectionLandings.outputs`.
     weights
-        See `contrasts`.
+        Weights from `contrasts`.
     """
     differences, mean = (np.tensordot(one, maps, axes=1) for one in weights)
     changes = np.mean(np.sum(differences**2, axis=2), axis=0)
@@ -207,17 +208,18 @@ def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> f
 
 @dataclass(frozen=True)
 class _Draws:
-    """Random errors of the kinks, in axes in which their size is a length.
+    """Random errors of the kinks, in axes in which the size of kinks is their Euclidean length.
 
-    `null` and `full` (draws, m) are signed sums of the contributions without any kinks, and with
-    those found; between them they are mixed in proportion to the size that is assumed.
+    `null` and `full` (draws, m) are randomly signed sums of the landings' contributions, computed
+    for no kinks and for the kinks found. For an assumed size in between, they are mixed in
+    proportion to it.
     """
 
     null: FloatArray
     full: FloatArray
 
     def statistic(self, direction: FloatArray, size: float, found: float) -> FloatArray:
-        """Return draws of T for kinks of this size in a direction (m,), where `found` is theirs."""
+        """Return draws of T for kinks of this size along a direction (m,), if `found` was found."""
         share = min(1.0, size / found)
         errors = (1.0 - share) * self.null + share * self.full
         return np.asarray(((errors + size * direction) ** 2).sum(axis=1))
@@ -232,16 +234,18 @@ def effect_size(
     power: float,
     flips: int,
 ) -> EffectSize:
-    """Return the size of the kinks and all that follows from its distribution.
+    """Return the size of the kinks, with interval, bounds and p-value.
 
-    The interval holds the sizes from which T as found is not a rare draw, less `allowed` at its low
-    end and with `upper_ends`: what smooth terms leave lies along a difference or against it, and
-    the simultaneous contact is `one_landing` of all that show. Below
-    the size at which a statistic as small as the median with `allowed` becomes rare, only large
-    draws count as rare: so the interval begins above zero exactly if the test, of level
-    1 - confidence, finds more than `allowed`. For `high` and the bound a statistic below the
-    median without kinks counts as the median: an estimate smaller than noise alone gives is luck,
-    not knowledge.
+    The interval contains the sizes for which the T found is not a rare draw. Its low end is then
+    reduced by `allowed` and its high end raised by `upper_ends`, for two reasons: residual smooth
+    terms may add to a difference or hide part of it, and the simultaneous contact is a single
+    landing, which may differ from the observed mean (`one_landing`).
+
+    Below the size at which a statistic as small as the median under `allowed` becomes rare, only
+    large draws count as rare. The interval therefore starts above zero exactly if the test, of
+    level 1 - confidence, finds more than `allowed`. For `high` and the bound, a statistic below the
+    median without kinks is replaced by that median: an estimate smaller than noise alone gives is
+    luck, not knowledge.
 
     Parameters
     ----------
@@ -250,7 +254,7 @@ def effect_size(
     generator
         Source of the random signs.
     confidence, power
-        Of the interval and bound, and of the detectable difference.
+        Confidence of the interval and the bound, and power for the detectable difference.
     flips
         Number of random sign patterns.
     """
@@ -267,10 +271,10 @@ def effect_size(
     none = np.sum(draws.null**2, axis=1)
     left = draws.statistic(along, fit.allowed, size)
     typical = max(statistic, float(np.median(none)))
-    level = round(1.0 - confidence, 12)  # 0.05, not a little more
+    level = round(1.0 - confidence, 12)  # 0.05, not slightly more
 
     def below(least: float, share: float) -> float:
-        """Return the size from which this share of the draws is at most `least`."""
+        """Return the size at which only this share of the draws is at most `least`."""
         return _crossing(lambda e: _share(draws.statistic(along, e, size) <= least) - share)
 
     p_value = (1 + int(np.sum(left >= statistic))) / (1 + flips)
@@ -293,22 +297,22 @@ def effect_size(
     )
 
 
-MOST_LANDINGS = 20_000  # that anybody records
+MOST_LANDINGS = 20_000  # the most that anybody records
 MORE_SPREAD = ", or far fewer with contacts further apart: vary push, tilt and speed of the hops"
 
 
 def landings_needed(
     landings: int, detectable: float, allowed: float, difference: float, feet: int
 ) -> int:
-    """Return how many landings show a difference as surely as these do the detectable one.
+    """Return the number of landings that shows a difference with the power of the detectable one.
 
-    What is seen beyond `allowed` falls with the root of the number of landings; but it takes so
-    many as second-order terms.
+    The detectable size beyond `allowed` falls with the root of the number of landings. The result
+    is at least the number that second-order terms need.
 
     Raises
     ------
     AnalysisError
-        If the difference is not larger than `allowed`: no number of landings shows it.
+        If the difference is not larger than `allowed`, so that no number of landings shows it.
     """
     if not difference > allowed:
         least = f"numbers above {allowed:.2g}, as much as smooth terms may leave"
@@ -318,9 +322,9 @@ def landings_needed(
 
 
 def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
-    """Return the principal axes of the error of the size, turned to the side of what was found.
+    """Return the principal axes of the error of the size, pointing along the kinks found.
 
-    In them the same random numbers give the same draws, whatever axes the data came in.
+    In these axes the same random numbers give the same draws, whatever the axes of the data.
     """
     scores = fit.null_scores @ root.T
     axes = np.linalg.eigh(scores.T @ scores)[1].T
@@ -338,7 +342,7 @@ def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Gene
 
 
 def _detectable(errors: FloatArray, allowed: float, level: float, power: float) -> float:
-    """Return the size at which the test finds kinks along the largest error with this power."""
+    """Return the size of kinks, along the axis of largest error, that the test finds."""
     along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
     threshold = float(np.quantile((along + allowed) ** 2 + across, 1.0 - level))
 
@@ -349,11 +353,11 @@ def _detectable(errors: FloatArray, allowed: float, level: float, power: float) 
 
 
 def _share(holds: BoolArray) -> float:
-    return np.count_nonzero(holds) / len(holds)  # mean's, in a third of the time
+    return np.count_nonzero(holds) / len(holds)  # the mean, in a third of the time
 
 
 def _crossing(decreasing: Callable[[float], float]) -> float:
-    """Return where a decreasing function of the size falls through zero; 0 if it starts below."""
+    """Return the size at which a decreasing function crosses zero; 0 if it starts below zero."""
     low, high = 0.0, 1e-3
     if decreasing(0.0) <= 0.0:
         return 0.0

@@ -1,17 +1,19 @@
-"""What the verdicts of many subjects say together: a random-effects model of the squared size.
+"""The verdict over many subjects: a random-effects model of the squared size.
 
-A size is never negative, so sizes of subjects without a difference do not average to none. Its
-square has an unbiased estimate that may be negative, T less what noise adds; that is what is
-averaged, and the mean's root is the rms size over subjects. All subjects weigh alike: a study in
-which chance made the difference large has a large error, too, and weights by it would make the mean
-too small. Between-subject variance by Paule and Mandel, errors by Hartung and Knapp, not below
-those of the model (Röver, Knapp and Friede 2015).
+A size is never negative, so the sizes of subjects without a difference do not average to zero. The
+square of the size has an unbiased estimate that may be negative: T less the contribution of noise.
+This estimate is averaged, and the root of the mean is the rms size over subjects. All subjects have
+equal weight: a study in which chance made the difference large also has a large error, so weights
+by error would make the mean too small. The between-subject variance is that of Paule and Mandel;
+errors are those of Hartung and Knapp, but not below those of the model (Röver, Knapp and Friede
+2015).
 
-What smooth terms leave in the kinks of a study they leave in those of every subject alike, and it
-does not average out: the ends allow for as much as those of a study.
+Smooth terms leave the same in the kinks of every subject, so it does not average out. The ends of
+the interval therefore allow for as much as in a single study.
 
-An interval of the mean is wide where subjects differ from each other, though each may be sure of
-its own difference. So a group is different, too, if more studies are than false alarms explain.
+The interval of the mean is wide if subjects differ from each other, even if each shows a clear
+difference of its own. A group is therefore also "different" if more of its studies are different
+than false alarms explain.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.judge import DIFFERENT, conclude, percent, sentence
 from hopdata.maps.verdict.model import one_landing, upper_ends
 
-LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
+LEAST_SUBJECTS = 3  # fewer give no estimate of the variance between subjects
 
 
 @dataclass(frozen=True)
@@ -38,13 +40,13 @@ class Combined:
     n
         Number of subjects.
     mean, error
-        Of the squared size, with the error of the mean.
+        Mean of the squared size, and its standard error.
     between
-        Standard deviation between subjects, of the squared size.
+        Standard deviation of the squared size between subjects.
     i2, q, q_p_value
         Share of the scatter that is between subjects, Cochran's Q, and its p-value.
     p_value
-        Two-sided, of a mean of zero.
+        Two-sided p-value for a mean of zero.
     """
 
     n: int
@@ -59,18 +61,19 @@ class Combined:
 
 @dataclass(frozen=True)
 class GroupVerdict:
-    """What a group says: `low`, `high` and `upper_bound` as for a study, of the rms over subjects.
+    """The verdict on a group, about the rms size over its subjects.
 
     Attributes
     ----------
     conclusion, sentence
-        As of a study.
+        As for a study.
     estimate, low, high, upper_bound
-        Sizes, as shares of the map.
+        Size, interval and bound as for a study, as shares of the map.
     alone, alone_p_value
-        Number of studies that are different on their own, and the chance of as many false alarms.
+        Number of studies that are different on their own, and the probability of at least as many
+        false alarms.
     combined
-        The model behind them.
+        The random-effects mean behind these.
     """
 
     conclusion: str
@@ -85,7 +88,7 @@ class GroupVerdict:
 
 
 def combine(squared: FloatArray, variance: FloatArray) -> Combined:
-    """Return the random-effects mean of (n,) squared sizes with these variances.
+    """Return the random-effects mean of squared sizes (n,) with these variances.
 
     Raises
     ------
@@ -108,7 +111,7 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
 
 
 def variance(members: pd.DataFrame) -> float:
-    """Return the variance of the squared size of a study like these, for their mean size."""
+    """Return the variance of the squared size of a typical one of these studies."""
     size = max(0.0, float(members["squared"].mean()))
     null, along = members["squared_error"], members["along_error"]
     return float((null**2).mean() + 4.0 * size * (along**2).mean())
@@ -117,15 +120,15 @@ def variance(members: pd.DataFrame) -> float:
 def judge_group(
     members: pd.DataFrame, *, margin: float = 0.2, confidence: float = 0.95
 ) -> GroupVerdict:
-    """Say what the subjects show together.
+    """Judge a group of subjects.
 
     Parameters
     ----------
     members
-        One row an answered study: `subject`, and `conclusion`, `squared`, `squared_error`,
+        One row per study with an answer: `subject`, and `conclusion`, `squared`, `squared_error`,
         `along_error`, `allowed` and `left` of its verdict.
     margin, confidence
-        As of a study.
+        As for a study.
 
     Raises
     ------
@@ -134,7 +137,7 @@ def judge_group(
     """
     from scipy.stats import binom, t
 
-    # Of a subject with several conditions their mean, whose errors are independent.
+    # A subject counts by the mean over its conditions, whose errors are independent.
     parts = members.groupby("subject", sort=False)
     of_mean = variance(members) * float((1.0 / parts.size()).mean())
     squared = parts["squared"].mean().to_numpy(float)
@@ -162,10 +165,11 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
     Returns
     -------
     DataFrame
-        A row for each two conditions that `LEAST_SUBJECTS` have both of: `n`, the rms `size_a` and
-        `size_b` over these subjects, the mean difference of the squares with its interval `low` to
-        `high`, which allows for what smooth terms leave, the p-value of none if these leave as much
-        in both, and the same after Holm for the number of rows.
+        One row per pair of conditions that at least `LEAST_SUBJECTS` subjects share: their number
+        `n`; the rms sizes `size_a` and `size_b` over these subjects; the mean `difference` of the
+        squares and its interval `low` to `high`, which allows for what smooth terms leave;
+        `p_value` of no difference, if smooth terms leave the same in both; and `p_holm`, corrected
+        by Holm's method for the number of rows.
     """
     from scipy.stats import t
     from statsmodels.stats.multitest import multipletests
@@ -188,7 +192,7 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
 
 
 def told_apart(conditions: pd.DataFrame, *, confidence: float = 0.95) -> str:
-    """Say which conditions of `compare_conditions` differ, with their sizes; empty if none do."""
+    """Return a sentence on the conditions that differ, with their sizes; empty if none do."""
     sure = (conditions["low"] * conditions["high"] > 0) & (conditions["p_holm"] < 1 - confidence)
     pairs = [
         " and ".join(f"{row[f'condition_{one}']} ({percent(row[f'size_{one}'])})" for one in "ab")

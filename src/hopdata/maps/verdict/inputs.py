@@ -1,10 +1,10 @@
-"""Landings as the verdict sees them: without units, and with the contacts that are to be expected.
+"""Landings in the dimensionless coordinates of the verdict, with expected contact instants.
 
-Lengths are in units of the markers' rms distance from their mean, speeds in units of the body's at
-the pre section, contact instants in units of their spread. The axes are those of the body with its
-mean attitude upright; a body's heading is its twist about the vertical, its tilt the direction of
-the vertical in the body. So all coordinates turn together, linearly, with whatever frame the states
-are given in, and nothing that follows depends on it.
+Lengths are in units of the markers' rms distance from their mean, speeds in units of the body's
+speed at the pre section, and contact instants in units of their spread. The axes are those of the
+body with its mean attitude upright. The heading of a body is its twist about the vertical; its tilt
+is the direction of the vertical in the body. Another frame for the states therefore turns all
+coordinates together and linearly, and no result depends on it.
 """
 
 from dataclasses import dataclass
@@ -18,43 +18,44 @@ from hopdata.maps.coordinates import RigidStates, monomials, rigid_states, split
 from hopdata.maps.corrected.marker_noise import marker_noise
 from hopdata.rigid import body_shape, turned, twists, wrapped
 
-#: Share of the landings, those of least contact spread, to which the kinks are fitted.
+#: Share of the landings, those with the least contact spread, to which the kinks are fitted.
 WINDOW = 0.85
-#: Schedules with fewer landings, and pairs of feet with fewer in either order, play no part.
+#: Schedules with fewer landings are ignored, and so are pairs of feet with fewer in either order.
 LEAST_CLASS = 20
-#: Outputs that are positions; the rest are velocities.
+#: Number of outputs that are positions; the rest are velocities.
 POSITIONS = 5
-#: Share of the mean square of contact instants that the states before them have to foretell.
+#: Least share of the contact instants' mean square that the preceding states must predict.
 LEAST_FORETOLD = 0.1
-#: What a landing starts from: columns of the inputs.
+#: Parts of the state before a landing -> columns of the inputs.
 STATES = {"tilt": slice(0, 2), "velocity": slice(2, 5), "spin": slice(5, 8)}
-#: Landings are of two kinds if two parts explain so much of how a state varies (of normal ones they
-#: explain 0.64, of even ones 0.75) and the smaller is at least such a share of all.
+#: Landings are of two kinds if a split into two parts explains more than this share of a state's
+#: variance (it explains 0.64 of a normal and 0.75 of a uniform distribution), and the smaller part
+#: has at least this share of the landings.
 _APART, _LEAST_PART = 0.8, 0.1
-_OUTLYING = 5.0
-#: Distance of a state from the median, in medians of that distance, that no heavy tail explains.
+_OUTLYING = 5.0  # robust standard deviations beyond which contact instants are left out
+#: Distance from the median, in medians of that distance, beyond what a heavy tail explains.
 _FAR_OFF = 30.0
-#: Speeds of markers that no rigid motion explains, as a share of the body's: columns are mixed up.
+#: Larger non-rigid speeds of markers, as a share of the body's speed, mean mixed-up columns.
 _MOST_APART = 0.5
-_FLAT = 1e-9
-_SAME = 6  # decimals
-#: Coordinates that vary less than this share of what the others do count as constant.
+_FLAT = 1e-9  # relative rounding limit
+_SAME = 6  # decimals in which copies of a landing agree
+#: Coordinates whose sd is below this fraction of the others' median sd count as constant.
 _CONSTANT = 1e-3
 
 
 @dataclass(frozen=True)
 class SectionLandings:
-    """Landings of a study, n of them.
+    """The n landings of a study.
 
     Attributes
     ----------
     inputs
         (n, 8) tilt, velocity and spin at the pre section.
     outputs
-        (n, 11) outcome: step, tilt and turn, as rms displacements of the markers, then velocity
-        and spin at the post section, as their rms velocities.
+        (n, 11) outcome: step, tilt and turn as rms displacements of the markers, then velocity and
+        spin at the post section as rms velocities of the markers.
     expected
-        (n, feet) contact instants to be expected from the inputs, mean of the feet removed.
+        (n, feet) contact instants expected from the inputs, relative to the mean over the feet.
     """
 
     inputs: FloatArray
@@ -63,30 +64,31 @@ class SectionLandings:
 
 
 def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> SectionLandings:
-    """Bring pairs to coordinates without units.
+    """Convert pairs to dimensionless coordinates.
 
-    Contacts are those to be expected from the inputs: measured ones err together with the states,
-    and so would make maps differ that do not.
+    The contact instants are those expected from the inputs. Measured instants share errors with the
+    states and would make equal maps seem different.
 
     Parameters
     ----------
     x, y
-        (n, 6B) states at the two sections, positions and velocities of markers in any frame that
-        moves with the body in the plane, but the same one for both.
+        (n, 6B) states at the two sections: positions and velocities of markers, in any frame that
+        moves with the body in the plane and is the same for both.
     instants
         (n, feet) contact instants.
 
     Raises
     ------
     AnalysisError
-        If there are too few landings or markers, some are repeated, or nothing varies.
+        If there are too few landings or markers, if landings are repeated, or if the states or
+        instants do not vary.
     """
     landings, feet = instants.shape
     known = "touchdowns with known states and contacts", least_landings(feet), landings
     for what, least, found in (("feet", 2, feet), known):
         if found < least:
             raise AnalysisError(f"expected at least {least} {what}, found {found}")
-    both = np.hstack([x, y])  # a copy later in a recording differs by rounding
+    both = np.hstack([x, y])  # rounded below, as a copy later in a recording differs by rounding
     both = np.round(both / max(np.ptp(both, axis=0).max(), 1e-300), _SAME)
     if repeated := landings - len(np.unique(both, axis=0)):
         raise AnalysisError(f"{repeated} of {len(x)} touchdowns are copies of others")
@@ -105,14 +107,14 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
 
 
 def two_kinds(inputs: FloatArray) -> str:
-    """Name the state by which landings are of two kinds; empty if they are of one.
+    """Return the part of the state in which landings are of two kinds, or an empty string.
 
-    As of two speeds, or of drops from two heights. `inputs` (N, 8) have mean zero.
+    Examples are hops at two speeds, or drops from two heights. `inputs` (N, 8) have mean zero.
     """
     n = len(inputs)
     first = np.arange(round(_LEAST_PART * n), n - round(_LEAST_PART * n) + 1)
     for name, columns in STATES.items():
-        ways = np.linalg.svd(inputs[:, columns], full_matrices=False)[0]  # of sum 0, of squares 1
+        ways = np.linalg.svd(inputs[:, columns], full_matrices=False)[0]  # sum 0, squared sum 1
         sums = np.cumsum(np.sort(ways, axis=0), axis=0)[first - 1]
         if np.max(np.max(sums**2, axis=1) * n / (first * (n - first))) > _APART:
             return name
@@ -120,39 +122,39 @@ def two_kinds(inputs: FloatArray) -> str:
 
 
 def far_off(landings: SectionLandings) -> int:
-    """Return how many landings lie `_FAR_OFF` times as far from the median as half of them do."""
+    """Return the number of landings farther from the median than `_FAR_OFF` median distances."""
     all_of_it = np.hstack([landings.inputs, landings.outputs])
     away = np.abs(all_of_it - np.median(all_of_it, axis=0))
     return int(np.sum((away > _FAR_OFF * np.median(away, axis=0)).any(axis=1)))
 
 
 def least_landings(feet: int) -> int:
-    """Return how many landings it takes for second-order terms of those in the window."""
+    """Return the number of landings needed to fit second-order terms to those in the window."""
     terms = coordinates.number_of_free_terms(8, feet, 2)
     return int(np.ceil(coordinates.LANDINGS_PER_TERM * terms / WINDOW))
 
 
 def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
-    """Return the contact instants (N, feet) that the inputs lead one to expect, mean removed.
+    """Return the contact instants (N, feet) expected from the inputs, relative to their mean.
 
-    A polynomial of the inputs fitted to the measured instants, so that errors of these, which the
-    outputs may share, move no landing across a kink. Its degree is the one that predicts best with
-    each landing left out; landings whose instants lie far off take no part.
+    They are a polynomial of the inputs fitted to the measured instants. Errors of the measured
+    instants, which the outputs may share, then move no landing across a kink. The degree is the one
+    with the least leave-one-out error. Landings with outlying instants are left out of the fit.
 
     Raises
     ------
     AnalysisError
-        If the inputs foretell less than `LEAST_FORETOLD` of them.
+        If the inputs predict less than `LEAST_FORETOLD` of the instants' mean square.
     """
     t = instants - instants.mean(axis=1, keepdims=True)
     highest = max(1, coordinates.affordable_degree(len(x), x.shape[1], t.shape[1]))
     fitted, best, least = np.median(t, axis=0), t, np.inf
     scaled = (x - x.mean(axis=0)) / x.std(axis=0)
-    for degree in range(1, highest + 1):  # a few terms first: wrong instants stand out more
+    for degree in range(1, highest + 1):  # few terms first, since wrong instants stand out more
         miss = np.abs(t - fitted).max(axis=1)
         good = miss <= _OUTLYING * 1.4826 * np.median(miss)
         design = np.column_stack([np.ones(len(x)), monomials(scaled, tuple(range(1, degree + 1)))])
-        if good.sum() <= design.shape[1]:  # of so few landings none can be told to lie off
+        if good.sum() <= design.shape[1]:  # too few landings to identify outliers
             good = np.ones(len(x), dtype=bool)
         basis, root = np.linalg.qr(design[good])
         fitted = design @ np.linalg.solve(root, basis.T @ t[good])
@@ -163,33 +165,33 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
     varied = np.mean(t[good] ** 2)
     foretold = 1.0 - least / varied if varied > _FLAT else 0.0
     if not foretold >= LEAST_FORETOLD:
-        place = "the states before the landing do not foretell in which order the feet touch"
-        wanted = f"{100 * LEAST_FORETOLD:g} % of what the contact instants vary"
+        place = "the states before the landing do not predict in which order the feet touch"
+        wanted = f"{100 * LEAST_FORETOLD:g} % of the variance of the contact instants"
         raise AnalysisError.at(place, wanted, f"{100 * max(0.0, foretold):.0f} %")
     return np.asarray(best - best.mean(axis=1, keepdims=True))
 
 
 def contact_orders(instants: FloatArray, least: int) -> tuple[IntArray, IntArray]:
-    """Return the orders (S, feet) that `least` landings (N, feet) or more have, and how many."""
+    """Return the contact orders (S, feet) of at least `least` landings, and their counts (S,)."""
     order = np.argsort(instants, axis=1, kind="stable")
     orders, counts = np.unique(order, axis=0, return_counts=True)
     return orders[counts >= least], counts[counts >= least]
 
 
 def halves(power: FloatArray) -> FloatArray:
-    """Return weights (q,) by which positions and velocities of this power make a half each."""
+    """Return weights (q,) by which positions and velocities of this power count one half each."""
     parts = power[:POSITIONS].sum(), power[POSITIONS:].sum()
     return np.repeat(0.5 / np.array(parts), [POSITIONS, len(power) - POSITIONS])
 
 
 def marker_root(shape: FloatArray) -> FloatArray:
-    """Return what takes turns (..., 3) about the axes to rms displacements of the markers."""
+    """Return the matrix (3, 3) from turns about the axes to rms displacements of the markers."""
     mean_square = np.mean(np.sum(shape**2, axis=1)) * np.eye(3) - shape.T @ shape / len(shape)
     return np.asarray(np.linalg.cholesky(mean_square))
 
 
 def _without_units(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return states (n, 6B) in units of the body and its speed, and its upright shape (B, 3)."""
+    """Return both states (n, 6B) in units of body size and speed, and the upright shape (B, 3)."""
     shape = body_shape(split_states(x)[0])
     pre = rigid_states(x, shape)
     up = pre.rotation[:, 2].mean(axis=0)
@@ -201,7 +203,7 @@ def _without_units(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
         raise AnalysisError("the body does not move at the pre section")
     if (apart := np.sqrt(marker_noise(x, shape).velocity) / speed) > _MOST_APART:
         told = "positions, then velocities, of the markers of a rigid body"
-        raise AnalysisError.at("states", told, f"markers that part at {apart:.2g} of its speed")
+        raise AnalysisError.at("states", told, f"markers moving apart at {apart:.2g} of its speed")
     units = np.repeat([length, speed], x.shape[1] // 2)
     return x / units, y / units, shape / length
 

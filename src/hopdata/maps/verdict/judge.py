@@ -1,8 +1,8 @@
-"""The verdict: one smooth map through the landing, a map for every contact order, or no answer.
+"""The verdict: one smooth map through the landing, a map for each contact order, or no answer.
 
-It follows from the interval of the one size (`effect`): a difference if the interval begins above
-zero, none if the bound is within the margin, and else no answer. A jump of the outcome is a
-difference whatever the derivatives are.
+It follows from the interval of a single size (`effect`): "different" if the interval begins above
+zero, "no difference" if the bound is within the margin, and "cannot tell" otherwise. A jump of the
+outcome is a difference whatever the derivatives are.
 """
 
 from collections.abc import Sequence
@@ -23,14 +23,14 @@ from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
 from hopdata.recording import numbers
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
-#: Difference of which every verdict says how many landings would show it.
+#: Difference for which every verdict gives the number of landings needed to show it.
 ASKED = 0.2
 TWO_KINDS = "landings are of two kinds"
 
 
 @dataclass(frozen=True, repr=False)
 class Verdict(Shown):
-    """Answer of a study.
+    """The answer of a study.
 
     Attributes
     ----------
@@ -39,29 +39,31 @@ class Verdict(Shown):
     sentence
         The same in one sentence, with its numbers.
     outlook
-        What these data could have shown, and how many landings would show `ASKED`; empty if there
-        is no answer.
+        What these data could have shown, and how many landings would show `ASKED`; empty if the
+        size could not be computed.
     compared
         Whose maps were compared, in words.
     n_feet, n_landings, n_window
-        Feet; landings used, and how many of them, nearest to the simultaneous contact, were fitted.
+        Number of feet, of landings used, and of landings fitted: those nearest to the simultaneous
+        contact.
     confidence, margin, power
-        Of the interval, the difference that the study wants to exclude, and the power with which
-        the detectable one would have been found.
+        Confidence of the interval, difference that the study is to exclude, and power with which
+        the detectable difference would have been found.
     flips
         Number of random sign patterns.
     effect
-        Size of the difference; None if there is no answer.
+        Size of the difference; None if it could not be computed.
     jump
-        Size of the jumps of the outcome as two feet exchange their order, as a share of what it
-        varies; None if there is no answer, or no two feet exchange theirs often enough.
+        Size of the jumps of the outcome where two feet exchange their order, as a share of its
+        variation; None if it could not be computed, or if no two feet exchange their order
+        often enough.
     decided_by
-        ``"jump"`` where that alone is different, else ``"effect"``.
+        ``"jump"`` if only the jump shows a difference, otherwise ``"effect"``.
     landings_needed
-        Number that shows a difference of `ASKED` with the given power; None likewise, or if no
-        number does.
+        Number of landings that show a difference of `ASKED` with the given power; None if the size
+        could not be computed, if the jump decided, or if no number suffices.
     notes
-        What limits the answer, each ``{"what": ..., "reason": ...}``.
+        Limits of the answer, each ``{"what": ..., "reason": ...}``.
     """
 
     conclusion: str
@@ -86,7 +88,7 @@ class Verdict(Shown):
         return self.sentence
 
     def rows(self) -> dict[str, Any]:
-        """Return the size of the difference and what is known of it, as shares of the map."""
+        """Return the size of the difference, its interval and bounds, as shares of the map."""
         return {k: [v] for k, v in vars(self.effect).items()} if self.effect else {}
 
     def to_dict(self) -> dict[str, Any]:
@@ -102,7 +104,7 @@ def conclude(low: float, upper_bound: float, margin: float) -> str:
 def sentence(
     conclusion: str, sizes: Sequence[float], compared: str, confidence: float, margin: float
 ) -> str:
-    """Say a conclusion in one sentence; `sizes` are estimate, low, high and upper bound."""
+    """Return a conclusion as a sentence; `sizes` are estimate, low, high and upper bound."""
     require_choice("conclusion", conclusion, CONCLUSIONS)
     size, low, high, bound, wanted = map(percent, [*sizes, margin])
     sure, more = f"{100 * confidence:g} %", "just over " * (bound == wanted)
@@ -121,7 +123,7 @@ def sentence(
 
 
 def outlook(effect: sizing.EffectSize, needed: int | None, power: float) -> str:
-    """Say what these data could have shown, and what would show more."""
+    """Return words on what these data could have shown, and on what would show more."""
     seen = (
         "Nothing could have been seen here: a difference would have to be larger than the map"
         if effect.detectable > 1.0
@@ -148,42 +150,43 @@ def judge(
     power: float = 0.8,
     flips: int = 1999,
 ) -> Verdict:
-    """Say whether the map through the landing has one derivative.
+    """Judge whether the map through the landing has one derivative.
 
     Parameters
     ----------
     x, y
-        (n, 6B) home-frame states at the pre and the post section, z up: x, y and z of each of the
-        markers of a rigid body, then their velocities in the same order, in any units. Landings
-        stand in the order in which they happened.
+        (n, 6B) home-frame states at the pre and the post section, z up: x, y and z of each marker
+        of a rigid body, then the velocities in the same order, in any units. Landings are in
+        chronological order.
     instants
         (n, feet) contact instants, in the same unit of time; NaN where not known.
     seed
         Seed of the study.
     margin
-        Relative difference that the study wants to exclude.
+        Relative difference that the study is to exclude.
     confidence, power
-        Of intervals, and of the detectable difference. The test's level is 1 - confidence.
+        Confidence of the intervals, and power for the detectable difference. The level of the test
+        is 1 - confidence.
     flips
         Number of random sign patterns.
 
     Raises
     ------
     AnalysisError
-        If the three do not fit together.
+        If the shapes of the three arrays do not match.
     ConfigError
-        If another argument is no such number.
+        If another argument is not a number in its range.
     """
     parts = [numbers(*one) for one in (("x", x), ("y", y), ("instants", instants))]
     shapes = [part.shape for part in parts]
     fits = [len(shape) for shape in shapes] == [2, 2, 2] and shapes[0] == shapes[1]
     if not fits or shapes[0][0] != shapes[2][0] or shapes[0][1] % 6 or not shapes[0][1]:
-        told = "x, y, instants: expected a row a landing, (n, 6B), (n, 6B) and (n, feet), found "
+        told = "x, y, instants: expected one row per landing, (n, 6B), (n, 6B), (n, feet), found "
         raise AnalysisError(told + ", ".join(map(str, shapes)))
     for key, share in (("confidence", confidence), ("power", power)):
         require(isinstance(share, Real) and 0 < share < 1, key, "a number between 0 and 1", share)
     require(isinstance(margin, Real) and margin > 0, "margin", "a number above 0", margin)
-    # With fewer flips no p-value would be small enough.
+    # With fewer flips no p-value could be small enough.
     for key, whole, least in (("seed", seed, 0), ("flips", flips, ceil(1 / (1 - confidence)))):
         fits = isinstance(whole, Integral) and whole >= least
         require(fits, key, f"a whole number, {least} or more", whole)
@@ -220,7 +223,7 @@ def judge(
         told = f"{_jump_told(jump, confidence)}."
         if conclusion == DIFFERENT:
             said = f"{said} And {told}"
-        else:  # what is said of derivatives beside a jump is of no use
+        else:  # statements about derivatives are useless beside a jump
             said = f"The maps of {what} are different: {told}"
             often = f"{100 * power:g} % of such studies"
             foreseen = f"A jump of {percent(jump.detectable)} would be found in {often}."
@@ -243,7 +246,9 @@ def judge(
 def _jump_told(jump: sizing.EffectSize, confidence: float) -> str:
     size, low, high, _ = map(percent, jump.sizes())
     sure = f"({100 * confidence:g} % interval {low} to {high})"
-    return f"as two feet exchange their order the outcome jumps, by {size} of what it varies {sure}"
+    return (
+        f"where two feet exchange their order, the outcome jumps by {size} of its variation {sure}"
+    )
 
 
 def _left_out(known: BoolArray) -> Notes:
@@ -254,15 +259,17 @@ def _left_out(known: BoolArray) -> Notes:
 
 def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
     far, state = far_off(landings), two_kinds(landings.inputs)
-    apart = f"a C1 map may look different by up to {percent(allowed)}: no less is evidence"
+    apart = (
+        f"a C1 map may look different by up to {percent(allowed)}: smaller sizes are not evidence"
+    )
     kinds = (
-        f"by their {state} before, as of two speeds or heights: a size is a share of what both "
-        "together vary, and may be larger within one of them: judge each alone, too"
+        f"by their {state} before, such as two speeds or heights: a size is a share of the "
+        "variation of both together, and may be larger within one of them: judge each alone, too"
     )
     mistakes = f"if these {far} are mistakes, they distort the size and widen its bounds"
     in_a_row = (
-        f"those in a row err alike, so signs are drawn for {sizing.IN_A_ROW} together, which "
-        "widens the interval; yet a difference may be a false one"
+        f"successive ones err alike, so signs are drawn for {sizing.IN_A_ROW} together, which "
+        "widens the interval; even so, a difference may be false"
     )
     told = [
         (allowed > LEFT, "contacts far apart", apart),
@@ -274,5 +281,5 @@ def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
 
 
 def percent(share: float) -> str:
-    """Write a share in per cent, to two digits."""
+    """Return a share in per cent, to two digits."""
     return f"{float(f'{100 * share:.2g}'):g} %"

@@ -1,17 +1,19 @@
-"""The kinks and jumps of a landing map near a simultaneous contact, beside all that is smooth.
+"""Fit of the kinks and jumps of a landing map near a simultaneous contact, beside smooth terms.
 
-y = smooth(x) + sum_k b_k h_k(t(x)) + noise. The kinks h are the latest contacts of sets of feet
-(`hopdata.maps.coordinates`); all b are zero exactly if the map has one derivative. `smooth` are the
-monomials of the inputs up to the third order, by least squares; with two feet, all of whose kinks
-are |d|, d the time between their contacts, d^4 as well. Where landings are too few for all terms of
-the third order they go up to the second, and if `allowed` says that the third matters, with those
-of the third along the contacts: of the two main ways in which these lie apart.
+The model is y = smooth(x) + sum_k b_k h_k(t(x)) + noise. The kinks h are the latest contacts of
+sets of feet (`hopdata.maps.coordinates`); all b are zero exactly if the map has one derivative. The
+smooth terms are monomials of the inputs up to third order, fitted by least squares. With two feet,
+whose only kink is |d| with d the time between the contacts, d^4 is added. If there are too few
+landings for all third-order terms, the monomials stop at second order. If `allowed` then shows that
+the third order matters, third-order terms along the contacts are added, in the two main directions
+in which the contacts separate.
 
-What a C1 map has besides looks like a kink, the less the nearer the feet come down together: so the
-landings of most contact spread take no part, and kinks as small as `allowed` are no evidence.
+Other terms of a C1 map look like kinks; they shrink as the contacts come closer together. The
+landings with the largest contact spread are therefore left out, and kinks up to `allowed` are not
+evidence.
 
-Where impacts do not commute the outcome itself jumps as two feet exchange their order: steps,
-sign(t_i - t_j), are fitted as the kinks are, which then count as smooth.
+If impacts do not commute, the outcome itself jumps where two feet exchange their order. Steps,
+sign(t_i - t_j), are then fitted like the kinks, and the kinks count as smooth terms.
 """
 
 from dataclasses import dataclass, replace
@@ -24,49 +26,51 @@ from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import ALL_SETS_UP_TO, affordable_degree, kinks, monomials
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings, halves
 
-#: As large a difference, as a share of the map, smooth terms may leave of any C1 landing; or so
-#: many times c^1.5, c being what third-order terms along the contacts change its derivative by. It
-#: grows as the square of the contacts' spread, and what the fourth order changes as the cube.
+#: Difference, as a share of the map, that smooth terms may leave in any C1 landing: the larger of
+#: `LEFT` and `OF_FOURTH` c^1.5. Here c is the relative change of the derivative by third-order
+#: terms along the contacts. It grows as the square of the contacts' spread, while the change by the
+#: fourth order grows as the cube, hence as c^1.5.
 LEFT, OF_FOURTH = 0.1, 4.0
-#: As large a jump, as a share of what the outcome varies; or this share of `allowed`.
+#: Jump that smooth terms may leave, as a share of the outcome's sd: the larger of `LEFT_OF_JUMPS`
+#: and `OF_ALLOWED` times `allowed`.
 LEFT_OF_JUMPS, OF_ALLOWED = 0.05, 0.1
-#: Share of it that they may hide of another.
+#: Part of a true difference that smooth terms may hide, as a share of `allowed`.
 HIDDEN = 0.5
-#: Root mean squares of the landings' derivatives about their mean that one may lie off.
+#: Largest deviation of one landing's derivative from the mean, in rms deviations of all landings.
 _ONE_LANDING = 2.0
 
-_FLAT = 1e-9
-_NEXT = 5  # landings that follow one, with which it is compared
-_WAYS = 2  # in which contacts lie apart: tilt has two directions
-#: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
+_FLAT = 1e-9  # relative rounding limit
+_NEXT = 5  # number of following landings with which each is compared
+_WAYS = 2  # main directions in which contacts separate: tilt has two
+#: Kinks are invisible if less than this fraction of them remains beside the smooth terms.
 _LEAST_KINK = 1e-3
-#: The same beside what is seen best, where there are kinks of pairs of feet only, and of steps.
+#: The same relative to the most visible kink, for kinks of pairs of feet only and for steps.
 _LEAST_OF_PAIRS = 0.25
 
 
 @dataclass(frozen=True)
 class KinkFit:
-    """Kinks, or steps, of a study; K kinks, q outputs, N landings.
+    """Kinks, or steps, of a study with K kinks, q outputs and N landings.
 
     Attributes
     ----------
     coefficients
-        (K, q) of the combinations `seen` of the kinks.
+        (K, q) coefficients of the combinations `seen` of the kinks.
     linear
-        (p, q) derivative of the outputs by the inputs, but for the kinks.
+        (p, q) derivative of the outputs by the inputs, without the kinks.
     scores, null_scores
-        (N, K q) contributions of the landings to the error of the coefficients, row by row: with
-        the kinks that were found taken off the outputs, and with none.
+        (N, K q) contributions of the landings to the error of the coefficients, row by row: after
+        the kinks found have been subtracted from the outputs, and under the assumption of no kinks.
     seen
-        (all kinks, K) orthonormal combinations of the kinks that the data tell from smooth terms.
+        (all kinks, K) orthonormal combinations of the kinks that are distinct from smooth terms.
     rows
         (n,) numbers of the landings in the window.
     allowed
-        Size up to which kinks are no evidence in a study: see `LEFT`.
+        Size up to which kinks are not evidence in one study: see `LEFT`.
     left
-        The same in the mean of such studies, half as much again without terms of the third order.
+        The same for the mean of such studies; 1.5 times `allowed` without third-order terms.
     jumps
-        Steps of the outcome beside the kinks.
+        Steps of the outcome beside the kinks; None if no steps can be fitted.
     """
 
     coefficients: FloatArray
@@ -114,7 +118,7 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
 
 
 class _Smooth:
-    """Smooth terms of some of the landings, and what is left of kinks and outputs beside them."""
+    """Smooth terms for a set of landings, and the parts of kinks and outputs outside them."""
 
     def __init__(self, landings: SectionLandings, rows: IntArray, third: str) -> None:
         self.landings, self.rows = landings, rows
@@ -134,7 +138,7 @@ class _Smooth:
         return np.asarray(columns - self.basis @ (self.basis.T @ columns))
 
     def look_for_steps(self, seen: FloatArray) -> None:
-        """Take the kinks that are `seen` for smooth, and steps of pairs of feet for kinks."""
+        """Add the `seen` kinks to the smooth terms, and replace them by steps of pairs of feet."""
         t, found = self.landings.expected[self.rows].T, self._without(self.kinks) @ seen
         self.basis = np.linalg.qr(np.column_stack([self.basis, found]))[0]
         self.rest = self._without(self.outputs)
@@ -145,11 +149,11 @@ class _Smooth:
     def seen_kinks(self, least: float = 0.0) -> FloatArray:
         """Return the combinations of kinks, (all, K), that smooth terms do not explain.
 
-        They have more than `least` of what is left of the one that is seen best.
+        The remainder of each beside the smooth terms is more than `least` times the largest one.
 
-        Where a rigid body has many feet its tilt alone decides their order, and the kinks of
-        parallel pairs of feet are nearly one: of 15 pairs of six feet, 6 can be told apart. What
-        is left of the others is noise, and with it the test would have no power.
+        If a rigid body has many feet, its tilt alone determines their order, and the kinks of
+        parallel pairs of feet are nearly equal: of 15 pairs of six feet, 6 can be distinguished.
+        The remainders of the others are noise, with which the test would have no power.
         """
         _, values, right = np.linalg.svd(self._without(self.kinks), full_matrices=False)
         limit = _LEAST_KINK * np.linalg.norm(self.kinks, 2)
@@ -158,7 +162,7 @@ class _Smooth:
         return np.asarray(right[values > max(limit, least * values[0])].T)
 
     def fit(self, seen: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return kinks (K, q), and the scores and null scores (N, K q) of all landings."""
+        """Return the kinks (K, q), and the scores and null scores (N, K q) of all landings."""
         bends = self._without(self.kinks) @ seen
         influence = np.asarray(np.linalg.solve(bends.T @ bends, bends.T), float)
         found = influence @ self.rest
@@ -168,16 +172,16 @@ class _Smooth:
         return found, with_kinks, self._scores(influence, self.rest, slack)
 
     def third(self, seen: FloatArray) -> float:
-        """Return what third-order terms along the contacts change the derivative by, as a share.
+        """Return the relative change of the derivative by third-order terms along the contacts.
 
-        Root of the mean square over the landings, less what noise adds to it.
+        It is the rms over the landings, without the contribution of noise.
         """
         basis, root = np.linalg.qr(np.column_stack([self.lower, self.kinks @ seen, self.along]))
         slopes = np.linalg.inv(root)[-self.along.shape[1] :]
         found = slopes @ basis.T @ self.outputs
         errors = self.outputs - basis @ (basis.T @ self.outputs)
         noise = np.sum(errors**2, axis=0) / (len(basis) - basis.shape[1])
-        # Of normal u and v the derivative of u^3, but for its mean, has mean square 18, of u^2 v 6.
+        # For normal u and v the derivative of u^3, less its mean, has mean square 18; of u^2 v, 6.
         weights = np.where(np.isin(np.arange(len(slopes)), (0, len(slopes) - 1)), 18.0, 6.0)
         squares = weights @ (found**2 - np.sum(slopes**2, axis=1)[:, None] * noise)
         return float(np.sqrt(max(0.0, squares @ halves(np.var(self.outputs, axis=0)))))
@@ -189,7 +193,7 @@ class _Smooth:
         return scores
 
     def linear(self, coefficients: FloatArray) -> FloatArray:
-        """Return the derivative (p, q) of the outputs without these kinks by the inputs."""
+        """Return the derivative (p, q) by the inputs of the outputs without these kinks."""
         smooth = self.outputs - self.kinks @ coefficients
         inputs = self.landings.inputs[self.rows]
         slopes = np.linalg.solve(self.root, self.basis.T @ smooth)[1 : self.inputs.shape[1] + 1]
@@ -198,9 +202,9 @@ class _Smooth:
 
 
 def err_alike(scores: FloatArray) -> bool:
-    """Tell whether scores (N, m) are like the next few ones, by more than chance.
+    """Return whether scores (N, m) resemble the next few more than by chance.
 
-    By chance is what random signs bring about: up to three standard errors.
+    Random signs give a resemblance of up to three standard errors by chance.
     """
     pairs = [np.sum(scores[k:] * scores[:-k], axis=1) for k in range(1, _NEXT + 1)]
     products = np.concatenate(pairs)
@@ -208,17 +212,19 @@ def err_alike(scores: FloatArray) -> bool:
 
 
 def one_landing(allowed: float) -> float:
-    """Return the share by which a difference at one landing may lie off the mean, which shows.
+    """Return the relative deviation of a difference at one landing from the observed mean.
 
-    As the derivative does, it changes over the landings by the share c.
+    Like the derivative itself, the difference changes over the landings by the share c (see
+    `LEFT`).
     """
     return float(_ONE_LANDING * (allowed / OF_FOURTH) ** (2 / 3))
 
 
 def upper_ends(sizes: list[float], allowed: float) -> list[float]:
-    """Return how large differences may be at the simultaneous contact that show as these `sizes`.
+    """Return upper ends for differences at the simultaneous contact that appear as these `sizes`.
 
-    Smooth terms hide some of them, and that contact is one landing.
+    They are larger because smooth terms may hide part of a difference, and because that contact is
+    a single landing, which may deviate from the mean.
     """
     off = one_landing(allowed)
     return [size + float(np.hypot(HIDDEN * allowed, off * size)) for size in sizes]
@@ -227,8 +233,8 @@ def upper_ends(sizes: list[float], allowed: float) -> list[float]:
 def symmetric_root(covariance: FloatArray) -> FloatArray:
     """Return the symmetric root (m, m) of a covariance that may be singular.
 
-    It is the only one, whereas signs and turns of eigenvectors are left to rounding: with it the
-    same seed gives the same draws wherever the code runs, but for the root of rounding.
+    This root is unique, whereas rounding decides the signs and rotations of eigenvectors. With it
+    the same seed gives the same draws on every machine, up to the square root of rounding errors.
     """
     values, vectors = np.linalg.eigh(covariance)
     kept = np.where(values > _FLAT**1.5 * values[-1], values, 0.0)
@@ -236,6 +242,6 @@ def symmetric_root(covariance: FloatArray) -> FloatArray:
 
 
 def _whitened(x: FloatArray) -> FloatArray:
-    """Return as many uncorrelated combinations of columns, of mean square one, as there are."""
+    """Return all uncorrelated combinations of the columns, scaled to mean square one."""
     left, values, _ = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
     return np.asarray(left[:, values > _FLAT * values[0]] * np.sqrt(len(x)))
