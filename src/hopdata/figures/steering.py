@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image as Images
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.figures import style
 
@@ -60,7 +60,7 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
 
     names = list(film["marker"].unique())
     places = film[["x_m", "y_m", "z_m"]].to_numpy().reshape(len(times), len(names), 3)
-    figure, axes, moving = _stage(places, stances)
+    figure, moving, reach = _stage(places, stances)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)  # type: ignore[attr-defined]
@@ -68,10 +68,9 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
     pictures = []
     for time, markers in zip(times, places, strict=True):
         canvas.restore_region(still)  # type: ignore[attr-defined]
-        _move(moving, time, markers, stances)
-        for panel, artists in zip(axes, moving["by_panel"], strict=True):
-            for artist in artists:
-                panel.draw_artist(artist)
+        _move(moving, time, markers, stances, reach)
+        for artist in moving.values():
+            artist.axes.draw_artist(artist)
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
         if palette is None:
             palette = picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
@@ -79,8 +78,8 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
     return pictures
 
 
-def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, Any, dict[str, Any]]:
-    """Return the empty stage: figure, the panels from above and from the side, what moves."""
+def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, dict[str, Any], float]:
+    """Return the figure with the empty stage, what moves in it, and half the board's length, m."""
     figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
     above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
@@ -93,14 +92,12 @@ def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, Any, dict[str, A
     side.set(ylim=(-0.05, highest), xlabel="x (m)", ylabel="height (m)")
     side.axhline(0.0, color=style.INK, linewidth=0.8)
     above.plot(0, 0, marker="*", color=style.VERMILION, mec="white", ms=12)
-    moving = _moving(above, side)
-    moving["board"] = _board_ends(stances, 4 * half)
-    return figure, (above, side), moving
+    return figure, _moving(above, side), 2 * half
 
 
 def _moving(above: Any, side: Any) -> dict[str, Any]:
     """Return what moves, made for drawing on top of the still picture."""
-    parts: dict[str, Any] = {
+    return {
         "board_line": above.plot([], [], color="#8a6d2f", lw=3, animated=True)[0],
         "path": above.plot([], [], "o-", color=style.GREY, ms=2.5, lw=0.9, animated=True)[0],
         "body": above.fill([0, 0, 0], [0, 0, 0], color=style.BLUE, alpha=0.75, animated=True)[0],
@@ -111,18 +108,17 @@ def _moving(above: Any, side: Any) -> dict[str, Any]:
         "side_boom": side.plot([], [], "o-", color=style.INK, lw=1.2, ms=4, markevery=[1],
                                animated=True)[0],
     }  # fmt: skip
-    first: list[Artist] = [parts[name] for name in ("board_line", "path", "body", "boom", "time")]
-    parts["by_panel"] = (first, [parts["side_body"], parts["side_boom"]])
-    return parts
 
 
-def _board_ends(stances: pd.DataFrame, width: float) -> Any:
-    """Return direction and half width vector of the board, None without one."""
+def _board_axes(stances: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors into the board and along it, (2,) each; NaN without one."""
     way = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
-    return (way, np.array([-way[1], way[0]]) * width / 2) if np.isfinite(way).all() else None
+    return way, np.array([-way[1], way[0]])
 
 
-def _move(moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFrame) -> None:
+def _move(
+    moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFrame, reach: float
+) -> None:
     """Bring everything to where it was at this time."""
     body, boom = markers[:-1], markers[-1]
     centre = body.mean(axis=0)
@@ -134,11 +130,10 @@ def _move(moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFra
     moving["time"].set_text(f"hop {max(0, len(past) - 1)}, {max(0.0, time):.1f} s")
     moving["side_body"].set_data(ring[:, 0], ring[:, 2])
     moving["side_boom"].set_data([centre[0], boom[0]], [centre[2], boom[2]])
-    if moving["board"] is not None:
-        way, across = moving["board"]
-        place = float(stances["board_first_m"].iloc[0]) if past.empty else past["board_m"].iloc[-1]
-        ends = np.stack([place * way - across, place * way + across])
-        moving["board_line"].set_data(ends[:, 0], ends[:, 1])
+    way, across = _board_axes(stances)
+    place = float(stances["board_first_m"].iloc[0]) if past.empty else past["board_m"].iloc[-1]
+    ends = np.stack([place * way - reach * across, place * way + reach * across])
+    moving["board_line"].set_data(*ends.T)
 
 
 # Success rates and hops to the goal of all controllers, over the seeds.
@@ -337,8 +332,7 @@ def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
     first, last = measured["board_first_m"].iloc[0], measured["board_m"].dropna()
     if np.isnan(first) or last.empty:
         return
-    way = measured[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
-    across = np.array([-way[1], way[0]])
+    way, across = _board_axes(measured)
     sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
     sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
     for place, colour, label in (
