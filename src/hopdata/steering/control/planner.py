@@ -213,9 +213,8 @@ def _averages(grid: Grid) -> tuple[FloatArray, Any]:
 
 
 def cost_to_go(
-    model: tables.TabulatedMap, grid: Grid, *,
-    begin: CostToGo | None = None, sweeps: int = MOST_SWEEPS,
-) -> CostToGo:  # fmt: skip
+    model: tables.TabulatedMap, grid: Grid, *, begin: CostToGo | None = None
+) -> CostToGo:
     """Return the cost-to-go on a grid by policy iteration.
 
     The best swings are chosen, what they cost is followed over some hops, and they are chosen
@@ -226,10 +225,8 @@ def cost_to_go(
     model : TabulatedMap
     grid : PointGrid or HeadingGrid
     begin : CostToGo, optional
-        On the same grid, for a map that was nearly the same: what `sweeps` make of it is returned,
-        whether or not it has settled.
-    sweeps : int
-        How often swings are chosen at most.
+        On the same grid, for a map that was nearly the same: what one choice of the swings makes of
+        it is returned, whether or not it has settled.
 
     Raises
     ------
@@ -251,7 +248,7 @@ def cost_to_go(
         """Return what is paid on average where this is paid after a stance."""
         return np.asarray(mean + average @ after.reshape(len(mean), -1)).reshape(after.shape)
 
-    for _ in range(sweeps):
+    for _ in range(MOST_SWEEPS if begin is None else 1):
         costs = beyond + _between(_closed(values), places)
         best = costs.argmin(axis=-1)[..., None]
         before, values = values, foretold(np.take_along_axis(costs, best, axis=-1)[..., 0])
@@ -406,5 +403,5 @@ class AdaptivePlanner:
         self.correction.learn(boom, swing, missed)
         model = tables.TabulatedMap(known.values + self.correction.added(self._at), limit)
         before = self._planner.cost_to_go
-        ahead = cost_to_go(model, before.grid, begin=before, sweeps=1)
+        ahead = cost_to_go(model, before.grid, begin=before)
         self._planner = replace(self._planner, model=model, cost_to_go=ahead)
