@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,7 +84,7 @@ class FrameChanges:
     def rows(self, chosen: ArrayLike) -> FrameChanges:
         """Return some of the hops: their numbers, or a bool for each."""
         picked = np.asarray(chosen)
-        return FrameChanges(*(getattr(self, field.name)[picked] for field in fields(self)))
+        return FrameChanges(*(column[picked] for column in vars(self).values()))
 
     def used(self) -> FrameChanges:
         """Return the hops that are used."""
@@ -137,9 +137,8 @@ def frame_changes(
 
 def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
     """Return the hops of several recordings as one table."""
-    parts = list(parts)
-    names = [field.name for field in fields(FrameChanges)]
-    return FrameChanges(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    return FrameChanges(*map(np.concatenate, columns))
 
 
 # Tables of frame changes: one hop a row, a unit in the name of each column.
