@@ -3,7 +3,7 @@
 Models and the plant's true map both become tables.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -113,7 +113,6 @@ MEMORY_HOPS = 60.0  # in which a correction that is not seen again is forgotten
 FARTHEST_SD = 8.0  # a hop that misses by more was disturbed, and counts as one that misses by this
 
 
-@dataclass
 class Correction:
     """What is added to a map: a Bayesian linear model, updated hop by hop (a Kalman filter).
 
@@ -127,16 +126,12 @@ class Correction:
         Standard deviation of the chance of a hop, m, m, rad.
     """
 
-    swing_limit_rad: float
-    noise: FloatArray
-    coefficients: FloatArray = field(init=False)  # (k, 3), in units of the noise
-    covariance: FloatArray = field(init=False)  # (k, k), the same for all three
-
-    def __post_init__(self) -> None:
+    def __init__(self, swing_limit_rad: float, noise: FloatArray) -> None:
+        self.swing_limit_rad, self.noise = swing_limit_rad, noise
         orders = np.add.outer(np.arange(DEGREE + 1), (np.arange(2 * HARMONICS + 1) + 1) // 2)
         self._first = np.diag((FIRST_SD * FALL_OFF ** orders.ravel()) ** 2)
-        self.covariance = self._first.copy()
-        self.coefficients = np.zeros((len(self._first), 3))
+        self.covariance = self._first.copy()  # (k, k), the same for all three
+        self.coefficients = np.zeros((len(self._first), 3))  # in units of the noise
 
     def functions(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
         """Return the functions at boom angles and swings (...), (..., k): waves times powers."""
