@@ -9,11 +9,11 @@ with reported(snakemake.log[0]):
     process, output = load_process(snakemake.input.model), snakemake.output
     write_table(output.map, map_table(process, snakemake.params.swing_limit_rad))
     write_table(output.training, training_table(process))
-    tables = learning_tables(
+    curve, kernels = learning_tables(
         from_table(read_table(snakemake.input.changes)),
         training_hops=snakemake.params.model["training_hops"],
         draws=snakemake.params.model["draws"],
         seed=snakemake.params.seed,
     )
-    write_table(output.curve, tables.curve)
-    write_table(output.kernels, tables.kernels)
+    write_table(output.curve, curve)
+    write_table(output.kernels, kernels)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -283,28 +283,13 @@ LEAST_TESTED = 30  # hops left to test on
 SCORES = ("r2", "rmse", "coverage")
 
 
-@dataclass(frozen=True)
-class LearningTables:
-    """Two tables, means over random sets of hops with their spread.
-
-    Parameters
-    ----------
-    curve : DataFrame
-        ``model, hops, component, unit`` and of ``r2, rmse, coverage`` the mean, its standard error
-        (``_se``) and the 5 and 95 % quantiles over the sets (``_q05``, ``_q95``).
-    kernels : DataFrame
-        The same by ``data, reading, smoothness, component, unit``.
-    """
-
-    curve: pd.DataFrame
-    kernels: pd.DataFrame
-
-
 @one_blas_thread()
 def learning_tables(
     changes: FrameChanges, *, training_hops: int, draws: int, seed: int
-) -> LearningTables:
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Learn from random sets of hops of several sizes, and with kernels of several smoothnesses.
+
+    Both tables hold means over random sets of hops with their spread.
 
     Parameters
     ----------
@@ -314,6 +299,14 @@ def learning_tables(
     draws : int
         Random sets of each size.
     seed : int
+
+    Returns
+    -------
+    curve : DataFrame
+        ``model, hops, component, unit`` and of ``r2, rmse, coverage`` the mean, its standard error
+        (``_se``) and the 5 and 95 % quantiles over the sets (``_q05``, ``_q95``).
+    kernels : DataFrame
+        The same by ``data, reading, smoothness, component, unit``.
 
     Raises
     ------
@@ -329,7 +322,7 @@ def learning_tables(
     curve = learning_scores(changes, MODELS, sizes, draws=draws, seed=seed)
     kernels = smoothness_scores(changes, train=training_hops, draws=draws, seed=seed)
     by = ["data", "reading", "smoothness", "component", "unit"]
-    return LearningTables(
+    return (
         with_intervals(curve, ["model", "hops", "component", "unit"], SCORES),
         with_intervals(kernels.assign(data="hopper"), by, SCORES),
     )
