@@ -60,7 +60,7 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
 
     names = list(film["marker"].unique())
     places = film[["x_m", "y_m", "z_m"]].to_numpy().reshape(len(times), len(names), 3)
-    figure, moving, reach = _stage(places, stances)
+    figure, moving, reach = _stage(places)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)  # type: ignore[attr-defined]
@@ -78,7 +78,7 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
     return pictures
 
 
-def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, dict[str, Any], float]:
+def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
     """Return the figure with the empty stage, what moves in it, and half the board's length, m."""
     figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
