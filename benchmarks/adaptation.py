@@ -44,7 +44,7 @@ from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering import child
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
-from hopdata.steering.experiments.run import Run, Sight, run_task
+from hopdata.steering.experiments.run import Run, Sight, WatchedHopper, run_task
 from hopdata.steering.experiments.tasks import FELL, ORIGIN, Task, draw_starts
 from hopdata.steering.frame_changes import frame_changes
 from hopdata.steering.models.process import FrameChangeProcess, trained_process
@@ -169,8 +169,8 @@ def rows(
             for one, other in zip(starts[:STARTS], starts[STARTS:], strict=True):
                 steers = timed(make(), took)
                 ways.append((
-                    run_task(changed, sight, steers, FIRST, one),
-                    run_task(changed, sight, steers, SECOND, other),
+                    run_task(WatchedHopper(changed, sight, FIRST, one), steers),
+                    run_task(WatchedHopper(changed, sight, SECOND, other), steers),
                 ))  # fmt: skip
             good = [second.outcome.hops for _, second in ways if second.outcome.success]
             row = {

@@ -16,7 +16,7 @@ from hopdata.steering.models import learning as learning_curve
 from hopdata.steering.models.learning import learn, learning_tables
 from hopdata.steering.models.process import PRINTED, RECOMMENDED, process_of
 from hopdata.steering.observation.observe import observe_recordings
-from hopdata.steering.robot import SteeredHopper, camera_of, robot_of
+from hopdata.steering.robot import SteeredHopper, robot_and_camera
 from hopdata.steering.trial import (
     ControlGrid,
     TrueFrameChanges,
@@ -53,9 +53,9 @@ def rng(seed=0):
 
 
 def test_the_defaults_of_the_configuration_are_those_of_the_robot_and_the_camera(config):
-    camera = camera_of(config["motion_capture"])
+    robot, camera = robot_and_camera(config["steering"]["robot"], config["motion_capture"])
+    standard = SteeredHopper()
     assert camera == MotionCapture()
-    robot, standard = robot_of(config["steering"]["robot"], camera), SteeredHopper()
     assert robot.swing_limit_rad == pytest.approx(standard.swing_limit_rad, rel=1e-15)
     for name in ("hopper", "preload_shares", "kicks", "markers", "release_height_m", "hop_limit_s"):
         assert getattr(robot, name) == getattr(standard, name), name

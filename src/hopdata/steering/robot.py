@@ -260,19 +260,15 @@ class Board:
 Options = Mapping[str, Any]
 
 
-def robot_of(options: Options, camera: MotionCapture) -> SteeredHopper:
-    """Return the robot of the block ``steering.robot``, with the markers of the camera."""
-    standard = SteeredHopper()
-    return replace(
-        standard,
-        hopper=replace(standard.hopper, **options["hopper"]),
-        preload_shares=tuple(options["preload_shares"]),
-        kicks=from_mapping(Kicks, options["kicks"]),
-        markers=camera.markers,
-        **{key: options[key] for key in ("swing_limit_rad", "release_height_m", "hop_limit_s")},
-    )
-
-
-def camera_of(options: Options) -> MotionCapture:
-    """Return the camera of the block ``motion_capture``."""
-    return from_mapping(MotionCapture, options)
+def robot_and_camera(
+    options: Options, motion_capture: Options
+) -> tuple[SteeredHopper, MotionCapture]:
+    """Return what ``steering.robot`` and ``motion_capture`` say, with the same markers."""
+    camera = from_mapping(MotionCapture, motion_capture)
+    given = {
+        **options,
+        "hopper": replace(LIGHT_BOOM, **options["hopper"]),
+        "preload_shares": tuple(options["preload_shares"]),
+        "kicks": from_mapping(Kicks, options["kicks"]),
+    }
+    return SteeredHopper(**given, markers=camera.markers), camera

@@ -346,8 +346,7 @@ def simulate_excitation(
     observation : {"corrected", "printed"}
         Whether the swings are a tour of all, or drawn at random.
     """
-    camera = plant.camera_of(motion_capture)
-    robot = plant.robot_of(steering["robot"], camera)
+    robot, camera = plant.robot_and_camera(steering["robot"], motion_capture)
     rng = np.random.default_rng(child(seed, EXCITATION))
     drawn = random_excitation if observation == PRINTED else eulerian_excitation
     swings = drawn(ControlGrid(**steering["excitation"]), rng)

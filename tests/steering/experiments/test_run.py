@@ -8,7 +8,7 @@ from seen_hopper import ROBOT, Swings, gaps, sight, start
 
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import PlanningError
-from hopdata.steering.experiments.run import MEASURED, PREDICTED, run_task
+from hopdata.steering.experiments.run import MEASURED, PREDICTED, WatchedHopper, run_task
 from hopdata.steering.experiments.study import board_for, simulated
 from hopdata.steering.experiments.tasks import FELL, Task
 from hopdata.steering.trial import POSE
@@ -17,7 +17,7 @@ TASK = Task(manoeuvre="origin", near=0.01, hops=8)
 
 
 def run(controller, seen=None, task=TASK, **options):
-    return run_task(ROBOT, seen or sight(), controller, task, start(), **options)
+    return run_task(WatchedHopper(ROBOT, seen or sight(), task, start(), **options), controller)
 
 
 def poses(made, columns):
@@ -95,7 +95,7 @@ def test_a_board_is_pushed_and_its_place_is_kept():
 
 def test_a_fall_ends_the_run_and_is_told():
     unsteady = replace(ROBOT, hop_limit_s=0.5)  # no apex in this time: taken for a fall
-    made = run_task(unsteady, sight(), Swings(0.0), TASK, start())
+    made = run_task(WatchedHopper(unsteady, sight(), TASK, start()), Swings(0.0))
     assert made.outcome.reason == FELL
     assert len(made.stances["time_s"]) == 0
 

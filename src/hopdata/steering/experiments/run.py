@@ -52,7 +52,7 @@ class WatchedHopper:
     robot : plant.SteeredHopper
     sight : Sight
     task : Task
-        Gaps are drawn for its hops and two more.
+        What counts as success; gaps are drawn for its hops and two more.
     start : Start
         Pose at the release, and the streams of chance.
     board : plant.Board, optional
@@ -67,10 +67,11 @@ class WatchedHopper:
         sight: Sight,
         task: Task,
         start: Start,
-        board: plant.Board | None,
-        frames: Frames | None,
+        board: plant.Board | None = None,
+        frames: Frames | None = None,
     ) -> None:
-        self.robot, self.sight, self.board, self._frames = robot, sight, board, frames
+        self.robot, self.sight, self.task, self.start = robot, sight, task, start
+        self.board, self._frames = board, frames
         self._kicks, self._noise, gaps, _ = start.streams()
         self._apex: plant.Apex = plant.released(robot, start.pose, robot.hopper.boom_angle_rad)
         camera, body = sight.camera, robot.markers.body_m
@@ -172,38 +173,20 @@ class Run:
     outcome: Outcome
 
 
-def run_task(
-    robot: plant.SteeredHopper,
-    sight: Sight,
-    controller: Controller,
-    task: Task,
-    start: Start,
-    *,
-    board: plant.Board | None = None,
-    frames: Frames | None = None,
-) -> Run:
-    """Let a controller steer from a start until the run is decided or the hopper falls.
+def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
+    """Let a controller steer a hopper from its start until the run is decided or it falls.
 
     Parameters
     ----------
-    robot : plant.SteeredHopper
-    sight : Sight
-        How it is seen.
+    hopper : WatchedHopper
     controller : Controller
         Knows its goal; is told what was seen, never what is true.
-    task : Task
-        What counts as success.
-    start : Start
-    board : plant.Board, optional
-        What stands in the way.
-    frames : list, optional
-        Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
     """
-    hopper = WatchedHopper(robot, sight, task, start, board, frames)
-    goal, unknown = goal_of(task.manoeuvre, start.pose), np.full(3, np.nan)
+    task, board = hopper.task, hopper.board
+    goal, unknown = goal_of(task.manoeuvre, hopper.start.pose), np.full(3, np.nan)
     rows: list[list[float]] = []
     errors: list[float] = []
-    swing, boom, foretold, blind = 0.0, robot.hopper.boom_angle_rad, unknown, 0
+    swing, boom, foretold, blind = 0.0, hopper.robot.hopper.boom_angle_rad, unknown, 0
     while True:
         stance, seen = hopper.hop(swing)
         if stance.fell:

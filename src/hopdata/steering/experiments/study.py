@@ -15,11 +15,12 @@ from hopdata.arrays import one_blas_thread, pd
 from hopdata.rigid import composed, inverse
 from hopdata.steering import FLOOR, child
 from hopdata.steering.control.objectives import Controller, errors_left
+from hopdata.steering.experiments import run as watched
 from hopdata.steering.experiments import tasks
-from hopdata.steering.experiments.run import MEASURED, PREDICTED, Frames, Run, Sight, run_task
+from hopdata.steering.experiments.run import MEASURED, PREDICTED, Frames, Run
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.robot import Board, SteeredHopper, camera_of, robot_of
+from hopdata.steering.robot import Board, SteeredHopper, robot_and_camera
 from hopdata.steering.trial import POSE, TrueFrameChanges
 from hopdata.synthesis.camera import draw_floor
 
@@ -106,7 +107,7 @@ class Setting:
     experiment: str
     options: Mapping[str, Any]
     robot: SteeredHopper
-    sight: Sight
+    sight: watched.Sight
 
     @property
     def manoeuvre(self) -> str:
@@ -128,10 +129,9 @@ class Setting:
 
     def run(self, policy: tasks.Policy, start: tasks.Start, frames: Frames | None = None) -> Run:
         """Let a controller steer from a start; `frames` takes what the cameras see."""
-        return run_task(
-            self.robot, self.sight, policy(start), self.task, start, board=self.board(start),
-            frames=frames,
-        )  # fmt: skip
+        board = self.board(start)
+        hopper = watched.WatchedHopper(self.robot, self.sight, self.task, start, board, frames)
+        return watched.run_task(hopper, policy(start))
 
 
 @one_blas_thread()
@@ -165,10 +165,10 @@ def experiments_of(
     seed : SeedSequence
         Of the excitation that was learned from.
     """
-    camera, options = camera_of(motion_capture), steering["experiments"]
-    robot = robot_of(steering["robot"], camera)
+    robot, camera = robot_and_camera(steering["robot"], motion_capture)
+    options = steering["experiments"]
     floor = draw_floor(camera.floor, np.random.default_rng(child(seed, FLOOR)))
-    sight = Sight(camera, geometry, floor)
+    sight = watched.Sight(camera, geometry, floor)
     parts, known = [], dict[str, Mapping[str, tasks.Policy]]()
     for name in names:
         setting = Setting(name, options, robot, sight)
