@@ -2,17 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.recording import Recording
 from hopdata.rigid import RigidFit, headings, rigid_fit, wrapped
-from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
+from hopdata.steering.frame_changes import TextArray
+from hopdata.steering.observation.geometry import HopperGeometry
 
 SEEN, LEANED, MISFIT, UNSEEN = "seen", "leaned on an earlier frame", "misfit", "unseen"
 STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
+KNOWN = (SEEN, LEANED)  # with a pose
 
 MISFIT_NOISES = 5.0  # residuals beyond so many times the noise are no noise: markers mixed up
 BOOM_MISS_M = 0.02
@@ -52,7 +54,11 @@ class Observation:
     @property
     def known(self) -> bool:
         """Whether there is a pose."""
-        return self.status in (SEEN, LEANED)
+        return self.status in KNOWN
+
+
+# The same of N frames, in this order.
+Parts: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, TextArray, FloatArray]
 
 
 def observe_frame(
@@ -74,19 +80,24 @@ def observe_frame(
         Rotation of an earlier frame, to lean on if only two markers are seen.
     """
     fit = rigid_fit(body[None], geometry.body_m, None if earlier is None else earlier[None])
-    status = str(_statuses(fit, geometry.noise_m)[0])
-    rotation, centre = fit.rotation[0], fit.centre[0]
-    if status in (UNSEEN, MISFIT):
-        rotation, centre = np.full((3, 3), np.nan), np.full(3, np.nan)
-    pose, angle = np.array([centre[0], centre[1], headings(rotation)]), np.nan
+    frames = _observed(geometry, fit, None if boom is None else boom[None])
+    return Observation(*(part[0] for part in frames))
+
+
+def _observed(geometry: HopperGeometry, fit: RigidFit, boom: FloatArray | None) -> Parts:
+    """Return the parts of the observations of N frames, given their boom markers (N, 3)."""
+    misfit = fit.residual_m > MISFIT_NOISES * geometry.noise_m
+    status = np.select([~fit.known, misfit, fit.leaned], [UNSEEN, MISFIT, LEANED], SEEN)
+    known = np.isin(status, KNOWN)
+    centre = np.where(known[:, None], fit.centre, np.nan)
+    rotation = np.where(known[:, None, None], fit.rotation, np.nan)
+    pose = np.column_stack([centre[:, :2], headings(rotation)])
+    angle = np.full(len(centre), np.nan)
     if boom is not None and geometry.circle is not None:
-        angle = float(_angles_on(geometry.circle, (boom - centre) @ rotation))
-    return Observation(pose, float(centre[2]), angle, float(fit.residual_m[0]), status, rotation)
-
-
-def _angles_on(circle: BoomCircle, boom: FloatArray) -> FloatArray:
-    """Boom angles of markers (..., 3); NaN where one is off the circle, or not seen."""
-    return np.where(circle.misses(boom) < BOOM_MISS_M, circle.angles(boom), np.nan)
+        place = np.einsum("nji,nj->ni", rotation, boom - centre)
+        on_circle = geometry.circle.misses(place) < BOOM_MISS_M
+        angle = np.where(on_circle, geometry.circle.angles(place), np.nan)
+    return pose, centre[:, 2], angle, fit.residual_m, status, rotation
 
 
 class HopperTracker:
@@ -153,7 +164,7 @@ class HopperMotion:
     height: FloatArray
     boom_angle_rad: FloatArray
     residual: FloatArray
-    status: NDArray[np.str_]
+    status: TextArray
     tilt_rad: FloatArray
 
     @property
@@ -183,14 +194,12 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
     fits = fit.known & (fit.residual_m <= MISFIT_NOISES * geometry.noise_m)
     if not fits.all() and fits.any():
         fit = rigid_fit(body, geometry.body_m, _between(recording.time, fit.rotation, fits))
-    status = _statuses(fit, geometry.noise_m)
-    known = (status == SEEN) | (status == LEANED)
-    centre = np.where(known[:, None], fit.centre, np.nan)
-    heading = unwrapped(np.where(known, headings(fit.rotation), np.nan))
-    pose = np.column_stack([centre[:, :2], heading])
-    boom = _boom_angles(recording, geometry, centre, fit.rotation)
-    tilt = np.where(known, np.arccos(np.clip(fit.rotation[:, 2, 2], -1, 1)), np.nan)
-    return HopperMotion(recording.time, pose, centre[:, 2], boom, fit.residual_m, status, tilt)
+    place = geometry.boom_place(recording.markers)
+    boom = None if place is None else recording.positions[:, place]
+    pose, height, angle, residual, status, rotation = _observed(geometry, fit, boom)
+    pose[:, 2] = unwrapped(pose[:, 2])
+    tilt = np.arccos(np.clip(rotation[:, 2, 2], -1, 1))
+    return HopperMotion(recording.time, pose, height, unwrapped(angle), residual, status, tilt)
 
 
 def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatArray:
@@ -209,21 +218,6 @@ def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatAr
     return np.asarray(
         first[:, None, None] * rotation[before] + second[:, None, None] * rotation[after]
     )
-
-
-def _statuses(fit: RigidFit, noise_m: float) -> NDArray[np.str_]:
-    bad = fit.residual_m > MISFIT_NOISES * noise_m
-    return np.select([~fit.known, bad, fit.leaned], [UNSEEN, MISFIT, LEANED], SEEN)
-
-
-def _boom_angles(
-    recording: Recording, geometry: HopperGeometry, centre: FloatArray, rotation: FloatArray
-) -> FloatArray:
-    place = geometry.boom_place(recording.markers)
-    if place is None or geometry.circle is None:
-        return np.full(len(centre), np.nan)
-    boom = np.einsum("nji,nj->ni", rotation, recording.positions[:, place] - centre)
-    return unwrapped(_angles_on(geometry.circle, boom))
 
 
 def unwrapped(angle: FloatArray) -> FloatArray:
