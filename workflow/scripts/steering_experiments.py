@@ -26,8 +26,7 @@ with reported(snakemake.log[0]):
         geometry=load_geometry(snakemake.input.geometry),
         seed=np.random.SeedSequence(snakemake.params.seed, spawn_key=(number,)),
     )
-    for name in ("runs", "stances", "example", "film"):
-        table = getattr(tables, name)
+    for name, table in tables.items():
         table.insert(0, "seed", number)
         if observation and "controller" in table:
             table["controller"] += f", {observation} observation"

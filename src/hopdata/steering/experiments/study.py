@@ -71,36 +71,6 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class ExperimentTables:
-    """Runs and stances of experiments, and a typical run of each with what the model says of it.
-
-    Parameters
-    ----------
-    runs : DataFrame
-        One row a run: ``experiment, controller, run, success, hops`` (-1 if it never arrived),
-        ``reason, stances, blind, touched`` (stances in which the board was touched),
-        ``last_error`` (m or rad).
-    stances : DataFrame
-        One row a stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
-        ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
-        (``predicted_...``), ``board_m`` and ``touched``.
-    example : DataFrame
-        Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
-        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, a turn's in
-        the frame of its start; ``near`` (when the goal counts as reached, m or rad) and of the
-        board ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m`` (where it was).
-    film : DataFrame
-        The markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first stance),
-        ``marker, x_m, y_m, z_m``.
-    """
-
-    runs: pd.DataFrame
-    stances: pd.DataFrame
-    example: pd.DataFrame
-    film: pd.DataFrame
-
-
-@dataclass(frozen=True)
 class Setting:
     """An experiment, the block ``steering.experiments``, the robot, and how it is seen."""
 
@@ -145,7 +115,7 @@ def experiments_of(
     truth: TrueFrameChanges,
     geometry: HopperGeometry,
     seed: np.random.SeedSequence,
-) -> ExperimentTables:
+) -> dict[str, pd.DataFrame]:
     """Run experiments on the simulated robot.
 
     Parameters
@@ -164,6 +134,25 @@ def experiments_of(
         From the calibration.
     seed : SeedSequence
         Of the excitation that was learned from.
+
+    Returns
+    -------
+    runs : DataFrame
+        One row a run: ``experiment, controller, run, success, hops`` (-1 if it never arrived),
+        ``reason, stances, blind, touched`` (stances in which the board was touched),
+        ``last_error`` (m or rad).
+    stances : DataFrame
+        One row a stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
+        ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
+        (``predicted_...``), ``board_m`` and ``touched``.
+    example : DataFrame
+        Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
+        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, a turn's in
+        the frame of its start; ``near`` (when the goal counts as reached, m or rad) and of the
+        board ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m`` (where it was).
+    film : DataFrame
+        The markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first stance),
+        ``marker, x_m, y_m, z_m``.
     """
     robot, camera = robot_and_camera(steering["robot"], motion_capture)
     options = steering["experiments"]
@@ -181,8 +170,10 @@ def experiments_of(
                 truth=truth.average(), swing_limit_rad=robot.swing_limit_rad,
             )  # fmt: skip
         parts.append(_tables(setting, known[setting.manoeuvre], starts))
-    tables = (chain.from_iterable(pieces) for pieces in zip(*parts, strict=True))
-    return ExperimentTables(*(pd.concat(pieces, ignore_index=True) for pieces in tables))
+    return {
+        name: pd.concat(chain.from_iterable(pieces), ignore_index=True)
+        for name, *pieces in zip(("runs", "stances", "example", "film"), *parts, strict=True)
+    }
 
 
 FEW = 10  # starts from which horizons are compared
@@ -205,7 +196,8 @@ def horizons_of(
     for hops in steering["experiments"]["horizons"]:
         asked = {**steering, "control": dict(steering["control"], horizon=hops), "experiments": few}
         made = experiments_of([tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned)
-        runs, good = made.runs, made.runs[made.runs["success"]]
+        runs = made["runs"]
+        good = runs[runs["success"]]
         rows.append((hops, len(runs), len(good), good["hops"].median()))
     return pd.DataFrame(rows, columns=["horizon", "runs", "succeeded", "hops"])
 
