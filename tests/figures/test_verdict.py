@@ -121,11 +121,14 @@ def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
 
 def test_without_an_answer_the_picture_says_why():
     sentence = "These data cannot tell: " + 12 * "a reason that is long, " + "and ends."
-    figure = verdict_figure(verdict(effect=None, sentence=sentence), touchdowns())
+    unknown = verdict("cannot tell", effect=None, sentence=sentence)
+    figure = verdict_figure(unknown, touchdowns())
     assert " ".join(figure.axes[0].texts[0].get_text().split()) == sentence
     assert "feet 2 → 1 → 3: 2 landings" in texts(figure.axes[1])
     assert text_faults(figure) == []
-    figure = verdict_figure(verdict(effect=None, sentence=sentence), touchdowns().iloc[:0])
+    figure = verdict_figure(
+        verdict("cannot tell", effect=None, sentence=sentence), touchdowns().iloc[:0]
+    )
     assert figure.axes == []
     assert " ".join(figure.texts[0].get_text().split()) == sentence
     assert text_faults(figure) == []
@@ -137,7 +140,7 @@ def test_verdicts_share_their_scale():
     upper, lower = (part.axes[0] for part in figure.subfigs)
     assert upper.get_xlim() == lower.get_xlim()
     assert text_faults(figure) == []
-    none = verdict(effect=None, sentence="Nothing.")
+    none = verdict("cannot tell", effect=None, sentence="Nothing.")
     figure = verdicts_figure(verdict(), touchdowns(), none, touchdowns(), names=("a", "b"))
     assert [len(part.axes) for part in figure.subfigs] == [2, 2]
 

@@ -53,11 +53,8 @@ def verdict_figure(
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(_said(verdict, 90), width_mm=style.DOUBLE_COLUMN_MM)
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM + 6.0)
-    if verdict.get("effect") is None:
-        _draw_without_answer(figure, verdict, touchdowns)
-        return figure
     true = None if truth is None or truth.empty else float(truth["true_effect"].iloc[0])
-    top = _top(verdict) if true is None else max(_top(verdict), 112.0 * true)
+    top = max(_top(verdict), 112.0 * (true or 0.0))
     left = _draw_row(figure, verdict, touchdowns, top)
     if true is not None:
         left.plot(100.0 * true, 0.0, "^", color=style.BLUE, markersize=5, clip_on=False, zorder=5)
@@ -79,38 +76,30 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
     """
     rows = list(zip(content[::2], content[1::2], names, strict=True))
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, (ROW_MM + 9.0) * len(rows))
-    tops = [_top(verdict) for verdict, _, _ in rows if verdict.get("effect")]
+    top = max(_top(verdict) for verdict, _, _ in rows)
     for part, (verdict, touchdowns, name) in zip(
         figure.subfigures(len(rows), 1, squeeze=False).ravel(), rows, strict=True
     ):
         part.suptitle(style.label_of(name), fontsize=style.pt(8), x=0.01, ha="left")
-        if verdict.get("effect") is None:
-            _draw_without_answer(part, verdict, touchdowns)
-        else:
-            _draw_row(part, verdict, touchdowns, max(tops))
+        _draw_row(part, verdict, touchdowns, top)
     return figure
 
 
 def _draw_row(
     figure: Figure | SubFigure, verdict: Mapping[str, Any], touchdowns: pd.DataFrame, top: float
 ) -> Axes:
+    """Draw size and landings side by side, or why there is no answer beside what was seen."""
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    _draw_size(left, verdict, top)
     _draw_landings(right, verdict["conclusion"], touchdowns)
+    if verdict.get("effect") is None:
+        left.set_title(in_short(verdict), fontsize=style.pt(10), fontweight="bold")
+        left.text(0.5, 0.55, _said(verdict, 48), ha="center", va="center")
+        left.set_axis_off()
+        return left
+    _draw_size(left, verdict, top)
     figure.supxlabel(_said(verdict, 90), fontsize=style.pt(7))
     style.letters((left, right))
     return left
-
-
-def _draw_without_answer(
-    figure: Figure | SubFigure, verdict: Mapping[str, Any], touchdowns: pd.DataFrame
-) -> None:
-    """Draw what was seen of the orders, and say why there is no answer."""
-    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    left.set_title(ANSWERS["cannot tell"][0], fontsize=style.pt(10), fontweight="bold")
-    left.text(0.5, 0.55, _said(verdict, 48), ha="center", va="center")
-    left.set_axis_off()
-    _draw_landings(right, "cannot tell", touchdowns)
 
 
 def _decided(verdict: Mapping[str, Any]) -> str:
@@ -121,6 +110,8 @@ def _decided(verdict: Mapping[str, Any]) -> str:
 def _top(verdict: Mapping[str, Any]) -> float:
     """Upper end of the axis of differences, per cent: all points, and the end of the interval."""
     effect = verdict[_decided(verdict)]
+    if effect is None:
+        return 0.0
     most = max(verdict["margin"], effect["estimate"], min(effect["detectable"], 1.0))
     return 112.0 * max(most, min(_end(verdict["conclusion"], effect), LONGEST * most))
 
