@@ -149,8 +149,6 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
 def _draw_learning_curve(axes: Axes, table: pd.DataFrame) -> None:
     for model, line in LINES.items():
         rows = table[table["model"] == model].sort_values("hops")
-        if rows.empty:
-            continue
         band = (rows["rmse_q05"], rows["rmse_q95"])
         style.banded_line(axes, rows["hops"], rows["rmse"], band, line)
     axes.grid(axis="y")
@@ -215,8 +213,6 @@ def _draw_smoothness(axes: Axes, table: pd.DataFrame) -> None:
     places = list(SMOOTHNESSES)
     for shift, (reading, (label, colour, dash, marker)) in enumerate(READINGS.items()):
         rows = table[table["reading"] == reading].sort_values("smoothness")
-        if rows.empty:
-            continue
         x = np.array([places.index(value) for value in rows["smoothness"]]) + 0.05 * (shift - 2)
         axes.errorbar(
             x, rows["r2"].clip(lower=FLOOR), yerr=np.where(rows["r2"] > FLOOR, rows["r2_se"], 0),
