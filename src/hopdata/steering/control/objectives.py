@@ -66,11 +66,6 @@ def errors_left(objective: Objective, poses: ArrayLike) -> FloatArray:
     return np.abs(wrapped(objective.heading_rad - poses[..., 2]))
 
 
-def objective_value(objective: Objective, poses: ArrayLike) -> FloatArray:
-    """Sum of what is left at the stances (H, ..., 3) that come after the present one, (...)."""
-    return np.asarray(errors_left(objective, poses).sum(axis=0))
-
-
 def is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
     """Whether a value is so many numbers, and all are finite."""
     try:

@@ -67,7 +67,7 @@ class PrintedController:
             steps = np.where(swings + DIFFERENCE_RAD > limit, -DIFFERENCE_RAD, DIFFERENCE_RAD)
             tried = swings + np.vstack([np.zeros(hops), np.diag(steps)])
             poses = predicted_poses(self.model, pose, boom_angle_rad, tried)
-            values = objectives.objective_value(self.objective, poses[1:])
+            values = objectives.errors_left(self.objective, poses[1:]).sum(axis=0)
             return float(values[0]), (values[1:] - values[0]) / np.diag(tried[1:] - swings)
 
         first, bounds = np.full(hops, first_rad), [(-limit, limit)] * hops
