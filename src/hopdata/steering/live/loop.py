@@ -215,14 +215,12 @@ class ControlLoop:
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
-                if not self._buffer.wait(self._seen, LOOK_UP_S, unless=self._stop.is_set):
-                    continue
+                self._buffer.wait(self._seen, LOOK_UP_S, unless=self._stop.is_set)
                 frames = self._buffer.since(self._seen)
-                if not frames:
-                    continue
-                self.counts.overrun += frames[0].index - self._seen
-                self._seen = frames[-1].index + 1
-                self.take(frames)
+                if frames:
+                    self.counts.overrun += frames[0].index - self._seen
+                    self._seen = frames[-1].index + 1
+                    self.take(frames)
         except BaseException as error:
             self.rest(f"the control loop failed: {error!r}")
 
