@@ -474,7 +474,7 @@ class LoopbackServer:
         LiveError
             If the source of the frames has failed.
         """
-        self._thread.stop()
+        self._thread.close()
         if self._thread.failure is not None:
             raise LiveError(f"server: {self._thread.failure!r}") from self._thread.failure
 

@@ -18,7 +18,7 @@ from hopdata.errors import ConfigError, counted, require
 
 if TYPE_CHECKING:
     from hopdata.steering.control.objectives import Controller
-    from hopdata.steering.live.drive import Stream
+    from hopdata.steering.live.buffer import Stream
     from hopdata.steering.live.loop import ControlLoop, Decision
     from hopdata.steering.live.safety import Boom
     from hopdata.steering.observation.geometry import HopperGeometry

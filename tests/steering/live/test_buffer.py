@@ -83,8 +83,8 @@ def test_it_runs_until_it_is_stopped():
     thread.call(called.set)
     assert called.wait(LONG_S)
     assert thread._thread.is_alive()
-    thread.stop()
-    thread.stop()
+    thread.close()
+    thread.close()
     thread.call(called.set)  # ignored
     assert not thread._thread.is_alive()
     assert thread.failure is None
@@ -99,7 +99,7 @@ def test_a_failure_is_kept():
     thread.start()
     wait_until(lambda: not thread._thread.is_alive())
     assert str(thread.failure) == "broken"
-    thread.stop()
+    thread.close()
 
 
 def test_states_are_kept_in_order_with_their_reasons():

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from hopdata.arrays import FloatArray
 from hopdata.steering.live.packets import LiveError
@@ -129,38 +129,62 @@ class LoopCounts:
     failed: int = 0
 
 
-# A thread with an event loop of its own that runs one coroutine until it is told to stop.
+# Threads: one that works until it is told to stop, and one that runs a coroutine until then.
 
 JOIN_S = 10.0
 
 
-def joined(thread: threading.Thread) -> None:
-    """Wait for the end of a thread.
+class Worker:
+    """Calls `work` in a thread, between `start` and `close` or within a context.
 
-    Raises
-    ------
-    LiveError
-        If it does not end.
+    The work ends when `_stop` is set, or by itself.
     """
-    thread.join(JOIN_S)
-    if thread.is_alive():
-        raise LiveError(f"thread {thread.name!r} has not ended within {JOIN_S:g} s")
+
+    def __init__(self, name: str, work: Callable[[], None]) -> None:
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=work, name=name, daemon=True)
+
+    def start(self) -> Self:
+        """Start the thread."""
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """Wait for the end of the thread; a second call does nothing.
+
+        Raises
+        ------
+        LiveError
+            If it does not end.
+        """
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join(JOIN_S)
+        if self._thread.is_alive():
+            raise LiveError(f"thread {self._thread.name!r} has not ended within {JOIN_S:g} s")
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
-class LoopThread:
+class LoopThread(Worker):
     """Runs `main` in a thread; `failure` is the exception that ended it, if any."""
 
     def __init__(self, name: str, main: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        super().__init__(name, self._run)
         self.failure: BaseException | None = None
         self._main, self._begun = main, threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[Any] | None = None
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
-    def start(self) -> None:
+    def start(self) -> Self:
         """Start the thread, and return when its loop runs."""
-        self._thread.start()
+        super().start()
         self._begun.wait()
+        return self
 
     def call(self, function: Callable[..., object], *arguments: object) -> None:
         """Call a function in the thread, soon; nothing happens if the thread has ended."""
@@ -168,19 +192,11 @@ class LoopThread:
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function, *arguments)
 
-    def stop(self) -> None:
-        """Cancel the coroutine and wait for the end of the thread; a second call does nothing.
-
-        Raises
-        ------
-        LiveError
-            If the thread does not end.
-        """
-        if self._thread.ident is None:
-            return
+    def close(self) -> None:
+        """Cancel the coroutine and wait for the end of the thread, as `Worker.close` does."""
         if self._task is not None:
             self.call(self._task.cancel)
-        joined(self._thread)
+        super().close()
 
     def _run(self) -> None:
         try:
@@ -242,3 +258,26 @@ class StatusLog:
         with self._changed:
             reached = self._changed.wait_for(lambda: self.status.state in states, timeout_s)
             return self.status if reached else None
+
+
+# Where frames come from.
+
+
+class Stream(LoopThread):
+    """Puts frames into a buffer, between `start` and `close` or within a context."""
+
+    def __init__(
+        self, name: str, main: Callable[[], Coroutine[Any, Any, None]], capacity: int
+    ) -> None:
+        super().__init__(name, main)
+        self.buffer, self.counts, self.states = FrameBuffer(capacity), StreamCounts(), StatusLog()
+
+    def close(self) -> None:
+        """Hang up, and wait until the thread has ended."""
+        super().close()
+        self.states.report("closed")
+        self.buffer.wake()
+
+    def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
+        """Wait for the first frame, and return the state then."""
+        return self.states.wait_for("streaming", "lost", timeout_s=timeout_s) or self.states.status

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import FrameType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from hopdata.errors import ConfigError
 from hopdata.steering.control.objectives import Controller
-from hopdata.steering.live.buffer import FrameBuffer, LoopCounts, Status, StatusLog, StreamCounts
+from hopdata.steering.live.buffer import LoopCounts, Status, Stream, StreamCounts
 from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.loop import ControlLoop, Decision, observers_of
 from hopdata.steering.live.packets import PORT
@@ -23,20 +23,6 @@ from hopdata.steering.observation.geometry import HopperGeometry
 LOOK_S = 0.02  # how often the caller may look, while the threads work
 BUFFERED = 4096  # frames
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # those of them that the system has
-
-
-class Stream(Protocol):
-    """Where frames come from; begun and ended as a context."""
-
-    buffer: FrameBuffer
-    counts: StreamCounts
-    states: StatusLog
-
-    def __enter__(self) -> Self: ...
-    def __exit__(self, *_: object) -> None: ...
-    def wait_until_streaming(self, timeout_s: float, /) -> Status:
-        """Wait for the first frame."""
-        ...
 
 
 @dataclass(frozen=True)

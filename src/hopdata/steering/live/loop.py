@@ -18,7 +18,7 @@ import numpy as np
 
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller
-from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, joined
+from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Worker
 from hopdata.steering.live.safety import Boom, Limits, Watch
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stance, StanceDetector
@@ -102,7 +102,7 @@ SAME_CLOCK_S = 0.5
 MISFITS = 3  # frames in a row whose markers do not fit together: some are exchanged
 
 
-class ControlLoop:
+class ControlLoop(Worker):
     """Waits for frames, and plans at each stance.
 
     Used as a context manager, or with `start` and `close`.
@@ -143,6 +143,7 @@ class ControlLoop:
         stop: threading.Event | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        super().__init__("hopdata-control", self._run)
         self.limits, self.counts = limits or Limits(), LoopCounts()
         self.last_failure = ""
         self.watch, self._clock = Watch(boom, self._cause, clock), clock
@@ -156,13 +157,11 @@ class ControlLoop:
         self._last: Frame | None = None
         self._pose, self._boom_angle = _Newest(), _Newest()
         self._last_stance: tuple[float, float] | None = None  # when, on our clock, and boom angle
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="hopdata-control", daemon=True)
 
     def start(self) -> Self:
         """Start the thread."""
         self._seen = self._buffer.written
-        self._thread.start()
+        super().start()
         self.watch.start()
         return self
 
@@ -177,8 +176,7 @@ class ControlLoop:
         self._stop.set()
         self._buffer.wake()
         try:
-            if self._thread.ident is not None:
-                joined(self._thread)
+            super().close()
         finally:
             self.watch.close()
 
@@ -201,12 +199,6 @@ class ControlLoop:
         if now > self._due_s:
             return f"planned too late: nothing {self.limits.command_s:g} s after the stance"
         return self._fault()
-
-    def __enter__(self) -> Self:
-        return self.start()
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def decisions(self) -> tuple[Decision, ...]:
         """Return what has been decided so far."""

@@ -11,6 +11,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from hopdata.errors import require
+from hopdata.steering.live.buffer import Worker
 from hopdata.steering.live.packets import LOOPBACK, PortError
 
 PORTS = 1 << 16
@@ -142,7 +143,7 @@ class Rest:
     cause: str
 
 
-class Watch:
+class Watch(Worker):
     """Stands before the boom, and brings it to rest when there is a cause.
 
     A thread of its own asks every `LOOK_S` for a cause, so that neither a silent stream nor a
@@ -167,10 +168,9 @@ class Watch:
     def __init__(
         self, boom: Boom, ask: Callable[[], str], clock: Callable[[], float] = time.monotonic
     ) -> None:
+        super().__init__("hopdata-watch", self._run)
         self.cause, self.rests = "", list[Rest]()
         self._boom, self._ask, self._clock, self._lock = boom, ask, clock, threading.Lock()
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="hopdata-watch", daemon=True)
 
     def swing(self, rad: float) -> str:
         """Send a swing, and return an empty string, or why it was not sent."""
@@ -198,16 +198,6 @@ class Watch:
                 return
             self.rests.append(Rest(seen_s, self._clock(), cause))
         logger.warning("the boom rests: %s", cause)
-
-    def start(self) -> None:
-        """Start to look."""
-        self._thread.start()
-
-    def close(self) -> None:
-        """Look no more."""
-        self._stop.set()
-        if self._thread.ident is not None:
-            self._thread.join()
 
     def _run(self) -> None:
         while not self._stop.wait(LOOK_S):

@@ -1,16 +1,15 @@
 """The simulated hopper in place of a robot: markers come out, swings go in."""
 
-import threading
+import asyncio
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.steering.live.buffer import Frame, FrameBuffer, Status, StatusLog, StreamCounts, joined
+from hopdata.steering.live.buffer import Frame, Stream
 from hopdata.steering.robot import Apex, SteeredHop, SteeredHopper, released, steer_hop
 
 
@@ -123,7 +122,7 @@ class SimulatedBoom:
         return swing
 
 
-class SimulatedStream:
+class SimulatedStream(Stream):
     """Streams a hopper in real time; to the loop it is what `MarkerStream` is.
 
     Parameters
@@ -134,32 +133,15 @@ class SimulatedStream:
     """
 
     def __init__(self, hopper: LiveHopper, *, speed: float = 1.0) -> None:
-        self.labels, self.buffer = hopper.labels, FrameBuffer(4096)
-        self.counts, self.states = StreamCounts(), StatusLog()
-        self._hopper, self._speed, self._stop = hopper, speed, threading.Event()
-        self._thread = threading.Thread(target=self._run, name="hopdata-simulated", daemon=True)
+        super().__init__("hopdata-simulated", self._hop, 4096)
+        self.labels, self._hopper, self._speed = hopper.labels, hopper, speed
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        joined(self._thread)
-        self.states.report("closed")
-        self.buffer.wake()
-
-    def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
-        """Return the state in which frames come."""
-        return self.states.wait_for("streaming", "lost", timeout_s=timeout_s) or self.states.status
-
-    def _run(self) -> None:
+    async def _hop(self) -> None:
         begun = time.monotonic()
         try:
             for number, (time_s, markers) in enumerate(self._hopper):
                 due = begun + time_s / self._speed
-                if self._stop.wait(max(0.0, due - time.monotonic())):
-                    return
+                await asyncio.sleep(max(0.0, due - time.monotonic()))
                 now = time.monotonic()
                 self.counts.frames += 1
                 if number == 0:

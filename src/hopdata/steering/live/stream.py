@@ -118,7 +118,7 @@ Result = TypeVar("Result")
 FARTHEST_MM = 1e6  # from the origin: no camera system sees a marker a kilometre away
 
 
-class MarkerStream:
+class MarkerStream(buffer.Stream):
     """Reads the markers of a Qualisys system, or of the loopback server, in a thread of its own.
 
     Used as a context manager, or with `start` and `close`. The frames stand in `buffer`, with the
@@ -147,13 +147,10 @@ class MarkerStream:
         capacity: int = 256,
         patience: Patience | None = None,
     ) -> None:
+        super().__init__("hopdata-stream", self._read, capacity)
         self.labels, self.host, self.port, self.rate_hz = tuple(labels), host, port, rate_hz
         self.patience = patience or Patience()
-        self.buffer = buffer.FrameBuffer(capacity)
-        self.counts = buffer.StreamCounts()
-        self.states = buffer.StatusLog()
         self.last_fault = ""  # of the last packet left out
-        self._thread = buffer.LoopThread("hopdata-stream", self._main)
         self._epoch = -1
         self._last_good_s = 0.0
 
@@ -166,20 +163,7 @@ class MarkerStream:
             If the client of the protocol is not installed.
         """
         self._client = _client()
-        self._thread.start()
-        return self
-
-    def close(self) -> None:
-        """Hang up, and wait until the thread has ended."""
-        self._thread.stop()
-        self.states.report("closed")
-        self.buffer.wake()
-
-    def __enter__(self) -> Self:
-        return self.start()
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        return super().start()
 
     def wait_until_streaming(self, timeout_s: float = 30.0) -> buffer.Status:
         """Wait for the first frame.
@@ -191,9 +175,8 @@ class MarkerStream:
         """
         status = self.states.wait_for("streaming", "failed", timeout_s=timeout_s)
         if status is None or status.state == "failed":
-            failure = self._thread.failure
-            if isinstance(failure, packets.LiveError):
-                raise failure
+            if isinstance(self.failure, packets.LiveError):
+                raise self.failure
             reasons = [s.message for s in self.states.history() if s.message]
             raise packets.ConnectionLostError(
                 f"no frame from {self.host}, port {self.port}, within {timeout_s:g} s"
@@ -201,7 +184,7 @@ class MarkerStream:
             )
         return status
 
-    async def _main(self) -> None:
+    async def _read(self) -> None:
         delay = self.patience.retry_s
         while True:
             before = self.counts.frames
@@ -209,7 +192,7 @@ class MarkerStream:
                 await self._session()
             except Exception as error:
                 if isinstance(error, packets.SettingsError) and self.counts.frames == 0:
-                    self._thread.failure = error
+                    self.failure = error
                     self.states.report("failed", str(error))
                     return
                 self.counts.losses += 1
