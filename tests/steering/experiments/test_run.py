@@ -100,13 +100,12 @@ def test_a_fall_ends_the_run_and_is_told():
     assert len(made.stances["time_s"]) == 0
 
 
-def test_frames_are_kept_when_asked_for():
-    frames = []
-    made = run(Swings(0.3), frames=frames)
-    times = np.array([time for time, _ in frames])
+def test_frames_are_kept():
+    made = run(Swings(0.3))
+    times = np.array([time for time, _ in made.frames])
     np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-9)
     assert times[-1] > made.stances["time_s"].iloc[-1]
-    assert frames[0][1].shape == (4, 3)
+    assert made.frames[0][1].shape == (4, 3)
 
 
 def test_the_pure_simulation_follows_the_controller_s_own_predictions(swinging):

@@ -19,7 +19,7 @@ from hopdata.synthesis.camera import CurvedFloor, MotionCapture
 
 # The simulated hopper as a controller knows it: through motion capture, frame by frame.
 
-Frames: TypeAlias = list[tuple[float, FloatArray]]  # time, s, and markers (M, 3), m
+Frames = list[tuple[float, FloatArray]]  # time, s, and markers (M, 3), m
 _Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
 
 NEAR_S = 0.05  # a pose so far from the lowest point is that of the stance
@@ -57,8 +57,11 @@ class WatchedHopper:
         Pose at the release, and the streams of chance.
     board : plant.Board, optional
         What stands in the way.
-    frames : list, optional
-        Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
+
+    Attributes
+    ----------
+    frames : list
+        Time, s, and markers (M, 3), m, of each frame so far, as the cameras saw it.
     """
 
     def __init__(
@@ -68,10 +71,9 @@ class WatchedHopper:
         task: Task,
         start: Start,
         board: plant.Board | None = None,
-        frames: Frames | None = None,
     ) -> None:
         self.robot, self.sight, self.task, self.start = robot, sight, task, start
-        self.board, self._frames = board, frames
+        self.board, self.frames = board, Frames()
         self._kicks, self._noise, gaps, _ = start.streams()
         self._apex: plant.Apex = plant.released(robot, start.pose, robot.hopper.boom_angle_rad)
         camera, body = sight.camera, robot.markers.body_m
@@ -112,8 +114,7 @@ class WatchedHopper:
         heights = np.where(np.isfinite(means).all(axis=1), means[:, 2], np.nan).tolist()
         for now, markers, height in zip(hop.frame_time_s.tolist(), all_seen, heights, strict=True):
             told = None
-            if self._frames is not None:
-                self._frames.append((now, markers))
+            self.frames.append((now, markers))
             if np.isnan(height):
                 if past and past[-1][2] is None:  # to lean on
                     self._tracker.feed(*past[-1][:2])
@@ -127,13 +128,10 @@ class WatchedHopper:
 
     def _nearest(self, past: list[_Frame], time_s: float) -> Observation | None:
         """Return the nearest frame with a pose, if one is near."""
-        for now, markers, told in sorted(past, key=lambda frame: abs(frame[0] - time_s)):
-            if abs(now - time_s) > NEAR_S:
-                return None
-            frame = told or self._tracker.feed(now, markers)
-            if frame.known:
-                return frame
-        return None
+        near = [frame for frame in past if abs(frame[0] - time_s) <= NEAR_S]
+        near.sort(key=lambda frame: abs(frame[0] - time_s))
+        seen = (told or self._tracker.feed(now, markers) for now, markers, told in near)
+        return next((frame for frame in seen if frame.known), None)
 
     def _seen(self, hop: plant.SteeredHop) -> FloatArray:
         """Markers (K, M, 3) as the cameras report them."""
@@ -165,12 +163,15 @@ class Run:
         Error at the last stance, m or rad.
     outcome : Outcome
         Judged by the true poses.
+    frames : list
+        Time, s, and markers (M, 3), m, of each frame as the cameras saw it.
     """
 
     stances: pd.DataFrame
     blind: int
     last_error: float
     outcome: Outcome
+    frames: Frames
 
 
 def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
@@ -208,7 +209,7 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
     made = pd.DataFrame(rows, columns=COLUMNS, dtype=float)
     touched = board is None or bool(made["touched"].any())
     outcome = judged(task, errors, fell=stance.fell, touched=touched)
-    return Run(made, blind, errors[-1] if errors else np.nan, outcome)
+    return Run(made, blind, errors[-1] if errors else np.nan, outcome, hopper.frames)
 
 
 def _plan(

@@ -17,7 +17,7 @@ from hopdata.steering import FLOOR, child
 from hopdata.steering.control.objectives import Controller, errors_left
 from hopdata.steering.experiments import run as watched
 from hopdata.steering.experiments import tasks
-from hopdata.steering.experiments.run import MEASURED, PREDICTED, Frames, Run
+from hopdata.steering.experiments.run import MEASURED, PREDICTED, Run
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.robot import Board, SteeredHopper, robot_and_camera
@@ -97,10 +97,10 @@ class Setting:
         ahead_m = self.options["board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"]
         return board_for(manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m)
 
-    def run(self, policy: tasks.Policy, start: tasks.Start, frames: Frames | None = None) -> Run:
-        """Let a controller steer from a start; `frames` takes what the cameras see."""
+    def run(self, policy: tasks.Policy, start: tasks.Start) -> Run:
+        """Let a controller steer from a start."""
         board = self.board(start)
-        hopper = watched.WatchedHopper(self.robot, self.sight, self.task, start, board, frames)
+        hopper = watched.WatchedHopper(self.robot, self.sight, self.task, start, board)
         return watched.run_task(hopper, policy(start))
 
 
@@ -221,7 +221,7 @@ def _tables(
         if name == SHOWN:
             start, run = typical(list(zip(starts, made, strict=True)))
             example.append(_example(setting, policy, start, run))
-            film.append(_film(setting, policy, start, run.stances["time_s"].iloc[0]))
+            film.append(_film(setting, run))
     return runs, stances, example, film
 
 
@@ -246,13 +246,10 @@ def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Ru
     )  # fmt: skip
 
 
-def _film(
-    setting: Setting, policy: tasks.Policy, start: tasks.Start, first_s: float
-) -> pd.DataFrame:
-    """Make a run again, which the same chance makes the same, and keep some of its frames."""
-    frames: Frames = []
-    setting.run(policy, start, frames)
-    kept = frames[:: max(1, round(setting.sight.camera.rate_hz / FILM_HZ))]
+def _film(setting: Setting, run: Run) -> pd.DataFrame:
+    """Return some of the frames of a run."""
+    first_s = run.stances["time_s"].iloc[0]
+    kept = run.frames[:: max(1, round(setting.sight.camera.rate_hz / FILM_HZ))]
     places = np.array([markers for _, markers in kept])
     names = [f"body{i + 1}" for i in range(places.shape[1] - 1)] + ["boom"]
     table = pd.DataFrame(places.reshape(-1, 3), columns=["x_m", "y_m", "z_m"])
