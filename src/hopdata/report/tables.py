@@ -181,10 +181,8 @@ SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
     """One row a model, in the printed order; a model that was not fitted is listed as such."""
-    found = {str(row["model"]): row for row in show.records(summary)}
-    if not found:
-        return None
-    scale, power = show.common_scale([row.get("median") for row in found.values()])
+    rows = _in_order(summary, "model", MODEL_NAMES)
+    scale, power = show.common_scale([row.get("median") for row in rows])
     columns: show.Columns = {
         "model": lambda row: MODEL_NAMES.get(row["model"], str(row["model"])),
         "classes": show.counted("n_classes"),
@@ -198,16 +196,12 @@ def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
         "worst velocity (m/s)": show.decimals("worst_velocity_m_s", 3),
     }
     note = show.NOTES["prediction"].format(power=power)
-    note += " A dash: not fitted, too few touchdowns." if len(found) < len(MODEL_NAMES) else ""
-    rows = [{**found.get(m, {}), "model": m} for m in dict.fromkeys((*MODEL_NAMES, *found))]
+    note += " A dash: not fitted, too few touchdowns." * any(len(row) == 1 for row in rows)
     return show.table_of("Prediction errors", rows, columns, note=note)
 
 
 def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
     """One row a kind of distance; a kind without pairs is listed with zero pairs."""
-    found = {str(row["kind"]): row for row in show.records(summary)}
-    if not found:
-        return None
     columns: show.Columns = {
         "subspaces": lambda row: KIND_NAMES.get(row["kind"], str(row["kind"])),
         "pairs": lambda row: show.count(row.get("n", 0)),
@@ -220,8 +214,15 @@ def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
         "AUC": show.decimals("auc_against_in_class", 3),
     }
     note = "Arc lengths in rad. AUC: probability that such a distance exceeds an in-class one."
-    rows = [{**found.get(k, {}), "kind": k} for k in dict.fromkeys((*KIND_NAMES, *found))]
+    rows = _in_order(summary, "kind", KIND_NAMES)
     return show.table_of("Arc-length distances", rows, columns, note=note)
+
+
+def _in_order(summary: pd.DataFrame | None, key: str, names: Mapping[str, str]) -> list[show.Row]:
+    """Return a row for each name in the printed order, those that are missing with it alone."""
+    found = {str(row[key]): row for row in show.records(summary)}
+    names_of_all = dict.fromkeys((*names, *found)) if found else ()
+    return [{**found.get(name, {}), key: name} for name in names_of_all]
 
 
 def _quantiles(**shares: float) -> list[tuple[str, str]]:
