@@ -35,12 +35,12 @@ def verdict_facts(
         "found": effect is not None,
         "difference": None,
         "true": None,
-        "remark": "",
+        "remark": str(known.get("conclusion", "")),
         "confidence": show.percent(100 * known["confidence"]) if known else None,
         "power": show.percent(100 * known["power"]) if known else None,
     }
     if effect is None:
-        return facts | {"remark": str(known.get("conclusion", ""))}
+        return facts
     estimate, low, high, bound = (show.significant(100 * effect[key], 2) for key in ENDS)
     most, none = (show.with_unit(text, "%") for text in (bound, f"{100 * known['margin']:g}"))
     bounded = f"; one-sided bound {most}, less than {none} counts as none"

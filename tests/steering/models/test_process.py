@@ -65,7 +65,7 @@ def test_hyper_parameters_are_those_that_scikit_learn_found(trained):
     once = len(process.inputs) // (1 if options.periodic else 3)  # without the copies
     scale = input_units(process.inputs[:once], options)
     peer = fitted_regressor(process.inputs / scale, targets[:, 1], options, 0)
-    assert hyper_parameters(peer, process.inputs.shape[1])[2] == process.noise[1]
+    assert hyper_parameters(peer)[2] == process.noise[1]
 
 
 def test_gradients_are_those_of_differences(trained):

@@ -236,7 +236,7 @@ def replay(
         fault=lambda: not_asked[0], clock=lambda: now[0],
     )  # fmt: skip
     for group in groups if len(log.frames) else []:
-        frames = [_frame(row) for row in group]
+        frames = [Frame(*row.item()[1:]) for row in group]
         made = [then[key] for f in frames if (key := (f.epoch, f.time_s)) in then]
         now[0] = made[-1]["asked_s"] if made else frames[-1].arrival_s
         asked = not made or np.isfinite(made[-1]["planning_s"])
@@ -245,7 +245,3 @@ def replay(
             buffer.write(frame)
         loop.take(frames)
     return pd.DataFrame(rows, columns=["told_s", "then_rad", "now_rad", "same"])
-
-
-def _frame(row: Any) -> Frame:
-    return Frame(*row.item()[1:])

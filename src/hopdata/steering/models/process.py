@@ -308,7 +308,7 @@ def fitted_regressor(
 
     Parameters
     ----------
-    inputs : (m, d) array
+    inputs : (m, 2) array
         Boom angle and swing, in the units of the length scales.
     target : (m,) array
         The output as modelled.
@@ -321,9 +321,8 @@ def fitted_regressor(
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
 
-    kernel = _kernel(options, inputs.shape[1])
     regressor = GaussianProcessRegressor(
-        kernel, alpha=0.0, n_restarts_optimizer=options.restarts, random_state=seed
+        _kernel(options), alpha=0.0, n_restarts_optimizer=options.restarts, random_state=seed
     )
     with one_blas_thread(), warnings.catch_warnings():
         # A length scale at its bound means that the input does not matter: no reason to warn.
@@ -331,21 +330,21 @@ def fitted_regressor(
         return regressor.fit(embedded(inputs, options.periodic), target)
 
 
-def hyper_parameters(regressor: Any, n_inputs: int) -> tuple[float, FloatArray, float]:
+def hyper_parameters(regressor: Any) -> tuple[float, FloatArray, float]:
     """Return variance, length scales (2,) and noise of a regressor."""
     product, white = regressor.kernel_.k1, regressor.kernel_.k2
-    lengths = np.broadcast_to(np.atleast_1d(product.k2.length_scale), (n_inputs,))
-    return float(product.k1.constant_value), lengths.astype(float), float(white.noise_level)
+    lengths = np.full(2, product.k2.length_scale, dtype=float)
+    return float(product.k1.constant_value), lengths, float(white.noise_level)
 
 
-def _kernel(options: ProcessOptions, n_inputs: int) -> Any:
+def _kernel(options: ProcessOptions) -> Any:
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
     def bounds(value: float | None, free: tuple[float, float]) -> Any:
         return "fixed" if value is not None else free if options.standardised else UNSCALED
 
     length = options.length_scale or 1.0
-    lengths = np.full(n_inputs, length) if options.own_scales else length
+    lengths = np.full(2, length) if options.own_scales else length
     matern = _embedded_matern() if options.periodic else Matern
     variance = ConstantKernel(options.variance or 1.0, bounds(options.variance, VARIANCES))
     shape = matern(lengths, bounds(options.length_scale, LENGTHS), nu=options.smoothness)
@@ -404,8 +403,7 @@ def trained_process(
         outputs = np.tile(outputs, (3, 1))
     targets = (outputs - offset) / unit
     regressors = [fitted_regressor(inputs / scale, y, options, seed) for y in targets.T]
-    found = [hyper_parameters(regressor, inputs.shape[1]) for regressor in regressors]
-    variance, lengths, noise = zip(*found, strict=True)
+    variance, lengths, noise = zip(*map(hyper_parameters, regressors), strict=True)
     return FrameChangeProcess(
         options.smoothness, options.periodic, inputs, outputs, offset, unit,
         variance=np.array(variance), noise=np.array(noise), length_scales=np.array(lengths) * scale,
