@@ -96,11 +96,22 @@ BOTTOM_UNSEEN, NO_BOUNCE = "lowest point not seen", "no bounce"
 
 @dataclass(frozen=True)
 class Bottom:
-    """A lowest point: its instant, s, its height, m, and whether it fell into a hole."""
+    """A lowest point.
+
+    Parameters
+    ----------
+    time_s : float
+        Its instant, between frames.
+    height_m : float
+        Its height; of a stance that is told as it happens the lowest one seen, if frames are
+        missing there.
+    bridged : bool
+        Whether it fell into a hole between frames: its time is a guess then.
+    """
 
     time_s: float
     height_m: float
-    bridged: bool = False
+    bridged: bool
 
 
 def find_bottom(
@@ -137,7 +148,7 @@ def find_bottom(
     instant = fit.lowest()
     if instant is None or fit.at(instant, 2) < LEAST_BEND_M_S2:
         return NO_BOUNCE
-    return Bottom(instant, float(fit.at(instant)))
+    return Bottom(instant, float(fit.at(instant)), False)
 
 
 def _bridged(
@@ -409,25 +420,10 @@ SIGMAS = 4.0
 
 
 @dataclass(frozen=True)
-class Stance:
-    """A stance as it was recognised.
+class Stance(Bottom):
+    """The lowest point of a stance that was recognised, and the time of the frame that told, s."""
 
-    Parameters
-    ----------
-    time_s : float
-        Instant of the lowest point, between frames.
-    height_m : float
-        Height there; the lowest one seen if frames are missing there.
-    told_s : float
-        Time of the frame that told.
-    bridged : bool
-        Whether the lowest point fell into a hole between frames: its time is a guess then.
-    """
-
-    time_s: float
-    height_m: float
     told_s: float
-    bridged: bool = False
 
 
 class StanceDetector:
@@ -565,4 +561,4 @@ class StanceDetector:
         if time_s - before > TOLD_HOLE_S or not low or not bend > LEAST_BEND_M_S2:
             return None
         self._armed, self._falling = False, None
-        return Stance(float(lowest_s), float(self._lowest_m), float(time_s), bridged)
+        return Stance(float(lowest_s), float(self._lowest_m), bridged, float(time_s))
