@@ -96,49 +96,57 @@ class ReportFigure:
 
 
 @dataclass(frozen=True)
-class SteeringInputs:
-    """What the page of the steering shows. Only `study` must be there; what is missing is said.
-
-    Parameters
-    ----------
-    study : str
-    figures : sequence of ReportFigure
-        In the order in which they are shown; an animation is a figure of media type ``image/gif``.
-    outcomes, horizons : DataFrame, optional
-        ``outcomes.csv``, ``horizons.csv``.
-    counts : sequence of mappings, optional
-        ``observed.json``: by recording the frames, stances and hops, and what was left out.
-    scores : DataFrame, optional
-        ``model_scores.csv``.
-    truth : mapping, optional
-        ``truth.json``; None for recordings of a real robot.
-    provenance : mapping, optional
-        As from `hopdata.provenance.provenance`.
-    notes : sequence of str
-        What could not be done.
-    """
-
-    study: str
-    figures: Sequence[ReportFigure] = ()
-    outcomes: pd.DataFrame | None = None
-    horizons: pd.DataFrame | None = None
-    counts: Sequence[Mapping[str, Any]] | None = None
-    scores: pd.DataFrame | None = None
-    truth: Mapping[str, Mapping[str, Any]] | None = None
-    provenance: Mapping[str, Any] | None = None
-    notes: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class ReportInputs:
-    """Everything that the page shows. Only `study` must be there; what is missing is said.
+class PageInputs:
+    """What every page shows. Only `study` must be there; what is missing is said.
 
     Parameters
     ----------
     study : str
         Name of the study.
     figures : sequence of ReportFigure
-        In the order in which they are shown.
+        In the order in which they are shown; an animation is a figure of media type ``image/gif``.
+    truth : mapping, optional
+        Contents of ``truth.json``: name to ``value, unit, what``; empty or None for recordings of
+        the real world.
+    provenance : mapping, optional
+        As from `hopdata.provenance.provenance`.
+    notes : sequence
+        What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
+    """
+
+    study: str
+    figures: Sequence[ReportFigure] = ()
+    truth: Mapping[str, Mapping[str, Any]] | None = None
+    provenance: Mapping[str, Any] | None = None
+    notes: Sequence[str | Mapping[str, Any]] = ()
+
+
+@dataclass(frozen=True)
+class SteeringInputs(PageInputs):
+    """What the page of the steering shows besides.
+
+    Parameters
+    ----------
+    outcomes, horizons : DataFrame, optional
+        ``outcomes.csv``, ``horizons.csv``.
+    counts : sequence of mappings, optional
+        ``observed.json``: by recording the frames, stances and hops, and what was left out.
+    scores : DataFrame, optional
+        ``model_scores.csv``.
+    """
+
+    outcomes: pd.DataFrame | None = None
+    horizons: pd.DataFrame | None = None
+    counts: Sequence[Mapping[str, Any]] | None = None
+    scores: pd.DataFrame | None = None
+
+
+@dataclass(frozen=True)
+class ReportInputs(PageInputs):
+    """What the page of a study shows besides.
+
+    Parameters
+    ----------
     recordings : sequence of mappings
         One a recording: ``name`` and any of ``source, n_frames, duration_s, rate_hz, n_feet,
         n_body, seen`` (share of the marker positions that were seen).
@@ -146,16 +154,14 @@ class ReportInputs:
         The touchdown table of the study, excluded ones included.
     filled : DataFrame, optional
         ``filled.csv``, where gaps were filled: gaps of every marker, and what was filled of them.
-    sections, units, provenance : mapping, optional
-        Contents of ``sections.json``, ``units.json``, ``provenance.json``.
+    sections, units : mapping, optional
+        Contents of ``sections.json``, ``units.json``.
     levelled : sequence of Recording
         Of which landings are shown in 3-D and in small plots; none without them.
     floors : mapping
         Recording name to the floor model's JSON.
     prediction, distances : DataFrame, optional
         ``prediction_summary.csv`` and ``distance_summary.csv``.
-    truth : mapping, optional
-        Contents of ``truth.json``: name to ``value, unit, what``; empty for a real recording.
     verdict : mapping, optional
         Contents of ``verdict.json``.
     overlay : mapping
@@ -167,29 +173,22 @@ class ReportInputs:
         ``faults.csv``.
     remarks : DataFrame, optional
         ``remarks.csv``.
-    notes : sequence
-        What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
     """
 
-    study: str
-    figures: Sequence[ReportFigure] = ()
     recordings: Sequence[Mapping[str, Any]] = ()
     touchdowns: pd.DataFrame | None = None
     filled: pd.DataFrame | None = None
     sections: Mapping[str, Any] | None = None
     units: Mapping[str, Any] | None = None
-    provenance: Mapping[str, Any] | None = None
     levelled: Sequence[Recording] = ()
     floors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     prediction: pd.DataFrame | None = None
     distances: pd.DataFrame | None = None
-    truth: Mapping[str, Mapping[str, Any]] | None = None
     verdict: Mapping[str, Any] | None = None
     overlay: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     quality: Sequence[Mapping[str, Any]] | None = None
     faults: pd.DataFrame | None = None
     remarks: pd.DataFrame | None = None
-    notes: Sequence[str | Mapping[str, Any]] = ()
 
 
 def describe_recording(recording: Recording) -> dict[str, Any]:
@@ -266,6 +265,16 @@ def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
     # The width on paper that an SVG asks for; a full text width for anything else.
     found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
     return Picture(source, float(found.group(1)) if found else DOUBLE_COLUMN_PT, caption)
+
+
+def placed_pictures(
+    figures: Iterable[ReportFigure], facts: Mapping[str, Any], places: Mapping[str, str], other: str
+) -> dict[str, list[Picture]]:
+    """Return pictures by the section of the page that they stand in."""
+    placed: dict[str, list[Picture]] = {place: [] for place in (*places.values(), other)}
+    for figure in figures:
+        placed[places.get(figure.name, other)].append(picture_of(figure, facts))
+    return placed
 
 
 # Templates: where they are, and how they are filled in.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
-from hopdata.report.inputs import Picture, ReportFigure, ReportInputs, as_yaml, picture_of, rendered
+from hopdata.report.inputs import ReportInputs, as_yaml, placed_pictures, rendered
 from hopdata.report.scene import landings_scene
 
 # The few numbers that the page opens with, and that captions may name.
@@ -170,7 +170,7 @@ def build_report(inputs: ReportInputs) -> str:
         highlights=_highlights(facts, inputs),
         lights=tables.lights(inputs.quality),
         scene=landings_scene(inputs.levelled, inputs.touchdowns),
-        pictures=_pictures(shown, facts),
+        pictures=placed_pictures(shown, facts, PLACES, "others"),
         all_seen=all_seen,
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
@@ -251,16 +251,6 @@ def _ratio(prediction: pd.DataFrame, model: str, other: str) -> float | None:
     medians = dict(zip(prediction["model"].astype(str), prediction["median"], strict=True))
     one, two = medians.get(model, 0), medians.get(other, 0)
     return one / two if one > 0 and two > 0 else None
-
-
-def _pictures(
-    figures: Sequence[ReportFigure], facts: Mapping[str, Any]
-) -> dict[str, list[Picture]]:
-    """Pictures by the section that they stand in."""
-    placed: dict[str, list[Picture]] = {place: [] for place in (*PLACES.values(), "others")}
-    for figure in figures:
-        placed[PLACES.get(figure.name, "others")].append(picture_of(figure, facts))
-    return placed
 
 
 def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:

@@ -8,7 +8,7 @@ from typing import Any
 from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
-from hopdata.report.inputs import Picture, SteeringInputs, as_yaml, picture_of, rendered
+from hopdata.report.inputs import SteeringInputs, as_yaml, placed_pictures, rendered
 
 # Tables of the steering study: outcomes, what was observed, how well the model predicts.
 
@@ -102,7 +102,7 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
     return show.table_of(title, show.records(scores), columns, note=note)
 
 
-NO_EXPERIMENT = show.NOTES["no_experiment"]
+NO_EXPERIMENT, PLACES = show.NOTES["no_experiment"], show.WORDS["steering_places"]
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
@@ -114,15 +114,11 @@ def build_steering_report(inputs: SteeringInputs) -> str:
         If a caption names a fact that does not exist.
     """
     record, facts = inputs.provenance or {}, steering_facts(inputs)
-    pictures: dict[str, list[Picture]] = {"experiments": [], "model": []}
-    for figure in inputs.figures:
-        place = show.WORDS["steering_places"].get(figure.name, "model")
-        pictures[place].append(picture_of(figure, facts))
     return rendered(
         "steering.html.j2",
         study=inputs.study,
         highlights=_highlights(inputs),
-        pictures=pictures,
+        pictures=placed_pictures(inputs.figures, facts, PLACES, "model"),
         tables={
             "outcomes": outcomes_table(inputs.outcomes),
             "horizons": horizons_table(inputs.horizons),
