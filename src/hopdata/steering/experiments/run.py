@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -195,7 +196,10 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
         boom = boom + swing
         if seen is not None and np.isfinite(seen.boom_angle_rad):
             boom = seen.boom_angle_rad
-        plan = None if seen is None else _plan(controller, seen, boom, swing if rows else None)
+        plan: Plan | None = None
+        with suppress(PlanningError):  # too little was seen: the boom is held still
+            if seen is not None:
+                plan = controller.plan(seen.pose, boom, swing if rows else None)
         swing, blind = (0.0, blind + 1) if plan is None else (plan.swing_rad, blind)
         place = np.nan if hopper.board is None else hopper.board.place_m
         measured = unknown if seen is None else seen.pose
@@ -210,13 +214,3 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
     touched = board is None or bool(made["touched"].any())
     outcome = judged(task, errors, fell=stance.fell, touched=touched)
     return Run(made, blind, errors[-1] if errors else np.nan, outcome, hopper.frames)
-
-
-def _plan(
-    controller: Controller, seen: Observation, boom: float, swung: float | None
-) -> Plan | None:
-    """Plan from what was seen, or not where that is too little: the boom is held still then."""
-    try:
-        return controller.plan(seen.pose, boom, swung)
-    except PlanningError:
-        return None

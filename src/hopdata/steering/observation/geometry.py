@@ -1,7 +1,7 @@
 """What calibration finds out about a hopper and live use reads: its markers, its boom, its hops."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -100,8 +100,7 @@ class HopperGeometry:
 
     def save(self, path: str | Path) -> None:
         """Write it as JSON, whole or not at all."""
-        circle = None if self.circle is None else _plain(self.circle)
-        write_json(path, {"format": FORMAT, **_plain(self), "circle": circle})
+        write_json(path, {"format": FORMAT, **asdict(self, dict_factory=_plain)})
 
 
 def load_geometry(path: str | Path) -> HopperGeometry:
@@ -121,10 +120,9 @@ def load_geometry(path: str | Path) -> HopperGeometry:
         raise RecordingError(f"{path}: expected a {FORMAT} as JSON, found: {error}") from None
 
 
-def _plain(one: HopperGeometry | BoomCircle) -> dict[str, Any]:
+def _plain(fields_of_one: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """Return the fields, arrays as lists."""
-    values = ((field.name, getattr(one, field.name)) for field in fields(one))
-    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values}
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in fields_of_one}
 
 
 def _from_json(content: dict[str, Any]) -> HopperGeometry:

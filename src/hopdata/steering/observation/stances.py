@@ -447,17 +447,21 @@ class StanceDetector:
         Frames whose height was not known, jumped away, or whose time did not go on.
     """
 
-    _frames: deque[tuple[float, float]]
-    _stray: tuple[float, float] | None
-    _falling: Motion | None
-    _armed: bool
-
     def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
         self.geometry, self.n_left_out = geometry, 0
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
         self.least_step_s = 0.1 / rate_hz
         self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))  # of a height
         self._forget()
+
+    def _forget(self) -> None:
+        """Begin as if nothing had been seen."""
+        self._frames: deque[tuple[float, float]] = deque()
+        self._stray: tuple[float, float] | None = None
+        self._falling: Motion | None = None
+        self._armed, self._turned = False, False
+        self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
+        self._kept_s, self._hole_s = np.inf, 0.0  # newest believed frame; longest wait since a fall
 
     def feed(self, time_s: float, height_m: float) -> Stance | None:
         """Take the next frame; return the stance that it tells, if any.
@@ -485,14 +489,6 @@ class StanceDetector:
             return None
         turned, self._turned = self._turned, True
         return self._told((time_s, height_m, slope), bend) if turned else None
-
-    def _forget(self) -> None:
-        """Begin as if nothing had been seen."""
-        self._frames = deque()
-        self._stray = self._falling = None
-        self._armed, self._turned = False, False
-        self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
-        self._kept_s, self._hole_s = np.inf, 0.0  # newest believed frame; longest wait since a fall
 
     def _taken(self, time_s: float, height_m: float) -> bool:
         """Keep a frame if it can be believed, and forget those that are too old."""
