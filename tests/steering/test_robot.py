@@ -31,7 +31,7 @@ def fly(robot, apex, swings, **options):
 
 def test_a_release_puts_the_markers_where_they_were_asked_for():
     apex = released(STILL, [0.4, -0.3, 2.0], 1.0)
-    hop = steer_hop(STILL, apex, 0.0, rng=rng(), frame_times_s=[0.0])
+    hop = steer_hop(STILL, apex, 0.0, rng=rng(), rate_hz=100.0)
     np.testing.assert_allclose(hop.markers[0, :3, :2].mean(axis=0), [0.4, -0.3], atol=1e-12)
 
 
@@ -52,7 +52,7 @@ def test_the_boom_goes_where_it_is_told_and_no_farther_than_the_limit():
 
 
 def test_the_stance_is_the_lowest_point_of_the_markers():
-    hop = fly(STILL, released(STILL, np.zeros(3)), [0.3], frame_times_s=np.arange(1000) / 1e3)[0]
+    hop = fly(STILL, released(STILL, np.zeros(3)), [0.3], rate_hz=1000.0)[0]
     height = hop.markers[:, :3, 2].mean(axis=1)
     assert hop.frame_time_s[np.argmin(height)] == pytest.approx(hop.stance.time_s, abs=1e-3)
 
@@ -62,7 +62,7 @@ def test_the_stance_is_the_lowest_point_of_the_markers():
 def test_frames_within_rounding_of_the_search_do_not_move_the_stance(height_m):
     robot = replace(STILL, release_height_m=height_m)
     apex = released(robot, np.zeros(3))
-    seen = steer_hop(robot, apex, 0.5, rng=rng(), frame_times_s=np.arange(100) / 100)
+    seen = steer_hop(robot, apex, 0.5, rng=rng(), rate_hz=100.0)
     alone = steer_hop(robot, apex, 0.5, rng=rng())
     assert seen.stance.time_s == pytest.approx(alone.stance.time_s, abs=1e-9)
     np.testing.assert_allclose(seen.stance.pose, alone.stance.pose, atol=1e-9)
@@ -160,6 +160,6 @@ def test_preloads_must_fit_the_legs():
 def test_a_recorded_robot_is_let_go_at_its_own_height(height_m):
     trial = record_trial(replace(STILL, release_height_m=height_m), [0.0], seed=1, camera=EXACT)
     apex = released(replace(STILL, release_height_m=height_m), np.zeros(3))
-    hop = steer_hop(STILL, apex, 0.0, rng=rng(), frame_times_s=[0.0])
+    hop = steer_hop(STILL, apex, 0.0, rng=rng(), rate_hz=100.0)
     found = trial.recording.body[0, :, 2].mean()
     np.testing.assert_allclose(found, hop.markers[0, :3, 2].mean(), atol=1e-9)

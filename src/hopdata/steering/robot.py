@@ -143,7 +143,7 @@ def steer_hop(
     swing_rad: float,
     *,
     rng: np.random.Generator,
-    frame_times_s: ArrayLike = (),
+    rate_hz: float = 0.0,
     board: Board | None = None,
 ) -> SteeredHop:
     """Fly one hop with a swing of the boom.
@@ -157,9 +157,9 @@ def steer_hop(
         Swing, rad; cut to the limit of the robot.
     rng : numpy Generator
         Source of the kicks.
-    frame_times_s : (F,) array
-        Times at which markers are wanted, s, on the clock of the apex; those within the hop are
-        used.
+    rate_hz : float
+        Frame rate at which markers are wanted, Hz; frame k is at k / rate_hz on the clock of the
+        apex. None by default.
     board : Board, optional
         What stands in the hopper's way; see `Board.pushed` for where it is left.
     """
@@ -168,7 +168,8 @@ def steer_hop(
         robot.hopper, boom_angle_rad=apex.boom_angle_rad, boom_swing_rad=swing, boom_start_s=0.0
     )
     chance = 1 + robot.kicks.preload_fraction * rng.standard_normal(parameters.n_legs)
-    frames = np.asarray(frame_times_s, dtype=float) - apex.time_s
+    first, most = np.ceil(np.array([apex.time_s, robot.hop_limit_s]) * rate_hz - 1e-9)
+    frames = (first + np.arange(most)) / rate_hz - apex.time_s
     frames = frames[(frames >= 0) & (frames < robot.hop_limit_s)]
     searched = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
     times = np.union1d(frames, searched)

@@ -96,11 +96,8 @@ class WatchedHopper:
             What the frame nearest to the lowest point told, or the nearest with a pose; None if no
             stance was recognised or no frame near it had a pose.
         """
-        rate, apex = self.sight.camera.rate_hz, self._apex
-        first = int(np.ceil(apex.time_s * rate - 1e-9))
-        frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
         hop = plant.steer_hop(
-            self.robot, apex, swing_rad, rng=self._kicks, frame_times_s=frames / rate,
+            self.robot, self._apex, swing_rad, rng=self._kicks, rate_hz=self.sight.camera.rate_hz,
             board=self.board,
         )  # fmt: skip
         self._apex, self.board = hop.end, self.board and self.board.pushed(hop)

@@ -66,7 +66,6 @@ class LiveHopper:
         self._swings, self._apex = swings, released(robot, pose, boom_angle_rad)
         streams = np.random.SeedSequence(seed).spawn(2)
         self._kicks, self._noise = (np.random.default_rng(stream) for stream in streams)
-        self._n_frames = 0
         # Compiles what is not compiled yet, so that the first hop is in time.
         steer_hop(robot.still(), self._apex, 0.0, rng=np.random.default_rng(0))
 
@@ -85,10 +84,7 @@ class LiveHopper:
 
     def _next_hop(self) -> SteeredHop:
         swing = self._swings() or 0.0
-        upcoming = self._n_frames + np.arange(np.ceil(self.robot.hop_limit_s * self.rate_hz))
-        frames_s = upcoming / self.rate_hz
-        hop = steer_hop(self.robot, self._apex, swing, rng=self._kicks, frame_times_s=frames_s)
-        self._n_frames += len(hop.frame_time_s)
+        hop = steer_hop(self.robot, self._apex, swing, rng=self._kicks, rate_hz=self.rate_hz)
         self.hops.append(_true_hop(hop))
         self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
         return hop
