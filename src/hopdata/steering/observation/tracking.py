@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.recording import Recording
 from hopdata.rigid import RigidFit, headings, rigid_fit, wrapped
-from hopdata.steering.frame_changes import TextArray
-from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 
 SEEN, LEANED, MISFIT, UNSEEN = "seen", "leaned on an earlier frame", "misfit", "unseen"
 STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
@@ -57,10 +56,6 @@ class Observation:
         return self.status in KNOWN
 
 
-# The same of N frames, in this order.
-Parts: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, TextArray, FloatArray]
-
-
 def observe_frame(
     geometry: HopperGeometry,
     body: FloatArray,
@@ -80,24 +75,16 @@ def observe_frame(
         Rotation of an earlier frame, to lean on if only two markers are seen.
     """
     fit = rigid_fit(body[None], geometry.body_m, None if earlier is None else earlier[None])
-    frames = _observed(geometry, fit, None if boom is None else boom[None])
-    return Observation(*(part[0] for part in frames))
-
-
-def _observed(geometry: HopperGeometry, fit: RigidFit, boom: FloatArray | None) -> Parts:
-    """Return the parts of the observations of N frames, given their boom markers (N, 3)."""
-    misfit = fit.residual_m > MISFIT_NOISES * geometry.noise_m
-    status = np.select([~fit.known, misfit, fit.leaned], [UNSEEN, MISFIT, LEANED], SEEN)
-    known = np.isin(status, KNOWN)
-    centre = np.where(known[:, None], fit.centre, np.nan)
-    rotation = np.where(known[:, None, None], fit.rotation, np.nan)
-    pose = np.column_stack([centre[:, :2], headings(rotation)])
-    angle = np.full(len(centre), np.nan)
+    status, centre, rotation = (part[0] for part in _known(fit, geometry.noise_m))
+    pose, angle = np.array([centre[0], centre[1], headings(rotation)]), np.nan
     if boom is not None and geometry.circle is not None:
-        place = np.einsum("nji,nj->ni", rotation, boom - centre)
-        on_circle = geometry.circle.misses(place) < BOOM_MISS_M
-        angle = np.where(on_circle, geometry.circle.angles(place), np.nan)
-    return pose, centre[:, 2], angle, fit.residual_m, status, rotation
+        angle = float(_angles_on(geometry.circle, (boom - centre) @ rotation))
+    return Observation(pose, float(centre[2]), angle, float(fit.residual_m[0]), status, rotation)
+
+
+def _angles_on(circle: BoomCircle, boom: FloatArray) -> FloatArray:
+    """Boom angles of markers (..., 3); NaN where one is off the circle, or not seen."""
+    return np.where(circle.misses(boom) < BOOM_MISS_M, circle.angles(boom), np.nan)
 
 
 class HopperTracker:
@@ -164,7 +151,7 @@ class HopperMotion:
     height: FloatArray
     boom_angle_rad: FloatArray
     residual: FloatArray
-    status: TextArray
+    status: NDArray[np.str_]
     tilt_rad: FloatArray
 
     @property
@@ -194,12 +181,11 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
     fits = fit.known & (fit.residual_m <= MISFIT_NOISES * geometry.noise_m)
     if not fits.all() and fits.any():
         fit = rigid_fit(body, geometry.body_m, _between(recording.time, fit.rotation, fits))
-    place = geometry.boom_place(recording.markers)
-    boom = None if place is None else recording.positions[:, place]
-    pose, height, angle, residual, status, rotation = _observed(geometry, fit, boom)
-    pose[:, 2] = unwrapped(pose[:, 2])
+    status, centre, rotation = _known(fit, geometry.noise_m)
+    pose = np.column_stack([centre[:, :2], unwrapped(headings(rotation))])
+    boom = _boom_angles(recording, geometry, centre, rotation)
     tilt = np.arccos(np.clip(rotation[:, 2, 2], -1, 1))
-    return HopperMotion(recording.time, pose, height, unwrapped(angle), residual, status, tilt)
+    return HopperMotion(recording.time, pose, centre[:, 2], boom, fit.residual_m, status, tilt)
 
 
 def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatArray:
@@ -218,6 +204,25 @@ def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatAr
     return np.asarray(
         first[:, None, None] * rotation[before] + second[:, None, None] * rotation[after]
     )
+
+
+def _known(fit: RigidFit, noise_m: float) -> tuple[NDArray[np.str_], FloatArray, FloatArray]:
+    """Return the status of each frame, centre and rotation; NaN where there is no pose."""
+    misfit = fit.residual_m > MISFIT_NOISES * noise_m
+    status = np.select([~fit.known, misfit, fit.leaned], [UNSEEN, MISFIT, LEANED], SEEN)
+    known = np.isin(status, KNOWN)[:, None]
+    centre = np.where(known, fit.centre, np.nan)
+    return status, centre, np.where(known[..., None], fit.rotation, np.nan)
+
+
+def _boom_angles(
+    recording: Recording, geometry: HopperGeometry, centre: FloatArray, rotation: FloatArray
+) -> FloatArray:
+    place = geometry.boom_place(recording.markers)
+    if place is None or geometry.circle is None:
+        return np.full(len(centre), np.nan)
+    boom = np.einsum("nji,nj->ni", rotation, recording.positions[:, place] - centre)
+    return unwrapped(_angles_on(geometry.circle, boom))
 
 
 def unwrapped(angle: FloatArray) -> FloatArray:
