@@ -309,7 +309,7 @@ def unconnected(states: tuple[Status, ...], clock_s: float) -> list[tuple[float,
 
 def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object]:
     decisions = pd.DataFrame([vars(d) for d in done.decisions])
-    true, told = np.array([h.stance_s for h in hops]), decisions.stance_s.to_numpy()
+    true, told = np.array([h.stance.time_s for h in hops]), decisions.stance_s.to_numpy()
     # The first hop, and a last one of which the end was perhaps not seen, do not count.
     counted = np.isfinite(true) & (true > FALL_S) & (true < served.frames / RATE_HZ - FALL_S)
     away = np.zeros(len(true), dtype=bool)
@@ -596,11 +596,11 @@ def off_by(decision: Decision, told_s: float, hops: list[TrueHop]) -> tuple[floa
 
     Infinite if there was no stance then.
     """
-    hop = min(hops, key=lambda h: abs(np.nan_to_num(h.stance_s) - told_s))
-    if not abs(hop.stance_s - told_s) < NEAR_S:
+    hop = min(hops, key=lambda h: abs(np.nan_to_num(h.stance.time_s) - told_s))
+    if not abs(hop.stance.time_s - told_s) < NEAR_S:
         return np.inf, np.inf
-    x, y, turned = np.subtract(decision.pose, hop.pose)
-    angles = wrapped(np.array([turned, decision.boom_angle_rad - hop.boom_angle_rad]))
+    x, y, turned = np.subtract(decision.pose, hop.stance.pose)
+    angles = wrapped(np.array([turned, decision.boom_angle_rad - hop.stance.boom_angle_rad]))
     return float(np.hypot(x, y)), float(np.abs(angles).max())
 
 
@@ -617,7 +617,7 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
             "moved": sum(f.moved for f in those),
         }  # fmt: skip
     hops = done.hopper.hops[:-2]
-    stance_s, told_s = np.array([h.stance_s for h in hops]), np.array(done.told_s)
+    stance_s, told_s = np.array([h.stance.time_s for h in hops]), np.array(done.told_s)
     hidden = np.zeros(len(hops), dtype=bool)
     for f in [f for f in done.faults if f.kind in UNSEEN]:
         hidden |= (stance_s > f.begin_s - AFTER_S) & (stance_s < f.end_s + BEFORE_S)

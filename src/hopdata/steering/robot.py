@@ -92,8 +92,8 @@ class Stance:
     """A stance as it truly was.
 
     `time_s` of the lowest point, s; `pose` (3,): mean of the body markers on the floor, m, and yaw,
-    rad, not wrapped; `boom_angle_rad`; whether the hop `fell`, whose pose then means nothing, and
-    whether a board was `touched` in it.
+    rad, not wrapped; `boom_angle_rad`; whether the hop `fell`, which then has neither time nor
+    pose (NaN), and whether a board was `touched` in it.
     """
 
     time_s: float
@@ -195,8 +195,7 @@ def _stance(
     height = fixed_markers(hop.states, np.array(robot.markers.body_m))[..., 2].mean(axis=1)
     k, touched = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2))), hop.touched_s < np.inf
     if hop.fell or len(times) < 3:
-        nowhere = np.full(3, np.nan)
-        return Stance(start_s + hop.end_time_s, nowhere, boom_angle_rad, fell=True, touched=touched)
+        return Stance(np.nan, np.full(3, np.nan), boom_angle_rad, fell=True, touched=touched)
     near = slice(k - 1, k + 2)
     bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
     lowest = times[k] - slope / (2 * bend)

@@ -101,16 +101,16 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
         done = drive_until(robot, controller, 7, log=log)
         hops = robot.hopper.hops
     assert our_threads() == []
-    true = np.array([h.stance_s for h in hops])
+    true = np.array([h.stance.time_s for h in hops])
     for decision in done.decisions:
         k = int(np.nanargmin(np.abs(true - decision.stance_s)))
         assert abs(true[k] - decision.stance_s) < 0.02
         # A loaded machine takes several frames at a time, and plans with the newest of them.
         later_s = SPEED * (decision.since_stance_s - decision.pose_age_s)
         moved_m, turned_rad = FASTEST_M_S * later_s, FASTEST_RAD_S * later_s
-        np.testing.assert_allclose(decision.pose[:2], hops[k].pose[:2], atol=0.02 + moved_m)
-        assert decision.pose[2] == pytest.approx(hops[k].pose[2], abs=0.05 + turned_rad)
-        assert np.cos(decision.boom_angle_rad - hops[k].boom_angle_rad) > np.cos(0.02)
+        np.testing.assert_allclose(decision.pose[:2], hops[k].stance.pose[:2], atol=0.02 + moved_m)
+        assert decision.pose[2] == pytest.approx(hops[k].stance.pose[2], abs=0.05 + turned_rad)
+        assert np.cos(decision.boom_angle_rad - hops[k].stance.boom_angle_rad) > np.cos(0.02)
     nearest = [int(np.nanargmin(np.abs(true - d.stance_s))) for d in done.decisions]
     assert nearest == list(range(nearest[0], nearest[0] + len(nearest)))  # none lost, none invented
     commanded = [d.command_rad for d in done.decisions]

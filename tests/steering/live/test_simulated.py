@@ -32,7 +32,7 @@ def test_a_swing_is_executed_in_the_flight_after_it_was_commanded():
     hopper = LiveHopper(SteeredHopper(), lambda: next(commands))
     frames(hopper, 200)
     assert [hop.swing_rad for hop in hopper.hops[:4]] == [0.0, 0.4, 0.0, -0.3]
-    angles = np.diff([hop.boom_angle_rad for hop in hopper.hops[:4]])
+    angles = np.diff([hop.stance.boom_angle_rad for hop in hopper.hops[:4]])
     np.testing.assert_allclose(angles, [0.4, 0.0, -0.3], atol=1e-9)
 
 
@@ -42,7 +42,7 @@ def test_hops_follow_each_other_without_a_gap():
     np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
     assert np.abs(np.diff(markers[:, :3], axis=0)).max() < 0.05
     assert len(hopper.hops) >= 6
-    assert all(np.isfinite(hop.stance_s) for hop in hopper.hops)
+    assert all(np.isfinite(hop.stance.time_s) for hop in hopper.hops)
 
 
 def test_the_same_seed_hops_the_same():
@@ -59,7 +59,7 @@ def test_a_hopper_that_falls_is_let_go_again():
     hopper = LiveHopper(robot, lambda: next(swings))
     time, markers = frames(hopper, 60)
     np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
-    assert all(np.isnan(hop.stance_s) for hop in hopper.hops)
+    assert all(np.isnan(hop.stance.time_s) for hop in hopper.hops)
     assert np.isfinite(markers).all()
     assert len(hopper.hops) == pytest.approx(3, abs=1)
 
@@ -72,7 +72,7 @@ def test_the_simulated_hopper_is_driven_without_a_server():
         limits=LENIENT, on_decision=lambda d: told.append(d) or len(told) < 5 or stop.set(),
     )  # fmt: skip
     assert our_threads() == []
-    true = np.array([h.stance_s for h in hopper.hops])
+    true = np.array([h.stance.time_s for h in hopper.hops])
     assert all(np.nanmin(np.abs(true - d.stance_s)) < 0.02 for d in done.decisions)
     assert {h.swing_rad for h in hopper.hops} - {0.0} <= {d.command_rad for d in done.decisions}
 

@@ -10,21 +10,19 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.steering.live.buffer import Frame, Stream
-from hopdata.steering.robot import Apex, SteeredHop, SteeredHopper, released, steer_hop
+from hopdata.steering.robot import Apex, Stance, SteeredHop, SteeredHopper, released, steer_hop
 
 
 @dataclass(frozen=True)
 class TrueHop:
-    """A hop as it truly was: the swing executed in its flight, rad, and the stance that followed.
+    """A hop as it truly was: when it began, s, the swing executed in its flight, rad, its stance.
 
-    `stance_s` is NaN if it fell; an operator then let it go again where it was.
+    If it fell an operator lets it go again where it was.
     """
 
     start_s: float
     swing_rad: float
-    stance_s: float
-    pose: tuple[float, float, float]
-    boom_angle_rad: float
+    stance: Stance
 
 
 class LiveHopper:
@@ -85,7 +83,7 @@ class LiveHopper:
     def _next_hop(self) -> SteeredHop:
         swing = self._swings() or 0.0
         hop = steer_hop(self.robot, self._apex, swing, rng=self._kicks, rate_hz=self.rate_hz)
-        self.hops.append(_true_hop(hop))
+        self.hops.append(TrueHop(hop.start.time_s, hop.swing_rad, hop.stance))
         self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
         return hop
 
@@ -93,13 +91,6 @@ class LiveHopper:
         """Let the hopper go again where it was before it fell."""
         anew = released(self.robot, hop.start.state[[0, 1, 3]], hop.end.boom_angle_rad)
         return replace(anew, time_s=hop.end.time_s)
-
-
-def _true_hop(hop: SteeredHop) -> TrueHop:
-    stance = hop.stance
-    x, y, yaw = stance.pose.tolist()
-    stance_s = np.nan if stance.fell else stance.time_s
-    return TrueHop(hop.start.time_s, hop.swing_rad, stance_s, (x, y, yaw), stance.boom_angle_rad)
 
 
 class SimulatedBoom:
@@ -130,7 +121,7 @@ class SimulatedStream(Stream):
 
     def __init__(self, hopper: LiveHopper, *, speed: float = 1.0) -> None:
         super().__init__("hopdata-simulated", self._hop, 4096)
-        self.labels, self._hopper, self._speed = hopper.labels, hopper, speed
+        self._hopper, self._speed = hopper, speed
 
     async def _hop(self) -> None:
         begun = time.monotonic()
