@@ -50,9 +50,6 @@ FINEST_RAD = 5e-3  # of the refinement: swings beside the best are a third of it
 class _Grid:
     """What both grids share; what is left of the way is the pose (..., 3) of the goal."""
 
-    boom_angles: int
-    swings: int
-    width: float
     scatter: tuple[float, float, float] = (0.022, 0.022, 0.036)
 
     def perhaps(self, left: FloatArray) -> FloatArray:
