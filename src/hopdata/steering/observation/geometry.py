@@ -158,14 +158,6 @@ def height_band(height_m: FloatArray) -> tuple[float, float]:
 
     They stand at 35 and 45 % of the travel between low and high heights, (N,), m, NaN where
     unknown. Percentiles hardly mind how long the hopper is carried about or stands.
-
-    Raises
-    ------
-    AnalysisError
-        If no height is known.
     """
-    known = height_m[np.isfinite(height_m)]
-    if not known.size:
-        raise AnalysisError("heights: expected some that are known, found none")
-    low, high = np.percentile(known, [LOW, HIGH])
+    low, high = np.nanpercentile(height_m, [LOW, HIGH])
     return float(low + BELOW * (high - low)), float(low + ABOVE * (high - low))
