@@ -120,8 +120,9 @@ def _draw_bias(axes: Axes, summary: pd.DataFrame, number: int) -> None:
     together = summary[summary["recording"] == ALL]
     row = (together if len(together) else summary).iloc[-1]
     bias, low, high = (1e3 * float(row[key]) for key in ("bias_s", "bias_low_s", "bias_high_s"))
+    known = np.isfinite([low, high]).all()
     axes.errorbar(
-        50 + 3 * number, bias, yerr=style.interval(bias, low, high),
+        50 + 3 * number, bias, yerr=[[bias - low], [high - bias]] if known else None,
         fmt=MARKERS[number % len(MARKERS)], color=style.INK, ms=4, mew=0.7, capsize=2.5, zorder=4,
         markerfacecolor=style.foot_colour(number),
     )  # fmt: skip

@@ -9,7 +9,6 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import wraps
 from io import StringIO
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -55,11 +54,6 @@ def name_rows(axes: Axes, labels: Sequence[str]) -> None:
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(max(len(labels), 1) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
-
-
-def interval(middle: float, low: float, high: float) -> list[list[float]] | None:
-    """Return the error bar from `low` to `high`, none where they are not known."""
-    return [[middle - low], [high - middle]] if isfinite(low) and isfinite(high) else None
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any) -> None:
