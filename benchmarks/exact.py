@@ -1,8 +1,8 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of its callbacks)
-"""Scenes that no study reaches, and where they truly end; `solve_ivp`, started at each event.
+"""Scenes outside the studies, their exact ends, and `solve_ivp` restarted at each event.
 
-`octant` is table 4.3 of the dissertation: three affine modes a coordinate, switched at the
-coordinate planes. State (x, y, z) and time have no dimension; from the initial state each guard is
+`octant` is table 4.3 of the dissertation: three affine modes per coordinate, switched at the
+coordinate planes. State (x, y, z) and time have no dimension. From the initial state, each guard is
 crossed once: y rising, z falling, x rising.
 """
 
@@ -32,7 +32,7 @@ T_SPAN = (0.0, 0.5)
 def octant_field(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
-    """Return the affine field of the octant that the locks name."""
+    """Fill in the affine field of the octant given by the locks."""
     x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
     if x_side:
         dy[0] = (10.0 * y[0] if y_side else -2.0 * y[1]) + 1.0
@@ -53,7 +53,7 @@ def octant_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Return the coordinate planes; z is crossed downwards, so that -z rises."""
+    """Fill in the coordinate planes; z is crossed downwards, so that -z rises."""
     h[0], hdot[0] = y[0], dy[0]
     h[1], hdot[1] = y[1], dy[1]
     h[2], hdot[2] = -y[2], -dy[2]
@@ -61,7 +61,7 @@ def octant_guards(
 
 @affine
 def octant_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
-    """Return the matrix and the constant of the octant that the locks name."""
+    """Fill in the matrix and the constant of the octant given by the locks."""
     x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
     b[0], b[1], b[2] = 1.0, 1.0, -1.0
     if x_side and y_side:
@@ -84,16 +84,16 @@ def octant() -> System:
     )  # fmt: skip
 
 
-# The hopper in one dimension (section 4.3.4): a mass on a preloaded springy leg. State: its height
-# above the floor, m, and velocity, m/s. The leg touches the floor where the height is the contact
-# length, in both directions: one two-way guard.
+# The one-dimensional hopper (section 4.3.4): a mass on a preloaded springy leg. The state is its
+# height above the floor, m, and its velocity, m/s. The leg touches the floor where the height
+# equals the contact length; this is one guard, crossed in both directions.
 
 
 @field
 def hopper_field(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
-    """Return gravity, and in stance (lock -1) the spring's and the damper's push."""
+    """Fill in gravity, and in stance (lock -1) the push of spring and damper."""
     gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
     dy[0] = y[1]
     dy[1] = -gravity
@@ -111,14 +111,14 @@ def hopper_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Return the height above contact: negative in stance."""
+    """Fill in the height above contact, negative in stance."""
     h[0] = y[0] - params[4]
     hdot[0] = dy[0]
 
 
 @affine
 def hopper_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
-    """Return the matrix and the constant of flight, or of stance (lock -1)."""
+    """Fill in the matrix and the constant of flight or stance (lock -1)."""
     gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
     a[0, 1] = 1.0
     b[1] = -gravity
@@ -146,8 +146,8 @@ class VerticalHopper:
     contact_length_m : float
         Height of the mass at which the leg touches the floor (L).
     rest_length_m : float
-        Length at which the leg's spring is relaxed (L0); longer than L means preload: the force
-        jumps at contact.
+        Length at which the leg's spring is relaxed (L0). If it exceeds L, the leg is preloaded and
+        the force jumps at contact.
     gravity_m_s2 : float
         Acceleration of gravity.
     damping_n_s_m : float
@@ -167,7 +167,7 @@ class VerticalHopper:
 
     @property
     def params(self) -> tuple[float, ...]:
-        """Parameters as the compiled functions take them."""
+        """Parameters in the form that the compiled functions take."""
         return (
             self.gravity_m_s2,
             self.stiffness_n_m / self.mass_kg,
@@ -177,25 +177,25 @@ class VerticalHopper:
         )
 
     def system(self) -> System:
-        """Return the hybrid system: its guard ``contact`` falls at touchdown, rises at lift-off."""
+        """Return the hybrid system; its guard ``contact`` falls at touchdown, rises at lift-off."""
         return HOPPER_SYSTEM
 
     def energy(self, y: ArrayLike) -> FloatArray:
         """Return the mechanical energy of states (2, ...), J; the floor is at height 0."""
         height, velocity = np.asarray(y, dtype=np.float64)
-        length = np.minimum(height, self.contact_length_m)  # the leg's, in stance and in flight
+        length = np.minimum(height, self.contact_length_m)  # of the leg, also in flight
         spring = 0.5 * self.stiffness_n_m * (self.rest_length_m - length) ** 2
         fall = self.mass_kg * self.gravity_m_s2 * height
         return 0.5 * self.mass_kg * velocity**2 + fall + spring
 
 
-# The undamped hopper in closed form, at all times.
+# Closed form of the undamped hopper, at any time.
 
 
 def hopper_states(hopper: VerticalHopper, drop_m: float, times_s: ArrayLike) -> FloatArray:
     """Return height and velocity, (2, N), of the hopper dropped from rest; no preload, no damping.
 
-    Touchdown and lift-off are mirror images about the lowest point, so that each hop repeats.
+    Touchdown and lift-off are mirror images about the lowest point, so each hop repeats the last.
     """
     if hopper.damping_n_s_m != 0 or hopper.rest_length_m != hopper.contact_length_m:
         raise ValueError(f"expected neither damping nor preload, found {hopper}")
@@ -216,10 +216,10 @@ def hopper_states(hopper: VerticalHopper, drop_m: float, times_s: ArrayLike) -> 
     )
 
 
-# scipy's `solve_ivp`, stopped at each event and started again in the new mode.
+# scipy's `solve_ivp`, stopped at each event and restarted in the new mode.
 #
-# It calls the same Numba-compiled field and guards as ours: a terminal event per guard, in the
-# direction that its lock leaves open. Systems with a handler are not for it.
+# It calls the same Numba-compiled field and guards as our solver, with one terminal event per guard
+# in the direction that its lock allows. It does not handle systems with a handler.
 
 Restarted = Callable[..., tuple[FloatArray, int]]
 
@@ -227,9 +227,9 @@ Restarted = Callable[..., tuple[FloatArray, int]]
 def restarted(
     system: System, params: Sequence[float], t_span: tuple[float, float], y0: Sequence[float]
 ) -> Restarted:
-    """Return a function of the options of `solve_ivp`: final state and field evaluations.
+    """Return a function of `solve_ivp`'s options that gives final state and field evaluations.
 
-    Its `first_step`, if given, is that of the start; after an event scipy chooses for itself.
+    The option `first_step` applies to the start; after an event scipy chooses its own.
     """
     ivp: Any = solve_ivp
     assert system.guards is not None
@@ -274,12 +274,12 @@ def restarted(
 
 
 def affine_flow(rows: ArrayLike, constants: ArrayLike) -> FloatArray:
-    """Return the generator of an affine flow on the state with a 1 behind it."""
+    """Return the generator of an affine flow, acting on the state with a 1 appended."""
     return np.block([[np.array(rows), np.array(constants)[:, None]], [np.zeros((1, 4))]])
 
 
 def octant_end() -> FloatArray:
-    """Return the exact end of table 4.3, mode by mode, by matrix exponentials."""
+    """Return the exact end of table 4.3, computed mode by mode with matrix exponentials."""
     modes = [
         ([[0, -1, 0], [1, 0, 0], [0, 0, -1]], [1, 1, -1], 1),  # until y = 0
         ([[0, 1, 0], [-1, 0, 0], [0, 0, -1]], [1, 1, -1], 2),  # until z = 0
@@ -311,52 +311,54 @@ def hopper_end(hopper: VerticalHopper, drop_m: float, until_s: float) -> FloatAr
 def plate_end() -> FloatArray:
     """Return the end of the plate's first bounce (`peers`), which has no closed form.
 
-    From heyoka in extended precision at 1e-18; it changes by 1e-19 at 1e-17, and is met within
-    2e-15 by heyoka and 1e-13 by SciPy's DOP853 in doubles: the benchmark's own rows show it again.
+    The numbers come from heyoka in extended precision at a tolerance of 1e-18; at 1e-17 they change
+    by 1e-19. In double precision, heyoka reaches them within 2e-15 and SciPy's DOP853 within 1e-13,
+    as the benchmark's own rows confirm.
     """
     x, z, angle = -0.03919835492659511175, 1.2427224171290427716, 0.065025766442365411495
     vx, vz, omega = -0.08629287118608017742, -1.1722267053343060242, 0.2288024630480736818
     return np.array([x, z, angle, vx, vz, omega])
 
 
-# A plate that falls onto a bed of springs (dissertation, section 4.4.4): many contacts.
+# A plate that falls onto a bed of springs (dissertation, section 4.4.4), as a scene of many
+# contacts.
 #
-# State (6): place x, z of the centre of mass, m, angle theta of the plate, rad, and their rates.
-# The plate is a rigid line, long enough to stand above every spring. Each spring stands upright at
-# x_i, guided so that its end moves on a vertical line, without mass or friction. The plate's line
-# passes above it at z - tan(theta) (x - x_i), so that its compression is
+# State (6): position x, z of the centre of mass, m, angle theta of the plate, rad, and their rates.
+# The plate is a rigid line, long enough to lie above every spring. Each spring stands upright at
+# x_i and has no mass or friction; a guide keeps its end on a vertical line. The plate's line passes
+# above it at z - tan(theta) (x - x_i), so its compression is
 #
 #     h_i = L0 + tan(theta) (x - x_i) - z.
 #
-# It is a two-way guard, rising at touchdown. While h_i > 0 the spring pushes up with F_i = k h_i +
-# c dh_i/dt. The generalised forces are -F_i Dh_i, the gradient of the potential (k / 2) h_i^2:
-# energy is kept for c = 0. In other words, the reaction is normal to the plate, as it must be
-# without friction, and its vertical part is F_i. Contact depends on position alone: a damped spring
-# pulls a little just before it lets go.
+# It is a guard crossed in both directions, rising at touchdown. While h_i > 0, the spring pushes up
+# with F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i, the gradient of the potential
+# (k / 2) h_i^2, so energy is conserved for c = 0. In other words, the reaction is normal to the
+# plate, as it must be without friction, and its vertical part is F_i. Contact depends on position
+# alone, so a damped spring pulls a little just before it lets go.
 #
-# With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i. All that
-# the plate feels are sums over the contacts of 1, a_i and a_i^2. For very many springs the field
-# needs only their count and the sums of their numbers and of these squared, which the handler keeps
-# up to date in the memory behind the parameters: whole numbers, exact however often springs come
-# and go.
+# With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i. The plate
+# depends on the contacts only through their sums of 1, a_i and a_i^2. For very many springs, the
+# field needs only their count and the sums of their indices and squared indices. The handler keeps
+# these in the memory behind the parameters. They are integers, so they stay exact however often
+# springs come and go.
 
-# Places in the flat vector of parameters; the i-th spring stands at first + i * spacing.
+# Places in the flat vector of parameters; spring i stands at first + i * spacing.
 GRAVITY, MASS, INERTIA, REST_LENGTH, STIFFNESS, DAMPING, FIRST, SPACING = range(8)
 N_PARAMS = 8
 
-Sums = tuple[float, float, float]  # over the contacts of 1, a and a^2
+Sums = tuple[float, float, float]  # sums over the contacts of 1, a and a^2
 
 
 @njit(error_model="numpy")
 def compression(i: float, y: FloatArray, p: FloatArray) -> float:
-    """Compression h_i of spring i, m; negative where the plate is above it."""
+    """Return the compression h_i of spring i, m; negative while the plate is above it."""
     arm = y[0] - p[FIRST] - i * p[SPACING]
     return p[REST_LENGTH] + math.tan(y[2]) * arm - y[1]
 
 
 @njit(error_model="numpy")
 def added_up(y: FloatArray, mode: IntArray, p: FloatArray) -> Sums:
-    """Return the sums over the springs whose locks say contact."""
+    """Return the sums over the springs whose locks indicate contact."""
     count, arms, squares = 0.0, 0.0, 0.0
     arm = y[0] - p[FIRST]
     for i in range(len(mode)):
@@ -370,7 +372,7 @@ def added_up(y: FloatArray, mode: IntArray, p: FloatArray) -> Sums:
 
 @njit(error_model="numpy")
 def push(y: FloatArray, p: FloatArray, slope: float) -> tuple[float, float]:
-    """Coefficients (P, Q) of the force P + Q a of a spring in contact, at this slope."""
+    """Return the coefficients (P, Q) of the force P + Q a of a spring in contact at this slope."""
     steepening = (1.0 + slope * slope) * y[5]
     force = p[STIFFNESS] * (p[REST_LENGTH] - y[1]) + p[DAMPING] * (slope * y[3] - y[4])
     return force, p[STIFFNESS] * slope + p[DAMPING] * steepening
@@ -391,7 +393,7 @@ def fill_rates(y: FloatArray, p: FloatArray, sums: Sums, dy: FloatArray) -> None
 
 @njit(error_model="numpy")
 def fill_force_row(y: FloatArray, p: FloatArray, s0: float, s1: float, row: FloatArray) -> None:
-    """Fill the gradient, (6,), of the sum of F_i w_i at fixed weights, sums s0 of w, s1 of w a."""
+    """Fill the gradient, (6,), of sum(F_i w_i) at fixed weights: s0 = sum(w), s1 = sum(w a)."""
     slope, k, c = math.tan(y[2]), p[STIFFNESS], p[DAMPING]
     grow = 1.0 + slope * slope  # derivative of the slope with respect to the angle
     row[0] = push(y, p, slope)[1] * s0
@@ -404,7 +406,7 @@ def fill_force_row(y: FloatArray, p: FloatArray, s0: float, s1: float, row: Floa
 
 @njit(error_model="numpy")
 def fill_jacobian(y: FloatArray, p: FloatArray, sums: Sums, jac: FloatArray) -> None:
-    """Fill the derivative of the rates with respect to the state, (6, 6), which begins as zeros."""
+    """Fill the derivative of the rates with respect to the state, (6, 6), initially zero."""
     slope = math.tan(y[2])
     grow = 1.0 + slope * slope
     at_centre, per_arm = push(y, p, slope)
@@ -414,7 +416,7 @@ def fill_jacobian(y: FloatArray, p: FloatArray, sums: Sums, jac: FloatArray) -> 
         jac[i, 3 + i] = 1.0
     fill_force_row(y, p, sums[0], sums[1], jac[4])
     fill_force_row(y, p, sums[1], sums[2], jac[5])
-    jac[5, 0] += force  # the arms are not fixed: each grows with x
+    jac[5, 0] += force  # the arms vary: each grows with x
     for j in range(6):
         jac[4, j] /= p[MASS]
         jac[3, j] = -slope * jac[4, j]
@@ -441,7 +443,7 @@ def sums_of_arms(y: FloatArray, p: FloatArray) -> Sums:
 def plate_field_of_sums(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
-    """Return gravity, and the push of all springs in contact, from the sums."""
+    """Fill in gravity and the push of all springs in contact, from the sums."""
     fill_rates(y, params, sums_of_arms(y, params), dy)
 
 
@@ -456,7 +458,7 @@ def plate_guard(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Return the compression of spring k: positive in contact."""
+    """Return the compression of spring k, positive in contact."""
     slope, arm = math.tan(y[2]), y[0] - params[FIRST] - k * params[SPACING]
     h[k] = params[REST_LENGTH] + slope * arm - y[1]
     hdot[k] = slope * dy[0] - dy[1] + (1.0 + slope * slope) * dy[2] * arm
@@ -466,7 +468,7 @@ def plate_guard(
 def plate_rate_bound(
     t: float, y: FloatArray, dy: FloatArray, mode: IntArray, params: FloatArray
 ) -> float:
-    """Return the largest rate of any compression, m/s: that of the first or of the last spring."""
+    """Return the largest rate of any compression, m/s, which is at the first or the last spring."""
     slope, arm = math.tan(y[2]), y[0] - params[FIRST]
     rate, per_arm = slope * dy[0] - dy[1], (1.0 + slope * slope) * dy[2]
     last = arm - (len(mode) - 1) * params[SPACING]
@@ -477,7 +479,7 @@ def plate_rate_bound(
 def plate_jacobian(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, jac: FloatArray
 ) -> None:
-    """Return the derivative of the field with respect to the state."""
+    """Fill in the derivative of the field with respect to the state."""
     fill_jacobian(y, params, sums_of_arms(y, params), jac)
 
 
@@ -485,7 +487,7 @@ def plate_jacobian(
 def update_sums(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, spring: int, direction: int
 ) -> int:
-    """Add a spring that touches to the sums, take away one that lets go."""
+    """Add a spring that touches to the sums, or remove one that lets go."""
     params[COUNT] += direction
     params[NUMBERS] += direction * spring
     params[SQUARES] += direction * float(spring) * float(spring)
@@ -496,7 +498,7 @@ def update_sums(
 def plate_field(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
-    """Return gravity, and the push of every spring in contact."""
+    """Fill in gravity and the push of every spring in contact."""
     fill_rates(y, params, added_up(y, mode, params), dy)
 
 
@@ -504,7 +506,7 @@ def plate_field(
 def plate_field_jacobian(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, jac: FloatArray
 ) -> None:
-    """Return the derivative of the field with respect to the state."""
+    """Fill in the derivative of the field with respect to the state."""
     fill_jacobian(y, params, added_up(y, mode, params), jac)
 
 
@@ -518,7 +520,7 @@ def plate_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Return the compression of every spring: positive in contact."""
+    """Fill in the compression of every spring, positive in contact."""
     slope = math.tan(y[2])
     steepening = (1.0 + slope * slope) * dy[2]
     arm = y[0] - params[FIRST]
@@ -544,7 +546,7 @@ class Plate:
     rest_length_m : float
         Height of a relaxed spring's end above the floor (L0).
     half_width_m : float
-        The bed reaches from minus this to this.
+        Half the width of the bed, which is centred at 0.
     gravity_m_s2 : float
         Acceleration of gravity.
     """
@@ -574,7 +576,7 @@ class Plate:
 
     @property
     def params(self) -> tuple[float, ...]:
-        """Parameters as the compiled functions take them."""
+        """Parameters in the form that the compiled functions take."""
         n, w = self.n_contacts, self.half_width_m
         first, spacing = (-w, 2 * w / (n - 1)) if n > 1 else (0.0, 0.0)
         return (
@@ -592,8 +594,9 @@ class Plate:
         """Return the hybrid system, with guards ``spring1`` ... ``spring<n>``.
 
         With `sums`, the field reads sums over the contacts, which the handler keeps in the system's
-        memory; a start in contact needs ``solve(..., memory=plate.memory(y0))``. With `sparse`, for
-        hundreds of springs and more, guards are evaluated one by one as well, and far ones sleep.
+        memory; a start in contact needs ``solve(..., memory=plate.memory(y0))``. With `sparse`,
+        meant for hundreds of springs or more, guards are also evaluated one by one, and distant
+        ones sleep.
         """
         if sparse:
             return _system_of_sums(self.n_contacts, sparse=True)
@@ -607,7 +610,7 @@ class Plate:
     def initial_states(self, count: int, seed: int) -> FloatArray:
         """Return random states at rest, centred over the bed, (count, 6), as in section 4.4.4.
 
-        Heights are drawn from (2, 3) m, angles from (-0.1, 0.1) rad.
+        Heights are drawn from (2, 3) m and angles from (-0.1, 0.1) rad.
         """
         states = np.zeros((count, 6))
         states[:, 1:3] = np.random.default_rng(seed).uniform((2.0, -0.1), (3.0, 0.1), (count, 2))

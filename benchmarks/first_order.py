@@ -2,12 +2,12 @@
 
     python benchmarks/first_order.py --out first_order.csv
 
-One row a figure, with its unit. Cost is the time of `solve` with the Jacobian over that without, on
-the plate (35 contacts, 2 s, tolerances 1e-6): all starts with it and all without, in turn on one
-thread; medians over the turns, of the ratio too, as a machine's speed changes from turn to turn.
-Error is the largest difference from fourth-order central differences of `solve` itself, relative to
-the largest entry. The spread of orders is that of the saltation products over all orders in which
-three feet may land together (see `check_c1`).
+There is one row per number, with its unit. Cost is the time of `solve` with the Jacobian over the
+time without, on the plate (35 contacts, 2 s, tolerances 1e-6). All starts with it and all starts
+without it take turns on one thread. Medians are over the turns, also for the ratio, because a
+machine's speed varies from turn to turn. Error is the largest difference from fourth-order central
+differences of `solve` itself, relative to the largest entry. The spread of orders is the spread of
+the saltation products over all orders in which three feet may land together (see `check_c1`).
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def costs(contacts: int, starts: int) -> list[tuple[str, str, float, str]]:
 
 
 def spreads() -> list[tuple[str, str, float, str]]:
-    """Return how far the products over all orders of a landing are apart, C1 and controls."""
+    """Return how far apart the products over all orders of a landing are, for C1 and controls."""
     legs = HopperParameters()
     mode = flight_mode(hopper_system(), -1.0)
     reports = {

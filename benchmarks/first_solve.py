@@ -2,21 +2,21 @@
 
     python benchmarks/first_solve.py --out first_solve.csv
 
-One row for each case. `install`: nothing is cached, driver and generic methods are compiled;
-`install, Jacobian`: then what carries Jacobians.
-`new scene`: a module never seen before, the driver is there. `known scene`: the same module in
-another process. `new scene, Jacobian` and `known scene, Jacobian`: the same with the flow's
-Jacobian, for which nothing more is compiled for the scene; the fall alone, for a bounce resets the
-state. `new scene, plain Python`: its field uses a dictionary, which Numba does
-not compile; `known scene, plain Python`: the same again. `own code`: `System.compile` before, which
-makes all methods for the scene; `known scene, own code`: the next process.
+There is one row per case. `install`: nothing is cached, so the driver and the generic methods are
+compiled. `install, Jacobian`: afterwards, the code that carries Jacobians is compiled. `new scene`:
+a new module, with the driver cached. `known scene`: the same module in another process. `new scene,
+Jacobian` and `known scene, Jacobian`: the same with the flow's Jacobian, for which nothing more is
+compiled for the scene; only the fall is solved, because a bounce resets the state. `new scene,
+plain Python`: its field uses a dictionary, which Numba does not compile. `known scene, plain
+Python`: the same again. `own code`: `System.compile` first builds all methods for the scene. `known
+scene, own code`: the next process.
 
 Times are medians over the repeats, with the smallest and the largest. `imports_s` is the import of
-`hopdata.hybrid`, `first_solve_s` the time from there to the end of the first `solve`: the module's
-own import, the compilation of its three functions, and what Numba imports when it first loads or
-compiles anything. That last part alone is `numba_start_s`, measured in processes of its own.
-`first_solve_cpu_s` is processor time, `second_solve_us` the same call again. The caches stand in a
-folder of their own.
+`hopdata.hybrid`. `first_solve_s` is the time from there to the end of the first `solve`: the import
+of the module, the compilation of its three functions, and everything that Numba imports when it
+first loads or compiles code. That last part alone is `numba_start_s`, measured in separate
+processes. `first_solve_cpu_s` is processor time, `second_solve_us` the time of the same call again.
+The caches are kept in a separate folder.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def write_scene(folder: Path, name: str, number: int, *, plain: bool) -> None:
 
 
 def output(folder: Path, program: str) -> str:
-    """Return what a program prints in a process of its own."""
+    """Return the output of a program that runs in its own process."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")}
     command = [sys.executable, "-c", program]
     done = subprocess.run(
@@ -121,7 +121,7 @@ def first_solve(
     folder: Path, scene: str, *, own_code: bool = False, jacobian: bool = False
 ) -> list[float]:
     """Return the five times of a process that solves this scene."""
-    until = 0.4 if jacobian else 1.0  # before the bounce: it resets the state
+    until = 0.4 if jacobian else 1.0  # ends before the bounce, which resets the state
     program = PROGRAM.format(scene=scene, own_code=own_code, jacobian=jacobian, until=until)
     imports, *rest = json.loads(output(folder, program))
     return [imports, float(output(folder, NUMBA_START)), *rest]

@@ -2,27 +2,28 @@
 
     python benchmarks/foot_strikes.py --out foot_strikes.csv [--seeds 5] [--landings 300]
 
-Each detector by the formula of its paper, on the same landings and in the same windows. What a
-paper leaves to the user, the low-pass filter (fourth order, no lag), is in turn each of
-`CUTOFFS_HZ`, and the one of least `sd_ms` is reported, so that no peer loses by its filter.
+Each detector follows the formula of its paper, on the same landings and in the same windows. The
+papers leave the cutoff of the low-pass filter (fourth order, zero lag) to the user. Each of
+`CUTOFFS_HZ` is tried and the one with the least `sd_ms` is reported, so that the filter puts no
+peer at a disadvantage.
 
 - printed: the frame of least vertical velocity (the dissertation, Sec. 2.2.3), and a parabola
   through it.
-- foot velocity algorithm: trough of the vertical velocity, of the runner's point between heel and
-  metatarsals, while it is in the lowest 35 % of its rise; O'Connor et al. 2007, Gait & Posture
-  25:469, doi 10.1016/j.gaitpost.2006.05.016.
-- vertical acceleration peak, where the jerk is zero, between frames by a straight line; Hreljac and
-  Marshall 2000, J. Biomech. 33:783, doi 10.1016/S0021-9290(00)00014-2.
-- farthest ahead of the sacrum; Zeni et al. 2008, Gait & Posture 27:710,
-  doi 10.1016/j.gaitpost.2007.07.007. Feet that fall straight down have no such place.
-- vertical velocity from down to up; Fellin et al. 2010, J. Sci. Med. Sport 13:646,
+- foot velocity algorithm: trough of the vertical velocity while the foot is in the lowest 35 % of
+  its rise; for the runner, of the point between heel and metatarsals; O'Connor et al. 2007, Gait &
+  Posture 25:469, doi 10.1016/j.gaitpost.2006.05.016.
+- vertical acceleration peak, where the jerk is zero, linearly interpolated between frames; Hreljac
+  and Marshall 2000, J. Biomech. 33:783, doi 10.1016/S0021-9290(00)00014-2.
+- farthest ahead of the sacrum; Zeni et al. 2008, Gait & Posture 27:710, doi
+  10.1016/j.gaitpost.2007.07.007. Feet that fall straight down have no such place.
+- change of the vertical velocity from down to up; Fellin et al. 2010, J. Sci. Med. Sport 13:646,
   doi 10.1016/j.jsams.2010.03.006.
 
-Simulated feet are those of `contact_instants.py`: medians over the seeds, and the worst seed. The
-runner's instants are the first of a foot's three markers (the papers take the heel's, which in this
-runner lands last) against the onset of force; `sd_ms` is by
-the median absolute deviation, and `sd_own_ms` the same with the error of the onsets taken off,
-`sd_force_ms`, which is measured on the two halves of the force's samples.
+Simulated feet are those of `contact_instants.py`: medians over the seeds, and the worst seed. For
+the runner, the first contact of a foot's three markers is compared with the onset of force (the
+papers use the heel's contact, which is the last in this runner). `sd_ms` comes from the median
+absolute deviation. `sd_own_ms` is the same without the error of the onsets, `sd_force_ms`, which is
+measured from the two halves of the force samples.
 """
 
 from __future__ import annotations
@@ -54,12 +55,12 @@ from hopdata.landings.touchdowns import NO_FOOT_LANDED, touchdown_table
 from hopdata.recording import Recording
 
 CUTOFFS_HZ = (7.0, 12.0, 20.0, 35.0)
-SAME_S = 0.15  # what is farther from a contact is not of it
-LOW = 0.35  # of a foot's rise
-AROUND_S = 0.1  # frames before and after a landing that a detector sees
-EARLY_S = 0.25  # and before a runner's: a foot is farthest ahead long before it lands
+SAME_S = 0.15  # instants farther apart do not belong to the same contact, s
+LOW = 0.35  # "low" is this fraction of a foot's rise
+AROUND_S = 0.1  # frames before and after a landing that a detector sees, s
+EARLY_S = 0.25  # before a runner's landing, s: a foot is farthest ahead long before it lands
 SIMULATED = ("hard, N(0, 10 ms)", "soft and creep", "three frames missing at each contact")
-#: Detector of instants, s, in windows (..., W) of heights and of places ahead of the sacrum, m.
+#: Detects instants, s, in windows (..., W) of heights and of positions ahead of the sacrum, m.
 Detector = Callable[[FloatArray, FloatArray, FloatArray | None], FloatArray]
 
 
@@ -68,7 +69,7 @@ def _at(values: FloatArray, frame: FloatArray) -> FloatArray:
 
 
 def _zero(t: FloatArray, values: FloatArray, frame: FloatArray) -> FloatArray:
-    """Where the line from a frame to the next is zero."""
+    """Return where the line from a frame to the next crosses zero."""
     a, b = _at(values, frame), _at(values, frame + 1)
     first, after = _at(t, frame), _at(t, frame + 1)
     return first + (after - first) * a / np.where(a == b, 1.0, a - b)
@@ -79,14 +80,14 @@ def _slope(values: FloatArray, t: FloatArray) -> FloatArray:
 
 
 def foot_velocity(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
-    """Trough of the vertical velocity while the foot is low."""
+    """Return the trough of the vertical velocity while the foot is low."""
     del ahead
     low = z <= (z.min(axis=-1) + LOW * np.ptp(z, axis=-1))[..., None]
     return _at(t, np.argmin(np.where(low, _slope(z, t), np.inf), axis=-1))
 
 
 def acceleration_peak(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
-    """Greatest vertical acceleration, where the jerk is zero."""
+    """Return the instant of greatest vertical acceleration, where the jerk is zero."""
     del ahead
     acceleration = _slope(_slope(z, t), t)
     peak = np.argmax(acceleration[..., 2:-3], axis=-1) + 2
@@ -95,12 +96,12 @@ def acceleration_peak(t: FloatArray, z: FloatArray, ahead: FloatArray | None) ->
 
 
 def farthest_ahead(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
-    """Frame in which the foot is farthest ahead of the sacrum."""
+    """Return the frame in which the foot is farthest ahead of the sacrum."""
     return np.full(z.shape[:-1], np.nan) if ahead is None else _at(t, np.argmax(ahead, axis=-1))
 
 
 def velocity_crossing(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
-    """First change of the vertical velocity from down to up after its trough."""
+    """Return the first change of the vertical velocity from down to up after its trough."""
     del ahead
     velocity = _slope(z, t)
     place = np.arange(z.shape[-1] - 1)
@@ -124,14 +125,14 @@ OURS = {
 
 
 def smooth(values: FloatArray, rate_hz: float, cutoff_hz: float, axis: int) -> FloatArray:
-    """Low-pass as the papers do: Butterworth, forth and back, fourth order in all."""
+    """Apply the papers' low-pass filter: Butterworth, forward and backward, fourth order in all."""
     return np.asarray(
         sosfiltfilt(butter(2, cutoff_hz, fs=rate_hz, output="sos"), values, axis=axis)
     )
 
 
 def simulated_rows(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """One row for each method in one condition."""
+    """Return one row for each method in one condition."""
     runs: dict[tuple[str, float], list[dict[str, float]]] = {}
     seeds = np.random.SeedSequence([arguments.seed, 26, SIMULATED.index(name)])
     for seed in seeds.spawn(arguments.seeds):
@@ -170,7 +171,7 @@ def simulated_rows(name: str, arguments: argparse.Namespace) -> list[dict[str, A
 
 
 def _scored(instant: FloatArray, truth: FloatArray) -> dict[str, float]:
-    """Score instants (L, feet) against the true ones; those farther off than `SAME_S` are none."""
+    """Score instants (L, feet) against the true ones; ignore those off by more than `SAME_S`."""
     instant = np.where(np.abs(instant - truth) < SAME_S, instant, np.nan)
     whole = np.isfinite(instant).all(axis=1)
     if not whole.any():
@@ -186,7 +187,7 @@ def _scored(instant: FloatArray, truth: FloatArray) -> dict[str, float]:
 
 
 def runner_rows() -> list[dict[str, Any]]:
-    """One row for each foot and method; one that says so where the files are absent."""
+    """Return one row for each foot and method, or one that says the files are absent."""
     folder = next((f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None)
     if folder is None:
         return [{"condition": "runner against force", "method": "absent: no files of the runner"}]
@@ -195,7 +196,8 @@ def runner_rows() -> list[dict[str, Any]]:
     onsets = force_onsets(clock, force)
     halves = [force_onsets(clock[k::2], force[k::2]) for k in (0, 1)]
     apart = halves[0] - halves[1][np.abs(halves[0][:, None] - halves[1]).argmin(axis=1)]
-    # Of each half by the root of two; of all samples, which lie twice as dense, half of that.
+    # The difference of the halves has sqrt(2) times the error of one half. All samples together are
+    # twice as dense, which halves the error again.
     own_ms = 1e3 * _scatter(apart[np.abs(apart) < SAME_S]) / np.sqrt(2) / 2
     rows = []
     for side, (turn, name) in SIDES.items():
@@ -213,7 +215,7 @@ def runner_rows() -> list[dict[str, Any]]:
             for label, detect in PUBLISHED.items():
                 early_s = EARLY_S if detect is farthest_ahead else AROUND_S
                 t, z, ahead = _runner_windows(recording, middle, cutoff_hz, early_s)
-                if detect is foot_velocity:  # of the point between heel and toe
+                if detect is foot_velocity:  # uses the point between heel and toe
                     t, z = t[:, :1], 0.5 * (z[:, :1] + z[:, 1:].mean(axis=1, keepdims=True))
                 first = np.fmin.reduce(detect(t, z, ahead), axis=1)
                 found = _compared(first, onsets[turn::2], own_ms)
@@ -224,7 +226,7 @@ def runner_rows() -> list[dict[str, Any]]:
 def _runner_windows(
     recording: Recording, middle: FloatArray, cutoff_hz: float, early_s: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return times, heights and places ahead of the pelvis about the landings, (L, feet, W)."""
+    """Return times, heights and positions ahead of the pelvis about the landings, (L, feet, W)."""
     rate_hz, feet = recording.rate_hz, recording.feet
     reach = np.arange(-round(early_s * rate_hz), round(AROUND_S * rate_hz))
     frames = np.round(middle * rate_hz).astype(int)[:, None] + reach
@@ -244,12 +246,12 @@ def _runner_windows(
 
 
 def _scatter(values: FloatArray) -> float:
-    """Return the standard deviation by the median absolute deviation."""
+    """Return the standard deviation estimated from the median absolute deviation."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
 def _compared(first: FloatArray, onsets: FloatArray, own_ms: float) -> dict[str, float]:
-    """Compare first contacts with the onsets of force; the other leg's descents are no contacts."""
+    """Compare first contacts with the onsets of force; descents of the other leg do not count."""
     first = first[np.isfinite(first)]
     away = np.abs(first[:, None] - onsets)
     late_ms = 1e3 * (first - onsets[away.argmin(axis=1)])[away.min(axis=1) < SAME_S]

@@ -2,20 +2,20 @@
 
     python benchmarks/frame_change_models.py --out frame_change_models.csv
 
-Recordings of the steered hopper, excited at random as printed (Algorithm 1), are observed by motion
-capture: markers with noise, poses and boom angles by `hopdata.steering.observation`. Each model
-learns from 100 random hops of one recording, one draw a recording, and is tested on the other hops
-of that recording ("rest"), on a recording with swings of any size ("any swing"), and on the true
-map of a hopper that nothing disturbs ("true map").
+The steered hopper is excited at random as printed (Algorithm 1) and observed by motion capture:
+markers with noise, poses and boom angles by `hopdata.steering.observation`. Each model learns from
+100 random hops of one recording, with one draw per recording. It is tested on the other hops of
+that recording ("rest"), on a recording with swings of any size ("any swing"), and on the true map
+of an undisturbed hopper ("true map").
 
-Beside `frame_change_models.csv`:
+Beside `frame_change_models.csv`, it writes:
 
-- `frame_change_learning.csv`: the error by the number of hops, all recordings pooled, tested on
-  the other hops.
+- `frame_change_learning.csv`: the error by the number of hops, with all recordings pooled, tested
+  on the other hops.
 - `frame_change_kernels.csv`: four smoothnesses of the kernel in the readings of Section 3.4.2, on
   the hopper and on analytic functions.
-- `frame_change_cost.csv`: time of a prediction and its gradient beside scikit-learn's `predict` and
-  forward differences, with the same hyper-parameters, and the largest difference.
+- `frame_change_cost.csv`: time of a prediction and its gradient compared with scikit-learn's
+  `predict` and forward differences for the same hyper-parameters, and the largest difference.
 - `frame_change_map.csv`, `frame_change_points.csv`: the printed and the recommended model over
   their inputs, and the hops that they have learned from (Figure 3.3).
 """
@@ -84,21 +84,22 @@ MODELS = {
 CURVES = ("printed", "recommended")
 SIZES = (20, 35, 60, 100, 170, 300)
 SCORES = ("r2", "rmse", "coverage")
-BOOM_WINDOW_S = 0.11  # after the stance (printed: 11 frames at 100 Hz)
+BOOM_WINDOW_S = 0.11  # window after the stance (printed: 11 frames at 100 Hz)
 SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
-STEP = 1.5e-8  # of forward differences, SciPy's default
+STEP = 1.5e-8  # step of forward differences, SciPy's default
 
 
-# Frame changes as printed, and against those that truly happened.
+# Printed frame changes, errors against the true ones, closed-form derivatives of models, and
+# scikit-learn's regressor.
 
 
-# Derivatives of models in closed form, scikit-learn's regressor.
+# Closed-form derivatives of models, and scikit-learn's regressor.
 
 
 def change_and_gradient(
     model: Any, boom_angle: ArrayLike, swing: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Frame changes (n, 3) of hops with these inputs, and derivatives (n, 3, 2) by the inputs."""
+    """Return frame changes (n, 3) of hops, and their derivatives (n, 3, 2) by the inputs."""
     if isinstance(model, FrameChangeProcess):
         points = model._points(boom_angle, swing)
         return model.mean_at(points), mean_slopes(model, points)
@@ -111,9 +112,9 @@ def change_and_gradient(
 
 
 def correlation_slope(squared: FloatArray, smoothness: float) -> FloatArray:
-    """Return the derivative of the kernel by the squared distance.
+    """Return the derivative of the kernel with respect to the squared distance.
 
-    At distance zero the kernel of smoothness 1/2 has a kink, and its derivative is given as 0.
+    At distance zero, the kernel of smoothness 1/2 has a kink; its derivative is set to 0 there.
     """
     if smoothness == np.inf:
         return np.asarray(-0.5 * np.exp(-0.5 * squared))
@@ -140,7 +141,7 @@ def mean_slopes(process: FrameChangeProcess, points: FloatArray) -> FloatArray:
 def regressor_of(process: FrameChangeProcess, component: int) -> Any:
     """Return scikit-learn's regressor of one component with the hyper-parameters of a process.
 
-    It predicts the output as modelled, for embedded inputs: a peer to compare with.
+    It predicts the modelled output for embedded inputs, as a peer for comparison.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
@@ -163,12 +164,12 @@ def frame_changes_at_frames(
     swing_limit_rad: float,
     recording: str = "",
 ) -> FrameChanges:
-    """Collect frame changes as printed: poses of single frames, boom angles of the 11 that follow.
+    """Collect printed frame changes: poses of single frames, boom angles of the next 11 frames.
 
     Parameters
     ----------
     pairs : (P, 2) array of int
-        Frames of stances that are a hop apart.
+        Frames of stances that are one hop apart.
     poses, boom_angles_rad : (N, 3) and (N,) arrays
         Pose and boom angle of every frame, as for `frame_changes`.
     rate_hz : float
@@ -186,7 +187,7 @@ def frame_changes_at_frames(
 
 
 def true_pairs(stances: pd.DataFrame) -> IntArray:
-    """Return the frames (P, 2) of stances that are a hop apart, of `SteeredTrial.stances`."""
+    """Return the frames (P, 2) of stances that are one hop apart, from `SteeredTrial.stances`."""
     frame, second = stances["frame"].to_numpy(), np.flatnonzero(stances["follows"])
     return np.column_stack([frame[second - 1], frame[second]])
 
@@ -194,8 +195,8 @@ def true_pairs(stances: pd.DataFrame) -> IntArray:
 def stance_boom_angles(booms_rad: ArrayLike, frames: ArrayLike, window: int) -> FloatArray:
     """Return the median boom angle of the frames that follow each stance, (S,), rad.
 
-    Angles are taken relative to their mean direction, so that they may pass a whole turn. NaN
-    where fewer than half of the frames have an angle.
+    Angles are taken relative to their mean direction, so that they may pass a full turn. The result
+    is NaN if fewer than half of the frames have an angle.
     """
     booms, frames = np.asarray(booms_rad, dtype=float), np.asarray(frames)
     padded = np.append(booms, np.full(window, np.nan))
@@ -215,9 +216,9 @@ class FrameChangeErrors:
     Parameters
     ----------
     boom_angle_rad, swing_rad : (n,) arrays
-        Measured less true.
+        Measured minus true.
     change : (n, 3) array
-        Likewise, m, m, rad.
+        Measured minus true, m, m, rad.
     missed, invented : int
         True hops without a measured one, and measured ones without a true one.
     """
@@ -229,7 +230,7 @@ class FrameChangeErrors:
     invented: int
 
     def rms(self) -> dict[str, float]:
-        """Return root mean square errors by name, with the unit in it."""
+        """Return root mean square errors by name; the names contain the unit."""
         columns = {
             "boom_angle_rad": self.boom_angle_rad,
             "swing_rad": self.swing_rad,
@@ -244,8 +245,8 @@ def frame_change_errors(measured: FrameChanges, true: FrameChanges) -> FrameChan
     Parameters
     ----------
     measured, true : FrameChanges
-        Of one recording, in order of time; hops whose first stances are within `SAME_STANCE_S` of
-        each other are the same.
+        Hops of one recording in order of time. Two hops are the same if their first stances are
+        within `SAME_STANCE_S` of each other.
     """
     seen, real = measured.used(), true.used()
     if not len(seen) or not len(real):
@@ -289,7 +290,7 @@ def true_hops(trial: SteeredTrial, name: str) -> FrameChanges:
 
 
 def excited(seed: int, recordings: int) -> Iterator[SteeredTrial]:
-    """Record the hopper with printed excitations."""
+    """Record the hopper with the printed excitation."""
     for stream in np.random.SeedSequence(seed).spawn(recordings):
         swings = random_excitation(ControlGrid(), np.random.default_rng(stream))
         yield record_trial(ROBOT, swings, seed=stream.generate_state(2).tolist())
@@ -302,7 +303,7 @@ def any_swing(seed: int, hops: int) -> FrameChanges:
 
 
 def measurement_rows(trials: list[SteeredTrial], seen: list[FrameChanges]) -> list[dict[str, Any]]:
-    """Errors of the measured frame changes themselves."""
+    """Return errors of the measured frame changes themselves."""
     found = [
         frame_change_errors(hops, true_hops(trial, ""))
         for trial, hops in zip(trials, seen, strict=True)
@@ -324,7 +325,7 @@ def measurement_rows(trials: list[SteeredTrial], seen: list[FrameChanges]) -> li
 
 
 def on_true_map(process: FrameChangeProcess, true: TrueFrameChanges) -> FloatArray:
-    """Predicted less true frame changes, averaged over what came before, (A * S, 3)."""
+    """Return predicted minus true frame changes, averaged over what came before, (A * S, 3)."""
     mesh = np.meshgrid(true.boom_angle_rad, true.swing_rad, indexing="ij")
     predicted = process.change(*(axis.ravel() for axis in mesh))
     return predicted - true.average().reshape(-1, 3)
@@ -344,7 +345,7 @@ def true_map_rows(
 def model_rows(
     seen: list[FrameChanges], other: FrameChanges, true: TrueFrameChanges, seed: int
 ) -> Iterator[dict[str, Any]]:
-    """Scores of all models, trained on a part of each recording."""
+    """Score all models, each trained on a part of each recording."""
     for draw, hops in enumerate(seen):
         usable = hops.used()
         rng = np.random.default_rng(np.random.SeedSequence([seed, draw, 3]))
@@ -362,8 +363,8 @@ def model_rows(
 def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
     """Return frame changes by analytic functions of boom angle and swing, with a little noise.
 
-    Their sizes are those of the hopper: a few cm and about five degrees. The noise is that of
-    poses from motion capture (`SMOOTH_NOISE`).
+    They are as large as the hopper's: a few cm and about five degrees. The noise is that of poses
+    from motion capture (`SMOOTH_NOISE`).
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     angle = rng.uniform(0, 2 * np.pi, hops)
@@ -397,7 +398,7 @@ def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
 
 
 def sklearn_change(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
-    """Predict as printed: three regressors."""
+    """Predict with three regressors, as printed."""
     asked = embedded(points, process.periodic)
     found = np.column_stack([one.predict(asked) for one in regressors])
     return found * process.unit + process.offset
@@ -428,7 +429,7 @@ def tabulation_errors(
     Returns
     -------
     value, gradient : (3,) arrays
-        Of each component, m, m, rad, and of its derivatives by any input, per rad.
+        Largest error of each component, m, m, rad, and of its derivatives by any input, per rad.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     angle = rng.uniform(0, 2 * np.pi, points)
@@ -439,7 +440,7 @@ def tabulation_errors(
 
 
 def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[dict[str, Any]]:
-    """Yield times and differences of each way to ask a model."""
+    """Yield times and differences for each way to query a model."""
     for name in ("printed", "recommended"):
         process = trained_process(hops, MODELS[name], seed=seed)
         regressors = [regressor_of(process, j) for j in range(3)]
@@ -487,7 +488,7 @@ def table_errors(value: FloatArray, gradient: FloatArray) -> dict[str, float]:
 def disagreement(
     process: FrameChangeProcess, regressors: list[Any], points: FloatArray
 ) -> dict[str, float]:
-    """Largest differences from scikit-learn, m or rad, of mean and standard deviation."""
+    """Return the largest differences from scikit-learn in mean and standard deviation, m or rad."""
     asked = embedded(points, process.periodic)
     peers = [one.predict(asked, return_std=True) for one in regressors]
     mean = np.column_stack([peer[0] for peer in peers]) * process.unit + process.offset
@@ -499,7 +500,7 @@ def disagreement(
 
 
 def map_tables(hops: FrameChanges, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the maps of Figure 3.3, and the hops behind them."""
+    """Return the maps of Figure 3.3, and the hops that they were learned from."""
     maps, points = [], []
     for name in ("printed", "recommended"):
         process = trained_process(hops, MODELS[name], seed=seed)

@@ -2,21 +2,23 @@
 
     python benchmarks/guesses.py --out guesses.csv [--recordings FOLDER] [--seeds 5]
 
-The two bundled recordings, made-up hoppers and, where they have been fetched, the runners and
-OpenSim's test files below FOLDER, whose unit, vertical axis and parts are known. Each is cut into
-pieces of several lengths at seeded places. One row a guess and a kind of change to the pieces:
+The recordings are the two bundled ones, made-up hoppers and, if they have been fetched, the runners
+and OpenSim's test files below FOLDER; their units, vertical axes and parts are known. Each is cut
+into pieces of several lengths at seeded places. There is one row for each guess and kind of change
+to the pieces:
 
-- `up`: turned so that each of the six directions points up; the file says nothing of it.
-- `unit`: multiplied to be in mm, cm, m or inches; the file says which (`stated`), says nothing
-  (`silent`), or says mm or m where it is another (`misstated`).
-- `rate`: stated as it is, or as half or twice of it, with a column of time or without. `removed`:
-  it is not stated at all; right is then that it is one of the two candidates, to a tenth.
-- `roles`: which markers are feet and body, by names as they are, and called `m1`, `m2` ... in
-  another order. Right is a choice of markers all on feet, or all on one of pelvis, trunk and head.
+- `up`: turned so that each of the six directions points up; the file does not state it.
+- `unit`: scaled to mm, cm, m or inches; the file states the unit (`stated`), states nothing
+  (`silent`), or wrongly states mm or m (`misstated`).
+- `rate`: stated correctly, or as half or twice its value, with or without a column of time.
+  `removed`: not stated at all; right then means that one of the two candidates is within a tenth.
+- `roles`: which markers are feet and body, with the original names, and with the names `m1`, `m2`
+  ... in another order. Right is a choice of markers that are all on feet, or all on one of pelvis,
+  trunk and head.
 
-A stated rate is sure only where free fall shows it: `right_unsure` is its price.
-What is not sure is asked for by name of the key, with two candidates; `asked` are questions without
-any. `wrong_sure` is the share that matters: at most 3 % are to be.
+A stated rate is sure only where free fall confirms it: `right_unsure` is the price of this. For
+unsure guesses, `init` asks by the name of the key and offers two candidates; `asked` are questions
+without candidates. `wrong_sure` is the share that matters; it should be at most 3 %.
 """
 
 from __future__ import annotations
@@ -49,7 +51,7 @@ from made_up_hopper import MARKERS, hopping  # noqa: E402
 
 SEED = 20261124
 LENGTHS_S = (2.0, 5.0, 15.0, 60.0)
-KNOWN = {  # which way is up in a file, where it is known; the unit is the one it states
+KNOWN = {  # vertical direction of the files where it is known; the unit is the one they state
     "hopper.h5": "z", "control.h5": "z", "RBDS001runT25markers.tsv": "z", "RBDS001runT35.c3d": "y",
     "RBDS032runT35markers.txt": "y", "dataWithBlanksForMissingMarkers.trc": "z", "init100.trc": "z",
     "dataWithNaNsOfDifferentCases.trc": "y", "std_walking2_markers.trc": "z",
@@ -68,7 +70,7 @@ BODIES = [
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of a recording in m, z up (where `up` is known), and the file that it is from."""
+    """A stretch of a recording in m, z up (if `up` is known), and the file that it comes from."""
 
     file: str
     raw: RawRecording
@@ -80,7 +82,7 @@ def pieces(folder: Path, seed: int, n_seeds: int) -> Iterator[Piece]:
     files = [*(ROOT / "data/sample").glob("*.h5"), *folder.rglob("*.*")]
     for path in sorted(path for path in files if path.name in KNOWN):
         raw, up = read_raw(path), KNOWN[path.name]
-        if path.name == "std_walking2_markers.trc":  # states 250 Hz, its time stamps run at 25
+        if path.name == "std_walking2_markers.trc":  # states 250 Hz, time stamps have 25 Hz
             raw = replace(raw, rate_hz=25.0)
         metres = rotate_up(raw.positions * METRES_PER_UNIT[raw.unit], up or "z")
         whole = replace(raw, positions=metres, unit="m", stated_up="")
@@ -104,7 +106,7 @@ def _cut(raw: RawRecording, seed: int, n_seeds: int) -> Iterator[RawRecording]:
 
 
 def turned(positions: np.ndarray, up: str) -> np.ndarray:
-    """Turn positions, z up, to a file in which `up` points up."""
+    """Turn positions with z up into those of a file in which `up` points up."""
     return positions @ np.linalg.inv(rotate_up(np.eye(3), up))
 
 

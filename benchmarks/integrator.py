@@ -2,26 +2,26 @@
 
     python benchmarks/integrator.py --out integrator.csv
 
-One row for each scene, solver and tolerance. `error_max` is the largest deviation of the final
-state from the exact one, in the scene's own units; times are of one call from Python (mean of
-calls in a row, after one that is not timed), median and quartiles over the repeats, all in one
-process on one thread, the solvers and their parts taken in turn. `field_ns` is the time of one
-evaluation of the field alone, called by its address in a loop along the trajectory, and
-`over_evaluations` the time of a call over that of its evaluations. `bare_step_ns` and
-`bare_over_evaluations` are of the method's steps alone, in one loop with the field compiled into it
-(`step_timer`): no driver can be faster than its method. `over_bare` is the time of a call over that
-of as many bare steps as its evaluations make.
+There is one row for each scene, solver and tolerance. `error_max` is the largest deviation of the
+final state from the exact one, in the scene's own units. Times are those of one call from Python
+(the mean of consecutive calls, after an untimed one): median and quartiles over the repeats.
+Everything runs in one process on one thread, and the solvers and their parts take turns. `field_ns`
+is the time of one evaluation of the field alone, called by its address in a loop along the
+trajectory, and `over_evaluations` is the time of a call over that of its evaluations.
+`bare_step_ns` and `bare_over_evaluations` are those of the method's steps alone, in one loop with
+the field compiled into it (`step_timer`): no driver can be faster than its method. `over_bare` is
+the time of a call over that of as many bare steps as its evaluations make.
 
-Not in turn, but each the least of its repeats: `empty_call_us` is a call of our solver for an empty
-time span; on the hopper in one dimension, `hand_written_step_ns` is a step written by hand for its
-two states (`hopper_times_ns`), and `inlined_field_ns` an evaluation compiled into its loop, without
-a call.
+Three numbers are not timed in turn; each is the least of its repeats. `empty_call_us` is a call of
+our solver for an empty time span. For the one-dimensional hopper, `hand_written_step_ns` is a step
+written by hand for its two states (`hopper_times_ns`), and `inlined_field_ns` an evaluation
+compiled into its loop, without a call.
 
-Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at
-each event (a terminal event per guard, in the direction that its lock leaves open) and is started
-again in the new mode. Ours runs alone where a field costs more, and the exact end is its own at the
-tightest tolerance: on `plate_4`, four contacts, some tens of ns and 26 events in 2 s, and on
-`hopper`, three hops on three legs (a handler decides there which legs push on), 100 ns.
+Both solvers use the same methods and call the same Numba-compiled field and guards. scipy stops at
+each event (one terminal event per guard, in the direction that its lock allows) and is restarted in
+the new mode. In two scenes with a costlier field, only our solver runs, and its own end at the
+tightest tolerance counts as exact: `plate_4`, with four contacts, some tens of ns and 26 events in
+2 s, and `hopper`, three hops on three legs (where a handler decides which legs push on), 100 ns.
 """
 
 from __future__ import annotations
@@ -61,21 +61,22 @@ from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.hops import level_state
 
-# What a method costs by itself: its steps in one loop, without events, step control or a driver.
+# Cost of a method by itself: its steps in one loop, without events, step control or a driver.
 #
-# Along a path (states and modes of a solution), in machine code: the field alone, called by its
-# address as the driver does; and whole steps of an explicit method with the field compiled into it,
-# so with its stages' sums and its error norm, and nothing else. Each step goes on from the last, as
-# in an integration: a processor works on steps that do not wait for one another at the same time.
+# Two things are timed along a path (states and modes of a solution), in machine code: the field
+# alone, called by its address as the driver does, and whole steps of an explicit method with the
+# field compiled into it, including only the sums of its stages and its error norm. Each step
+# continues from the last, as in an integration; a processor would execute independent steps in
+# parallel.
 
-EVALUATIONS = 20_000  # at least, in a row
-IN_A_ROW = 8  # evaluations at one state, as a step has them in one mode
-TINY_STEP = 1e-7  # s: the states are given, so it need not be of use
+EVALUATIONS = 20_000  # least number in a row
+IN_A_ROW = 8  # evaluations at one state, as a step makes them in one mode
+TINY_STEP = 1e-7  # s; the states are given, so the step need not be useful
 
 
 @dataclass(frozen=True)
 class Route:
-    """Where a system was.
+    """The path of a system.
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ class Route:
 
     @property
     def rounds(self) -> int:
-        """How often to go along it."""
+        """Number of times to go along the path."""
         return EVALUATIONS // (IN_A_ROW * len(self.states)) + 1
 
 
@@ -100,7 +101,7 @@ def path_of(
     system: System, t_span: tuple[float, float], y0: Sequence[float], params: Sequence[float],
     mode: Sequence[int] | None,
 ) -> Route:  # fmt: skip
-    """Return the path of a solution, a state for each step."""
+    """Return the path of a solution, with one state per step."""
     whole, start = (
         solve(system, span, y0, params=params, mode=mode, method="dopri5")
         for span in (t_span, (t_span[0], t_span[0]))
@@ -142,7 +143,7 @@ def _take_steps(
 
 
 def best_time(run: Callable[[], object], repeats: int) -> float:
-    """Return the least time of a run, s: what is done is the same each time, the rest is noise."""
+    """Return the least time of a run, s. The work is the same each time; the rest is noise."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -152,20 +153,20 @@ def best_time(run: Callable[[], object], repeats: int) -> float:
 
 
 def once(run: Callable[[], object], count: int) -> Callable[[], float]:
-    """Return a function that tells what one of `count` in a run takes now, ns."""
+    """Return a function that measures the time per item of a run of `count` items, ns."""
     run()
     return lambda: 1e9 * best_time(run, 1) / count
 
 
 def field_timer(path: Route) -> Callable[[], float]:
-    """Return a function that times the field: ns for an evaluation, on the average on the path."""
+    """Return a function that measures the mean time of a field evaluation along the path, ns."""
     address = path.system.field.address
     arguments = (address, path.states, path.modes, path.params, path.rounds)
     return once(lambda: _evaluate(*arguments), path.rounds * len(path.states) * IN_A_ROW)
 
 
 def step_timer(path: Route, tableau: Tableau) -> Callable[[], float]:
-    """Return a function that times a bare step of an explicit method, ns."""
+    """Return a function that measures the time of a bare step of an explicit method, ns."""
     n = path.system.n_states
     step = njit(error_model="numpy")(explicit_method(tableau, Scene(path.system.field, n)).step)
     room, atol = np.zeros((W1 + tableau.work_rows, n)), np.full(n, 1e-9)
@@ -173,10 +174,10 @@ def step_timer(path: Route, tableau: Tableau) -> Callable[[], float]:
     return once(lambda: _take_steps(*arguments), path.rounds * len(path.states) * IN_A_ROW)
 
 
-# The least that a step can cost: DOPRI5 for one scene, written by hand for its two states.
+# The least possible cost of a step: DOPRI5 for one scene, written by hand for its two states.
 
 
-STEPS = 20_000  # in a row
+STEPS = 20_000  # consecutive steps in a timing
 (A21,), (A31, A32), (A41, A42, A43), (A51, A52, A53, A54), A6 = DOPRI5.stages
 A61, A62, A63, A64, A65 = A6
 B1, _, B3, B4, B5, B6 = DOPRI5.weights
@@ -185,7 +186,7 @@ E1, _, E3, E4, E5, E6, E7 = DOPRI5.errors[0]
 
 @njit(error_model="numpy")
 def _rate(z: float, v: float, lock: int, p: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the field of `exact`, of numbers."""
+    """Return the field of `exact`, for scalars."""
     gravity, stiffness, rest_length, damping = p[0], p[1], p[2], p[3]
     push = stiffness * (rest_length - z) - damping * v if lock < 0 else 0.0
     return v, push - gravity
@@ -193,7 +194,7 @@ def _rate(z: float, v: float, lock: int, p: NDArray[np.float64]) -> tuple[float,
 
 @njit(error_model="numpy")
 def _steps(count: int, z: float, v: float, lock: int, p: NDArray[np.float64], dt: float) -> float:
-    """Take so many steps; return the sum of their errors, so that nothing may be left out."""
+    """Take `count` steps; return the sum of their errors, so that nothing is optimised away."""
     tolerance, total = 1e-9, 0.0
     k1, m1 = _rate(z, v, lock, p)
     for _ in range(count):
@@ -227,7 +228,7 @@ def _steps(count: int, z: float, v: float, lock: int, p: NDArray[np.float64], dt
 
 @njit(error_model="numpy")
 def _rates(states: NDArray[np.float64], lock: int, p: NDArray[np.float64], rounds: int) -> float:
-    """Evaluate the field along states, with nothing around it."""
+    """Evaluate the field along states in a bare loop."""
     total = 0.0
     for _ in range(rounds):
         for i in range(len(states)):
@@ -237,7 +238,7 @@ def _rates(states: NDArray[np.float64], lock: int, p: NDArray[np.float64], round
 
 
 def hopper_times_ns(params: tuple[float, ...], repeats: int) -> tuple[float, float]:
-    """Return the times of a step and of an evaluation that is compiled into its loop, in stance."""
+    """Return the times of a step and of an evaluation compiled into its loop, in stance."""
     p = np.array(params)
     states = np.ascontiguousarray(np.linspace([0.9, -1.0], [1.0, 1.0], 64))
     rounds = STEPS // len(states)
@@ -255,8 +256,8 @@ def hopper_times_ns(params: tuple[float, ...], repeats: int) -> tuple[float, flo
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 EQUAL_ERROR = 1e-9
-EMPTY_CALLS = 1000  # in a row
-TURN_S = 5e-3  # for each timing calls follow one another so long, or five of them
+EMPTY_CALLS = 1000  # consecutive calls in a timing
+TURN_S = 5e-3  # duration of consecutive calls for each timing, or five calls if longer, s
 LEAST_CALLS = 5
 EXACT = {"rtol": 1e-14, "atol": 1e-16, "method": "dop853"}
 HOPPER, BY_HAND, FIELD = "vertical_hopper", "hopdata DOPRI5", "field"
@@ -285,7 +286,7 @@ _hop = hopper_event.dispatcher
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, where it starts, and where it truly ends."""
+    """A scene, its start, and its exact end."""
 
     name: str
     system: System
@@ -302,11 +303,11 @@ def keep_hopping(
     t: float, y: FloatArray, mode: NDArray[np.int64], p: FloatArray, guard: int, direction: int
 ) -> int:
     _hop(t, y, mode, p, guard, direction)
-    return 0  # not even at an apex
+    return 0  # the event does not end the integration, not even at an apex
 
 
 def three_hops() -> Case:
-    """Return three hops of the three-legged hopper, let go while it rolls a little."""
+    """Return three hops of the three-legged hopper, released with a slight roll."""
     hopper = HopperParameters()
     y0 = level_state(hopper, 0.25)
     y0[9:11] = 0.25, -0.1
@@ -329,7 +330,7 @@ def plate_on_four() -> Case:
 
 
 def ending_by_itself(case: Case) -> Case:
-    """Return a case with our own end at the tightest tolerance as the exact one."""
+    """Return a case whose exact end is our own at the tightest tolerance."""
     end = solve(
         case.system, case.t_span, case.y0, params=case.params, mode=case.mode, **EXACT
     ).y_end
@@ -337,7 +338,7 @@ def ending_by_itself(case: Case) -> Case:
 
 
 def cases() -> list[Case]:
-    """Return both scenes as in the dissertation, sections 4.4.2 and 4.4.3, and costlier fields."""
+    """Return both scenes of the dissertation, sections 4.4.2 and 4.4.3, and costlier fields."""
     hopper = VerticalHopper()
     return [
         Case("octant", octant(), (), T_SPAN, INITIAL_STATE, octant_end()),
@@ -365,7 +366,7 @@ def with_hopdata(case: Case, method: str) -> Callable[[float], tuple[FloatArray,
 
 
 def with_scipy(case: Case, method: str) -> Callable[[float], tuple[FloatArray, int]]:
-    """Do the same by `solve_ivp`, started again at each event."""
+    """Return the same for `solve_ivp`, restarted at each event."""
     integrate = restarted(case.system, case.params, case.t_span, case.y0)
 
     def run(tolerance: float) -> tuple[FloatArray, int]:
@@ -387,7 +388,7 @@ def empty_call_us(case: Case, repeats: int) -> float:
 
 
 def solvers(case: Case) -> dict[str, Callable[[float], tuple[FloatArray, int]]]:
-    """Return what integrates a scene, as functions of the tolerance."""
+    """Return the solvers of a scene, as functions of the tolerance."""
     ours = {name: with_hopdata(case, method) for name, method in METHODS.items()}
     if not case.with_peers:
         return ours
@@ -408,11 +409,11 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
         runs = solvers(case)
         times: dict[str, list[float]] = {name: [] for name in runs}
         part_times: dict[str, list[float]] = {name: [] for name in parts}
-        ends = {name: run(tolerance) for name, run in runs.items()}  # warms up, too
+        ends = {name: run(tolerance) for name, run in runs.items()}  # also warms up
         calls = {name: calls_in_a_turn(run, tolerance) for name, run in runs.items()}
         for _ in range(repeats):
             for name, run in runs.items():
-                run(tolerance)  # the peer before has taken the caches
+                run(tolerance)  # restores the caches, which the previous solver has used
                 start = time.perf_counter()
                 for _ in range(calls[name]):
                     run(tolerance)
@@ -434,14 +435,14 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
 
 
 def calls_in_a_turn(run: Callable[[float], tuple[FloatArray, int]], tolerance: float) -> int:
-    """Return how many calls take as long as a turn is to last."""
+    """Return how many calls fill one turn."""
     start = time.perf_counter()
     run(tolerance)
     return max(LEAST_CALLS, int(TURN_S / (time.perf_counter() - start)))
 
 
 def time_at(rows: pd.DataFrame, error: float) -> float:
-    """Interpolate the time at an error, on logarithmic axes, along the lowest times so far, us."""
+    """Interpolate the time at an error, us, on logarithmic axes along the lowest times so far."""
     by_error = rows.sort_values("error_max")
     envelope = np.minimum.accumulate(by_error["time_median_us"])
     return float(np.exp(np.interp(np.log(error), np.log(by_error["error_max"]), np.log(envelope))))
