@@ -2,19 +2,19 @@
 
     python benchmarks/jumps.py --out jumps.csv [--seeds 5] [--only KIND ...] [--run]
 
-Made-up files of 22 landings: eleven trials of a jump from a box and a rebound, or two series of
-eleven counter-movement jumps with seconds of standing between. Body and feet fall freely; a foot
-is rigid, touches with its toes and 30 to 80 ms later with its heel, the right one up to 25 ms
-before or after the left; a contact stops at once or within some milliseconds. Rates of 100 to
-250 Hz and noise of 0.3 to 1 mm change from seed to seed, and with them unit, vertical axis and
-format; a foot marker is hidden for some frames at one contact in twenty.
+The files are made up and hold 22 landings: eleven trials of a jump from a box and a rebound, or two
+series of eleven counter-movement jumps with seconds of standing between. Body and feet fall freely.
+A foot is rigid; its toes touch first and its heel 30 to 80 ms later, and the right foot lands up to
+25 ms before or after the left. A contact stops at once or within some milliseconds. Rates of 100 to
+250 Hz and noise of 0.3 to 1 mm change from seed to seed, as do unit, vertical axis and format. A
+foot marker is hidden for some frames at one contact in twenty.
 
 Each row is one study, as a user makes it: `hopdata init` on the first file, the others added to it,
 `hopdata check`, and the study's stages in this process (with `--run`, `hopdata run`). `feet` says
-whether the feet are as init has them, or heel and toe make one (`sides`, where init has it
-otherwise). `found` are
-landings timed within 30 ms, all feet of them; `used` those that the study keeps; `right` the orders
-that are right of the `sure` ones, `likely_right` of all that are found.
+whether the feet are those that init chose, or heel and toe are joined into one (`sides`, if init
+chose otherwise). `found` counts landings with all feet timed within 30 ms; `used` those that the
+study keeps; `right` is the share of right orders among the `sure` ones, `likely_right` among all
+that are found.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ NAMES = (*PELVIS, "C7", "LTOE", "LHEE", "LANK", "RTOE", "RHEE", "RANK")
 PELVIS_AT = np.array(
     [[0.1, 0.12, 1.0], [0.1, -0.12, 1.0], [-0.08, 0.05, 1.02], [-0.08, -0.05, 1.02]]
 )
-#: Of a foot, from the tip of its toes: back and up, m.
+#: Markers of a foot: distances from the tip of the toes, back and up, m.
 PLACES = {"TOE": (0.03, 0.025), "HEE": (0.25, 0.04), "ANK": (0.2, 0.09)}
-TIPTOE_M = 0.08  # the body is so much higher on its toes than where it stands
+TIPTOE_M = 0.08  # height of the body on tiptoe above standing
 
 
 @dataclass(frozen=True)
 class Kind:
-    """How files are made: contacts that give for `soft_s`, and where a trial begins and ends."""
+    """A kind of files: contacts give for `soft_s`; where a trial begins and ends."""
 
     trials: bool = True
     soft_s: float = 0.002
@@ -84,15 +84,15 @@ KINDS = {
 
 
 class Path1D:
-    """A height put together of parts, each a function of time from its beginning on."""
+    """A height made of consecutive parts, each a function of time."""
 
     def __init__(self) -> None:
-        """Begin without parts."""
+        """Start without parts."""
         self.begins: list[float] = []
         self.parts: list[Any] = []
 
     def add(self, begin: float, part: Any) -> None:
-        """Go on by another part from an instant on, s."""
+        """Append a part that begins at an instant, s."""
         self.begins.append(begin)
         self.parts.append(part)
 
@@ -106,7 +106,7 @@ class Path1D:
 
 
 def between(t0: float, start: list[float], t1: float, end: list[float]) -> Any:
-    """Quintic from (height, velocity, acceleration) at one instant to those at another."""
+    """Return the quintic between two instants with given (height, velocity, acceleration)."""
     return BPoly.from_derivatives([t0, t1], [start, end])
 
 
@@ -116,7 +116,7 @@ def fall(t0: float, height: float, speed: float) -> Any:
 
 @dataclass
 class Foot:
-    """Flights of one side: leaves at, from a height, toes touch, heel touches, pitch, own way."""
+    """Flights of one side: (leaves, from height, toes touch, heel touches, pitch, own motion)."""
 
     flights: list[tuple[float, float, float, float, float, FloatArray]]
 
@@ -130,13 +130,13 @@ def make(kind: Kind, jumps: int, rng: np.random.Generator, rate: float, noise: f
     apexes: list[float] = []
     for jump in range(jumps):
         level = drop if jump == 0 else 0.0
-        if level:  # steps off: falls freely
+        if level:  # steps off and falls freely
             body.add(t, fall(t, level, 0.0))
             leave, speed, top = t, 0.0, level
         else:
             depth, sink, push = rng.uniform(0.2, 0.3), rng.uniform(0.35, 0.5), rng.uniform(0.2, 0.3)
             speed, top = 0.5 * G * rng.uniform(0.38, 0.55), TIPTOE_M
-            if jump and kind.trials:  # rebounds from where the landing ended
+            if jump and kind.trials:  # rebounds from the end of the landing
                 sink = 0.0
             else:
                 body.add(t, between(t, [0, 0, 0], t + sink, [-depth, 0, 12.0]))
@@ -145,14 +145,14 @@ def make(kind: Kind, jumps: int, rng: np.random.Generator, rate: float, noise: f
             body.add(t + sink, between(t + sink, last, leave, [top, speed, -G]))
             body.add(leave, fall(leave, top, speed))
         apexes.append(leave + speed / G)
-        # Touches on tiptoe, lower by a little than it left.
+        # The body lands on tiptoe, slightly lower than at take-off.
         lower = TIPTOE_M - rng.uniform(0.0, 0.03)
         touch = leave + (speed + np.sqrt(speed**2 + 2 * G * (top - lower))) / G
         landing_speed = speed - G * (touch - leave)
         late = rng.uniform(0, 0.025) * rng.choice([-1, 1])
         contacts = touch + max(late, 0.0), touch + max(-late, 0.0)
         sink = rng.uniform(0.14, 0.25)
-        # A leg takes up speed over the depth that its braking gives.
+        # The leg absorbs the speed over a depth that follows from its braking.
         depth = lower + 0.45 * landing_speed * sink
         last = [depth, 0, rng.uniform(5, 15)]
         nadir = touch + sink
@@ -209,7 +209,7 @@ def make(kind: Kind, jumps: int, rng: np.random.Generator, rate: float, noise: f
 def _tip(
     foot: Foot, body: Path1D, time: FloatArray, drop: float, soft_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Height of the tip of the toes, m, and pitch of the foot (heel up), rad."""
+    """Return the height of the tip of the toes, m, and the pitch of the foot (heel up), rad."""
     tip, pitch = np.where(time < foot.flights[0][0], drop, 0.0), np.zeros(len(time))
     for leaves, level, contact, heel, angle, wobble in foot.flights:
         own = np.array([leaves, contact])
@@ -220,7 +220,7 @@ def _tip(
         s = time[fly] - contact
         own_way = (wobble[0] * s + 0.5 * wobble[1] * s**2) * (1 - np.clip(-s / 0.2, 0, 1) ** 2) ** 2
         tip[fly] = np.maximum(level * (1 - share) + follow + own_way, 0.0)
-        # Speed just before the contact, that a soft one takes up.
+        # Speed just before the contact, which a soft contact absorbs.
         step = 1e-5
         around = body(contact - step * np.array([2.0, 1.0]))
         speed = (around[1] - around[0]) / step - (ends[1] - ends[0] + level) / (contact - leaves)
@@ -230,7 +230,8 @@ def _tip(
         if soft_s:
             back = np.clip((0.25 - s) / 0.1, 0, 1)
             tip[after] += speed * soft_s * (1 - np.exp(-s / soft_s)) * back
-        # The pitch: rises in the push-off, held in flight, runs out at the heel's contact.
+        # The pitch rises in the push-off, changes to its landing value in flight, and ends at the
+        # heel's contact.
         push = (time >= leaves - 0.12) & (time < leaves) if not level else np.zeros(len(time), bool)
         pitch[push] = 0.6 * np.clip((time[push] - leaves + 0.12) / 0.12, 0, 1) ** 2
         begin = 0.0 if level else 0.6
@@ -239,7 +240,7 @@ def _tip(
         roll = (time >= contact) & (time < heel)
         part = (time[roll] - contact) / (heel - contact)
         pitch[roll] = angle * (1 - 0.3 * part - 0.7 * part**2)
-        if soft_s:  # the heel sinks in as the toes did
+        if soft_s:  # the heel sinks in like the toes
             rest = time >= heel
             rate = -angle * 1.7 / (heel - contact)
             s = time[rest] - heel
@@ -252,7 +253,7 @@ def _tip(
 def _hide(
     positions: FloatArray, time: FloatArray, truth: dict[str, list[float]], rng: np.random.Generator
 ) -> None:
-    """Hide a foot's marker at one contact in twenty, and one of the pelvis now and then."""
+    """Hide a foot's marker at one contact in twenty, and a marker of the pelvis now and then."""
     for name, contacts in truth.items():
         for contact in contacts:
             if rng.random() < 1 / 20:
@@ -291,7 +292,7 @@ def write(folder: Path, kind: Kind, seed: int, number: int) -> tuple[list[Path],
 
 
 def said(*arguments: str) -> tuple[int, str]:
-    """Run a command of hopdata in this process; return its exit code and what it says."""
+    """Run a command of hopdata in this process; return its exit code and its output."""
     out = io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         code = hopdata(list(arguments))
@@ -308,7 +309,7 @@ def table_of(config: str, run: bool) -> pd.DataFrame:
 
 
 def compare(table: pd.DataFrame, truths: list[Any], feet: dict[str, list[str]]) -> dict[str, Any]:
-    """Count what was found: feet by name, each with its markers."""
+    """Count what was found; feet are given by name, each with its markers."""
     rows = {"used": 0, "found": 0, "sure": 0, "right": 0, "likely_right": 0}
     errors: list[float] = []
     reasons: Counter[str] = Counter()
@@ -349,7 +350,7 @@ def compare(table: pd.DataFrame, truths: list[Any], feet: dict[str, list[str]]) 
 
 
 def measure(name: str, seed: int, *, run: bool, check: bool) -> list[dict[str, Any]]:
-    """Rows of one kind and seed: feet as init has them, and sides."""
+    """Return the rows of one kind and seed: feet as init has them, and sides."""
     kind, rows = KINDS[name], []
     before = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
@@ -388,7 +389,7 @@ def measure(name: str, seed: int, *, run: bool, check: bool) -> list[dict[str, A
                 }
                 try:
                     row |= compare(table_of("config.yaml", run), truths, feet)
-                except Exception as error:  # told in the table
+                except Exception as error:  # reported in the table
                     row |= {"reasons": f"{type(error).__name__}: {error}"}
                 last = [
                     x

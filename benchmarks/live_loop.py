@@ -2,45 +2,47 @@
 
     python benchmarks/live_loop.py --out live_loop.csv [--seconds 600] [--hops 10000]
 
-A process of its own simulates the hopper and streams its markers by Qualisys' real-time protocol at
-100 Hz, with faults; this process reads the stream with the unmodified client, tells stances, plans
-and sends each swing back. The planner has learned the hopper's frame changes from 100 hops of a
-recording, and goes round a square. The first case lasts `--seconds`, the others at most 60 s each.
-All processes are scheduled before the other work of the machine (`scheduling` "round robin", as by
-`chrt --rr 10`) where the system allows it, but in the last case.
+A separate process simulates the hopper and streams its markers by Qualisys' real-time protocol at
+100 Hz, with faults. This process reads the stream with the unmodified client, detects stances,
+plans, and sends each swing back. The planner has learned the hopper's frame changes from 100 hops
+of a recording, and goes round a square. The first case lasts `--seconds`, the others at most 60 s
+each. If the system allows it, all processes are scheduled before the other work of the machine
+(`scheduling` "round robin", as by `chrt --rr 10`), except in the last case.
 
-One row a case. Stances: `stances_true` that the simulated hopper made while there was a
-connection, of these `stances_told` within 50 ms of their true time, `stances_lost`, and
-`stances_invented` that were told but not made. `stances_unconnected` were made with no connection,
-or so soon after it was back that the fall before was not seen, and count for nothing else.
-`reconnected_ms`: longest time from the return of the server to the next frame. `crashes`: frames
-and decisions that raised an exception (had a thread ended, all later stances would be lost).
-`latency_*`: from the arrival of the frame that established the stance to the command that was
-sent; `since_stance_*`: from the stance itself, on the hopper's own clock. `commands_executed`:
-sent swings that the hopper executed in the next flight. `planned_with_stale_pose` is to be 0.
-`machine_*`: how long a process of its own, which does nothing but sleep for 10 ms and then compute
-for 0.2 ms, takes from when it was to wake up: what the machine and its other work alone cost.
-Times in ms.
+There is one row per case. `stances_true` counts stances of the simulated hopper during a
+connection; `stances_told` those of them reported within 50 ms of their true time, `stances_lost`
+the others, and `stances_invented` reported stances that did not happen. `stances_unconnected`
+happened without a connection, or so soon after its return that the preceding fall was not seen;
+they count for nothing else. `reconnected_ms` is the longest time from the return of the server to
+the next frame. `crashes` counts frames and decisions that raised an exception (if a thread had
+ended, all later stances would be lost). `latency_*` is the time from the arrival of the frame that
+established the stance to the command; `since_stance_*` starts at the stance itself, on the hopper's
+own clock. `commands_executed` counts sent swings that the hopper executed in the next flight.
+`planned_with_stale_pose` must be 0. `machine_*` shows the delay due to the machine and its other
+work alone: a separate process sleeps for 10 ms and then computes for 0.2 ms, and is timed from its
+scheduled wake-up. Times are in ms.
 
-`live_faults.csv`, beside it: ten thousand hops under faults, on a clock of its own, and whether the
-boom rests in time.
+`live_faults.csv`, beside it, holds ten thousand hops under faults, on a simulated clock, and
+whether the boom rests in time.
 
-The loop that drives a robot (`hopdata.steering.live`), its watch, the stream's judgement of frames
-and the simulated hopper at 500 Hz, without threads: time is a number that goes on by itself, so
-that a night passes in minutes and each seed gives the same. Of a busy machine there are pauses of
-the loop (40 ms at most) and of the watch (20 ms). One fault after the other
-befalls what the loop sees, plans or sends. This program, which knows when it did and where the
-hopper is, notes each swing that reaches the boom. Nothing of what it notes is told to the loop.
+This part runs the loop that drives a robot (`hopdata.steering.live`), its watch, the stream's
+checks of frames, and the simulated hopper at 500 Hz, without threads. Time is a number that this
+program advances, so a night passes in minutes and each seed gives the same result. As on a busy
+machine, the loop pauses (40 ms at most) and so does the watch (20 ms). One fault after another
+affects what the loop sees, plans or sends. This program knows the time of each fault and the
+hopper's position, and records each swing that reaches the boom. The loop learns nothing of these
+records.
 
-One row a kind of fault: how often it occurred; `rest_ms_p50`, `rest_ms_max`: from the cause to the
-boom's rest, for those that must bring it to rest (a cause is the end of the 100 ms without a frame,
-the third frame of exchanged markers, 200 ms without a plan, else the first frame that shows it);
-`moved`: swings other than 0 that were sent while the cause lasted, from 50 ms on. The row `all`
-counts stances: `seen` are those about which at most single frames are missing, `lost` of them were
-not told, `invented` ones were not made. Each swing that was sent is judged by the true stance at
-the time of its own: `off_m`, `off_rad` are how far pose (and boom angle) that it was planned with
-were from that stance at most. `unsafe` are swings beyond the limit, those with no true stance
-within 50 ms, those that were off by more than 0.1 m or 0.2 rad, and all that `moved`.
+There is one row per kind of fault: how often it occurred; `rest_ms_p50` and `rest_ms_max`, the time
+from the cause to the boom's rest, for faults that must bring it to rest; and `moved`, swings other
+than 0 that were sent while the cause lasted, from 50 ms on. A cause is the end of 100 ms without a
+frame, the third frame of exchanged markers, 200 ms without a plan, or otherwise the first frame
+that shows the fault. The row `all` counts stances: `seen` stances have at most single frames
+missing about them; `lost` of these were not reported, and `invented` ones did not happen. Each sent
+swing is judged by the true stance at its own time: `off_m` and `off_rad` are the largest deviations
+from that stance of the pose (and boom angle) used for planning. `unsafe` counts swings beyond the
+limit, swings with no true stance within 50 ms, swings that were off by more than 0.1 m or 0.2 rad,
+and all that `moved`.
 """
 
 from __future__ import annotations
@@ -85,12 +87,12 @@ from hopdata.steering.observation.tracking import HopperTracker
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import record_trial
 
-# Way-points: one point after the other.
+# Way-points: visit one point after another.
 
 
 @dataclass(frozen=True, kw_only=True)
 class WayPoints:
-    """Visit points of the floor one after the other, and stay at the last.
+    """Visit points of the floor one after another, and stay at the last.
 
     Parameters
     ----------
@@ -104,14 +106,14 @@ class WayPoints:
     arrival_m: float = 0.15
 
     def legs(self) -> tuple[ToPoint, ...]:
-        """Return the objectives of the single points, in order."""
+        """Objectives of the single points, in order."""
         return tuple(ToPoint(point_m=point) for point in self.points_m)
 
 
 class WayPointFollower:
-    """Steers to the first of the way-points that has not been visited, and stays at the last.
+    """Steers to the first way-point that has not been visited, and stays at the last.
 
-    It remembers which have been visited, so each run needs one of its own.
+    It remembers the visited points, so each run needs a follower of its own.
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ class WayPointFollower:
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> Plan:
-        """Plan towards the present way-point; one that is within reach counts as visited."""
+        """Plan towards the current way-point; one within reach counts as visited."""
         here, boom = checked_state(pose, boom_angle_rad)
         while self.visited < len(self._legs) and self._arrived(here):
             self.visited += 1
@@ -139,12 +141,12 @@ class WayPointFollower:
         return bool(np.all(errors_left(self._legs[self.visited], pose) <= self._arrival_m))
 
 
-# The cases, and what is counted in each.
+# The cases, and the quantities counted in each.
 
 SEED = 20261121
 RATE_HZ = 100.0
-NEAR_S = 0.05  # a stance told farther from a true one than this is invented
-FALL_S = 0.45  # from high in flight to the stance: seen in part if frames begin in it
+NEAR_S = 0.05  # a reported stance farther from any true one is invented, s
+FALL_S = 0.45  # from high in flight to the stance: only partly seen if frames begin in it
 LIMITS = Limits()
 CORNERS = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
 SQUARE = WayPoints(points_m=CORNERS * 100, arrival_m=0.2)
@@ -152,13 +154,13 @@ SQUARE = WayPoints(points_m=CORNERS * 100, arrival_m=0.2)
 
 @dataclass(frozen=True)
 class Case:
-    """What befalls the stream, and for how long."""
+    """Faults of the stream, and their duration."""
 
     name: str
     seconds: float
     faults: Faults
     outages: tuple[Outage, ...] = ()
-    first: bool = True  # before the other work of the machine
+    first: bool = True  # scheduled before the other work of the machine
 
 
 def cases(seconds: float) -> list[Case]:
@@ -186,7 +188,7 @@ def cases(seconds: float) -> list[Case]:
 
 
 def recorded() -> Recording:
-    """Record some two minutes of the hopper, with random swings of its boom."""
+    """Record about two minutes of the hopper, with random swings of its boom."""
     rng = np.random.default_rng(np.random.SeedSequence(SEED))
     swings = rng.uniform(-1, 1, 200) * LIMITS.swing_rad
     return record_trial(SteeredHopper(), swings, seed=SEED).recording
@@ -197,12 +199,12 @@ def identified(recording: Recording, geometry: HopperGeometry) -> Planner:
     seen = observe_stances(recording, geometry)
     changes = frame_changes(seen, swing_limit_rad=LIMITS.swing_rad)
     learned = planner(trained_process(changes.used().rows(np.arange(100))))
-    learned.plan(np.zeros(3), np.pi)  # compiles
+    learned.plan(np.zeros(3), np.pi)  # compile
     return learned
 
 
 def serve(case: Case, pipe: Connection) -> None:
-    """Stream the hopper until told to stop; then report what it truly did."""
+    """Stream the hopper until told to stop; then report its true motion."""
     swings = UdpSwings()
     hopper = LiveHopper(SteeredHopper(), swings.newest, rate_hz=RATE_HZ, seed=SEED)
     server = LoopbackServer(
@@ -221,7 +223,7 @@ def serve(case: Case, pipe: Connection) -> None:
 
 
 def pauses(pipe: Connection) -> None:
-    """Sleep and compute until told to stop; then report how long each time took, s."""
+    """Sleep and compute until told to stop; then report the duration of each turn, s."""
     block, took = np.eye(48), []
     while not pipe.poll():
         due = time.monotonic() + 0.01
@@ -234,7 +236,7 @@ def pauses(pipe: Connection) -> None:
 
 
 def run(case: Case, geometry: HopperGeometry, controller: WayPointFollower) -> dict[str, object]:
-    """Drive the hopper of another process, and compare with what it says."""
+    """Drive the hopper of another process, and compare with its report."""
     (here, there), (clock, idle) = mp.Pipe(), mp.Pipe()
     fresh = mp.get_context("spawn")
     robot = fresh.Process(target=serve, args=(case, there))
@@ -242,7 +244,7 @@ def run(case: Case, geometry: HopperGeometry, controller: WayPointFollower) -> d
     schedule(first=case.first)
     robot.start()
     sleeper.start()
-    clocks: list[float] = []  # this machine's clock less that of the hopper, at each decision
+    clocks: list[float] = []  # this machine's clock minus the hopper's, at each decision
 
     def compare_clocks(decision: Decision) -> None:
         clocks.append(time.monotonic() - decision.stance_s - decision.since_stance_s)
@@ -282,7 +284,7 @@ def run(case: Case, geometry: HopperGeometry, controller: WayPointFollower) -> d
 
 
 def schedule(*, first: bool) -> None:
-    """Put this thread, and those and processes that it starts from here on, first or not."""
+    """Schedule this thread, and threads and processes it starts from now on, first or normally."""
     if hasattr(os, "sched_setscheduler"):
         policy, priority = (os.SCHED_RR, 10) if first else (os.SCHED_OTHER, 0)
         with suppress(PermissionError):
@@ -290,13 +292,13 @@ def schedule(*, first: bool) -> None:
 
 
 def scheduling() -> str:
-    """How the operating system schedules this process."""
+    """Return how the operating system schedules this process."""
     policy = os.sched_getscheduler(0) if hasattr(os, "sched_getscheduler") else 0
     return "round robin" if policy else "shared"
 
 
 def unconnected(states: tuple[Status, ...], clock_s: float) -> list[tuple[float, float]]:
-    """Return when there was no connection, on the hopper's clock, s."""
+    """Return the spans without a connection, on the hopper's clock, s."""
     gaps, begun = [], None
     for status in states[3:]:  # after idle, connecting, streaming
         if status.state == "lost" and begun is None:
@@ -310,7 +312,7 @@ def unconnected(states: tuple[Status, ...], clock_s: float) -> list[tuple[float,
 def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object]:
     decisions = pd.DataFrame([vars(d) for d in done.decisions])
     true, told = np.array([h.stance.time_s for h in hops]), decisions.stance_s.to_numpy()
-    # The first hop, and a last one of which the end was perhaps not seen, do not count.
+    # Do not count the first hop, nor a last one whose end may not have been seen.
     counted = np.isfinite(true) & (true > FALL_S) & (true < served.frames / RATE_HZ - FALL_S)
     away = np.zeros(len(true), dtype=bool)
     for begin, end in gaps:
@@ -346,7 +348,7 @@ def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object
 
 
 def executed(sent: pd.DataFrame, hops: list) -> dict[str, int]:
-    """Return how many commands are the swing of the flight that began next, if any did."""
+    """Return how many commands were sent before a flight, and how many that flight executed."""
     starts, swings = np.array([(h.start_s, h.swing_rad) for h in hops]).T
     following = np.searchsorted(starts, sent.stance_s)
     flown = following < len(hops)
@@ -361,14 +363,15 @@ def quantiles(name: str, seconds: pd.Series) -> dict[str, float]:
     return {f"{name}_p50_ms": p50, f"{name}_p99_ms": p99, f"{name}_max_ms": most}
 
 
-# Hops under faults, on a clock of its own.
+# Hops under faults, on a simulated clock.
 
 FAULTS_HZ, DELAY_S = 500.0, 0.003
 ALLOWED_S, ANEW_S = 0.05, 1.0
-AWAY_M, TURNED_RAD = 0.1, 0.2  # farther from its stance a plan is unsafe
-BEFORE_S, AFTER_S = 0.5, 0.1  # of a stance, in which it must be seen
+AWAY_M, TURNED_RAD = 0.1, 0.2  # a plan farther from its stance is unsafe
+BEFORE_S, AFTER_S = 0.5, 0.1  # span about a stance in which it must be seen
 
-# Each kind: shortest and longest span, s; what must follow: nothing, rest, or the end of the drive.
+# Each kind: shortest and longest span, s, and the required reaction: none, rest, or the end of the
+# drive.
 KINDS = {
     "frames dropped": (1.0, 3.0, ""),
     "marker hidden": (0.1, 0.45, ""),
@@ -391,7 +394,7 @@ UNSEEN = {"frames repeated", "frames held up", "server gone", "markers exchanged
 
 @dataclass
 class Fault:
-    """One fault, from when to when on the hopper's clock; what it did, and when the boom rested."""
+    """One fault: its span on the hopper's clock, its effect, and when the boom rested."""
 
     kind: str
     begin_s: float
@@ -405,7 +408,7 @@ class Fault:
 
 @dataclass
 class Rehearsal:
-    """The hopper, the loop and the clock."""
+    """The hopper, the loop and the clock of a rehearsal."""
 
     geometry: HopperGeometry
     learned: Planner
@@ -413,9 +416,9 @@ class Rehearsal:
     now_s: float = 0.0
     faults: list[Fault] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
-    told_s: list[float] = field(default_factory=list)  # instants of stances, hopper's clock
-    begun_s: list[float] = field(default_factory=list)  # of each drive
-    off: list[tuple[float, float]] = field(default_factory=list)  # of swings sent, m and rad
+    told_s: list[float] = field(default_factory=list)  # reported stances, hopper's clock
+    begun_s: list[float] = field(default_factory=list)  # start of each drive
+    off: list[tuple[float, float]] = field(default_factory=list)  # errors of sent swings, m and rad
     unsafe: int = 0
 
     def __post_init__(self) -> None:
@@ -434,7 +437,7 @@ class Rehearsal:
         self.begin_drive()
 
     def begin_drive(self) -> None:
-        """Start the loop, as an operator would."""
+        """Start the loop as an operator would."""
         self.begun_s.append(self.now_s)
         self.loop = ControlLoop(
             self.stream.buffer,
@@ -451,7 +454,7 @@ class Rehearsal:
         self.taken = self.stream.buffer.written
 
     def run(self, hops: int) -> None:
-        """Let the hopper make so many hops."""
+        """Let the hopper make `hops` hops."""
         while len(self.hopper.hops) < hops:
             pause = self.pauses.exponential(0.01) if self.pauses.random() < 0.002 else 0.0
             self.advance(max(self.next[0], self.now_s) + min(pause, 0.04))
@@ -462,7 +465,7 @@ class Rehearsal:
             self._next_fault()
 
     def advance(self, to_s: float) -> None:
-        """Let time pass: frames arrive, and the watch looks."""
+        """Let time pass: frames arrive and the watch checks."""
         while min(self.next[0], self.look_s) <= to_s:
             if self.next[0] <= self.look_s:
                 arrival_s, number, time_s, markers = self.next
@@ -477,7 +480,7 @@ class Rehearsal:
         self.now_s = max(self.now_s, to_s)
 
     def _arrivals(self) -> Iterator[tuple[float, int, float, np.ndarray]]:
-        """Yield when each frame arrives, its number, its camera time and its markers."""
+        """Yield each frame's arrival time, number, camera time and markers."""
         number, shown_s, last = 0, 0.0, (0, 0.0, np.zeros((4, 3)))
         for true_s, markers in self.hopper:
             number += 1
@@ -502,7 +505,7 @@ class Rehearsal:
             yield arrival_s, *last
 
     def _shown(self, kind: str, fault: Fault, markers: np.ndarray, now_s: float) -> np.ndarray:
-        """Return the markers as a fault shows them."""
+        """Return the markers as the fault shows them."""
         if kind == "marker hidden":
             markers[1] = np.nan
         if kind == "one frame absurd" and fault.frames == 1:
@@ -522,7 +525,7 @@ class Rehearsal:
         return markers
 
     def _caused(self, fault: Fault, cause_s: float) -> None:
-        """Note the first cause; a boom that rests already needs no telling."""
+        """Record the first cause of a fault."""
         if np.isnan(fault.cause_s):
             fault.cause_s = cause_s
 
@@ -547,7 +550,7 @@ class Rehearsal:
         return fault.kind if fault.begin_s <= self.now_s <= fault.end_s else ""
 
     def _swing(self, rad: float) -> None:
-        """Take a swing as the boom, and judge it."""
+        """Receive a swing in place of the boom, and judge it."""
         fault = self.fault
         if self._active() == "boom fails" and not fault.refused:
             fault.refused = True
@@ -557,7 +560,7 @@ class Rehearsal:
         if must and caused and self.now_s >= fault.cause_s - 1e-9:
             if rad == 0.0 and np.isnan(fault.rest_s):
                 fault.rest_s = self.now_s
-            # A frame shown in time to rest; that of the end has still to arrive.
+            # A frame shown in time requires rest; the frame that ends the fault has yet to arrive.
             lasting = must == "over" or self.now_s <= fault.end_s
             fault.moved += rad != 0.0 and lasting and self.now_s > fault.cause_s + ALLOWED_S
         self.unsafe += abs(rad) > LIMITS.swing_rad
@@ -571,7 +574,7 @@ class Rehearsal:
         self.unsafe += bool(self.off[-1][0] > AWAY_M or self.off[-1][1] > TURNED_RAD)
 
     def _next_fault(self) -> None:
-        """Note what became of a fault that is over, and draw the next."""
+        """Record the outcome of a fault that is over, and draw the next."""
         fault = self.fault
         pressed = fault.kind == "operator's key" and self.now_s >= fault.begin_s
         if pressed and np.isnan(fault.cause_s):
@@ -592,9 +595,9 @@ class Rehearsal:
 
 
 def off_by(decision: Decision, told_s: float, hops: list[TrueHop]) -> tuple[float, float]:
-    """Return how far a plan's pose and angles are from those of its stance, told at so many s.
+    """Return the errors of a plan's pose and angles relative to its stance, reported at `told_s`.
 
-    Infinite if there was no stance then.
+    They are infinite if there was no stance at that time.
     """
     hop = min(hops, key=lambda h: abs(np.nan_to_num(h.stance.time_s) - told_s))
     if not abs(hop.stance.time_s - told_s) < NEAR_S:
@@ -608,7 +611,7 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
     for kind, (_, _, must) in KINDS.items():
         those = [f for f in done.faults if f.kind == kind]
         caused = [f for f in those if must and not np.isnan(f.cause_s)]
-        # Where the boom rests already no command is sent, and none is needed.
+        # If the boom already rests, no command is sent and none is needed.
         delays = [1e3 * (f.rest_s - f.cause_s) for f in caused if not np.isnan(f.rest_s)]
         yield {
             "fault": kind, "must": must or "go on", "number": len(those),
@@ -637,8 +640,8 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
 
 
 def live_faults(geometry: HopperGeometry, learned: Planner, given: argparse.Namespace) -> None:
-    """Write the table of faults, after each thousand hops."""
-    logging.disable(logging.WARNING)  # the watch says each rest
+    """Write the table of faults after each thousand hops."""
+    logging.disable(logging.WARNING)  # the watch logs each rest
     done = Rehearsal(geometry, learned, given.seed)
     begun = time.monotonic()
     for hops in (*range(1000, given.hops, 1000), given.hops):

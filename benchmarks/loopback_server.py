@@ -38,8 +38,8 @@ GREETING = "QTM RT Interface connected"
 NO_MORE_DATA = 4
 EVENT_CAPTURE_STARTED = 3
 
-# Packets as the server writes them; those of `hopdata.steering.live.packets` are read.
-# A data packet holds a frame's stamp and number, and components: size, type, and here markers.
+# Packets that the server writes; `hopdata.steering.live.packets` reads them. A data packet holds a
+# frame's stamp and number, then components: size, type, and here markers.
 
 COMPONENT_3D, COMPONENT_3D_RESIDUAL = 1, 9
 FRAME = struct.Struct("<qII")
@@ -49,7 +49,7 @@ MARKERS = struct.Struct("<Ihh")
 
 @dataclass(frozen=True)
 class StreamFrame:
-    """One frame of the stream: camera time in s, frame number, markers (M, 3) in m, NaN unseen."""
+    """One frame of the stream: camera time, s, frame number, markers (M, 3), m, NaN if unseen."""
 
     time_s: float
     number: int
@@ -100,18 +100,18 @@ def parameters_xml(labels: Sequence[str], rate_hz: float, *, parts: Sequence[str
     return ET.tostring(root, encoding="unicode")
 
 
-# Faults put into a stream on purpose, the same for the same seed.
+# Deliberate faults of the stream, reproducible by seed.
 
 OutageKind = Literal["stall", "vanish", "garbage"]
 
 
 @dataclass(frozen=True)
 class Faults:
-    """Rates of faults that befall single frames.
+    """Rates of faults that affect single frames.
 
     `dropped` is the share of frames that are not sent, in bursts of `burst_frames` on average (1:
-    each by itself); `hidden` the share of markers not seen; `garbled` the share of frames with
-    `garbled_bytes` random bytes behind the packet's header.
+    single frames); `hidden` is the share of unseen markers; `garbled` is the share of frames with
+    `garbled_bytes` random bytes after the packet's header.
     """
 
     dropped: float = 0.0
@@ -133,7 +133,7 @@ class Faults:
 class Outage:
     """A fault of the whole server, `at_s` after the first frame, for `for_s`.
 
-    "stall": nothing is sent, and then all of it at once. "vanish": the server hangs up, refuses
+    "stall": nothing is sent, and then everything at once. "vanish": the server hangs up, refuses
     connections and comes back. "garbage": random bytes between two packets.
     """
 
@@ -147,7 +147,7 @@ class Outage:
 
 @dataclass(frozen=True)
 class Fate:
-    """What befalls one frame: dropped, some of its markers (M,) hidden, bytes garbled."""
+    """The fate of one frame: whether it is dropped, hidden markers (M,), garbled bytes."""
 
     dropped: bool
     hidden: np.ndarray
@@ -155,7 +155,7 @@ class Fate:
 
 
 class FaultSource:
-    """Draws the fate of frame after frame from a seed."""
+    """Draws the fate of each frame in turn from a seed."""
 
     def __init__(self, faults: Faults, n_markers: int, seed: int) -> None:
         frames, garbage = np.random.SeedSequence(seed).spawn(2)
@@ -166,8 +166,8 @@ class FaultSource:
     def next_fate(self) -> Fate:
         """Return the fate of the next frame.
 
-        Every frame takes equally many random numbers, so that its fate does not depend on that of
-        others but for the bursts: a chain of two states with the given share and mean length.
+        Every frame uses the same number of random draws, so its fate depends on other frames only
+        through the bursts: a two-state chain with the given share and mean length.
         """
         faults = self._faults
         drop, garble, *hide = self._rng.random(2 + self._n_markers)
@@ -179,7 +179,7 @@ class FaultSource:
         return Fate(bool(self._in_burst), hidden, bool(garble < faults.garbled))
 
     def garbled(self, packet: bytes) -> bytes:
-        """Return the packet with some bytes behind its header replaced."""
+        """Return the packet with some bytes after its header replaced."""
         damaged = np.frombuffer(packet, dtype=np.uint8).copy()
         count = min(self._faults.garbled_bytes, len(damaged) - HEADER.size)
         places = self._bytes.choice(np.arange(HEADER.size, len(damaged)), count, replace=False)
@@ -192,23 +192,23 @@ class FaultSource:
 
 
 def hide(markers: FloatArray, hidden: np.ndarray) -> FloatArray:
-    """Return the markers (M, 3) with NaN for those that are hidden (M,)."""
+    """Return the markers (M, 3) with NaN for the hidden ones (M,)."""
     return np.where(hidden[:, None], np.nan, markers)
 
 
-# Connections of the server: its clients, and the socket on which it waits for them.
+# The server's clients, and the socket on which it waits for them.
 
-MOST_WAITING = 1 << 20  # bytes that a client may leave unread before frames for it are skipped
+MOST_WAITING = 1 << 20  # unread bytes of a client above which its frames are skipped
 
 
 class ServedClient:
-    """One connection: which frames it wants (every so manieth, 0 for none), and how."""
+    """One connection: which frames it wants (every n-th, 0 for none), and in which form."""
 
     def __init__(self, writer: asyncio.StreamWriter) -> None:
         self.writer, self.every, self.residuals = writer, 0, False
 
     def send(self, data: bytes) -> bool:
-        """Send, unless the client has left too much unread; say whether it was sent."""
+        """Send, unless the client has left too much unread; return whether it was sent."""
         transport = self.writer.transport
         if transport.is_closing() or transport.get_write_buffer_size() > MOST_WAITING:
             return False
@@ -222,7 +222,7 @@ async def next_command(reader: asyncio.StreamReader) -> str:
     Raises
     ------
     ValueError
-        If what came is no command.
+        If the data are not a command.
     IncompleteReadError
         If the client has gone.
     """
@@ -235,7 +235,7 @@ async def next_command(reader: asyncio.StreamReader) -> str:
 
 
 def listening_socket(host: str, port: int) -> socket.socket:
-    """Return a socket that listens; port 0 for any free one.
+    """Return a listening socket; port 0 means any free port.
 
     Raises
     ------
@@ -249,16 +249,16 @@ def listening_socket(host: str, port: int) -> socket.socket:
         raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
 
 
-# The robot's side: what `hopdata.steering.live.safety.UdpBoom` sends.
+# The robot's side: it receives the lines of `hopdata.steering.live.safety.UdpBoom`.
 
 LONGEST_LINE = 200
 
 
 class UdpSwings:
-    """Receives the lines of `UdpBoom`, on the loopback address unless told otherwise.
+    """Receives the lines of `UdpBoom`, on the loopback address by default.
 
-    Lines that cannot be read are left out and counted in `garbled`; those whose number is not above
-    all before, since they come late, twice or out of order, in `outdated`.
+    Unreadable lines are left out and counted in `garbled`. Lines that are late, repeated or out of
+    order, whose number does not exceed all earlier ones, are counted in `outdated`.
 
     Raises
     ------
@@ -268,7 +268,7 @@ class UdpSwings:
 
     def __init__(self, port: int = 0, *, host: str = LOOPBACK) -> None:
         self.garbled = self.outdated = 0
-        self._number = -1  # of the newest so far
+        self._number = -1  # of the newest line so far
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -279,7 +279,7 @@ class UdpSwings:
         self.port: int = self._socket.getsockname()[1]
 
     def newest(self) -> float | None:
-        """Return the last swing that has come since the last call, rad, or None; never waits."""
+        """Return the newest swing received since the last call, rad, or None; never waits."""
         swing = None
         while True:
             try:
@@ -300,7 +300,7 @@ class UdpSwings:
 
 
 def _swing(line: bytes) -> tuple[int, float] | None:
-    """Return number and swing, rad, of a line."""
+    """Return the number and the swing, rad, of a line."""
     words = line.split()
     if len(words) != 3 or words[0] != b"swing" or not words[1].isdigit():
         return None
@@ -311,21 +311,21 @@ def _swing(line: bytes) -> tuple[int, float] | None:
     return (int(words[1]), rad) if math.isfinite(rad) else None
 
 
-# Answers of the server to the commands of a client, as the client of version 1.25 expects them.
+# The server's answers to commands of a client, as version 1.25 of the client expects them.
 
 COMPONENTS = ("3d", "3dres")
 
 
 @dataclass(frozen=True)
 class FrameRequest:
-    """Frames are wanted: one (`every` 0), or a stream of every so manieth frame (-1: no more)."""
+    """A request for frames: one (`every` 0), a stream of every n-th frame, or no more (-1)."""
 
     every: int
     residuals: bool = False
 
 
 def answer(command: str, labels: Sequence[str], rate_hz: float) -> bytes | FrameRequest:
-    """Return the packet to send, or what is to be streamed; a stream has no other answer."""
+    """Return the packet to send, or the request for a stream, which has no other answer."""
     verb, *words = command.lower().split() or [""]
     if verb == "version":
         return _version(words)
@@ -362,7 +362,7 @@ def _frames(every: int, components: list[str]) -> bytes | FrameRequest:
 
 
 def _every(which: str, rate_hz: float) -> int:
-    """Return which frames a client wants: every n-th; 0 if its words make no sense."""
+    """Return n if a client wants every n-th frame, or 0 if its request makes no sense."""
     kind, _, number = which.partition(":")
     if which == "allframes":
         return 1
@@ -396,25 +396,26 @@ TRY_AGAIN_S = 0.05
 class LoopbackServer:
     """Streams frames of a source to any number of clients, from a thread of its own.
 
-    Used as a context manager, or with `start` and `close`. The first frame goes out when the first
-    client asks for the stream. From then on time runs for all, whether anybody listens or not.
+    Use it as a context manager, or with `start` and `close`. The first frame is sent when the first
+    client asks for the stream. From then on time runs for all, whether or not anybody listens.
 
     Parameters
     ----------
     source : iterable of (time_s, markers)
-        Camera time, s, and markers (M, 3), m, NaN for those not seen. Each frame is asked for when
-        it is due.
+        Camera time, s, and markers (M, 3), m, NaN if unseen. Each frame is requested when it is
+        due.
     labels : sequence of M str
+        Names of the markers.
     rate_hz : float
         Frame rate, Hz.
     speed : float
-        Times real time; infinite: as fast as the clients read.
+        Multiple of real time; infinite means as fast as the clients read.
     host, port : str, int
-        Where to listen; only on the loopback address unless told otherwise. Port 0: any free one.
+        Address to listen on, the loopback address by default. Port 0 means any free port.
     faults, outages
-        What befalls frames, and the whole server.
+        Faults of frames, and of the whole server.
     seed : int
-        Of the faults.
+        Seed of the faults.
 
     Raises
     ------
@@ -441,20 +442,20 @@ class LoopbackServer:
             raise ConfigError(f"speed: expected more than 0, found {speed}")
         self.labels, self.rate_hz, self.host, self.port = tuple(labels), rate_hz, host, port
         self.counts = ServerCounts()
-        self.ended = threading.Event()  # the source has no more frames
-        self.outage_spans: list[tuple[float, float]] = []  # camera time, s
+        self.ended = threading.Event()  # set when the source has no more frames
+        self.outage_spans: list[tuple[float, float]] = []  # spans in camera time, s
         self._source, self._period = iter(source), 1 / (rate_hz * speed)
         self._fates = FaultSource(faults or Faults(), len(self.labels), seed)
         self._outages = sorted(outages, key=lambda outage: outage.at_s)
         self._clients: set[ServedClient] = set()
         self._handlers: set[asyncio.Task[None]] = set()
-        self._held: list[StreamFrame] | None = None  # in a stall
+        self._held: list[StreamFrame] | None = None  # frames held back during a stall
         self._latest: StreamFrame | None = None
         self._listener: asyncio.Server | None = None
         self._thread = LoopThread("hopdata-server", self._main)
 
     def start(self) -> Self:
-        """Begin to listen.
+        """Start listening.
 
         Raises
         ------
@@ -487,7 +488,7 @@ class LoopbackServer:
         self.close()
 
     def begin(self, outage: Outage) -> None:
-        """Begin an outage now, whatever its time."""
+        """Begin an outage now, regardless of its time."""
         self._thread.call(self._begin, outage)
 
     async def _main(self) -> None:
@@ -577,7 +578,7 @@ class LoopbackServer:
             try:
                 sock = listening_socket(self.host, self.port)
                 self._listener = await asyncio.start_server(self._serve, sock=sock)
-            except PortError:  # somebody else has taken it in the meantime
+            except PortError:  # another program has taken it in the meantime
                 await asyncio.sleep(TRY_AGAIN_S)
 
     def _hang_up(self) -> None:
@@ -598,7 +599,7 @@ class LoopbackServer:
             while True:
                 self._obey(client, await next_command(reader))
         except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
-            return  # gone, perhaps in the middle of a packet
+            return  # the client has gone, perhaps in the middle of a packet
         except ValueError as error:
             self.counts.refused_packets += 1
             client.send(text(ERROR, str(error)))

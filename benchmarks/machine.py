@@ -1,6 +1,6 @@
 """What the benchmarks run on, and how they time: `--out machine.csv` writes platform and versions.
 
-Import it before anything that starts threads: it lets every library have one.
+Import it before anything that starts threads: it limits every library to one thread.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ os.environ.update(
     JAX_PLATFORMS="cpu",
     JAX_ENABLE_X64="1",
     JAX_CPU_ENABLE_ASYNC_DISPATCH="0",
-    EQX_ON_ERROR="nan",  # under `vmap`, diffrax looks for roots where no event is, too
+    EQX_ON_ERROR="nan",  # diffrax looks for roots under `vmap` even without an event
     XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
 )
 # isort: split
@@ -33,13 +33,14 @@ import numpy as np
 
 # Times of several functions in turn, as medians with quartiles.
 #
-# Time is the processor time of this thread: that on the clock of an idle machine, and less
-# disturbed by others on a shared one. What is measured must run in this thread alone.
+# Time is the processor time of this thread. On an idle machine it equals the time on the clock, and
+# on a shared machine other work disturbs it less. The measured function must run in this thread
+# alone.
 
 
 Result = TypeVar("Result")
 
-LONGEST_S = 0.25  # of one function's repeats, beyond the fewest
+LONGEST_S = 0.25  # longest duration of one function's repeats, beyond the fewest
 
 
 def timed(run: Callable[[], Result]) -> tuple[float, Result]:
@@ -62,8 +63,8 @@ def in_turn(
 ) -> dict[str, list[float]]:
     """Return the times of each function, s, turn by turn.
 
-    All run equally often, `most` times if the slowest takes so little, but `fewest` at least. The
-    first run, which warms up, does not count.
+    All functions run equally often: `most` times if the slowest is quick enough, but at least
+    `fewest` times. The first run is a warm-up and does not count.
     """
     slowest = max(timed(run)[0] for run in runs.values())
     times: dict[str, list[float]] = {name: [] for name in runs}
@@ -77,7 +78,7 @@ PEERS = ("scipy", "scikit-learn", "mujoco", "heyoka", "diffrax", "jax", "scikit-
 
 
 def processor() -> str:
-    """Return the processor's name, as well as the system tells it."""
+    """Return the processor's name, as far as the system reports it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -87,7 +88,7 @@ def processor() -> str:
 
 
 def installed(package: str) -> str:
-    """Return the version of a package, or an empty text if it is not there."""
+    """Return the version of a package, or an empty text if it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:

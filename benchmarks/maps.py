@@ -2,17 +2,17 @@
 
     python benchmarks/maps.py --out maps.csv
 
-Rows: one method on one problem. `size` counts fits or pairs, `each_us` is the median time for one
-of them over runs taken in turn with the peers, between its quartiles; `error` is the largest
-relative error of a mean squared error (regressions) or the largest absolute error in rad (arc
-lengths) against a reference in more digits than a double (of arc lengths the first five; the others
-against singular values, which are good to 1e-14); `times_faster` is the method's time over
-ours. All run in one thread, and times are the processor's, but for all pairs of a study, which take
-every core: there `each_us` is from the clock.
+Each row is one method on one problem. `size` counts fits or pairs. `each_us` is the median time for
+one of them, between its quartiles, over runs taken in turn with the peers. `error` is the largest
+relative error of a mean squared error (regressions), or the largest absolute error in rad (arc
+lengths). The reference has more digits than a double; for arc lengths this holds for the first
+five, and the others are compared with singular values, which are good to 1e-14. `times_faster` is
+the method's time over ours. Everything runs in one thread and times are processor times, except for
+all pairs of a study, which use every core: there `each_us` is wall-clock time.
 
-Beside it: `<table>_noise.csv`, how six distances between equal subspaces answer to noise, and
-`<table>_readings.csv`, the arc lengths of noised identities in every reading of a "signal-to-noise
-ratio of 10".
+Beside it are `<table>_noise.csv`, the response of six distances between equal subspaces to noise,
+and `<table>_readings.csv`, the arc lengths of noised identities in every reading of a
+"signal-to-noise ratio of 10".
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from hopdata.maps.subspaces import arc_length, orthonormalised, principal_angles
 OURS, SKLEARN = "hopdata", "scikit-learn LinearRegression, loop"
 Methods = dict[str, Callable[..., np.ndarray]]
 Splits = tuple[np.ndarray, ...]
-#: Landings of six classes, near, all and far in the dissertation's data set.
+#: Landings of six classes, then of near, all and far, in the dissertation's data set.
 POPULATIONS = (477, 477, 477, 477, 476, 476, 1430, 2860, 1430)
-#: Fits and pairs whose reference is computed in more digits; it is slow.
+#: Fits and pairs whose reference is computed in more digits, which is slow.
 EXACT_FITS, EXACT_PAIRS = 10, 5
-#: The peers' loops take as long for each pair of a few as of many.
+#: Pairs for the peers' loops, whose time per pair does not depend on their number.
 FEW_PAIRS = 1000
 #: Dimensions of the space of pairs and of the subspaces in the dissertation's data set.
 SHAPE = (34, 17)
@@ -77,7 +77,7 @@ def write(rows: list[dict[str, Any]], file: TextIO) -> None:
 
 
 def regressions(bootstraps: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of the bootstraps of nine models, as for Fig. 2.4."""
+    """Yield the rows for the bootstraps of nine models, as for Fig. 2.4."""
     fits: Methods = {
         OURS: affine_test_errors,
         "statsmodels OLS, loop": statsmodels_loop,
@@ -104,7 +104,7 @@ def regressions(bootstraps: int) -> Iterator[dict[str, Any]]:
 
 
 def lengths(pairs: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of arc lengths of given pairs."""
+    """Yield the rows for the arc lengths of given pairs."""
     few = min(pairs, FEW_PAIRS)
     for name, (a, b) in (("far", far_pairs(pairs)), ("mixed", mixed_pairs(few))):
         exact = arc_length(a, b)
@@ -142,7 +142,7 @@ def race(
     errors: dict[str, float],
     sizes: dict[str, int],
 ) -> Iterator[dict[str, Any]]:
-    """Time the methods in turn, so that a busy machine slows all alike, and compare errors."""
+    """Time the methods in turn, so that a busy machine slows all equally; compare errors."""
     times = quartiles(runs)
     each = {name: 1e6 * np.array(times[name]) / sizes[name] for name in runs}
     for name in runs:
@@ -190,7 +190,7 @@ def sklearn_loop(x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarr
 
 
 def exact_errors(x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
-    """Return the errors of the first fits, in extended precision (where the machine has it)."""
+    """Return the errors of the first fits in extended precision (if the machine has it)."""
     x, y = (part.astype(np.longdouble) for part in (np.column_stack([np.ones(len(x)), x]), y))
     errors = []
     for fitted, held in zip(train[:EXACT_FITS], test[:EXACT_FITS], strict=True):
@@ -223,7 +223,7 @@ def far_pairs(count: int) -> tuple[np.ndarray, ...]:
 
 
 def mixed_pairs(count: int) -> tuple[np.ndarray, ...]:
-    """Return pairs with angles from 1e-16 to a right angle in each."""
+    """Return pairs that each have angles from 1e-16 to a right angle."""
     rng = np.random.default_rng(3)
     frame = orthonormalised(rng.normal(size=(count, 34, 34)))
     angles = np.sort(10 ** rng.uniform(-16, 0, (count, 1, 17)) * np.pi / 2)
@@ -240,7 +240,7 @@ def scipy_loop(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def exact_arc_lengths(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the arc lengths of the first pairs, computed in 40 digits."""
+    """Return the arc lengths of the first pairs, computed with 40 digits."""
     import mpmath  # type: ignore[import-untyped]
 
     lengths = []
@@ -254,28 +254,29 @@ def exact_arc_lengths(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array(lengths)
 
 
-# How distances between subspaces answer to noise, and what "a signal-to-noise ratio of 10" is.
+# Response of distances between subspaces to noise, and the meaning of "a signal-to-noise ratio of
+# 10".
 #
-# The dissertation takes the arc length since, of the distances that Edelman, Arias and Smith (1998)
-# collate, it is the most sensitive to noise (Sec. 2.2.4): one that makes equal but noisy subspaces
-# look far apart has the better right to call two schedules alike. Here equal subspaces get more and
-# more noise, and two things are measured of each distance: how large it is, and how well a single
-# value tells one level of noise from twice that level.
+# The dissertation uses the arc length because it is the most sensitive to noise of the distances
+# collated by Edelman, Arias and Smith (1998) (Sec. 2.2.4): if a distance makes equal but noisy
+# subspaces look far apart, its finding that two schedules are alike carries more weight. Here equal
+# subspaces get more and more noise, and two things are measured for each distance: its size, and
+# how well a single value distinguishes one level of noise from twice that level.
 
-# That ratio the dissertation does not explain (Sec. 2.3): neither what is noised, nor how it is
-# counted. `READINGS` has every way to read it; the one taken for Fig. 2.5 gives distances like the
-# printed ones.
+# The dissertation does not explain that ratio (Sec. 2.3): neither what receives noise, nor how the
+# ratio is counted. `READINGS` lists every reading; the one taken for Fig. 2.5 gives distances like
+# the printed ones.
 
-# Powers of the ratio, and of the number of rows, by which the noise of an entry goes.
+# Powers of the ratio and of the number of rows to which the noise of an entry is proportional.
 RATIOS = {"amplitude": -1.0, "power": -0.5}
 SIGNALS = {"entry": 0.0, "matrix": -0.5}
-#: The signal-to-noise ratio that is printed.
+#: The printed signal-to-noise ratio.
 PRINTED_SNR = 10.0
 
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read "a signal-to-noise ratio of 10".
+    """A reading of "a signal-to-noise ratio of 10".
 
     Attributes
     ----------
@@ -285,7 +286,7 @@ class Reading:
         ``entry``: the ones of the identity; ``matrix``: the rms of all its entries, zeros
         included, so that the ratio is that of Frobenius norms (or of the norms of columns).
     noised
-        How many of the two matrices of a pair have noise.
+        Number of noisy matrices in a pair, one or two.
     """
 
     ratio: str
@@ -301,7 +302,7 @@ class Reading:
 READINGS = tuple(
     Reading(ratio, signal, noised) for ratio in RATIOS for signal in SIGNALS for noised in (2, 1)
 )
-#: Noise of sd 0.1 on every entry of both matrices: the reading of Fig. 2.5.
+#: Noise of sd 0.1 on every entry of both matrices, the reading of Fig. 2.5.
 PRINTED_READING = READINGS[0]
 
 
@@ -314,7 +315,7 @@ def noised_identities(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (count, D, k) bases of pairs of identities with normal noise on each entry.
 
-    Of a pair, `noised` have noise, independent of each other; both are orthonormalised.
+    In each pair, `noised` bases have independent noise; both are orthonormalised.
     """
     noise = noise_sd * generator.standard_normal((2, count, *shape))
     noise[noised:] = 0.0
@@ -324,7 +325,7 @@ def noised_identities(
 
 # The distances between subspaces that Edelman, Arias and Smith (1998, Sec. 4.3) collate.
 #
-# All are functions of the principal angles. In the names of that paper; others call the chordal
+# All are functions of the principal angles, under the names of that paper. Others call the chordal
 # F-norm the Procrustes distance (the least ``norm(a q - b)`` over rotations q), the projection
 # F-norm the chordal distance, and the projection 2-norm the gap.
 
@@ -337,9 +338,9 @@ def arc_length_of(angles: np.ndarray) -> np.ndarray:
 def fubini_study(angles: np.ndarray) -> np.ndarray:
     """Return the angle between the subspaces' exterior products, acos of the product of cosines.
 
-    From ``1 - prod(cos^2)`` by logarithms, so that small angles keep their digits.
+    Computed from ``1 - prod(cos^2)`` by logarithms, so that small angles keep their digits.
     """
-    with np.errstate(divide="ignore"):  # a right angle: minus infinity, of which exp is zero
+    with np.errstate(divide="ignore"):  # a right angle gives minus infinity, whose exp is zero
         logarithm = np.sum(np.log1p(-(np.sin(angles) ** 2)), axis=-1)
     return np.arctan2(np.sqrt(-np.expm1(logarithm)), np.exp(logarithm / 2))
 
@@ -360,11 +361,11 @@ def projection_2(angles: np.ndarray) -> np.ndarray:
 
 
 def projection_f(angles: np.ndarray) -> np.ndarray:
-    """Return the Frobenius norm of the difference of the projections over the root of two."""
+    """Return the Frobenius norm of the difference of the projections, divided by sqrt(2)."""
     return _norm(np.sin(angles))
 
 
-#: Name -> function of (..., k) principal angles in rad, as `principal_angles` finds them.
+#: Name -> function of (..., k) principal angles in rad, as returned by `principal_angles`.
 DISTANCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "arc_length": arc_length_of,
     "chordal_f": chordal_f,
@@ -379,7 +380,7 @@ def _norm(values: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(values, axis=-1))
 
 
-#: Sd of the noise on each entry, each 2^(1/2) times the last: 0.1 is one of them.
+#: Sd of the noise on each entry, in steps of 2^(1/2); 0.1 is one of them.
 NOISE_SDS = tuple(0.1 * 2.0 ** (step / 2) for step in range(-12, 7))
 _LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 
@@ -391,26 +392,26 @@ def noise_sensitivity(
     pairs: int = 400,
     noise_sds: Sequence[float] = NOISE_SDS,
 ) -> pd.DataFrame:
-    """Measure each distance between equal subspaces with more and more noise.
+    """Measure each distance between equal subspaces under increasing noise.
 
     Parameters
     ----------
     shape
-        (D, k) of the subspaces.
+        Dimensions (D, k) of the subspaces.
     seed
-        Seed of the study; each level of noise has its own stream.
+        Seed of the study; each level of noise has its own random stream.
     pairs
-        Pairs of noisy subspaces at each level, and of random ones.
+        Number of pairs of noisy subspaces at each level, and of random ones.
     noise_sds
         Sd of the noise on each entry of both bases.
 
     Returns
     -------
     DataFrame
-        One row a distance and level: ``distance, noise_sd, mean, sd, q05, q95``;
-        ``share_of_random``, the mean over that of random subspaces; and ``doubling``, the change
-        of the mean from this noise to twice as much in units of the sd (root mean square of both),
-        NaN where twice as much is not among the levels.
+        One row per distance and level: ``distance, noise_sd, mean, sd, q05, q95``;
+        ``share_of_random``, the mean divided by that of random subspaces; and ``doubling``, the
+        change of the mean when the noise doubles, in units of the sd (root mean square of both),
+        NaN if the doubled noise is not among the levels.
     """
     generator = named_generator(seed, "sensitivity", "random")
     a, b = orthonormalised(generator.standard_normal((2, pairs, *shape)))
@@ -430,12 +431,12 @@ def noise_sensitivity(
 
 
 def snr_readings(shape: tuple[int, int], *, seed: int, pairs: int = 1000) -> pd.DataFrame:
-    """Measure the arc lengths of the two baselines, the noised identity in every reading.
+    """Measure the arc lengths of both baselines: random, and noised identity in every reading.
 
     Returns
     -------
     DataFrame
-        One row a reading, and one of random subspaces: ``kind, ratio, signal, noised, noise_sd,
+        One row per reading, and one for random subspaces: ``kind, ratio, signal, noised, noise_sd,
         printed, mean, mean_se, sd, q05, q25, median, q75, q95``, lengths in rad; ``printed`` marks
         the reading of Fig. 2.5.
     """

@@ -3,26 +3,27 @@
 
     python benchmarks/order.py --out order.csv
 
-`order.csv`: one row a method and longest step. All take steps of one length (tolerances so loose
-that they never shorten one). `error_rms` is the root mean square deviation of the final state from
-the exact one, over its components and over runs whose first steps are cut by different parts of a
-step, so that the events fall everywhere in theirs. `in_fit` marks the straight part of the curve,
-chosen by the rule of `fit_order`; `fitted_order` and `fitted_error`
-are the line through it. "slopes kept" is Algorithm 5 to the letter.
+`order.csv` has one row per method and longest step. All methods take steps of one length (the
+tolerances are so loose that they never shorten a step). `error_rms` is the root mean square
+deviation of the final state from the exact one, over its components and over runs. The runs shorten
+the first step by different fractions, so that the events fall anywhere within their steps. `in_fit`
+marks the straight part of the curve, chosen by the rule of `fit_order`; `fitted_order` and
+`fitted_error` describe the line through it. "slopes kept" is Algorithm 5 to the letter.
 
-A line's slope is a mean over its steps, and an order is a limit. Dormand-Prince's is approached
-from below here: at a rate r = 10 its error goes as (r dt)^5 (1 - 5/7 r dt). So `limit_order` is
-from a fit of error = factor dt^order exp(bend dt), over all steps of which four fit into the
-shortest piece between events and whose errors are above 1e-12 (`fit_limit`): one rule for all
-methods. `local_order` is the slope between a step and the next shorter one. Columns `_se` are
-standard errors from the scatter about line or curve.
+The slope of a line is a mean over its steps, whereas an order is a limit. Here Dormand-Prince
+approaches its order from below: at a rate r = 10 its error goes as (r dt)^5 (1 - 5/7 r dt).
+Therefore `limit_order` comes from a fit of error = factor dt^order exp(bend dt) over all steps that
+fit at least four times into the shortest piece between events and whose errors are above 1e-12
+(`fit_limit`); this rule is the same for all methods. `local_order` is the slope between a step and
+the next shorter one. Columns ending in `_se` are standard errors from the scatter about line or
+curve.
 
-`theorem.csv`, beside it: one row a mesh, a place of the event in its step and a step: measured
+`theorem.csv`, beside it, has one row per mesh, place of the event in its step, and step: measured
 errors and proven bounds, their constants (error over dt^4), and the constants of table 4.1.
 
-`dense.csv`, beside it: one row a method and longest step. `error_end` is the largest deviation of
-the final state, `error_between` that of `solution(t)` at 2,001 times through all events, and
-`order_between` the slope from the row before.
+`dense.csv`, beside it, has one row per method and longest step. `error_end` is the largest
+deviation of the final state, `error_between` that of `solution(t)` at 2,001 times through all
+events, and `order_between` the slope from the row before.
 """
 
 from __future__ import annotations
@@ -53,16 +54,16 @@ from scipy.integrate import RK45
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import System, field, solve
 
-# Order of a method from errors at many step sizes: a line through the straight part, and its end.
+# Order of a method from errors at many step sizes: a line through the straight part, and its limit.
 #
-# A line gives the mean slope over its steps. The order is the slope in the limit of short steps,
-# where the next term of the error's expansion has died away: that term is fitted as well, over
-# steps of which several fit into the shortest smooth piece of the trajectory.
+# The slope of the line is a mean over its steps. The order is the slope in the limit of short
+# steps, where the next term of the error's expansion vanishes. The limit fit therefore includes
+# that term, over steps that fit several times into the shortest smooth piece of the trajectory.
 
 LEAST_ERROR, MOST_ERROR = 1e-12, 1e-3
-DEVIATION = 0.1  # decades: by so much may an error stand off the line
+DEVIATION = 0.1  # largest distance of an error from the line, decades
 FEWEST = 4
-STEPS_PER_PIECE = 4  # from which on a method is near its limit
+STEPS_PER_PIECE = 4  # steps per smooth piece from which a method is near its limit
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class OrderFit:
     used : (N,) array of bool
         Which steps the line was fitted to.
     standard_error : float
-        Of the order, from the scatter about the line.
+        Standard error of the order, from the scatter about the line.
     """
 
     order: float
@@ -85,7 +86,7 @@ class OrderFit:
     standard_error: float
 
     def error(self, step: FloatArray) -> FloatArray:
-        """Return the line's error at steps."""
+        """Return the line's error at given steps."""
         return self.factor * step**self.order
 
 
@@ -97,20 +98,20 @@ def fit_order(
     most: float = MOST_ERROR,
     deviation: float = DEVIATION,
 ) -> OrderFit:
-    """Fit the order of a method over the straight part of its curve, by rule and not by eye.
+    """Fit the order of a method over the straight part of its curve, chosen by a fixed rule.
 
-    The steps are those with errors between `least` (well above rounding) and `most`; of them the
-    finest, and as many coarser ones in a row as leave every error within `deviation` decades of
-    the line through them.
+    Candidates are steps with errors between `least` (well above rounding) and `most`. The fit uses
+    the finest of them and as many consecutive coarser ones as leave every error within `deviation`
+    decades of the line through them.
 
     Parameters
     ----------
     step, error : (N,) array
         Step sizes in any order, and the error at each.
     least, most : float
-        Errors that may count.
+        Range of errors that may be used.
     deviation : float
-        Decades by which an error may stand off the line.
+        Largest distance of an error from the line, decades.
     """
     order = np.argsort(step)
     inside = [int(i) for i in order if least <= error[i] <= most]
@@ -132,9 +133,9 @@ class LimitFit:
     Parameters
     ----------
     order, standard_error, bend : float
-        NaN where there are fewer than five steps, one more than the parameters and two.
+        NaN if there are fewer than five steps.
     n_steps : int
-        How many steps it was fitted to.
+        Number of steps in the fit.
     """
 
     order: float
@@ -146,16 +147,16 @@ class LimitFit:
 def fit_limit(
     step: FloatArray, error: FloatArray, shortest_piece: float, *, least: float = LEAST_ERROR
 ) -> LimitFit:
-    """Fit order and next term over all steps that are short and whose errors are no rounding.
+    """Fit order and next term over all short steps with errors well above rounding.
 
     Parameters
     ----------
     step, error : (N,) array
         Step sizes in any order, and the error at each.
     shortest_piece : float
-        Shortest time between two events, or an event and an end of the trajectory.
+        Shortest time between two events, or between an event and an end of the trajectory.
     least : float
-        Errors from here on count.
+        Least error that is used.
     """
     used = (step <= shortest_piece / STEPS_PER_PIECE) & (error >= least)
     count = int(used.sum())
@@ -175,7 +176,7 @@ def _regression(rows: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
     return coefficients, errors, residual
 
 
-# Theorem 4.2.1 in numbers: the error of one localised event, and the bound proven for it.
+# Theorem 4.2.1 in numbers: the error of one localised event, and its proven bound.
 #
 # On a step of length dt with one event at t*, let p be the Hermite cubic through states and slopes
 # at its ends, and t' the root of the Hermite cubic of the event function. Then
@@ -183,11 +184,12 @@ def _regression(rows: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
 #     |t' - t*| <= (L / 24 + L_h K) / c dt^4,
 #     |p(t') - y(t*)| <= ((L / 24 + L_h K) / c L_p + K) dt^4
 #
-# in the largest component, with the constants of table 4.1. All of them are suprema or infima over
-# the step; here those of polynomials and of the known solution on a fine grid with both ends.
-# The table's words for L name the true solution; the proof needs, and here is taken, h along p.
+# in the largest component, with the constants of table 4.1. They are suprema or infima over the
+# step; here they are computed for polynomials and for the known solution on a fine grid that
+# includes both ends. The table defines L with the true solution, but the proof needs h along p,
+# which is used here.
 
-# An event on a trajectory that is known in closed form, to measure errors against.
+# An event on a trajectory in closed form, against which errors are measured.
 
 
 @dataclass(frozen=True)
@@ -203,9 +205,9 @@ class KnownEvent:
     hessian : (n, n) array
         Symmetric H of h(y) = y H y / 2 + gradient y + offset.
     gradient : (n,) array
-        See there.
+        Linear coefficients of h.
     offset : float
-        See there.
+        Constant term of h.
     time : float
         Instant t* of the event, s.
     """
@@ -227,7 +229,7 @@ class KnownEvent:
 
 
 def turning_point() -> KnownEvent:
-    """Return a point on a helix that closes in on a plane, and a paraboloid that it crosses."""
+    """Return an event where a helix that closes in on a plane crosses a paraboloid."""
     time, instant = 0.7, np.array(0.7)
     hessian = np.array([[0.6, 0.2, 0.0], [0.2, -0.4, 0.3], [0.0, 0.3, 0.5]])
     gradient = np.array([-0.3, 1.5, -0.4])
@@ -237,7 +239,7 @@ def turning_point() -> KnownEvent:
 
 
 def turning_slope(_: float, y: FloatArray) -> FloatArray:
-    """Return the field of the helix: a rotation of two components, the decay of the third."""
+    """Return the field of the helix: two components rotate, the third decays."""
     return np.array([-y[1], y[0], -y[2]])
 
 
@@ -249,8 +251,8 @@ def turning_derivative(k: int, t: FloatArray) -> FloatArray:
 
 MESHES = ("exact", "dopri5", "heun3")
 GRID = 513
-LARGEST_FOURTH = 1 / 384  # of theta^2 (1 - theta)^2 / 4!
-LARGEST_SLOPE_BASIS = 4 / 27  # of theta^2 (1 - theta)
+LARGEST_FOURTH = 1 / 384  # maximum of theta^2 (1 - theta)^2 / 4!
+LARGEST_SLOPE_BASIS = 4 / 27  # maximum of theta^2 (1 - theta)
 
 Ends = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
@@ -278,7 +280,7 @@ class Constants:
 
 @dataclass(frozen=True)
 class Localisation:
-    """Errors of one event: of its time, s, and of its state, with the step and the constants."""
+    """Errors in the time, s, and the state of one event, with its step and constants."""
 
     dt: float
     time_error: float
@@ -299,7 +301,7 @@ class Localisation:
 def localise(
     event: KnownEvent, dt: float, *, part: float = 0.4, mesh: str = "exact"
 ) -> Localisation:
-    """Localise an event on one step as Algorithms 5 and 6 do, and compute what is proven of it.
+    """Localise an event on one step as Algorithms 5 and 6 do, and compute the proven bounds.
 
     Parameters
     ----------
@@ -308,10 +310,10 @@ def localise(
     dt : float
         Length of the step, s.
     part : float
-        Where in the step the event lies, 0 to 1.
+        Position of the event in the step, 0 to 1.
     mesh : str
-        ``"exact"``: both ends lie on the solution; ``"dopri5"``, ``"heun3"``: the second is where
-        one step of Dormand-Prince, or of Heun's third-order method, leads from the first.
+        ``"exact"``: both ends lie on the solution; ``"dopri5"``, ``"heun3"``: the second is reached
+        from the first by one step of Dormand-Prince, or of Heun's third-order method.
     """
     start = event.time - part * dt
     ends = mesh_ends(event, start, dt, mesh)
@@ -379,7 +381,7 @@ def _root(event: KnownEvent, ends: Ends, dt: float) -> float:
 
 
 def _height_along(event: KnownEvent, p: list[Polynomial]) -> Polynomial:
-    """Return h of the spline, g = h(p), a polynomial of degree six in theta."""
+    """Return h along the spline, g = h(p), a polynomial of degree six in theta."""
     linear = sum((q * one for q, one in zip(event.gradient, p, strict=True)), Polynomial([0.0]))
     products = (
         0.5 * event.hessian[i, j] * p[i] * p[j] for i in range(len(p)) for j in range(len(p))
@@ -388,7 +390,7 @@ def _height_along(event: KnownEvent, p: list[Polynomial]) -> Polynomial:
 
 
 def _lipschitz(event: KnownEvent, points: FloatArray) -> float:
-    """Return a Lipschitz constant of h, in the largest component, on the box around points."""
+    """Return a Lipschitz constant of h, in the largest component, on the bounding box of points."""
     low, high = points.min(axis=1), points.max(axis=1)
     middle = event.hessian @ (0.5 * (low + high)) + event.gradient
     return float((np.abs(middle) + np.abs(event.hessian) @ (0.5 * (high - low))).sum())
@@ -397,7 +399,7 @@ def _lipschitz(event: KnownEvent, points: FloatArray) -> float:
 def _spline_constant(
     event: KnownEvent, start: float, dt: float, ends: Ends, times: FloatArray
 ) -> float:
-    """Return K: of the exact Hermite cubic, and what errors of the step's end add to it."""
+    """Return K: the part of the exact Hermite cubic plus the effect of errors at the step's end."""
     _, y1, _, f1 = ends
     end = np.array(start + dt)
     off = np.abs(y1 - event.derivative(0, end)).max()
@@ -406,7 +408,7 @@ def _spline_constant(
     return float(LARGEST_FOURTH * fourth + (off + LARGEST_SLOPE_BASIS * dt * slope_off) / dt**4)
 
 
-TAYLOR = "taylor"  # the default here; its order is chosen step by step, so that none is fitted
+TAYLOR = "taylor"  # the default here; it chooses its order at each step, so no order is fitted
 Run = Callable[[float, float], FloatArray]  # longest step, first step: final state
 
 LONGEST, SHORTEST = 0.5, 5e-4
@@ -417,7 +419,7 @@ PLACES = (0.1, 0.4, 0.5, 0.9)
 
 
 def printed(kind: Callable[..., object], options: PrintedOptions | None = None) -> Run:
-    """Return a run of the printed method around a class of steppers."""
+    """Return a function that runs the printed method around a class of steppers."""
     region = region_of(octant())
 
     def run(max_step: float, first_step: float) -> FloatArray:
@@ -428,7 +430,7 @@ def printed(kind: Callable[..., object], options: PrintedOptions | None = None) 
 
 
 def ours(**method: str) -> Run:
-    """Return a run of `solve` by a method."""
+    """Return a function that runs `solve` by a method."""
 
     def run(max_step: float, first_step: float) -> FloatArray:
         steps = {"max_step": max_step, "first_step": first_step}
@@ -438,7 +440,7 @@ def ours(**method: str) -> Run:
 
 
 def scipy_alone() -> Run:
-    """Return a run of `solve_ivp`, started again at each event."""
+    """Return a function that runs `solve_ivp`, restarted at each event."""
     integrate = restarted(octant(), (), T_SPAN, INITIAL_STATE)
 
     def run(max_step: float, first_step: float) -> FloatArray:
@@ -449,7 +451,7 @@ def scipy_alone() -> Run:
 
 
 def methods() -> dict[str, tuple[Run, int]]:
-    """Return a run and the number of step sizes for each method that there is."""
+    """Return a run and the number of step sizes for each available method."""
     runs: dict[str, tuple[Run, int]] = {
         "printed, DOPRI5, Illinois": (printed(RK45), PRINTED_STEPS),
         "printed, DOPRI5, cubic": (printed(RK45, PrintedOptions("cubic")), PRINTED_STEPS),
@@ -470,13 +472,13 @@ def methods() -> dict[str, tuple[Run, int]]:
 
 
 def error_rms(run: Run, step: float, exact: FloatArray, runs: int) -> float:
-    """Return the error of the final state over components and first steps."""
+    """Return the rms error of the final state over components and first steps."""
     parts = (np.arange(runs) + 0.5) / runs
     return float(np.sqrt(np.mean([(run(step, part * step) - exact) ** 2 for part in parts])))
 
 
 def shortest_piece() -> float:
-    """Return the shortest time between two events, or an event and start or end."""
+    """Return the shortest time between two events, or between an event and start or end."""
     times = solve(octant(), T_SPAN, INITIAL_STATE).events.time
     return float(np.diff([T_SPAN[0], *times, T_SPAN[1]]).min())
 
@@ -489,7 +491,7 @@ def growth(
 
 
 def report_without_events(runs: int) -> None:
-    """Print the order of DOPRI5 on the last piece alone, from x = 0 on, without any guard."""
+    """Print the order of DOPRI5 on the last piece alone, from x = 0 on, without guards."""
     system = System(growth, n_states=1)
     span = (0.0, T_SPAN[1] - float(solve(octant(), T_SPAN, INITIAL_STATE).events.time[-1]))
 
@@ -537,7 +539,7 @@ def order_rows(name: str, run: Run, count: int, exact: FloatArray, runs: int) ->
 
 
 def theorem_row(mesh: str, place: float, found: Localisation) -> dict[str, object]:
-    """Return measured and proven, side by side."""
+    """Return measured errors and proven bounds side by side."""
     constants, fourth_power = found.constants, found.dt**4
     return {
         "mesh": mesh,
@@ -573,7 +575,7 @@ def theorem_table() -> pd.DataFrame:
 
 
 def report_theorem(table: pd.DataFrame) -> None:
-    """Print the orders, and how near the measured errors come to the bounds."""
+    """Print the orders, and how close the measured errors come to the bounds."""
     for (mesh, place), rows in table.groupby(["mesh", "event_at"]):
         time, state = (
             np.polyfit(np.log(rows["dt"]), np.log(rows[f"{what}_error"]), 1)[0]
@@ -593,7 +595,7 @@ def report_theorem(table: pd.DataFrame) -> None:
 
 
 def dense_table() -> pd.DataFrame:
-    """Return how good dense output is through the events of table 4.3, at steps of one length."""
+    """Return the errors of dense output through the events of table 4.3, at steps of one length."""
     times, rows = np.linspace(*T_SPAN, 2001), []
     exact = solve(octant(), T_SPAN, INITIAL_STATE, method="taylor", dense_output=True)
     for method in ("dopri5", "dop853", "rosenbrock"):
