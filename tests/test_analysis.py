@@ -138,7 +138,7 @@ def test_recordings_in_a_list_are_one_study(sample_path):
     assert counts[["monday", "friday"]].tolist() == alone
     other = replace(friday, roles=("other", *friday.roles[1:]))
     for wrong, told in (
-        ([monday, other], "source: expected the same markers in one order"),
+        ([monday, other], "source: expected the same markers in the same order"),
         ([monday, sample_path], "source: expected a file, .*, found list"),
         ([monday, monday], "recordings"),
         ([], "source: expected a file, .*, found list"),

@@ -133,7 +133,7 @@ def study(
         given = tuple(several)
         roles, *rest = ({"feet": [*r.names("foot")], "body": [*r.names("body")]} for r in given)
         if rest != [roles] * len(rest):
-            raise RecordingError.at("source", "the same markers in one order", [roles, *rest])
+            raise RecordingError.at("source", "the same markers in the same order", [roles, *rest])
         entries = [{"name": one.name, "file": one.source or one.name} for one in given]
         content = {"study": given[0].name, "recordings": entries}
     elif isinstance(source, Mapping):

@@ -129,7 +129,7 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def as_stored(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a table as it would be after `write_table` and `read_table`: rounded like a file."""
+    """Return a table as it would be after `write_table` and `read_table`: rounded as in a file."""
     return _read(lambda: StringIO(_csv(table)))
 
 

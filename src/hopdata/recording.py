@@ -57,7 +57,8 @@ class Recording(Shown):
     source_sha256 : str
         Digest of that file.
     vertical_axis : str
-        Axis of the source file that pointed up, such as ``"y"`` or ``"-z"`` (`axes.FILE_AXES`).
+        Axis of the source file that pointed up, such as ``"y"`` or ``"-z"``; see
+        `hopdata.recordings.raw.FILE_AXES`.
     events : tuple of Event
         Events marked in the file, on the same clock as `time`.
     remarks : tuple of str

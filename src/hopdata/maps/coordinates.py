@@ -137,7 +137,9 @@ def kinks(instants: FloatArray) -> FloatArray:
 
 
 def kink_slopes(order: Feet) -> FloatArray:
-    """Return the derivatives (K, feet) of the kinks by the contact instants on one schedule.
+    """Return the derivatives (K, feet) of the kinks with respect to the contact instants.
+
+    They are constant on one schedule.
 
     Parameters
     ----------

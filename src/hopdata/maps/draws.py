@@ -7,7 +7,7 @@ import numpy as np
 
 from hopdata.arrays import IntArray
 
-#: Memory that one chunk of draws may use.
+#: Memory that one chunk of draws may use, bytes.
 _CHUNK_BYTES = 2 * 2**20
 
 
@@ -65,7 +65,7 @@ def distinct_draws(
 
 
 def chunks(count: int, floats_each: int) -> list[slice]:
-    """Return slices of `count` draws that fit in memory if each draw needs `floats_each` floats."""
+    """Return slices of `count` draws of `floats_each` floats; each slice fits in `_CHUNK_BYTES`."""
     step = max(1, _CHUNK_BYTES // (8 * max(1, floats_each)))
     return [slice(start, min(start + step, count)) for start in range(0, count, step)]
 

@@ -1,8 +1,8 @@
 """Bootstrapped prediction errors of the six models of Fig. 2.4.
 
 The models are affine maps and mean predictors of the state at the post section from the state at
-the pre section. Some are "specialised" to one mode schedule; others are fitted to the landings
-"near" to or "far" from the trajectory on which all feet touch at once (Sec. 2.3 of the
+the pre section. Some are "specialised" to one mode schedule. The others use all landings, or only
+those "near" to or "far" from the trajectory on which all feet touch at once (Sec. 2.3 of the
 dissertation: contact spread below or above the median of the data set).
 
 A bootstrap here is a random split: 161 distinct landings are drawn from those that a model may
@@ -267,7 +267,7 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
 
 
 def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, float]:
-    """Return the comparison of the models' errors for which Fig. 2.4 is read.
+    """Return the comparisons of the models' errors that Fig. 2.4 shows.
 
     Parameters
     ----------

@@ -2,9 +2,9 @@
 
 The printed map is affine in the 6B marker coordinates of the home frame. Its coefficients are not a
 derivative, for two reasons: the home frame moves with the landing, so some columns are outcomes
-rather than states, and on a section many directions contain only noise. Its statement about the
-states is the map from the rigid-body coordinates to its own predictions in the same coordinates. To
-first order that is least squares on these coordinates (Frisch and Waugh 1933).
+rather than states, and on a section many directions contain only noise. In terms of the states, it
+is the map from the rigid-body coordinates to its own predictions in the same coordinates. To first
+order that is least squares on these coordinates (Frisch and Waugh 1933).
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def input_errors(
 
 
 def _slopes(before: FloatArray, after: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return the derivatives (n, 19, 6B) of all coordinates by the states at the pre section."""
+    """Return the derivatives (n, 19, 6B) of all coordinates with respect to `before`."""
     post = rigid_states(after, shape)
 
     def coordinates(states: FloatArray) -> FloatArray:

@@ -125,7 +125,7 @@ def _mean_third_order(x: FloatArray, doubt: FloatArray) -> FloatArray:
 
 
 def _normal(middle: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return P(d > 0) - P(d < 0) and the normal density at zero, times the standard deviation."""
+    """Return P(d > 0) - P(d < 0), and the standard deviation times the normal density at zero."""
     from scipy.special import erf
 
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -136,7 +136,7 @@ def _normal(middle: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class LinearMap:
-    """An estimate of the derivative of q outputs by p inputs.
+    """An estimate of the derivative of q outputs with respect to p inputs.
 
     Attributes
     ----------

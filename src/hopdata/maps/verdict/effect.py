@@ -96,7 +96,7 @@ class EffectSize(Shown):
 
 
 def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return the weights of the compared orders: pairs of orders, or of feet if more than three.
+    """Return the weights of the comparisons: pairs of orders, or of feet if more than three.
 
     For a pair of feet i and j, landings with i before j are compared with landings with j before i;
     the other feet are pooled in the proportions in which their orders occur. A pair is used if each
@@ -135,8 +135,9 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     Returns
     -------
     tuple
-        (C, all kinks, feet) differences of the kinks' derivatives by the contact instants, (all
-        kinks, feet) derivatives of the mean map, and words that complete "the maps of".
+        (C, all kinks, feet) differences of the kinks' derivatives with respect to the contact
+        instants, (all kinks, feet) derivatives of the mean map, and words that complete "the maps
+        of".
 
     Raises
     ------
@@ -219,7 +220,10 @@ class _Draws:
     full: FloatArray
 
     def statistic(self, direction: FloatArray, size: float, found: float) -> FloatArray:
-        """Return draws of T for kinks of this size along a direction (m,), if `found` was found."""
+        """Return draws of T for kinks of this size along a direction (m,).
+
+        `found` is the size of the kinks that were found.
+        """
         share = min(1.0, size / found)
         errors = (1.0 - share) * self.null + share * self.full
         return np.asarray(((errors + size * direction) ** 2).sum(axis=1))
@@ -342,7 +346,10 @@ def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Gene
 
 
 def _detectable(errors: FloatArray, allowed: float, level: float, power: float) -> float:
-    """Return the size of kinks, along the axis of largest error, that the test finds."""
+    """Return the size of kinks that the test finds with this power.
+
+    The kinks are along the axis of the largest error.
+    """
     along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
     threshold = float(np.quantile((along + allowed) ** 2 + across, 1.0 - level))
 

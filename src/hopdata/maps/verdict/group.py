@@ -8,8 +8,8 @@ by error would make the mean too small. The between-subject variance is that of 
 errors are those of Hartung and Knapp, but not below those of the model (Röver, Knapp and Friede
 2015).
 
-Smooth terms leave the same in the kinks of every subject, so it does not average out. The ends of
-the interval therefore allow for as much as in a single study.
+Residual smooth terms shift the kinks of every subject alike, so their effect does not average out.
+The ends of the interval therefore allow for as much as in a single study.
 
 The interval of the mean is wide if subjects differ from each other, even if each shows a clear
 difference of its own. A group is therefore also "different" if more of its studies are different
@@ -167,9 +167,9 @@ def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd
     DataFrame
         One row per pair of conditions that at least `LEAST_SUBJECTS` subjects share: their number
         `n`; the rms sizes `size_a` and `size_b` over these subjects; the mean `difference` of the
-        squares and its interval `low` to `high`, which allows for what smooth terms leave;
-        `p_value` of no difference, if smooth terms leave the same in both; and `p_holm`, corrected
-        by Holm's method for the number of rows.
+        squares and its interval `low` to `high`, which allows for residual smooth terms; `p_value`
+        of no difference, if residual smooth terms are the same in both; and `p_holm`, corrected by
+        Holm's method for the number of rows.
     """
     from scipy.stats import t
     from statsmodels.stats.multitest import multipletests

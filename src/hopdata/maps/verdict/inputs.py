@@ -39,7 +39,7 @@ _FAR_OFF = 30.0
 _MOST_APART = 0.5
 _FLAT = 1e-9  # relative rounding limit
 _SAME = 6  # decimals in which copies of a landing agree
-#: Coordinates whose sd is below this fraction of the others' median sd count as constant.
+#: Coordinates whose sd is below this fraction of the median sd count as constant.
 _CONSTANT = 1e-3
 
 

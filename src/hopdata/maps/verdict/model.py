@@ -26,13 +26,13 @@ from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import ALL_SETS_UP_TO, affordable_degree, kinks, monomials
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings, halves
 
-#: Difference, as a share of the map, that smooth terms may leave in any C1 landing: the larger of
-#: `LEFT` and `OF_FOURTH` c^1.5. Here c is the relative change of the derivative by third-order
-#: terms along the contacts. It grows as the square of the contacts' spread, while the change by the
-#: fourth order grows as the cube, hence as c^1.5.
+#: Apparent difference, as a share of the map, that residual smooth terms may cause in any C1
+#: landing: the larger of `LEFT` and `OF_FOURTH` c^1.5. Here c is the relative change of the
+#: derivative by third-order terms along the contacts. It grows as the square of the contacts'
+#: spread, while the change by the fourth order grows as the cube, hence as c^1.5.
 LEFT, OF_FOURTH = 0.1, 4.0
-#: Jump that smooth terms may leave, as a share of the outcome's sd: the larger of `LEFT_OF_JUMPS`
-#: and `OF_ALLOWED` times `allowed`.
+#: Apparent jump that residual smooth terms may cause, as a share of the outcome's sd: the larger of
+#: `LEFT_OF_JUMPS` and `OF_ALLOWED` times `allowed`.
 LEFT_OF_JUMPS, OF_ALLOWED = 0.05, 0.1
 #: Part of a true difference that smooth terms may hide, as a share of `allowed`.
 HIDDEN = 0.5
@@ -57,7 +57,7 @@ class KinkFit:
     coefficients
         (K, q) coefficients of the combinations `seen` of the kinks.
     linear
-        (p, q) derivative of the outputs by the inputs, without the kinks.
+        (p, q) derivative of the outputs with respect to the inputs, without the kinks.
     scores, null_scores
         (N, K q) contributions of the landings to the error of the coefficients, row by row: after
         the kinks found have been subtracted from the outputs, and under the assumption of no kinks.
@@ -193,7 +193,7 @@ class _Smooth:
         return scores
 
     def linear(self, coefficients: FloatArray) -> FloatArray:
-        """Return the derivative (p, q) by the inputs of the outputs without these kinks."""
+        """Return the derivative (p, q), by the inputs, of the outputs without these kinks."""
         smooth = self.outputs - self.kinks @ coefficients
         inputs = self.landings.inputs[self.rows]
         slopes = np.linalg.solve(self.root, self.basis.T @ smooth)[1 : self.inputs.shape[1] + 1]
