@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
-from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -89,9 +88,8 @@ def read_yaml(path: str | Path) -> Any:
         ) from None
     except UnicodeDecodeError:
         raise ConfigError.at(path, "YAML in UTF-8", "other bytes (a recording? use init)") from None
-    loader = None
     try:
-        loader = _loader()(text)
+        loader = _StrictLoader(text)
         node = loader.get_single_node()
         if node is None:
             return None
@@ -106,9 +104,6 @@ def read_yaml(path: str | Path) -> Any:
         raise ConfigError(f"{path}{where}: expected YAML, found: {error.problem}{hint}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: expected YAML, found: {error}") from None
-    finally:
-        if loader is not None:
-            loader.dispose()
 
 
 def _expanded(node: Any, known: dict[int, int]) -> int:
@@ -133,23 +128,19 @@ def _hint(problem: str | None, character: str) -> str:
     return ""
 
 
-@lru_cache(maxsize=1)
-def _loader() -> Any:
-    """Build the safe loader, which by itself lets the last of two equal keys win."""
+class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """The safe loader, which by itself lets the last of two equal keys win."""
 
-    class StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-            seen = set()
-            for key_node, _ in node.value:
-                key = str(key_node.value)
-                if key in seen and key != "<<":
-                    raise yaml.constructor.ConstructorError(
-                        None, None, f"the key '{key}' twice in one place", key_node.start_mark
-                    )
-                seen.add(key)
-            return super().construct_mapping(node, deep)
-
-    return StrictLoader
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        seen = set()
+        for key_node, _ in node.value:
+            key = str(key_node.value)
+            if key in seen and key != "<<":
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key '{key}' twice in one place", key_node.start_mark
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
 
 
 MOST_MISTAKES = 10
