@@ -192,17 +192,16 @@ class Inspection:
         for k, n in timing.drops.tolist():
             silent = " (about; no time stamp tells)" * self._is_silent(k)
             yield "dropped", (), k, k + 1, f"{counted(n, 'frame')} dropped after this one{silent}"
-        uneven = [(k, "irregular", "irregular step of the time stamps after this one")
-                  for k in timing.irregular.tolist()]  # fmt: skip
-        uneven += [(k, "backward", "the next time stamp is not later")
-                   for k in timing.backward.tolist()]  # fmt: skip
+        uneven = sorted([*timing.irregular.tolist(), *timing.backward.tolist()])
         if len(uneven) > MOST_IRREGULAR:
             text = f"{len(uneven)} steps of the time stamps are irregular: if the cameras ran"
             text += " evenly, leave the times out of the file and give input.rate_hz"
-            uneven, (first, *_, last) = [], sorted(k for k, *_ in uneven)
-            yield "jitter", (), first, last + 2, text
-        for k, kind, text in uneven:
-            yield kind, (), k, k + 1, text
+            yield "jitter", (), uneven[0], uneven[-1] + 2, text
+            return
+        for k in timing.irregular.tolist():
+            yield "irregular", (), k, k + 1, "irregular step of the time stamps after this one"
+        for k in timing.backward.tolist():
+            yield "backward", (), k, k + 1, "the next time stamp is not later"
 
 
 @one_blas_thread()

@@ -240,8 +240,6 @@ def lowest(heights: FloatArray) -> FloatArray:
 def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
     """Say which feet, of heights (N, n) m, stay so far above where the lowest of them goes."""
     low = lowest(heights)
-    if np.isnan(low).all():
-        return []
     floor = int(np.nanargmin(low))
     return [
         f"foot '{name}' comes no nearer to the floor than {height:.3f} m above '{names[floor]}'"

@@ -242,24 +242,13 @@ BLOCK = 10_000  # frames looked at together
 LONGEST_GAP_S = 0.5  # after a longer one nobody can tell where a marker should be
 
 
-@dataclass(frozen=True)
-class Exchange:
-    """Markers that go on from one another's places.
-
-    Parameters
-    ----------
-    cycle : tuple of int
-        Indices; each goes on from the place of the next, the last from that of the first.
-    frame : int
-        First frame of the exchanged names, from 0.
-    """
-
-    cycle: tuple[int, ...]
-    frame: int
-
-
-def exchanges(positions: FloatArray, missed: Surprises, *, rate_hz: float) -> list[Exchange]:
+def exchanges(
+    positions: FloatArray, missed: Surprises, *, rate_hz: float
+) -> Iterator[tuple[tuple[int, ...], int]]:
     """Test every frame at which a marker jumps or comes back from a gap.
+
+    Yields the indices of markers of which each goes on from the place of the next, the last from
+    that of the first, and the first frame of the exchanged names, from 0.
 
     Parameters
     ----------
@@ -279,7 +268,6 @@ def exchanges(positions: FloatArray, missed: Surprises, *, rate_hz: float) -> li
     longest = max(1, round(LONGEST_GAP_S * rate_hz))
     frames = np.flatnonzero(np.count_nonzero(moved, axis=1) > 1)
     last = _last_seen(is_seen, frames)
-    found: list[Exchange] = []
     for begin in range(0, len(frames), BLOCK):
         at, ends = frames[begin : begin + BLOCK], last[begin : begin + BLOCK]
         taking = moved[at] & (ends >= 0) & (at[:, None] - ends <= longest)
@@ -287,8 +275,7 @@ def exchanges(positions: FloatArray, missed: Surprises, *, rate_hz: float) -> li
         far = taking & (np.linalg.norm(way, axis=2) > missed.limit)
         for k in np.flatnonzero(np.count_nonzero(far, axis=1) > 1):  # else all are at home
             for cycle in _cycles_at(int(at[k]), positions, taking[k], ends[k], missed.limit):
-                found.append(Exchange(cycle, int(at[k])))
-    return found
+                yield cycle, int(at[k])
 
 
 def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatArray) -> BoolArray:
@@ -455,19 +442,19 @@ def explained_frames(swaps: Iterable[Swap], markers: tuple[str, ...], n_frames: 
     return mask
 
 
-def _paired(found: Iterable[Exchange], markers: tuple[str, ...]) -> list[Swap]:
+def _paired(found: Iterable[tuple[tuple[int, ...], int]], markers: tuple[str, ...]) -> list[Swap]:
     """Join an exchange and the next one of the same markers, which undoes it."""
     swaps: list[Swap] = []
     waiting: dict[frozenset[int], int] = {}
-    for exchange in found:
-        key = frozenset(exchange.cycle)
+    for cycle, frame in found:
+        key = frozenset(cycle)
         if key in waiting:
             at = waiting.pop(key)
-            swaps[at] = replace(swaps[at], stop=exchange.frame)
+            swaps[at] = replace(swaps[at], stop=frame)
         else:
             waiting[key] = len(swaps)
-            names = tuple(markers[m] for m in exchange.cycle)
-            swaps.append(Swap(names, exchange.frame, None, (CONTINUITY,)))
+            names = tuple(markers[m] for m in cycle)
+            swaps.append(Swap(names, frame, None, (CONTINUITY,)))
     return swaps
 
 
