@@ -16,7 +16,7 @@ from hopdata.recordings import raw as reading
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.rigid import recorded_frames
 from hopdata.recordings.raw import RawRecording, rotate_up
-from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw, suffixes
+from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
 
 # Several files of one day as one recording: their frames one after the other, with a pause.
@@ -114,8 +114,6 @@ def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> lis
     return starts
 
 
-__all__ = ["import_recording", "read_raw", "sha256", "suffixes"]
-
 BLOCK = 50_000  # frames turned at a time
 ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 
@@ -142,7 +140,7 @@ def import_recording(
     Parameters
     ----------
     path : path or sequence of path
-        A file whose suffix is one of `suffixes`, or several that are joined (see `joining.join`).
+        A file whose suffix is one of `formats.suffixes`, or several that are joined (see `join`).
     name : str
         Name of the recording in the study.
     markers : mapping

@@ -58,9 +58,8 @@ class Hop:
 
     def legs_down(self) -> IntArray:
         """Legs still in contact at the end."""
-        count = np.zeros(len(self.preloads_n), dtype=int)
-        np.add.at(count, self.event_leg, np.where(self.event_down, 1, -1))
-        return np.flatnonzero(count)
+        steps = np.where(self.event_down, 1, -1)
+        return np.flatnonzero(np.bincount(self.event_leg, steps, len(self.preloads_n)))
 
     def all_stood(self) -> bool:
         """Whether all legs were in contact at once."""

@@ -334,7 +334,5 @@ def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, A
         "outputs": list(OUTPUT_NAMES),
         "body_points_m": sections.points_m.tolist(),
         "schedules": list(found.schedules),
-        "maps": found.maps.tolist(),
-        "x": found.x.tolist(),
-        "y": found.y.tolist(),
+        **{name: getattr(found, name).tolist() for name in ("maps", "x", "y")},
     }

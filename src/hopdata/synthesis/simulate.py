@@ -152,10 +152,8 @@ def observed(
     frames, markers, _ = tracks.positions.shape
     hidden = camera.draw_gaps(frames, markers, gaps_rng)
     positions = camera.observe(tracks.positions, floor, hidden, noise_rng)
-    time, rate_hz = np.arange(frames) / camera.rate_hz, camera.rate_hz
-    return Recording(
-        name, time, positions, tracks.names, tracks.roles, rate_hz, source="simulation"
-    )
+    seen = (np.arange(frames) / camera.rate_hz, positions, tracks.names, tracks.roles)
+    return Recording(name, *seen, camera.rate_hz, source="simulation")
 
 
 def first_contacts(trial: trials.Trial, scene: Scene) -> tuple[FloatArray, FloatArray]:

@@ -179,12 +179,10 @@ def _elements(data: bytes, at: int, end: int, order: str) -> list[Element]:
 
 def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
     """Decode the HDF5 file that version 7.3 is; its axes are reversed, and are turned back."""
-    left = _MOST_ITEMS
+    room = iter(range(_MOST_ITEMS))
 
     def decoded(item: Any) -> Any:
-        nonlocal left
-        left -= 1
-        if left < 0:
+        if next(room, None) is None:
             raise ValueError(f"expected at most {_MOST_ITEMS} items, found more")
         if isinstance(item, h5py.Group):
             return {name: decoded(item[name]) for name in item}
