@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
@@ -253,9 +253,10 @@ def inspect_recording(
     frozen = stretches.frozen_markers(raw.positions, raw.markers, steps)
     frozen += stretches.straight_stretches(raw.positions, raw.markers)
     timing = stretches.check_stamps(raw.time)
-    explained = swaps.explained_frames(exchanged, raw.markers, len(positions))
     copies = stretches.copied_frames(raw.positions)
-    explained |= _told_elsewhere(explained.shape, timing, copies, frozen, raw.markers)
+    ends = (copies[:, :2] - 1).ravel()
+    uneven = [*timing.drops[:, 0], *timing.irregular, *timing.backward, *ends]
+    explained = _explained(positions.shape[:2], raw.markers, exchanged, frozen, uneven)
     lost = stretches.lost_frames(positions)
     lost = lost[~explained[lost[:, 0]].all(axis=1)]
     for frame in lost[:, 0]:
@@ -292,21 +293,25 @@ def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
     return np.moveaxis(tracks, 0, 1)
 
 
-def _told_elsewhere(
+def _explained(
     shape: tuple[int, ...],
-    timing: stretches.Timing,
-    copies: IntArray,
-    frozen: tuple[stretches.Frozen, ...],
     markers: tuple[str, ...],
+    exchanged: Iterable[Swap],
+    frozen: Iterable[stretches.Frozen],
+    steps: Iterable[int],
 ) -> BoolArray:
-    """Mask (N, M) of frames whose jumps come from the stamps, copies, or a marker that thaws."""
+    """Mask (N, M) of frames whose jumps come from a swap, a marker that thaws, or stamps or copies.
+
+    Of the last the frames are given after which all markers may jump.
+    """
     mask = np.zeros(shape, dtype=bool)
-    ends = (copies[:, :2] - 1).ravel()
-    for frame in [*timing.drops[:, 0], *timing.irregular, *timing.backward, *ends]:
-        mask[max(0, frame - STENCIL + 1) : frame + STENCIL + 1] = True
-    for stretch in frozen:
-        column = mask[:, markers.index(stretch.marker)]
-        column[max(0, stretch.start - STENCIL) : stretch.stop + STENCIL] = True
+    spans: list[tuple[Any, int, int]] = [(slice(None), k + 1, k + 1) for k in steps]
+    spans += [(markers.index(one.marker), one.start, one.stop) for one in frozen]
+    for swap in exchanged:
+        columns = [markers.index(name) for name in swap.markers]
+        spans += [(columns, end, end) for end in (swap.start, swap.stop or len(mask))]
+    for columns, start, stop in spans:
+        mask[max(0, start - STENCIL) : stop + STENCIL, columns] = True
     return mask
 
 

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.recordings.quality.stretches import quantiles, runs
+from hopdata.recordings.quality.stretches import near, quantiles, runs
 
 SAMPLE_FRAMES = 4000
 SAMPLE_NUMBERS, LEAST_SAMPLED = 10_000_000, 500  # of many markers fewer frames, but so many
@@ -267,8 +267,8 @@ def exchanged_stretches(
     breaks : (N, M) bool array
         Frames in which a marker jumps or is not seen.
     """
-    near = _near_breaks(breaks)
-    edges = near[:-1] | near[1:]  # frames that may be the first of a stretch or its last
+    breaking = _near_breaks(breaks)
+    edges = breaking[:-1] | breaking[1:]  # frames that may be the first of a stretch or its last
     for cluster in clusters:
         inside = set(cluster.markers)
         known = list(cluster.markers[:: -(-len(cluster.markers) // MOST_REFERENCES)])
@@ -277,42 +277,34 @@ def exchanged_stretches(
             first, second = (b, a) if b in inside and a not in inside else (a, b)
             if not len(away[first]):
                 continue
-            both = near[:, a] & near[:, b]
+            both = breaking[:, a] & breaking[:, b]
             ends = away[first][both[away[first]] | both[away[first] + 1]]
             if not _exchanged(positions[ends], pairs, inside, known, first, second).any():
                 continue
             here = _away(positions, pairs, known, first, np.arange(len(positions)))
             mask = np.zeros(len(positions), dtype=bool)
             mask[here] = _exchanged(positions[here], pairs, inside, known, first, second)
-            for start, stop in _stretches(mask, breaks[:, [a, b]]):
+            for start, stop in _stretches(mask, breaks[:, [a, b]].any(axis=1), both):
                 yield a, b, start, stop
 
 
 def _near_breaks(breaks: BoolArray) -> BoolArray:
     """Tell before which frame a track breaks nearby, (N + 1, M); at both ends all do."""
-    near = np.zeros((len(breaks) + 1, breaks.shape[1]), dtype=bool)
-    for shift in range(-NEAR + 1, NEAR + 1):
-        inner = breaks[max(0, -shift) : len(breaks) + min(0, 1 - shift)]
-        near[max(0, shift) : max(0, shift) + len(inner)] |= inner
-    near[0] = near[-1] = True
-    return near
+    around, end = near(breaks, NEAR - 1), np.ones((1, breaks.shape[1]), dtype=bool)
+    return np.concatenate([end, around[1:] | around[:-1], end])
 
 
-def _stretches(mask: BoolArray, breaks: BoolArray) -> Iterator[tuple[int, int]]:
-    """Yield the stretches of a mask (N,) between breaks of both tracks (N, 2)."""
-    for start, stop in runs(mask | breaks.any(axis=1)):
+def _stretches(mask: BoolArray, broken: BoolArray, both: BoolArray) -> Iterator[tuple[int, int]]:
+    """Yield the stretches of a mask (N,) that begin and end where both tracks break (N + 1,).
+
+    Between them may lie frames in which one of the tracks is `broken` (N,).
+    """
+    for start, stop in runs(mask | broken):
         inside = start + np.flatnonzero(mask[start:stop])
         if len(inside) >= EXCHANGED_DISTANCES_LEAST_FRAMES:
             ends = int(inside[0]), int(inside[-1]) + 1
-            if all(_broken(breaks, end) for end in ends):
+            if both[ends[0]] and both[ends[1]]:
                 yield ends
-
-
-def _broken(breaks: BoolArray, end: int) -> bool:
-    """Tell whether both tracks (N, 2) break near an end, or the recording does."""
-    if end == 0 or end == len(breaks):
-        return True
-    return bool(breaks[max(0, end - NEAR) : end + NEAR].any(axis=0).all())
 
 
 def _away(

@@ -25,6 +25,15 @@ def runs(holds: BoolArray) -> IntArray:
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2).astype(np.int64)
 
 
+def near(holds: BoolArray, reach: int) -> BoolArray:
+    """Tell which frames of a mask (N, ...) are at most so many from one that is True."""
+    found = holds.copy()
+    for shift in range(1, reach + 1):
+        found[shift:] |= holds[:-shift]
+        found[:-shift] |= holds[shift:]
+    return found
+
+
 # Frozen markers: the same position again and again, which noise makes all but impossible.
 
 LEAST_REPEATS = 3

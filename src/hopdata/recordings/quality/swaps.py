@@ -8,7 +8,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches
-from hopdata.recordings.quality.stretches import lowest, seen
+from hopdata.recordings.quality.stretches import lowest, near, seen
 
 # How far positions are from what the frames before them, and those after them, let expect.
 #
@@ -227,11 +227,7 @@ def _touches(spike: Excursion, heights: FloatArray, low_m: float) -> bool:
 
 def find_jumps(missed: Surprises, *, explained: BoolArray) -> tuple[Excursion, ...]:
     """List the jumps, to another place from a frame on, that no spike and no swap explains."""
-    near_spike = missed.is_spike
-    for _ in range(LONGEST_SPIKE):
-        near_spike[1:] |= near_spike[:-1].copy()
-        near_spike[:-1] |= near_spike[1:].copy()
-    told = explained | near_spike
+    told = explained | near(missed.is_spike, LONGEST_SPIKE)
     return tuple(e for e in missed.steps if not told[e.start, e.marker])
 
 
@@ -280,10 +276,7 @@ def exchanges(
 
 def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatArray) -> BoolArray:
     """Find steps (N, M) where the three frames that a parabola needs are not seen on one side."""
-    whole = is_seen.copy()
-    for shift in range(1, 4):
-        whole[shift:] &= is_seen[:-shift]
-        whole[:-shift] &= is_seen[shift:]
+    whole = ~near(~is_seen, 3)
     whole[:3] = whole[-3:] = False
     steps = np.zeros_like(is_seen)
     for m, track in enumerate(np.moveaxis(positions, 1, 0)):
@@ -426,20 +419,6 @@ def find_swaps(
     ]
     swaps = _merged(by_track, by_distance, max(1, round(LONGEST_GAP_S * rate_hz)))
     return tuple(sorted(swaps, key=lambda s: (s.start, s.markers)))
-
-
-def explained_frames(swaps: Iterable[Swap], markers: tuple[str, ...], n_frames: int) -> BoolArray:
-    """Mask (N, M) of the frames beside the ends of a swap, whose jumps it explains."""
-    mask = np.zeros((n_frames, len(markers)), dtype=bool)
-    for swap in swaps:
-        stop = n_frames if swap.stop is None else swap.stop
-        for name in swap.markers:
-            column = mask[:, markers.index(name)]
-            for frame in {swap.start, stop}:
-                column[max(0, frame - NEAR) : frame + NEAR] = True
-            if stop - swap.start <= NEAR:
-                column[swap.start : stop] = True
-    return mask
 
 
 def _paired(found: Iterable[tuple[tuple[int, ...], int]], markers: tuple[str, ...]) -> list[Swap]:
