@@ -291,7 +291,6 @@ def _remarks(inspection: Inspection) -> list[str]:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
     if found := inspection.suspects():
         more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-        remarks.append(
-            f"frame {found[0].start + 1}: {found[0].text}{more}; hopdata inspect shows all"
-        )
+        first = f"frame {found[0].start + 1}: {found[0].text}"
+        remarks.append(f"{first}{more}; hopdata inspect shows all")
     return remarks

@@ -207,6 +207,5 @@ def write_text(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise HopdataError(
-            f"{path}: expected a file that can be written, found: {error.strerror}"
-        ) from None
+        told = f"expected a file that can be written, found: {error.strerror}"
+        raise HopdataError(f"{path}: {told}") from None

@@ -82,10 +82,9 @@ def read_yaml(path: str | Path) -> Any:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise ConfigError(
-            f"{path}: expected a readable configuration, found: {error.strerror or error}"
-            + nearest_file(path) * isinstance(error, FileNotFoundError)
-        ) from None
+        near = nearest_file(path) if isinstance(error, FileNotFoundError) else ""
+        told = f"{error.strerror or error}{near}"
+        raise ConfigError(f"{path}: expected a readable configuration, found: {told}") from None
     except UnicodeDecodeError:
         raise ConfigError.at(path, "YAML in UTF-8", "other bytes (a recording? use init)") from None
     try:

@@ -92,8 +92,7 @@ def columns_of(entries: Sequence[Mapping[str, Any]], feet: Sequence[str]) -> tup
     feet : sequence of str
         Feet of the recording.
     """
-    if not entries:
-        return tuple(Column(foot, (foot,)) for foot in feet)
+    entries = entries or [{"name": foot, "feet": ()} for foot in feet]
     return tuple(Column(e["name"], tuple(e["feet"] or [e["name"]])) for e in entries)
 
 

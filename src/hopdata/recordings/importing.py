@@ -83,13 +83,9 @@ def _starts(
         end = starts[-1] + float(raw.time[-1] - raw.time[0])
         if not follows:
             moved.append(path.name)
-    if not moved:
-        return starts, ()
     which = ", ".join(moved) if len(moved) < 4 else f"{len(moved)} of them"
-    return starts, (
-        f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {which} began: put "
-        f"{reading.PAUSE_S:g} s after the file before",
-    )
+    told = f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {which} began: put "
+    return starts, (f"{told}{reading.PAUSE_S:g} s after the file before",) * bool(moved)
 
 
 def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> list[float] | None:
@@ -225,12 +221,10 @@ def _unseen(recording: Recording, exclude: Sequence[Mapping[str, Any]]) -> tuple
         begin, end = (recording.time[k] if t is None else t
                       for k, t in ((0, entry["from_s"]), (-1, entry["to_s"])))  # fmt: skip
         inside = (recording.time >= begin) & (recording.time <= end)
+        told = f"counts as unseen from {begin:g} to {end:g} s, by hand: {entry['reason']}"
         for name in entry["markers"]:
             recording.positions[inside, recording.markers.index(name)] = np.nan
-            remarks.append(
-                f"{recording.source}: marker '{name}' counts as unseen from {begin:g} to {end:g} "
-                f"s, by hand: {entry['reason']}"
-            )
+            remarks.append(f"{recording.source}: marker '{name}' {told}")
     return tuple(remarks)
 
 

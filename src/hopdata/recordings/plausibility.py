@@ -91,11 +91,9 @@ def check_order(place: str, time: FloatArray) -> None:
     bad = np.flatnonzero(~(np.diff(time) > 0))
     if len(bad):
         i = int(bad[0])
-        raise RecordingError(
-            f"{place}: frame {i + 2}: expected a time after {time[i]:.6g} s, "
-            f"found {time[i + 1]:.6g} s; if frames are there twice, cut them out of the file; if "
-            "times have too few digits, leave the column out and give input.rate_hz"
-        )
+        found = f"{time[i + 1]:.6g} s; if frames are there twice, cut them out of the file; if "
+        found += "times have too few digits, leave the column out and give input.rate_hz"
+        raise RecordingError.at(f"{place}: frame {i + 2}", f"a time after {time[i]:.6g} s", found)
 
 
 def check_positions(recording: Recording) -> None:

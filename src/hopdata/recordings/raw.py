@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.errors import RecordingError, chosen
+from hopdata.errors import RecordingError, chosen, mismatch
 from hopdata.recording import Event
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
@@ -239,10 +239,8 @@ def distinct_names(
         for i in at:
             distinct[i] = next(free)
         told = ", ".join(f"'{distinct[i]}'" for i in at)
-        remarks.append(
-            f"{place}: expected each marker name once, found '{name}' twice or more; "
-            f"they are called {told}"
-        )
+        found = f"'{name}' twice or more; they are called {told}"
+        remarks.append(mismatch(place, "each marker name once", found))
         taken.update(distinct)
     return tuple(distinct), tuple(remarks)
 
@@ -321,13 +319,10 @@ def assembled(
 
 def frame_count(place: str, key: str, stated: float | None, n_rows: int) -> tuple[str, ...]:
     """Remark on a stated number of frames that is not that of the rows."""
-    if stated in (None, n_rows):
+    if stated is None or stated == n_rows:
         return ()
-    cut = "; was the file cut short?" if stated is not None and n_rows < stated else ""
-    return (
-        f"{place}: {key}: expected {stated:g} frames as stated, found {n_rows} rows, which are "
-        f"taken{cut}",
-    )
+    found = f"{n_rows} rows, which are taken" + "; was the file cut short?" * (n_rows < stated)
+    return (mismatch(f"{place}: {key}", f"{stated:g} frames as stated", found),)
 
 
 # The axes of a file, and those of a recording, where z is up.

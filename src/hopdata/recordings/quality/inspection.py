@@ -233,9 +233,8 @@ def inspect_recording(
         If there is no frame or no marker.
     """
     if not len(raw.time) or not len(raw.markers):
-        raise RecordingError(
-            f"expected frames and markers, found {len(raw.time)} frames, {len(raw.markers)} markers"
-        )
+        found = f"{len(raw.time)} frames, {len(raw.markers)} markers"
+        raise RecordingError(f"expected frames and markers, found {found}")
     progress("looking for free fall, to find the unit and the vertical axis")
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
     positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)

@@ -176,10 +176,9 @@ def speak_for_silent(
     for file, piece in zip(files, pieces, strict=True):
         own = choose_unit(piece.positions, unit=unit, nominal=nominal)
         if not piece.unit_is_stated and own != theirs:
-            raise RecordingError(
-                f"{file}: unit: expected {theirs} as in {files[first]}, found no unit, and markers "
-                f"whose distances fit {own} only; files joined in one recording must agree"
-            )
+            found = f"no unit, and markers whose distances fit {own} only"
+            found += "; files joined in one recording must agree"
+            raise RecordingError.at(f"{file}: unit", f"{theirs} as in {files[first]}", found)
     return [replace(piece, unit=nominal) for piece in pieces]
 
 

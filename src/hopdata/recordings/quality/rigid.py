@@ -111,8 +111,6 @@ def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ..
     with np.errstate(invalid="ignore", divide="ignore"):
         softness = np.nan_to_num(pairs.spread / allowed, nan=1e6, posinf=1e6)
     np.fill_diagonal(softness, 0.0)
-    if np.sum(softness <= 1.0) == len(softness):  # no pair
-        return ()
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 
@@ -275,8 +273,6 @@ def exchanged_stretches(
         away = [_away(positions, pairs, known, m, np.flatnonzero(e)) for m, e in enumerate(edges.T)]
         for a, b in combinations(range(len(away)), 2):
             first, second = (b, a) if b in inside and a not in inside else (a, b)
-            if not len(away[first]):
-                continue
             both = breaking[:, a] & breaking[:, b]
             ends = away[first][both[away[first]] | both[away[first] + 1]]
             if not _exchanged(positions[ends], pairs, inside, known, first, second).any():
@@ -284,7 +280,7 @@ def exchanged_stretches(
             here = _away(positions, pairs, known, first, np.arange(len(positions)))
             mask = np.zeros(len(positions), dtype=bool)
             mask[here] = _exchanged(positions[here], pairs, inside, known, first, second)
-            for start, stop in _stretches(mask, breaks[:, [a, b]].any(axis=1), both):
+            for start, stop in _stretches(mask, breaks[:, a] | breaks[:, b], both):
                 yield a, b, start, stop
 
 

@@ -79,7 +79,7 @@ def frozen_markers(
     steps : collection of (frame, marker)
         Gross steps from the frame before.
     """
-    n_tests = max(len(positions) - 1, 0) * len(markers)
+    n_tests = max(len(positions) - 1, 1) * len(markers)
     found = []
     for m, name in enumerate(markers):
         stretches = runs(np.all(np.diff(positions[:, m], axis=0) == 0, axis=1))
@@ -118,8 +118,6 @@ def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
     """Which runs of repeats, (K,), are longer than the other runs let expect."""
     length = np.diff(stretches, axis=1)[:, 0]
     is_long = length >= LEAST_REPEATS
-    if not is_long.any():
-        return is_long
     others, again = max(len(length) - 1, 1), np.sum(length > 1) - 1
     chance_again = np.clip(again / others, 1e-9, 1 - 1e-9)
     return np.asarray(is_long & (length > 1 + np.log(CHANCE / n_tests) / np.log(chance_again)))

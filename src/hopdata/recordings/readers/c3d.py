@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, mismatch
 from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.readers import c3d_parameters as head
@@ -56,9 +56,8 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     markers, kept, more = _markers(parameters, n_points)
     numbers = _numbers(path, header, parameters, n_frames)
     if _all_invalid(numbers, header):
-        remarks += (
-            f"{path}: all residuals are below 0, as of points unseen; they are not believed",
-        )
+        told = "all residuals are below 0, as of points unseen; they are not believed"
+        remarks += (f"{path}: {told}",)
     events, unread = _events(parameters)
     return raw.assembled(
         f"{path}: header",
@@ -171,10 +170,9 @@ def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]
     contexts = parameters.texts("EVENT", "CONTEXTS") or [""] * len(labels)
     enough = 0 <= used <= min(len(labels), len(contexts), len(times) // 2)
     if not enough or not np.isfinite(times[: 2 * used]).all():
-        return (), (
-            f"{parameters.place('EVENT', 'USED')}: expected {used} events, found {len(labels)} "
-            f"labels, {len(contexts)} contexts and {len(times) / 2:g} times; none is read",
-        )
+        found = f"{len(labels)} labels, {len(contexts)} contexts and {len(times) / 2:g} times"
+        place = parameters.place("EVENT", "USED")
+        return (), (mismatch(place, f"{used} events", f"{found}; none is read"),)
     parts = zip(contexts[:used], labels, times[::2], times[1::2], strict=False)
     return tuple(Event(f"{where} {what}".strip(), 60 * m + s) for where, what, m, s in parts), ()
 

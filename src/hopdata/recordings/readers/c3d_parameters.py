@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, mismatch
 from hopdata.recording import Event
 from hopdata.recordings.readers.text import decoded
 
@@ -154,10 +154,9 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
         elif (kind := source.kind(start)) in _WIDTH:
             found.append((number, name, source.value(start)))
         else:
-            parameters.remarks += (
-                f"{path}, byte {offset + start}: parameter {name}: expected the type -1, 1, 2 or "
-                f"4, found {kind}; it is left out",
-            )
+            place = f"{path}, byte {offset + start}: parameter {name}"
+            told = mismatch(place, "the type -1, 1, 2 or 4", f"{kind}; it is left out")
+            parameters.remarks += (told,)
     for number, name, value in found:
         if number not in names:
             wanted = f"a group of number {number}"
@@ -368,10 +367,9 @@ def _wrong_size(
 ) -> RecordingError:
     told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
     cut = "; was the file cut short?" if all(claim > most for claim in claims.values()) else ""
-    return RecordingError(
-        f"{parameters.path}: frames: expected {told} of {header.frame_bytes} bytes each, "
-        f"found room for {most} after byte {header.data_start}{cut}"
-    )
+    wanted = f"{told} of {header.frame_bytes} bytes each"
+    found = f"room for {most} after byte {header.data_start}{cut}"
+    return RecordingError.at(f"{parameters.path}: frames", wanted, found)
 
 
 def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:

@@ -68,9 +68,8 @@ def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
                 return _version_5(lead + file.read(), most_unpacked_mb)
         return _version_73(path, most_unpacked_mb)
     except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a MAT file, found: {one_line(error.strerror or str(error))}"
-        ) from None
+        told = one_line(error.strerror or str(error))
+        raise RecordingError(f"{path}: expected a MAT file, found: {told}") from None
     except Exception as error:  # a damaged file makes both libraries raise almost anything
         told = one_line(str(error)) or type(error).__name__
         told = f"; {told}" if "expected" in told and "found" in told else f", found: {told}"

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError, did_you_mean, mismatch
 from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.readers import text
@@ -148,10 +148,8 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
     elif key == "EVENT":
         header.events.append(_event(header, fields[1:]))
     elif key in header.values and header.values[key] != fields[1:]:
-        told = (
-            f"{header.path}, line {header.n_lines}: expected {key} once, "
-            f"found it with another value in line {header.lines[key]}"
-        )
+        place, first = f"{header.path}, line {header.n_lines}", header.lines[key]
+        told = mismatch(place, f"{key} once", f"it with another value in line {first}")
         if key in _DECISIVE:
             raise RecordingError(told)
         header.remarks += (f"{told}; the first is taken",)
@@ -267,10 +265,9 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
         counters = [*COUNTERS] if spare >= len(COUNTERS) else []
         spare -= len(counters)
     if (stems and len(stems) != len(names)) or spare < 0 or any(header.first_row[width - spare :]):
-        raise RecordingError(
-            f"{header.path}, line {header.n_lines + 1}: expected {3 * len(names)} columns (X, Y, Z "
-            f"of {len(names)} markers), or two more for Frame and Time, found {width}"
-        )
+        wanted = f"{3 * len(names)} columns (X, Y, Z of {len(names)} markers), or two more for "
+        below = f"{header.path}, line {header.n_lines + 1}"
+        raise RecordingError.at(below, f"{wanted}Frame and Time", width)
     return place, names, counters, remarks
 
 
@@ -278,10 +275,9 @@ def _numbered_names(header: QtmHeader) -> list[str]:
     """Names of the markers of a file that has neither header nor column row."""
     n_columns = len(header.first_row)
     if n_columns % 3 == 0 and not header.first_row[-1] and all(header.first_row[:2]):
-        raise RecordingError(
-            f"{header.path}, line 1: expected a column row, since {n_columns} columns of which the "
-            "last is empty can be read in two ways, found none; export with the column row"
-        )
+        since = f"since {n_columns} columns of which the last is empty can be read in two ways"
+        found = "none; export with the column row"
+        raise RecordingError.at(f"{header.path}, line 1", f"a column row, {since}", found)
     return [f"marker{i + 1}" for i in range(n_columns // 3)]
 
 

@@ -48,9 +48,8 @@ def readable(path: Path) -> Iterator[BinaryIO]:
             file.seek(0)
             yield file
     except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a readable file, found: {error.strerror or error}"
-        ) from None
+        told = error.strerror or error
+        raise RecordingError(f"{path}: expected a readable file, found: {told}") from None
 
 
 def require_file(path: Path) -> None:
@@ -326,9 +325,8 @@ class Rows:
             for c in wanted:
                 if fields[c] not in TEXT_TABLE_MISSING and (fault := no_number(fields[c])):
                     cut = CUT * (is_last and row is rows[-1])
-                    raise RecordingError(
-                        f"{self.path}, line {number + k}, column {c + 1}: {fault}{cut}"
-                    )
+                    place = f"{self.path}, line {number + k}, column {c + 1}"
+                    raise RecordingError(f"{place}: {fault}{cut}")
         raise RecordingError.at(self.path, f"rows of {self.width} numbers", cause)
 
 

@@ -4,7 +4,7 @@ import re
 from itertools import islice
 from pathlib import Path
 
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError, did_you_mean, mismatch
 from hopdata.recordings import raw
 from hopdata.recordings.readers import text
 
@@ -85,10 +85,9 @@ def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows
     width = max(len(fields), 2 + 3 * len(markers))
     unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
     if unused or n_axes > 3 * len(markers):
-        remarks += (
-            f"{path}: expected {3 * len(markers)} columns of {len(markers)} markers, found "
-            f"{max(n_axes, len(text.trimmed(fields)) - 2)}; the others are not read",
-        )
+        wanted = f"{3 * len(markers)} columns of {len(markers)} markers"
+        found = f"{max(n_axes, len(text.trimmed(fields)) - 2)}; the others are not read"
+        remarks += (mismatch(path, wanted, found),)
     return values, markers, text.Rows(path, len(lines), offset, width, mark), remarks
 
 
