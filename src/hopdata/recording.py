@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, Shown
-from hopdata.errors import ArgumentError, RecordingError, require_choice, told_call
+from hopdata.errors import ArgumentError, RecordingError, mismatch, require_choice, told_call
 
 
 @dataclass(frozen=True)
@@ -297,10 +297,9 @@ def require_distinct(recordings: Iterable[Recording]) -> None:
         for number, digest in enumerate(filter(None, recording.source_sha256.split(SEPARATOR))):
             here = f"file {number + 1} of recording '{recording.name}'"
             if digest in known:
-                raise RecordingError(
-                    f"{recording.place}: expected each file once, found the same bytes in {here} "
-                    f"and in {known[digest]}: their landings would count twice"
-                )
+                same = f"the same bytes in {here} and in {known[digest]}"
+                found = f"{same}: their landings would count twice"
+                raise RecordingError.at(recording.place, "each file once", found)
             known[digest] = here
 
 
@@ -439,6 +438,4 @@ def check_sizes(truth: Truth) -> None:
             for letter, size in zip(sizes, shape, strict=False)
         ]
         if len(shape) != len(sizes) or list(shape) != expected:
-            raise ValueError(
-                f"{name}: expected shape ({', '.join(sizes)}) of {known}, found {shape}"
-            )
+            raise ValueError(mismatch(name, f"shape ({', '.join(sizes)}) of {known}", shape))

@@ -43,12 +43,11 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
     for path, raw in zip(paths[1:], raws[1:], strict=True):
         _check_alike(paths[0], first, path, raw)
     starts, remarks = _starts(paths, raws)
-    shifts = [start - raw.time[0] for start, raw in zip(starts, raws, strict=True)]
-    of = zip(raws, shifts, strict=True)
-    events = tuple(Event(event.label, event.time_s + s) for raw, s in of for event in raw.events)
+    moved = [(raw, start - raw.time[0]) for start, raw in zip(starts, raws, strict=True)]
+    events = tuple(Event(event.label, event.time_s + s) for raw, s in moved for event in raw.events)
     return replace(
         first,
-        time=np.concatenate([raw.time + s for raw, s in zip(raws, shifts, strict=True)]),
+        time=np.concatenate([raw.time + s for raw, s in moved]),
         positions=np.concatenate([raw.positions for raw in raws]),
         events=events,
         unit_is_stated=all(raw.unit_is_stated for raw in raws),

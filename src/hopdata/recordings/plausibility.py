@@ -209,12 +209,12 @@ def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_ST
     i, j = np.unravel_index(int(np.argmax(strain)), strain.shape)
     names = recording.names("body")
     odd = names[int(np.argmax(np.median(strain, axis=1)))]
-    raise RecordingError(
-        f"{recording.place}: markers.body: expected distances that vary by at most "
-        f"{100 * largest_strain:g} % (quality.largest_body_strain), found '{names[i]}' to "
-        f"'{names[j]}' varying by {1e3 * bend[i, j]:.1f} mm, {100 * strain[i, j]:.1f} % of "
-        f"{1e3 * pairs.median[i, j]:.0f} mm; is '{odd}' on the body?"
-    )
+    most = f"{100 * largest_strain:g} % (quality.largest_body_strain)"
+    found = f"'{names[i]}' to '{names[j]}' varying by {1e3 * bend[i, j]:.1f} mm, "
+    found += f"{100 * strain[i, j]:.1f} % of {1e3 * pairs.median[i, j]:.0f} mm"
+    found += f"; is '{odd}' on the body?"
+    place = f"{recording.place}: markers.body"
+    raise RecordingError.at(place, f"distances that vary by at most {most}", found)
 
 
 # What is worth saying of a recording although it can be analysed.

@@ -161,8 +161,7 @@ def study_landings(
 
 def _starts(truths: Sequence[Truth], scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Apex states and preloads of all hops whose boom is where it is in the first."""
-    rows = [next(scene.by_hop(len(truth.apex_states)))[1] for truth in truths]
-    pairs = list(zip(truths, rows, strict=True))
+    pairs = [(truth, next(scene.by_hop(len(truth.apex_states)))[1]) for truth in truths]
     apexes, preloads = ([t.apex_states[k] for t, k in pairs], [t.preloads_n[k] for t, k in pairs])
     return np.concatenate(apexes), np.concatenate(preloads)
 

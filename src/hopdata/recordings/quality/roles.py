@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.errors import mismatch
 from hopdata.recordings.quality import stretches
 from hopdata.recordings.quality.inspection import Inspection
 from hopdata.recordings.quality.rigid import PairDistances
@@ -138,7 +139,7 @@ def guess_roles(inspection: Inspection) -> Roles:
     if boom:
         stays = fixed[[markers.index(name) for name in boom]].all()
         reasons["boom"] = "stays fixed in the world" if stays else "by name"
-    group = _chosen(groups, inspection)
+    group = _chosen(groups, inspection) if groups else []
     rivals = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     if len(group) >= LEAST_FEET:
         beyond = _beyond_most(group, groups, markers)
@@ -154,10 +155,8 @@ def guess_roles(inspection: Inspection) -> Roles:
         of, *apart = (name[:-1] for name in subjects)
         reasons["body"] += f"; of {of} alone, a study of its own for {', '.join(apart)}"
     if len(body) < LEAST_BODY:
-        problems.append(
-            "markers.body: expected three markers or more that keep their distances, found none; "
-            "name them by hand"
-        )
+        wanted = "three markers or more that keep their distances"
+        problems.append(mismatch("markers.body", wanted, "none; name them by hand"))
     body = sorted(body)
     home, reasons["home"] = _home(body, inspection) if body else ("", "")
     feet = tuple(markers[m] for m in sorted(group))
@@ -333,8 +332,6 @@ def _chosen(groups: list[list[int]], inspection: Inspection) -> list[int]:
     toes, then low markers. Others than those named as feet are taken where no two are, ankles where
     there is nothing else.
     """
-    if not groups:
-        return []
     if len(groups[0]) == 1:  # one marker a foot, and no two land together
         groups = [[m for g in groups for m in g]]
     markers, low = inspection.markers, lowest(inspection.positions[:, :, 2])
@@ -506,7 +503,5 @@ def _no_feet(group: list[int], inspection: Inspection) -> str:
     named = [name for name in by_height if part_by_name(name) == "foot"]
     likely = f"named as feet: {', '.join(named)}" if named else ""
     likely = likely or f"nearest to the floor: {', '.join(by_height[:MOST_FEET]) or 'none'}"
-    return (
-        "markers.feet: expected two markers or more that rest near the floor again and again, or "
-        f"leave it and land, found {found}; name them by hand ({likely})"
-    )
+    wanted = "two markers or more that rest near the floor again and again, or leave it and land"
+    return mismatch("markers.feet", wanted, f"{found}; name them by hand ({likely})")

@@ -166,10 +166,8 @@ def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
                 for i in range(int(hdf5.attribute(group, f"{at}_nlevels", "a number")))
             ]
             codes = [hdf5.whole_array(group[f"{at}_label{i}"]) for i in range(len(levels))]
-            named = [
-                tuple(level[c] for level, c in zip(levels, of, strict=True))
-                for of in zip(*(c.tolist() for c in codes), strict=True)
-            ]
+            parts = ([level[c] for c in of] for level, of in zip(levels, codes, strict=True))
+            named = list(zip(*parts, strict=True))
         blocks.append((named, values))
     return blocks
 

@@ -121,14 +121,10 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     if coordinate_stems(fields[1:4]):
         wanted = "Frame or Time (in s) before the coordinates"
         raise RecordingError.at(place, wanted, f"'{first[:40]}'")
-    near = _no_tabs(first) or did_you_mean(first.upper(), KEYS)
+    near, key = did_you_mean(first.upper(), KEYS), re.split(r"[;, ]", first, maxsplit=1)[0]
+    if key != first and key.upper() in KEYS:
+        near = "; separate the fields by tabs"
     raise RecordingError.at(place, "a header key or numbers", f"'{first[:40]}'{near}")
-
-
-def _no_tabs(line: str) -> str:
-    """Hint at the separator, if a line is a known key with something else than a tab behind it."""
-    key = re.split(r"[;, ]", line, maxsplit=1)[0]
-    return "; separate the fields by tabs" if key != line and key.upper() in KEYS else ""
 
 
 def _units(fields: list[str]) -> set[str]:
