@@ -265,7 +265,9 @@ def exchanged_stretches(
     breaks : (N, M) bool array
         Frames in which a marker jumps or is not seen.
     """
-    breaking = _near_breaks(breaks)
+    # Before which frames a track breaks nearby, (N + 1, M); at both ends all do.
+    around, end = near(breaks, NEAR - 1), np.ones((1, breaks.shape[1]), dtype=bool)
+    breaking = np.concatenate([end, around[1:] | around[:-1], end])
     edges = breaking[:-1] | breaking[1:]  # frames that may be the first of a stretch or its last
     for cluster in clusters:
         inside = set(cluster.markers)
@@ -282,12 +284,6 @@ def exchanged_stretches(
             mask[here] = _exchanged(positions[here], pairs, inside, known, first, second)
             for start, stop in _stretches(mask, breaks[:, a] | breaks[:, b], both):
                 yield a, b, start, stop
-
-
-def _near_breaks(breaks: BoolArray) -> BoolArray:
-    """Tell before which frame a track breaks nearby, (N + 1, M); at both ends all do."""
-    around, end = near(breaks, NEAR - 1), np.ones((1, breaks.shape[1]), dtype=bool)
-    return np.concatenate([end, around[1:] | around[:-1], end])
 
 
 def _stretches(mask: BoolArray, broken: BoolArray, both: BoolArray) -> Iterator[tuple[int, int]]:
@@ -311,7 +307,7 @@ def _away(
     track = positions[:, a][frames]
     for c in known:
         if c != a:
-            off = np.abs(_distance(track, positions[:, c][frames]) - pairs.median[a, c])
+            off = np.abs(norms(track - positions[:, c][frames]) - pairs.median[a, c])
             away |= off > OFF * max(pairs.spread[a, c], EXACT)
     return frames[away]
 
@@ -329,14 +325,13 @@ def _exchanged(
     own, exchanged = np.zeros(len(positions)), np.zeros(len(positions))
     for m, other, c in terms:
         for total, marker in ((own, m), (exchanged, other)):
-            distance = _distance(positions[:, marker], positions[:, c])
+            distance = norms(positions[:, marker] - positions[:, c])
             total += ((distance - pairs.median[m, c]) / max(pairs.spread[m, c], EXACT)) ** 2
     with np.errstate(invalid="ignore"):
         fits: BoolArray = (own > OFF**2 * len(terms)) & (exchanged < FITS**2 * len(terms))
     return fits
 
 
-def _distance(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Distance (N,) between two tracks (N, 3)."""
-    apart = one - other
-    return np.asarray(np.sqrt(np.einsum("ni,ni->n", apart, apart)))
+def norms(vectors: FloatArray) -> FloatArray:
+    """Lengths (...) of vectors (..., 3)."""
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches
+from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches, norms
 from hopdata.recordings.quality.stretches import lowest, near, seen
 
 # How far positions are from what the frames before them, and those after them, let expect.
@@ -116,7 +116,7 @@ def _spikes(third: FloatArray, m: int, least_m: float) -> tuple[list[Excursion],
         length: _limit(_excursions(around[:, usual <= n_frames - length - 3], length), least_m)
         for length in range(LONGEST_SPIKE, 0, -1)
     }
-    gross = np.flatnonzero(_length(third) >= min(limits.values())) + 3
+    gross = np.flatnonzero(norms(third) >= min(limits.values())) + 3
     around = _around(third, gross)
     covered = np.zeros(n_frames)  # sizes of longer excursions
     found: list[Excursion] = []
@@ -172,7 +172,7 @@ def _excursions(around: FloatArray, length: int) -> FloatArray:
 
 def _steps(third: FloatArray, m: int, limit: float) -> list[Excursion]:
     """Gross steps of one marker, as both sides see them."""
-    frames = 3 + np.flatnonzero(_length(third[:-2]) >= limit)
+    frames = 3 + np.flatnonzero(norms(third[:-2]) >= limit)
     sizes = _agreed(third[frames - 3], third[frames - 1])
     gross = sizes > limit
     return [
@@ -181,13 +181,9 @@ def _steps(third: FloatArray, m: int, limit: float) -> list[Excursion]:
     ]
 
 
-def _length(vectors: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
-
-
 def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the smaller of two vectors' lengths, 0 where they point apart; (..., 3) to (...)."""
-    length = np.minimum(_length(one), _length(other))
+    length = np.minimum(norms(one), norms(other))
     return np.where(np.einsum("...i,...i->...", one, other) > 0, length, 0.0 * length)
 
 

@@ -319,7 +319,10 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
         Naming the file, the line, what was expected and what was found.
     """
     header = read_header(path)
-    _check_kind(header)
+    if (kind := header.stated("DATA_INCLUDED", "3D")) != "3D":
+        place = f"{header.place('DATA_INCLUDED')}: DATA_INCLUDED"
+        told = f"'{kind}'; export the trajectories as 3D data"
+        raise RecordingError.at(place, "'3D'", told)
     place, names, counters, wrong = layout(header)
     rows = text.Rows(header.path, header.n_lines, header.offset, len(header.first_row), header.mark)
     columns = range(len(counters), len(counters) + 3 * len(names))
@@ -345,13 +348,6 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
         started=moment(header.stated("TIME_STAMP")),
     )
     return replace(found, remarks=found.remarks + _event_remarks(header, found.rate_hz))
-
-
-def _check_kind(header: QtmHeader) -> None:
-    kind, place = header.stated("DATA_INCLUDED", "3D"), header.place("DATA_INCLUDED")
-    if kind != "3D":
-        found = f"'{kind}'; export the trajectories as 3D data"
-        raise RecordingError.at(f"{place}: DATA_INCLUDED", "'3D'", found)
 
 
 def _is_triggered(header: QtmHeader) -> bool:
