@@ -128,11 +128,8 @@ def guess_roles(inspection: Inspection) -> Roles:
     rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz * scale**0.5), _fixed(positions)
     subjects = subject_prefixes(markers)
     others = {m for m, name in enumerate(markers) if name.startswith(tuple(subjects[1:]))}
-    boom = tuple(
-        name
-        for m, name in enumerate(markers)
-        if m not in others and (fixed[m] or part_by_name(name) == "boom")
-    )
+    is_boom = fixed | np.array([part_by_name(name) == "boom" for name in markers])
+    boom = tuple(markers[m] for m in np.flatnonzero(is_boom) if m not in others)
     resting = _resting(markers, positions[:, :, 2], rests, fixed)
     groups = _together([m for m in resting if markers[m] not in boom and m not in others], rests)
     reasons, problems = {}, []
@@ -291,13 +288,8 @@ def _resting(
     top = np.nanmax(stretches.quantiles(heights, [0.5]))
     share = rests.mean(axis=0)
     parts = [part_by_name(name) for name in markers]
-    near = [
-        m
-        for m in known.tolist()
-        if low[m] - floor < NEAR_FLOOR * (top - floor)
-        and share[m] > RESTS_SHARE[0]
-        and parts[m] in ("foot", "ankle", "")
-    ]
+    rests_near = (low - floor < NEAR_FLOOR * (top - floor)) & (share > RESTS_SHARE[0])
+    near = [m for m in np.flatnonzero(rests_near).tolist() if parts[m] in ("foot", "ankle", "")]
     often = [m for m in near if share[m] < RESTS_SHARE[1] and len(runs(rests[:, m])) >= LEAST_RESTS]
     once = [m for m in near if _landings(heights[:, m], rests[:, m])]
     named = [m for m in once if parts[m] == "foot"]
@@ -452,10 +444,9 @@ def _bend(members: list[int], pairs: PairDistances) -> FloatArray:
 
 def _strain(members: list[int], pairs: PairDistances) -> str:
     spread = pairs.spread[np.ix_(members, members)]
-    return (
-        f"distances vary by {float(f'{1e3 * np.nanmax(spread):.2g}'):g} mm at most "
-        f"({100 * np.nanmax(_bend(members, pairs)):.1f} %)"
-    )
+    most_mm = float(f"{1e3 * np.nanmax(spread):.2g}")
+    bend = np.nanmax(_bend(members, pairs))
+    return f"distances vary by {most_mm:g} mm at most ({100 * bend:.1f} %)"
 
 
 def _feet_reason(group: list[int], rests: BoolArray) -> str:
