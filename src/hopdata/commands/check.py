@@ -174,19 +174,15 @@ def describe_external(
     if recording["contacts"]["file"] is not None:
         for known in read_contact_times(recording["contacts"], feet=feet, rate_hz=rate_hz):
             first, last = known.span_s
-            lines.append(
-                f"  contacts  {known.column.name}: {len(known.instant)}, {first:.3f} to "
-                f"{last:.3f} s, of {', '.join(known.column.feet)}"
-            )
+            told = f"{known.column.name}: {len(known.instant)}, {first:.3f} to {last:.3f} s"
+            lines.append(f"  contacts  {told}, of {', '.join(known.column.feet)}")
     if recording["forces"]["file"] is not None:
         for signal in read_force_signals(recording["forces"], feet=feet):
-            lines.append(
-                f"  force     {signal.column.name}: {len(signal.time)} samples, "
-                f"{signal.time[0]:.3f} to {signal.time[-1]:.3f} s, up to "
-                f"{np.nanmax(signal.force):.4g} {signal.unit}, of {', '.join(signal.column.feet)}"
-                + _misplaced((float(signal.time[0]), float(signal.time[-1])), span_s)
-                + _misjudged(signal, extent_m)
-            )
+            first, last = signal.time[[0, -1]].tolist()
+            told = f"{signal.column.name}: {len(signal.time)} samples, {first:.3f} to {last:.3f} s"
+            told += f", up to {np.nanmax(signal.force):.4g} {signal.unit}"
+            odd = _misplaced((first, last), span_s) + _misjudged(signal, extent_m)
+            lines.append(f"  force     {told}, of {', '.join(signal.column.feet)}{odd}")
     return lines
 
 

@@ -141,9 +141,8 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     study = Study(config, tuple(parts))
     looked_at, made = study.candidates, study.sections
     moved = [side for side in made.held if made.decided[f"{side}_height_m"] == "contacts"]
-    some = partial(
-        Forecast, frames_share=share, best={side: made.held[side] or 0.0 for side in moved}
-    )
+    best = {side: made.held[side] or 0.0 for side in moved}
+    some = partial(Forecast, frames_share=share, best=best)
     try:
         touchdowns = study.touchdowns
     except AnalysisError as error:
@@ -214,11 +213,8 @@ def _changes(
     if not forecast.landings and len(forecast.touchdowns):
         raise_it = "raise touchdowns.down_height_m above where they stand"
         return [f"no foot comes down to z = 0: {raise_it}"]
-    hidden = min(
-        body,
-        default="",
-        key=lambda x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings),
-    )
+    seen = {x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings) for x in body}
+    hidden = min(seen, default="", key=seen.__getitem__)
     by_landings = ", or sections.frames to landings" * (config["sections"]["frames"] == "all")
     sections, changes = {}, []
     for side, state, last in (("pre", "up", "first"), ("post", "down", "last")):

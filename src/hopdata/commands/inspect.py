@@ -138,9 +138,8 @@ def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tupl
     buffer = io.BytesIO()
     with style_context():
         figure.savefig(buffer, format="svg", metadata=dict(FORMATS["svg"]))
-    return buffer.getvalue(), tuple(
-        x for axes in figure.axes for x in axes.get_position().intervalx
-    )
+    ends = tuple(x for axes in figure.axes for x in axes.get_position().intervalx)
+    return buffer.getvalue(), ends
 
 
 def _suspect_table(found: list[Suspect]) -> Table:

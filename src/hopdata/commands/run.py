@@ -195,10 +195,8 @@ def plan(options: argparse.Namespace) -> int:
     print(f"{landings:,} landings of {feet} feet find {found}\n")
     print("difference  landings")
     own = () if options.difference is None else (options.difference,)
-    needed = {
-        difference: landings_needed(landings, seen, allowed, difference, feet)
-        for difference in sorted({*planned(allowed), *own})
-    }
+    asked = sorted({*planned(allowed), *own})
+    needed = {one: landings_needed(landings, seen, allowed, one, feet) for one in asked}
     for difference, number in needed.items():
         print(f"{100 * difference:8.2g} %  {int(float(f'{number:.1e}')):8,}")
     if options.figure is not None:

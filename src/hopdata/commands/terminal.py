@@ -89,12 +89,9 @@ def notes(inspection: Inspection) -> list[str]:
 
     That is what the reader said of the file, what was done to it, and which markers are unseen.
     """
-    guesses = {
-        "input.unit": inspection.unit,
-        "input.vertical_axis": inspection.up,
-        "input.rate_hz": inspection.rate,
-    }
-    questions = [one for key, guess in guesses.items() for one in question(key, guess)]
+    questions = question("input.unit", inspection.unit)
+    questions += question("input.vertical_axis", inspection.up)
+    questions += question("input.rate_hz", inspection.rate)
     gaps = [one for one in inspection.gaps if LONG_UNSEEN < one.share < 1]
     told = "unseen in many of the frames: "
     told += ", ".join(f"{one.marker} ({100 * one.share:.0f} %)" for one in gaps)

@@ -291,9 +291,8 @@ def found(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        return f"'{value[:60]}'" + (
-            " (text; write it without quotes)" if _NUMBER.fullmatch(value) else ""
-        )
+        told = " (text; write it without quotes)" if _NUMBER.fullmatch(value) else ""
+        return f"'{value[:60]}'{told}"
     if isinstance(value, dict):
         return "keys with values (" + ", ".join(map(str, list(value)[:4])) + ")"
     if isinstance(value, list):
