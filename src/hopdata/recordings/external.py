@@ -138,10 +138,8 @@ def read_contact_times(
     else:
         table = open_table(path)
         found = {column.name: table.numbers(column.name) for column in columns}
-    return [
-        _contact_times(path, column, found[column.name] * unit + options["offset_s"])
-        for column in columns
-    ]
+    start = options["offset_s"]
+    return [_contact_times(path, one, found[one.name] * unit + start) for one in columns]
 
 
 def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactTimes:

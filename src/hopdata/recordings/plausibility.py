@@ -266,9 +266,8 @@ def _rounding(recording: Recording) -> list[str]:
     if not (step_mm := 1e3 * (rounded_to(recording.positions) or 0.0)):
         return []
     noise = f"noise of {step_mm / np.sqrt(12):.2g} mm (standard deviation)"
-    return [
-        f"coordinates are rounded to {step_mm:g} mm, which adds {noise} to each; export more digits"
-    ]
+    told = f"coordinates are rounded to {step_mm:g} mm, which adds {noise} to each"
+    return [f"{told}; export more digits"]
 
 
 def _missing_times(recording: Recording) -> list[str]:

@@ -185,11 +185,9 @@ def require_unpacked(n_bytes: int, most_mb: float) -> None:
         Without the file's name.
     """
     if n_bytes > 1e6 * most_mb:
-        raise ValueError(
-            f"expected at most {most_mb:g} MB once it is unpacked (input.most_unpacked_mb, "
-            f"--most-unpacked-mb), found {n_bytes / 1e6:.0f} MB; raise it if the file is what it "
-            "should be"
-        )
+        most = f"{most_mb:g} MB once it is unpacked (input.most_unpacked_mb, --most-unpacked-mb)"
+        found = f"{n_bytes / 1e6:.0f} MB; raise it if the file is what it should be"
+        raise ValueError(f"expected at most {most}, found {found}")
 
 
 def largest(numbers: FloatArray) -> float:
@@ -229,9 +227,8 @@ def distinct_names(
     distinct = [name or f"unnamed {i}" for i, name in enumerate(names, start=1)]
     remarks = []
     if n_nameless := sum(not name for name in names):
-        remarks.append(
-            f"{place}: {n_nameless} of {len(names)} markers have no name, called 'unnamed <number>'"
-        )
+        told = f"{n_nameless} of {len(names)} markers have no name, called 'unnamed <number>'"
+        remarks.append(f"{place}: {told}")
     taken = set(distinct)
     for name in [name for name, times in Counter(distinct).items() if times > 1]:
         free = (f"{name} {k}" for k in count(1) if f"{name} {k}" not in taken)

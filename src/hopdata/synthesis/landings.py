@@ -163,10 +163,8 @@ class TrueLandings:
     def schedule(self) -> list[str]:
         """Feet in the order of their contacts, such as ``"2>3>1"``; empty if it does not count."""
         orders = np.argsort(self.contact_s, axis=1, kind="stable") + 1
-        return [
-            ">".join(map(str, order)) if whole else ""
-            for order, whole in zip(orders, self.whole, strict=True)
-        ]
+        landings = zip(orders, self.whole, strict=True)
+        return [">".join(map(str, order)) if whole else "" for order, whole in landings]
 
 
 @dataclass(frozen=True)
@@ -345,9 +343,8 @@ def derivative(function: Any, state: FloatArray) -> FloatArray:
 
 def _intrinsic(states: Any, centre_m: FloatArray, yaw: Any) -> Any:
     arm = np.cross(states[..., 9:12], centre_m)
-    velocity = states[..., 6:9] + np.einsum(
-        "...ij,...j->...i", rotation_matrices(states[..., 3:6]), arm
-    )
+    rotation = rotation_matrices(states[..., 3:6])
+    velocity = states[..., 6:9] + np.einsum("...ij,...j->...i", rotation, arm)
     return np.concatenate([states[..., 4:6], turned(velocity, yaw), states[..., 9:12]], axis=-1)
 
 

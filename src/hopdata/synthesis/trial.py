@@ -294,10 +294,8 @@ def run_trial(
     for _ in range(hops):
         if tape.clock >= duration_s:
             break
-        frames: dict[str, Any] = {
-            "frame_times_s": tape.frames_within(operator.hop_limit_s),
-            "limit_s": operator.hop_limit_s,
-        }
+        limit_s = operator.hop_limit_s
+        frames: dict[str, Any] = {"frame_times_s": tape.frames_within(limit_s), "limit_s": limit_s}
         scene = replace(scene, **next(changes, {}))
         own = preloads * (1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs))
         hop = fly_hop(scene, kicked(state, kicks, rng), preloads_n=own, **frames)

@@ -94,10 +94,8 @@ def free_fall(
     FreeFall
         The best guess; see `FreeFall.is_clear`.
     """
-    shares = {
-        unit: _shares(accelerations(positions, rate_hz, metres=metres), metres)
-        for unit, metres in units.items()
-    }
+    of = (positions, rate_hz)
+    shares = {u: _shares(accelerations(*of, metres=m), m) for u, m in units.items()}
     unit = max(shares, key=lambda u: max(shares[u].values()))
     ranked = sorted(shares[unit].items(), key=lambda item: -item[1])
     others = (max(shares[u].values()) for u in shares if u != unit)

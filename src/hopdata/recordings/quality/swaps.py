@@ -175,10 +175,8 @@ def _steps(third: FloatArray, m: int, limit: float) -> list[Excursion]:
     frames = 3 + np.flatnonzero(norms(third[:-2]) >= limit)
     sizes = _agreed(third[frames - 3], third[frames - 1])
     gross = sizes > limit
-    return [
-        Excursion(m, frame, frame + 1, size)
-        for frame, size in zip(frames[gross].tolist(), sizes[gross].tolist(), strict=True)
-    ]
+    found = zip(frames[gross].tolist(), sizes[gross].tolist(), strict=True)
+    return [Excursion(m, frame, frame + 1, size) for frame, size in found]
 
 
 def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -150,11 +150,8 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     if not kinds:
         raise RecordingError.at(path, "a row of Marker or Rigid Body", "none")
     names = rows[rows.index(kinds) + 1]
-    starts = [
-        place
-        for place, axis in enumerate(rows[axes_at])
-        if axis == "X" and _at(rows[axes_at - 1], place) == "Position"
-    ]
+    above, of_x = rows[axes_at - 1], [k for k, axis in enumerate(rows[axes_at]) if axis == "X"]
+    starts = [place for place in of_x if _at(above, place) == "Position"]
     of_kind = {
         kind: [place for place in starts if _at(kinds, place) == kind]
         for kind in ("Marker", "Rigid Body Marker", "Bone Marker")

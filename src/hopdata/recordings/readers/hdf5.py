@@ -277,9 +277,8 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
         with open(path, "rb") as begin:
             is_ours = begin.read(len(SIGNATURE)) == SIGNATURE
         what = "cut short or damaged, copy it anew" if is_ours else "not an HDF5 file"
-        raise RecordingError(
-            f"{path}: {what}: expected one that can be opened, found: {error}"
-        ) from error
+        told = f"{what}: expected one that can be opened, found: {error}"
+        raise RecordingError(f"{path}: {told}") from error
     try:
         with file:
             require_sound(file, most_unpacked_mb)

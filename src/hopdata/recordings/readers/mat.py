@@ -90,10 +90,8 @@ def _version_5(data: bytes, most_mb: float) -> dict[str, Any]:
     header = b"MATLAB 5.0 MAT-file".ljust(124) + np.array(0x100, f"{order}u2").tobytes()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that a variable cannot be read: it may not be needed
-        found = scipy.io.loadmat(
-            io.BytesIO(header + data[126:128] + body),
-            uint16_codec="utf-16-le" if order == "<" else "utf-16-be",
-        )
+        codec = "utf-16-le" if order == "<" else "utf-16-be"
+        found = scipy.io.loadmat(io.BytesIO(header + data[126:128] + body), uint16_codec=codec)
     return {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
 
 

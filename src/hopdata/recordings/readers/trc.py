@@ -106,12 +106,9 @@ def _values(
     if len(keys) != len(values) or len(set(keys)) != len(keys):
         wanted = f"a value for each of {len(keys)} different keys"
         raise RecordingError.at(f"{path}, line 3", wanted, f"{len(values)} values")
-    remarks = tuple(
-        f"{path}, line 2: expected keys such as {', '.join(KEYS[:5])}, found '{key[:40]}'"
-        f"{did_you_mean(key, KEYS)}; it is not read"
-        for key in keys
-        if key not in KEYS
-    )
+    place, wanted = f"{path}, line 2", f"keys such as {', '.join(KEYS[:5])}"
+    odd = (f"'{key[:40]}'{did_you_mean(key, KEYS)}" for key in keys if key not in KEYS)
+    remarks = tuple(mismatch(place, wanted, f"{found}; it is not read") for found in odd)
     return dict(zip(keys, values, strict=True)), remarks
 
 
