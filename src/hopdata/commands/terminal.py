@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from hopdata.arrays import FloatArray
     from hopdata.recordings.quality.inspection import Inspection
     from hopdata.recordings.quality.orientation import Guess
-    from hopdata.recordings.quality.stretches import MarkerGaps
 
 # What a command's exit code says; argparse itself ends with 2 on a wrong command line.
 
@@ -136,18 +135,15 @@ def _gaps(inspection: Inspection) -> list[str]:
         share = f"{float(f'{100 * gaps.share:.2g}'):g} % unseen"
         numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
         numbers = "never seen" if gaps.share == 1 else numbers if gaps.count else "no gap"
-        lines.append(f"  {gaps.marker:{width}} {_bar(gaps, level, n_columns)} {numbers}")
+        lines.append(f"  {gaps.marker:{width}} {_bar(level, n_columns)} {numbers}")
     return lines
 
 
-def _bar(gaps: MarkerGaps, level: FloatArray, n_columns: int) -> str:
+def _bar(level: FloatArray, n_columns: int) -> str:
     """Draw one line; a column is partly unseen if a single frame in it is missing."""
     import numpy as np
 
-    unseen = np.zeros(gaps.n_frames, dtype=bool)
-    for start, stop in gaps.stretches:
-        unseen[start:stop] = True
-    columns = zip(np.array_split(unseen, n_columns), np.array_split(level, n_columns), strict=True)
+    columns = ((np.isnan(part), part) for part in np.array_split(level, n_columns))
     return "".join(
         UNSEEN if c.all() else PARTLY if c.any() else HEIGHTS[round(float(z.mean()))]
         for c, z in columns
