@@ -12,8 +12,8 @@ from hopdata.hybrid.layout import SLIDING, TERMINATED, TOO_MANY_EVENTS, ZENO
 from hopdata.scenes.body import N_STATES, euler_rates, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene, Variant
 
-RTOL, ATOL = 1e-10, 1e-12
-MOST_EVENTS = 100_000  # of a hop: a foot that comes and goes so often does neither
+# In a hop a foot that comes and goes so often does neither.
+OPTIONS: dict[str, Any] = {"rtol": 1e-10, "atol": 1e-12, "max_events": 100_000}
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,8 @@ def fly_hop(
         padded(state, system),
         params=scene.vector(preloads, variant),
         mode=mode.tolist(),
-        rtol=RTOL,
-        atol=ATOL,
-        max_events=MOST_EVENTS,
         t_eval=frames[frames < limit_s],
+        **OPTIONS,
     )
     events = solution.events
     guard = events.guard - first
