@@ -4,10 +4,9 @@ Layout after the C3D user guide (c3d.org), "The parameter section". Every length
 against the section before it is used, so that a file cannot make the reader run away.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from math import prod
+from math import isfinite, prod
 from pathlib import Path
 from typing import Any
 
@@ -268,16 +267,10 @@ def parameter_start(path: Path, block: bytes) -> int:
 def read_c3d_header(block: bytes, processor: Processor) -> C3dHeader:
     """Decode the header block (512 bytes)."""
     words = processor.whole(block)
-    return C3dHeader(
-        n_points=unsigned(words[1]),
-        n_analog=unsigned(words[2]),
-        first=unsigned(words[3]),
-        last=unsigned(words[4]),
-        scale=float(processor.floats(block[12:16])[0]),
-        data_start=(unsigned(words[8]) - 1) * BLOCK,
-        rate_hz=float(processor.floats(block[20:24])[0]),
-        events=_events(block, processor),
-    )
+    n_points, n_analog, first, last = map(unsigned, words[1:5])
+    scale, rate_hz = (float(processor.floats(block[k : k + 4])[0]) for k in (12, 20))
+    start, events = (unsigned(words[8]) - 1) * BLOCK, _events(block, processor)
+    return C3dHeader(n_points, n_analog, first, last, scale, start, rate_hz, events)
 
 
 def first_frame(header: C3dHeader, parameters: Parameters) -> int:
@@ -318,7 +311,11 @@ def count_frames(
     fitting = [n for n in claims.values() if n in possible]
     wrapped = [n for n in possible if all(_is_full(c) or c == n % 65536 for c in claims.values())]
     if not claims or not (fitting or wrapped):
-        raise _wrong_size(header, parameters, claims, most)
+        told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
+        cut = "; was the file cut short?" if all(claim > most for claim in claims.values()) else ""
+        wanted = f"{told} of {header.frame_bytes} bytes each"
+        found = f"room for {most} after byte {header.data_start}{cut}"
+        raise RecordingError.at(f"{parameters.path}: frames", wanted, found)
     n = int((fitting or wrapped)[0])
     remarks = [
         f"{parameters.path}: {name} says {claim:g} frames, the file holds {n}"
@@ -338,7 +335,7 @@ def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
         claims["TRIAL:ACTUAL_END_FIELD"] = last - first_frame(header, parameters) + 1
     for name in ("LONG_FRAMES", "FRAMES"):
         stated = parameters.number("POINT", name)
-        if stated is not None and math.isfinite(stated):
+        if stated is not None and isfinite(stated):
             claims[f"POINT:{name}"] = unsigned(stated) if stated > -32769 else stated
     if header.last < MOST_16_BIT or not claims:  # a full last frame says nothing beside others
         full = header.last == MOST_16_BIT
@@ -360,16 +357,6 @@ def _is_full(claim: float) -> bool:
 
 def _is_16_bit(claim: float, n: float) -> bool:
     return n > MOST_16_BIT and (_is_full(claim) or claim == n % 65536 or claim == n % 65536 - 65536)
-
-
-def _wrong_size(
-    header: C3dHeader, parameters: Parameters, claims: dict[str, float], most: int
-) -> RecordingError:
-    told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
-    cut = "; was the file cut short?" if all(claim > most for claim in claims.values()) else ""
-    wanted = f"{told} of {header.frame_bytes} bytes each"
-    found = f"room for {most} after byte {header.data_start}{cut}"
-    return RecordingError.at(f"{parameters.path}: frames", wanted, found)
 
 
 def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:
