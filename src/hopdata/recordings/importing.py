@@ -15,7 +15,7 @@ from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings import raw as reading
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.rigid import recorded_frames
-from hopdata.recordings.raw import RawRecording, rotate_up
+from hopdata.recordings.raw import RawRecording, rotate_up, without_subject
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
 
@@ -248,10 +248,9 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
     """
     for key in wanted:
         require_choice("markers", key, ROLE_OF_KEY)
-    subjects = {name.partition(":")[0] for name in raw.markers if ":" in name}
     asked = [name for names in wanted.values() for name in names or ()]
-    if len(subjects) == 1 and ":" not in "".join(asked):
-        raw = replace(raw, markers=tuple(name.split(":", 1)[-1] for name in raw.markers))
+    if ":" not in "".join(asked):
+        raw = replace(raw, markers=without_subject(raw.markers))
     chosen: list[str] = []
     for key in ROLE_OF_KEY:
         for marker in wanted.get(key) or ():

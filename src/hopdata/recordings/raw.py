@@ -176,6 +176,12 @@ def labelled(place: str, names: Sequence[str]) -> tuple[list[int], tuple[str, ..
     return kept, (f"{place}: {len(names) - len(kept)} unlabeled trajectories are left out",)
 
 
+def without_subject(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names without their subject (``Anna:toe``), unless those of several have one."""
+    subjects = {name.partition(":")[0] for name in names if ":" in name}
+    return tuple(name.split(":", 1)[-1] if len(subjects) == 1 else name for name in names)
+
+
 def require_unpacked(n_bytes: int, most_mb: float) -> None:
     """Refuse content that would take more memory than a file may ask for.
 
@@ -487,16 +493,14 @@ def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
     return np.concatenate([number[:1], number[0] + np.cumsum(frames)])
 
 
-def events_outside(
-    place: str, events: tuple[Event, ...], time: FloatArray, rate_hz: float
-) -> tuple[str, ...]:
+def events_outside(place: str, raw: RawRecording) -> tuple[str, ...]:
     """Remark on events before the first frame or after the last."""
-    if not len(time):
+    if not len(raw.time):
         return ()
-    begin, end = time[0] - 1 / rate_hz, time[-1] + 1 / rate_hz
-    outside = sum(not begin <= event.time_s <= end for event in events)
-    told = f"{outside} of {len(events)} events lie outside the recording"
-    return (f"{place}: {told} ({time[0]:.6g} to {time[-1]:.6g} s)",) * bool(outside)
+    (first, last), frame_s = raw.time[[0, -1]].tolist(), 1 / raw.rate_hz
+    outside = sum(not first - frame_s <= e.time_s <= last + frame_s for e in raw.events)
+    told = f"{outside} of {len(raw.events)} events lie outside the recording"
+    return (f"{place}: {told} ({first:.6g} to {last:.6g} s)",) * bool(outside)
 
 
 PAUSE_S = 1.0  # between files that do not say when they began; longer than any landing

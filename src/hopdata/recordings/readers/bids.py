@@ -60,7 +60,11 @@ def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     stated = units.pop()
     told = _told(path, "motion")
     stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []
-    _, numbers, stamps = _rows(path, len(kinds)).numbers([], at.ravel().tolist(), stamped)
+    with text.readable(path) as file:
+        first = file.readline()
+    named = not any(map(text.is_number, text.split_line(path, first)))  # by the standard never
+    rows = text.Rows(path, int(named), len(first) * named, len(kinds))
+    _, numbers, stamps = rows.numbers([], at.ravel().tolist(), stamped)
     missing = told.get("MissingValues")
     if missing is not None and text.is_number(str(missing)):
         numbers[numbers == float(missing)] = np.nan
@@ -85,14 +89,6 @@ def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         remarks=(flat,) * bool(lacking),
         stated_up=_stated_up(path),
     )
-
-
-def _rows(path: Path, width: int) -> text.Rows:
-    """Rows of numbers: the standard has no row of names, some files do."""
-    with text.readable(path) as file:
-        first = file.readline()
-    named = not any(map(text.is_number, text.split_line(path, first)))
-    return text.Rows(path, int(named), len(first) * named, width)
 
 
 def _stated_up(path: Path) -> str:

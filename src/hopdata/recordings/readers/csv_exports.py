@@ -8,7 +8,6 @@ Lines above that begin with # are comments.
 """
 
 import codecs
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -100,7 +99,7 @@ def read_export(
     if first[0].lower() in (_TRAJECTORIES, *map(str.lower, _SECTIONS)):
         return _nexus(sheet, rate_hz)
     if first[0] == "scorer":
-        at = _row_that(sheet, "coords", lambda row: row[0] == "coords")
+        at = _row_of(sheet, "coords")
         places = [k for k in range(1, len(rows[at])) if rows[at][k]]
         columns: Columns = [tuple(_at(row, k) for row in rows[: at + 1]) for k in places]
     elif (found := _names_over_axes(rows)) is not None:
@@ -145,7 +144,7 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     """Read markers; those solved from a rigid body or skeleton only if there are no others."""
     path, rows = sheet.path, sheet.rows
     keys = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
-    axes_at = _row_that(sheet, "Frame, Time (Seconds), X, Y, Z", lambda row: row[0] == "Frame")
+    axes_at = _row_of(sheet, "Frame", ", Time (Seconds), X, Y, Z")
     kinds = next((row for row in rows[1:axes_at] if _KINDS & {*row}), [])
     if not kinds:
         raise RecordingError.at(path, "a row of Marker or Rigid Body", "none")
@@ -197,13 +196,10 @@ def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
         found = ",".join(head[3][:2]) if len(head) > 3 else "the end of the file"
         raise RecordingError.at(sheet.line(3), "Frame,Sub Frame", found)
     starts = [place for place, axis in enumerate(head[3]) if axis == "X"]
-    names = [_at(head[2], place) for place in starts]
-    subjects = {name.split(":")[0] for name in names if ":" in name}
-    if len(subjects) == 1:  # of several animals the names tell whose a marker is
-        names = [name.split(":", 1)[-1] for name in names]
+    names = raw.without_subject([_at(head[2], place) for place in starts])
     has_units = not text.is_number(head[4][0])
     return _recording(
-        sheet, 3, 3 + has_units, starts, names,
+        sheet, 3, 3 + has_units, starts, list(names),
         (_stated(sheet.line(1), {"rate": head[1][0]}, "rate"), rate_hz),
         unit=(sheet.line(4), _at(head[4], starts[0]) if has_units and starts else ""),
         remarks=(f"{path}: section {', '.join(others)} not read",) * bool(others),
@@ -254,10 +250,10 @@ def _at(row: Row, place: int) -> str:
     return row[place] if place < len(row) else ""
 
 
-def _row_that(sheet: _Sheet, what: str, is_it: Callable[[Row], bool]) -> int:
-    found = next((i for i, row in enumerate(sheet.rows) if is_it(row)), None)
+def _row_of(sheet: _Sheet, first: str, others: str = "") -> int:
+    found = next((i for i, row in enumerate(sheet.rows) if row[0] == first), None)
     if found is None:
-        wanted = f"a row {what} among the first {_MOST_HEADER_LINES}"
+        wanted = f"a row {first}{others} among the first {_MOST_HEADER_LINES}"
         raise RecordingError.at(sheet.path, wanted, "none")
     return found
 

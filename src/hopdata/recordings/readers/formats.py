@@ -11,7 +11,6 @@ import numpy as np
 from hopdata.errors import RecordingError
 from hopdata.recording import SLOWEST_S
 from hopdata.recordings import raw as reading
-from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.text import require_file
 
 LARGEST = 1e9  # mm or m: no camera sees so far
@@ -49,7 +48,7 @@ def read_raw(
     rate_hz: float | None = None,
     most_unpacked_mb: float = reading.MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
-) -> RawRecording:
+) -> reading.RawRecording:
     """Read all markers of a file, by the reader that its suffix calls for.
 
     Parameters
@@ -79,16 +78,15 @@ def read_raw(
         place, taken = READERS[suffix]
         limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
         given = {limit: limits[limit] for limit in taken}
-        raw: RawRecording = resolve_name(place)(path, rate_hz=rate_hz, **given)
+        raw: reading.RawRecording = resolve_name(place)(path, rate_hz=rate_hz, **given)
     else:
         raw = _others()[suffix].load()(path, rate_hz)
     raw = reading.overrule_rate(str(path), raw, rate_hz)
     _check_numbers(path, raw)
-    more = reading.events_outside(str(path), raw.events, raw.time, raw.rate_hz)
-    return replace(raw, remarks=raw.remarks + more)
+    return replace(raw, remarks=raw.remarks + reading.events_outside(str(path), raw))
 
 
-def _check_numbers(path: Path, raw: RawRecording) -> None:
+def _check_numbers(path: Path, raw: reading.RawRecording) -> None:
     """Require finite times in s, and positions that are NaN or such as can be."""
     if not np.isfinite(raw.time).all():
         frame = int(np.argmin(np.isfinite(raw.time)))

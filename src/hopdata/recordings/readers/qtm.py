@@ -292,8 +292,6 @@ def moment(stated: Any) -> datetime | None:
 
 # Reader of QTM motion-data exports (TSV) and of plain tables with a column row: mm.
 
-KEYS_OF_EXPORTS = frozenset(KEYS)  # which are in mm; of a bare table nothing says so
-
 
 def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read a 3-D motion-data export of Qualisys Track Manager.
@@ -343,7 +341,8 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
         rates_hz=(_stated_rate(header, rate_hz), rate_hz),
         rate_place=header.place("FREQUENCY"),
         remarks=header.remarks + wrong,
-        unit_is_stated=bool(header.unit) or not KEYS_OF_EXPORTS.isdisjoint(header.values),
+        # Exports are in mm; of a bare table nothing says so.
+        unit_is_stated=bool(header.unit) or not header.values.keys().isdisjoint(KEYS),
         events=tuple(event for event, _ in header.events),
         started=moment(header.stated("TIME_STAMP")),
     )
