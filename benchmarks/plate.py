@@ -2,23 +2,24 @@
 
     python benchmarks/plate.py --out results/benchmarks/plate.csv
 
-The same random starts for every number of contacts, 2 s each, all solvers in turn on one thread in
-one process. A time is of one whole run without output in between, the faster of two in a row (of
-one, where it takes long), given per simulated second;
-errors are the largest deviation of the final state (m, rad, and these per s) from our solver at its
-tightest, which is checked against `plate_reference` on some. The springs of MuJoCo's contacts
-cannot pull and push along the normal, so that their error has two parts: `own_law_error_median` is
-from the limit of its own law. Beside the table come two more:
+All numbers of contacts use the same random starts, for 2 s each; all solvers take turns on one
+thread in one process. A time is that of one whole run without output in between, the faster of two
+in a row (a single run if it is long), given per simulated second. Errors are the largest deviation
+of the final state (m, rad, and these per s) from our solver at its tightest tolerance, which is
+checked against `plate_reference` for some. The springs of MuJoCo's contacts cannot pull, and push
+along the normal, so their error has two parts; `own_law_error_median` is the error against the
+limit of their own law. Beside the table, it writes two more:
 
-- ``plate_marginal.csv``: run time per further contact, as the slope of the median run time against
-  the number of contacts by least squares, over all and within a window that moves; 95 % bands by
+- ``plate_marginal.csv``: run time per further contact, as the least-squares slope of the median run
+  time against the number of contacts, over all numbers and within a moving window; 95 % bands by
   bootstrap of the starts. `over_hopdata` is the median over the starts of each start's own slope
-  over that of "hopdata": its runs are within a second or so, in which the machine's speed is one;
+  over that of "hopdata", because the runs of one start are within about a second, in which the
+  machine's speed is constant;
 - ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the scene, and
-  from a start that is flat but for 1e-6 rad. All sizes take turns; `per_contact_over_300` is the
+  from a start that is flat except for 1e-6 rad. All sizes take turns; `per_contact_over_300` is the
   median over the turns of the time per contact over that with 300.
 
-Without MuJoCo a row says "absent".
+Without MuJoCo, a row says "absent".
 """
 
 from __future__ import annotations
@@ -41,19 +42,19 @@ from scipy.optimize import brentq
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, solve
 
-# Where the plate truly ends: DOP853 at its tightest, started anew at each event.
+# True end of the plate: DOP853 at its tightest tolerance, restarted at each event.
 #
-# Nothing of the integrator under test is used: numpy for the field, scipy for steps and roots. The
-# step that meets an event is taken again to the event's instant.
+# It uses no part of the integrator under test: numpy evaluates the field, scipy makes the steps and
+# finds the roots. A step that meets an event is repeated up to the event's instant.
 
 RTOL, ATOL = 3e-14, 1e-15
-LOOKS = 16  # at each guard, within a step
-LONGEST_STEP_S = 0.01  # so that no pair of crossings hides between two looks
-SAME_S = 1e-13  # instants nearer than this are one
+LOOKS = 16  # samples of each guard within a step
+LONGEST_STEP_S = 0.01  # so that no pair of crossings hides between two samples
+SAME_S = 1e-13  # instants closer than this are one
 
 
 def reference_end(plate: Plate, start: FloatArray, until_s: float) -> FloatArray:
-    """Return the state at the end, (6,), from a start at time 0 off all guards."""
+    """Return the state at the end, (6,), from a start at time 0 at which no guard is zero."""
     now, state = 0.0, np.array(start)
     touching = plate.compressions(state) > 0
     while now < until_s:
@@ -103,7 +104,7 @@ def solver_start(solver: Any) -> FloatArray:
 def taken_to(
     plate: Plate, touching: Any, now: float, state: FloatArray, instant: float
 ) -> FloatArray:
-    """Return the state at an instant not far away, in an unchanged mode."""
+    """Return the state at a nearby instant in the unchanged mode."""
     solver = begin(plate, touching, now, state, instant)
     while solver.status == "running":
         solver.step()
@@ -133,11 +134,11 @@ Key = TypeVar("Key")
 
 UNTIL_S, N_STARTS, SEED = 2.0, 150, 444
 CONTACTS = tuple(range(2, 36))
-CHECKED = (2, 10, 35)  # numbers of contacts, and of starts, for what is slow to check
+CHECKED = (2, 10, 35)  # numbers of contacts, and number of starts, for slow checks
 N_CHECKED = 3
-LONG_S = 0.05  # a run that is timed only once
+LONG_S = 0.05  # a longer run is timed only once
 TIGHTEST = 1e-13
-OURS: dict[str, tuple[float, dict[str, bool]]] = {  # tolerance, and form of the scene
+OURS: dict[str, tuple[float, dict[str, bool]]] = {  # tolerance and form of the scene
     "hopdata": (1e-6, {}),
     "hopdata rtol 1e-9": (1e-9, {}),
     "hopdata sums": (1e-6, {"sums": True}),
@@ -147,7 +148,7 @@ MUJOCO: dict[str, Setting] = {
     "MuJoCo contact 2 ms": Setting("contact", "Euler", 2e-3),
     "MuJoCo callback 2 ms": Setting("callback", "Euler", 2e-3),
 }
-MUJOCO_MORE = {  # for a few numbers of contacts
+MUJOCO_MORE = {  # for a few numbers of contacts only
     f"MuJoCo {setting.name} {1e3 * setting.timestep_s:g} ms": setting
     for setting in (
         *(
@@ -163,16 +164,16 @@ MUJOCO_MORE = {  # for a few numbers of contacts
 if ABSENT:
     MUJOCO, MUJOCO_MORE = {}, {}
 LIMIT = Setting("contact law", "RK4", 5e-5)
-WINDOW = 5  # numbers of contacts to each side, for the local slope
+WINDOW = 5  # numbers of contacts on each side, for the local slope
 N_BOOTSTRAP = 1000
 SCALING_PLAIN = (35, 100, 300, 1000)
 SCALING = (*SCALING_PLAIN, 3000, 10_000)
-SCALING_S, N_SCALING = 1.0, 5  # the plate lands once, and flies off again
+SCALING_S, N_SCALING = 1.0, 5  # the plate lands once and flies off again
 LARGE_FORMS = ("hopdata", "hopdata sums", "hopdata sparse", "hopdata sparse flat")
-UNIT = 300  # contacts, with whose cost others are compared
-N_TURNS, TURN_S = 25, 0.05  # of one size, at least: the machine's speed may change within a second
-Case = tuple[str, int]  # form of the scene, and number of contacts
-FLAT = (0.0, 2.4, 1e-6, 0.0, 0.0, 0.0)  # a start from which all springs are met within microseconds
+UNIT = 300  # number of contacts to whose cost others are compared
+N_TURNS, TURN_S = 25, 0.05  # at least, per size: the machine's speed may change within a second
+Case = tuple[str, int]  # form of the scene and number of contacts
+FLAT = (0.0, 2.4, 1e-6, 0.0, 0.0, 0.0)  # a start that touches all springs within microseconds
 
 
 def with_hopdata(
@@ -195,7 +196,7 @@ def with_hopdata(
 
 
 def end(run: Callable[[FloatArray], Solution]) -> Solver:
-    """Return a solver's function from start to end."""
+    """Return a function from start to end."""
     return lambda start: run(start).y_end
 
 
@@ -269,7 +270,7 @@ def checked(plate: Plate, starts: FloatArray, exact: FloatArray) -> list[dict[st
 
 
 def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
-    """Return the median error of MuJoCo's contacts against the limit of their own law."""
+    """Return the median error of MuJoCo's contacts relative to the limit of their own law."""
     if ABSENT:
         return {}
     limit = with_mujoco(plate, LIMIT)
@@ -287,8 +288,8 @@ def measure(n_starts: int) -> tuple[pd.DataFrame, dict[str, FloatArray]]:
     starts = Plate().initial_states(n_starts, SEED)
     runs = {(n, name): run for n in CONTACTS for name, run in solvers(Plate(n)).items()}
     for run in runs.values():
-        run(starts[0])  # so that no timing holds compilation
-    times, ends = in_turn(runs, starts)  # numbers of contacts take turns as well
+        run(starts[0])  # so that no timing includes compilation
+    times, ends = in_turn(runs, starts)  # numbers of contacts take turns too
     rows: list[dict[str, Any]] = []
     for n in CONTACTS:
         plate = Plate(n)
@@ -315,7 +316,7 @@ def slopes(n: FloatArray, times: FloatArray) -> FloatArray:
 
 
 def median_with_band(ratios: FloatArray, draws: NDArray[np.int64]) -> dict[str, float]:
-    """Return the median of ratios (S,), and its 95 % band by bootstrap."""
+    """Return the median of ratios (S,) and its 95 % bootstrap band."""
     low, high = np.percentile(np.median(ratios[draws], axis=1), [2.5, 97.5])
     return {
         "over_hopdata": float(np.median(ratios)),
@@ -325,11 +326,11 @@ def median_with_band(ratios: FloatArray, draws: NDArray[np.int64]) -> dict[str, 
 
 
 def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
-    """Return the time per further contact, over all and in windows, with bootstrap bands."""
+    """Return the time per further contact, overall and in windows, with bootstrap bands."""
     rng, rows, counts = np.random.default_rng(SEED), [], np.array(CONTACTS, dtype=float)
     n_starts = next(iter(times.values())).shape[1]
     draws = rng.integers(0, n_starts, (N_BOOTSTRAP, n_starts))
-    ours = slopes(counts, times["hopdata"].T)  # of each start: within a second or so
+    ours = slopes(counts, times["hopdata"].T)  # for each start, measured within about a second
     for name, sample in times.items():
         medians = 1e6 / UNTIL_S * np.median(sample, axis=1)
         drawn = 1e6 / UNTIL_S * np.array([np.median(sample[:, draw], axis=1) for draw in draws])
@@ -369,7 +370,7 @@ def large_cases() -> dict[Case, list[Callable[[], Solution]]]:
 
 
 def median_ms(run: Callable[[], Solution]) -> float:
-    """Return the median time of runs in a row, ms."""
+    """Return the median time of consecutive runs, ms."""
     times: list[float] = []
     while sum(times) < TURN_S:
         times.append(timed(run)[0])
@@ -377,7 +378,7 @@ def median_ms(run: Callable[[], Solution]) -> float:
 
 
 def scaling() -> pd.DataFrame:
-    """Time our solver for many contacts; all sizes take turns, with one start after the other."""
+    """Time our solver for many contacts; all sizes take turns, one start after another."""
     runs = large_cases()
     events = {case: np.median([len(run().events) for run in own]) for case, own in runs.items()}
     times: dict[Case, list[float]] = {case: [] for case in runs}

@@ -2,21 +2,22 @@
 
     python benchmarks/pose.py --out pose.csv
 
-`pose.csv`: errors of heading, boom angle and place (mean body marker), rms over frames, by
-estimator. In the scenes "tilted by" the body is tilted by a constant angle, in 24 directions;
-`bias` is the rms over these of the mean error, after the best constant for all of them is taken
-off. In the scenes "hopper" it is the simulated one, its boom swinging through 67.5 degrees from
-eight angles. The recommended estimator is given nothing but a recording; the phasors' heading and
-the printed boom angle have an arbitrary zero, which is taken off (and the sense of the latter).
-`unknown` is the share of frames without a value.
+`pose.csv` holds errors of heading, boom angle and place (mean body marker), rms over frames, by
+estimator. In the scenes "tilted by", the body is tilted by a constant angle in 24 directions;
+`bias` is the rms over these of the mean error, after subtracting the best constant for all of them.
+The scenes "hopper" simulate the hopper with its boom swinging through 67.5 degrees from eight
+angles. The recommended estimator is given nothing but a recording. The phasors' heading and the
+printed boom angle have an arbitrary zero, and the latter an arbitrary sense of rotation; both are
+removed. `unknown` is the share of frames without a value.
 
-`pose_stances.csv`: consecutive stance pairs over all hops, against the true landings. Pairs in
-which the hopper stumbles (not all feet stand at once, or it comes from less than half the usual
-height) are counted on their own. `instant_sd_ms` is the error of the instants of the lowest points.
+`pose_stances.csv` holds consecutive stance pairs over all hops, compared with the true landings.
+Pairs in which the hopper stumbles (not all feet stand at once, or it comes from less than half the
+usual height) are counted separately. `instant_sd_ms` is the error of the instants of the lowest
+points.
 
-`pose_live.csv`: stances told frame by frame, with their delay after the true lowest point.
+`pose_live.csv` holds stances detected frame by frame, with their delay after the true lowest point.
 
-`pose_time.csv`: processor time of a frame.
+`pose_time.csv` holds the processor time per frame.
 """
 
 from __future__ import annotations
@@ -49,18 +50,18 @@ from hopdata.steering.observation.tracking import HopperTracker, hopper_motion, 
 from hopdata.synthesis.camera import MarkerTracks, MotionCapture, draw_floor, track_markers
 from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Trial, run_trial
 
-# The hopper that is steered, its boom swinging to and fro, with true poses and landings.
+# The steered hopper with its boom swinging to and fro, with true poses and landings.
 
 
 SWING_RAD = np.deg2rad(67.5)
-N_ANGLES = 8  # recordings start at so many boom angles, and so cover the circle
+N_ANGLES = 8  # recordings start at this many boom angles, which cover the circle
 FLAT = FloorOptions(bowl_depth_m=0.0, waves=0)
-FINE_HZ = 1000.0  # rate at which the true lowest points are read off
+FINE_HZ = 1000.0  # rate at which the true lowest points are read
 
 
 @dataclass(frozen=True)
 class Swinging:
-    """A trial with its markers, before any camera saw it."""
+    """A trial with its markers before a camera sees it."""
 
     hopper: HopperParameters
     trial: Trial
@@ -80,7 +81,7 @@ class Swinging:
 
 @dataclass(frozen=True)
 class Landings:
-    """True landings: lowest points, s; which are a hop apart from the next; which stumble."""
+    """True landings: lowest points, s, whether the next is one hop later, and which stumble."""
 
     lowest_s: FloatArray
     goes_on: BoolArray
@@ -88,7 +89,7 @@ class Landings:
 
 
 def swinging(number: int, hops: int, rate_hz: float, seed: int) -> Swinging:
-    """Simulate one of the recordings; the hops are the same at all rates."""
+    """Simulate one of the recordings; the hops are the same at all frame rates."""
     hopper = HopperParameters(
         mass_kg=2.6, counterweight_mass_kg=0.1, inertia_z_kg_m2=0.04, damping_n_s_m=5.5,
         boom_angle_rad=2 * np.pi * number / N_ANGLES, boom_swing_rad=SWING_RAD,
@@ -100,7 +101,7 @@ def swinging(number: int, hops: int, rate_hz: float, seed: int) -> Swinging:
 
 
 def landings(number: int, hops: int, seed: int) -> Landings:
-    """Return the true landings, as they are at a high frame rate.
+    """Return the true landings, read at a high frame rate.
 
     A landing stumbles if not all feet stood at once, or if it came from less than half the usual
     height.
@@ -126,7 +127,7 @@ def filmed(
     curved: bool = False,
     rest_first: bool = False,
 ) -> Recording:
-    """Return what cameras see of it; with some frames of the hopper at rest before, if wanted."""
+    """Return what cameras see, optionally preceded by frames of the resting hopper."""
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
     true, rate_hz = scene.tracks.positions, scene.trial.rate_hz
     if rest_first:
@@ -142,11 +143,11 @@ def filmed(
 
 Row = dict[str, object]
 
-# What is compared.
+# The conditions that are compared.
 
 TILTS_RAD = (0.0, 0.05, 0.15, 0.3)
 DIRECTIONS = 24
-NEAR_S = 0.05  # an instant this near a true one is it
+NEAR_S = 0.05  # an instant this close to a true one matches it
 
 
 def rms(values: FloatArray) -> float:
@@ -155,12 +156,12 @@ def rms(values: FloatArray) -> float:
 
 
 def about_constant(error: FloatArray) -> FloatArray:
-    """Return angular errors about their circular mean."""
+    """Return angular errors relative to their circular mean."""
     known = error[np.isfinite(error)]
     return wrapped(error - np.angle(np.mean(np.exp(1j * known))))
 
 
-# Heading of a body that is tilted
+# Heading of a tilted body
 
 
 def tilted(tilt_rad: float, frames: int, noise_m: float, seed: int) -> tuple[FloatArray, ...]:
@@ -220,7 +221,7 @@ HOPPER_SCENES: dict[str, dict[str, object]] = {
 
 
 def hopper_errors(scene: Swinging, seed: int, options: dict[str, object]) -> dict[str, FloatArray]:
-    """Errors of all estimators in all frames, in rad and m, by "what; method"."""
+    """Return errors of all estimators in all frames, rad and m, by "what; method"."""
     seen = filmed(scene, seed, **options)
     geometry = calibrate(seen)
     motion = hopper_motion(seen, geometry)
@@ -252,7 +253,7 @@ def hopper_errors(scene: Swinging, seed: int, options: dict[str, object]) -> dic
 
 
 def algebraic_boom(seen: Recording, geometry: HopperGeometry) -> FloatArray:
-    """Boom angle about the centre of an algebraic circle in the same plane."""
+    """Return the boom angle about the centre of an algebraic circle in the same plane."""
     fit = rigid_fit(seen.body, geometry.body_m)
     boom = seen.positions[:, seen.indices("boom")[0]]
     places = np.einsum("nji,nj->ni", fit.rotation, boom - fit.centre)
@@ -314,7 +315,7 @@ STANCE_METHODS: dict[str, Callable[[Recording], FloatArray]] = {
 
 
 def pair_counts(instants: FloatArray, true: Landings) -> tuple[dict[str, int], FloatArray]:
-    """Count pairs (P, 2) of instants against the landings; and the errors of the instants, s."""
+    """Compare pairs (P, 2) of instants with the landings; return counts and errors, s."""
     near = np.abs(instants[..., None] - true.lowest_s).argmin(axis=-1).reshape(-1, 2)
     error = instants - true.lowest_s[near]
     hit = (np.abs(error) < NEAR_S).all(axis=1)
@@ -365,7 +366,7 @@ LIVE_SCENES: dict[str, dict[str, object]] = {
 
 
 def told(seen: Recording, *, dropped: float, jumping: float, seed: int) -> FloatArray:
-    """Feed a tracker and a detector frame by frame; return instants and delays as told, (S, 2)."""
+    """Feed tracker and detector frame by frame; return reported instants and delays, (S, 2)."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
     geometry = calibrate(seen)
     tracker = HopperTracker(geometry, seen.markers)

@@ -1,14 +1,14 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
 """Peers of the integrator, and its scenes, written once for every peer.
 
-A module offers ``solvers(problem) -> list[Solver]``, empty for a scene that it does not have. Ours
-is here: one call of `solve` from Python, and its share of a batch.
+Each module offers ``solvers(problem) -> list[Solver]``, empty if it does not support the scene. Our
+solver is here: one call of `solve` from Python, and its share of a batch.
 
-All scenes are smooth but for a few coefficients that change at events. `slope` and `height` are
-ordinary arithmetic on the entries of the state, given the elementary functions to use: they serve
-Python numbers, Numba, jax and heyoka's expressions alike. `coefficients` depends on the locks
-alone, so that a peer evaluates it once an event, not once a step: the springs of the plate enter as
-sums.
+All scenes are smooth except for a few coefficients that change at events. `slope` and `height` use
+ordinary arithmetic on the entries of the state and receive the elementary functions to use. So they
+work with Python numbers, Numba, jax and heyoka's expressions alike. `coefficients` depends on the
+locks alone, so a peer evaluates it once per event instead of once per step; the springs of the
+plate enter as sums.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from hopdata.hybrid import Solution, System, guards, solve, solve_batch
 from hopdata.hybrid import field as _field
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 
-# What every peer offers: named solvers that take a tolerance and give something to run.
+# Interface of every peer: named solvers that take a tolerance and return something to run.
 
 
-Found = tuple[FloatArray, int | None]  # the final state, and how many events there were
+Found = tuple[FloatArray, int | None]  # final state and number of events
 Run = Callable[[], Found]
 
-# Where only the nearest guard is watched, an event is placed this far behind the surface, so that
-# the guard which has just flipped starts on the right side of zero. It moves an instant by this
-# over the speed of crossing: nothing beside the errors that are compared.
+# If only the nearest guard is watched, an event is placed this far behind the surface, so that the
+# guard that has just flipped starts on the right side of zero. It shifts the instant by this
+# distance over the crossing speed, which is negligible beside the compared errors.
 HYSTERESIS = 1e-14
 MOST_EVENTS = 10_000
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))
@@ -58,19 +58,19 @@ class Solver:
     Parameters
     ----------
     package : str
-        What it belongs to; "hopdata" is ours.
+        Package of the solver; "hopdata" is ours.
     way : str
-        How the package is used: what its user functions are, or who calls it.
+        How the package is used: the kind of its user functions, or its caller.
     method : str
         The integration method.
     prepare : callable
-        Takes the tolerance (relative and absolute) and returns a function that integrates the
-        scene once and returns the final state and the number of events, None where it is not known;
-        all that can be done beforehand is done in it.
+        Takes the tolerance (relative and absolute), does all work that can be done beforehand, and
+        returns a function that integrates the scene once. That function returns the final state and
+        the number of events, None if unknown.
     trajectories : int
-        How often one call of that function integrates the scene.
+        Number of times one call of that function integrates the scene.
     settings : tuple of float
-        What to prepare it for: tolerances, or time steps where it has no tolerance.
+        Tolerances to prepare it for, or time steps if it has no tolerance.
     """
 
     package: str
@@ -82,18 +82,18 @@ class Solver:
 
 
 class LostEventError(RuntimeError):
-    """An integration did not come to its end."""
+    """An integration did not reach its end."""
 
 
 Formula = Callable[..., Any]
 
 PLATE_START = (0.0, 2.5, 0.05, 0.0, 0.0, 0.0)
-PLATE_SPAN = (0.0, 1.0)  # one bounce: each spring is met and left once
+PLATE_SPAN = (0.0, 1.0)  # one bounce: each spring is touched and left once
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A scene as a peer needs it.
+    """A scene in the form that peers need.
 
     Parameters
     ----------
@@ -113,11 +113,11 @@ class Problem:
     coefficients : callable
         ``coefficients(locks)`` is c as a tuple, for an array of locks, -1.0 or 1.0.
     system, params
-        The same for `hopdata.hybrid.solve`.
+        The same scene for `hopdata.hybrid.solve`.
     end : array
         Exact final state, (n,).
     forms : mapping
-        Other forms of that system, by name, for the same parameters.
+        Other forms of that system by name, for the same parameters.
     """
 
     name: str
@@ -144,7 +144,7 @@ class Problem:
 
     @cached_property
     def events(self) -> int:
-        """Number of events, by our own tightest tolerance."""
+        """Number of events, from our solver at its tightest tolerance."""
         return tight_solution(self.system, self.t_span, self.y0, self.params).n_events
 
     def heights(self, y: FloatArray) -> FloatArray:
@@ -202,7 +202,7 @@ def hopper_problem() -> Problem:
 
     def height(_: Any) -> Formula:
         def h(y: Any, k: Any) -> Any:
-            return y[k] - contact  # k is 0: the height is the first state
+            return y[k] - contact  # k is 0, and the first state is the height
 
         return h
 
@@ -255,13 +255,13 @@ def plate_problem() -> Problem:
     )  # fmt: skip
 
 
-# Five systems that are not ours: piecewise smooth, each with the lock of a guard in its field.
+# Five systems from elsewhere, piecewise smooth, each with the lock of a guard in its field.
 
-TILT = 0.25  # of a rocking block, rad: from its edge to its centre of mass
-LOW, HIGH, CURRENT, SLOW = 0.125, 0.625, 0.5, 0.1  # where McKean's neuron bends; its drive and rate
-INNER, OUTER, ALPHA, BETA = -8 / 7, -5 / 7, 15.6, 28.0  # slopes and numbers of Chua's circuit
-SUPPLY, WANTED, GAIN, LOAD, CARRIER = 2.0, 0.9, 1.5, 0.8, 9.0  # of a buck converter, scaled
-BACKLASH, DAMPING, TORQUE, WOBBLE = 0.5, 0.1, 0.3, 0.7  # of a pair of gears
+TILT = 0.25  # angle of a rocking block, from its edge to its centre of mass, rad
+LOW, HIGH, CURRENT, SLOW = 0.125, 0.625, 0.5, 0.1  # McKean's neuron: its kinks, drive and rate
+INNER, OUTER, ALPHA, BETA = -8 / 7, -5 / 7, 15.6, 28.0  # Chua's circuit: its slopes and parameters
+SUPPLY, WANTED, GAIN, LOAD, CARRIER = 2.0, 0.9, 1.5, 0.8, 9.0  # a buck converter, scaled
+BACKLASH, DAMPING, TORQUE, WOBBLE = 0.5, 0.1, 0.3, 0.7  # a pair of gears
 
 
 @_field
@@ -318,11 +318,12 @@ def two_guards(t, y, dy, mode, params, h, hdot):
 def others() -> list[Problem]:
     """Return a rocking block, a neuron, a circuit, a switched converter and a pair of gears.
 
-    Housner's block loses nothing; McKean's neuron and Chua's circuit are as they are known. The
+    Housner's block loses no energy. McKean's neuron and Chua's circuit have their usual form. The
     buck converter is switched where its error meets a sine, and the gears have backlash and are
-    driven by a sine: each carries its sine as two states.
+    driven by a sine; each carries its sine as two states.
 
-    Their ends are our own at the tightest tolerance: no solver's error is told below 1e-12.
+    Their exact ends are our own at the tightest tolerance, so no solver's error is reported below
+    1e-12.
     """
 
     def block_slope(m: Any) -> Formula:
@@ -390,7 +391,7 @@ def _problem(
 def tight_solution(
     system: System, span: tuple[float, float], y0: tuple[float, ...], params: tuple[float, ...]
 ) -> Solution:
-    """Return what our driver gives at the tightest tolerance."""
+    """Return our solution at the tightest tolerance."""
     return solve(system, span, y0, params=params, rtol=SMALLEST_RTOL, atol=1e-15, method="dop853")
 
 
@@ -425,7 +426,7 @@ BATCH = 200
 
 
 def our_solvers(problem: Problem) -> list[Solver]:
-    """Return each method that `solve` has, in a call of its own and in a batch."""
+    """Return a solver for each method of `solve`, in single calls and in a batch."""
     forms = {"": problem.system} | {f", {name}": form for name, form in problem.forms.items()}
     ways = {"hopdata, call": (prepare, 1), "hopdata, batch": (prepare_batch, BATCH)}
     return [
@@ -437,12 +438,12 @@ def our_solvers(problem: Problem) -> list[Solver]:
 
 
 def methods_for(system: System) -> tuple[str, ...]:
-    """Return the methods that serve a system; Taylor's is for affine modes."""
+    """Return the methods that support a system; Taylor's requires affine modes."""
     return tuple(method for method in METHODS if system.affine is not None or method != "taylor")
 
 
 def prepare(problem: Problem, system: System, method: str, tolerance: float) -> Run:
-    """Return one call."""
+    """Return a function that makes one call."""
     system.compile(method)
     span, y0, params = problem.t_span, problem.y0, problem.params
 
@@ -458,7 +459,7 @@ def prepare(problem: Problem, system: System, method: str, tolerance: float) -> 
 
 
 def prepare_batch(problem: Problem, system: System, method: str, tolerance: float) -> Run:
-    """Return a batch of the same trajectory, on one thread."""
+    """Return a function that integrates a batch of copies of the trajectory on one thread."""
     system.compile(method)
     states, span, params = np.tile(problem.start, (BATCH, 1)), problem.t_span, problem.params
 

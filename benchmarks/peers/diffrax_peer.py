@@ -1,7 +1,7 @@
-"""diffrax: solves that end at an event, in a loop over the events, all one compiled call.
+"""diffrax: solves that end at an event, in a loop over the events, all in one compiled call.
 
-The nearest guard is the only event: of several, diffrax takes the first of its list that changes
-sign within a step, not the earliest.
+The nearest guard is the only event, because of several events diffrax takes the first in its list
+that changes sign within a step, not the earliest.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from peers import HYSTERESIS, MOST_EVENTS, Found, LostEventError, Problem, Run, 
 jax.config.update("jax_enable_x64", True)
 
 METHODS = {"Tsit5": diffrax.Tsit5, "Dopri5": diffrax.Dopri5, "Dopri8": diffrax.Dopri8}
-# Newton's method takes half the time, but may leave the step to the left and find the guard that
+# Newton's method takes half the time, but may leave the step on the left and find the guard that
 # has just flipped. Its last correction is the square of this tolerance.
 FINDERS = {
     "bisection": optimistix.Bisection(rtol=1e-15, atol=1e-15, flip="detect"),
@@ -57,14 +57,14 @@ def prepare(problem: Problem, method: str, finder: str, tolerance: float) -> Run
 
 @cache
 def compiled_trajectory(problem: Problem, method: str, finder: str) -> Any:
-    """Compile the whole trajectory: (y0, tolerance) to the time and state reached, and events."""
+    """Compile the trajectory: (y0, tolerance) -> (time and state reached, number of events)."""
     shapes = (jnp.array(problem.start), jnp.asarray(1e-6))
     function = partial(trajectory, problem, METHODS[method](), FINDERS[finder])
     return jax.jit(function).lower(*shapes).compile()
 
 
 def trajectory(problem: Problem, method: Any, finder: Any, y0: Any, tolerance: Any) -> Any:
-    """Return the time and the state reached, and how many events there were."""
+    """Return the time and state reached, and the number of events."""
     slope, height, end = problem.slope(jnp), problem.height(jnp), problem.t_span[1]
     guards = np.arange(problem.n_guards)
 

@@ -1,7 +1,7 @@
-"""heyoka: Taylor's method, every guard a terminal event whose callback changes the parameters.
+"""heyoka: Taylor's method, with every guard a terminal event whose callback changes parameters.
 
-The coefficients of the scene are `par[]`. A callback looks them up by the set of locks: they are
-worked out when a set is first met, which is before the timing. The tolerance is compiled in.
+The coefficients of the scene are `par[]`. A callback looks them up by the set of locks; they are
+computed when a set first occurs, which is before the timing. The tolerance is compiled in.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from peers import FloatArray, Found, LostEventError, Problem, Run, Solver
 
 if hasattr(hy.llvm_state, "set_diskcache_enabled"):
-    hy.llvm_state.set_diskcache_enabled(False)  # so that `compile_s` is what a new system costs
+    hy.llvm_state.set_diskcache_enabled(False)  # so that `compile_s` is the cost of a new system
 
 REACHED_END = hy.taylor_outcome.time_limit
 
@@ -27,7 +27,7 @@ def solvers(problem: Problem) -> list[Solver]:
 
 
 class Coefficients:
-    """Coefficients for each set of locks that is met; bit k of the set is lock k."""
+    """Coefficients for each set of locks that occurs; bit k of the set is lock k."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -36,7 +36,7 @@ class Coefficients:
         self.locks, self.events = self.start, 0
 
     def now(self) -> FloatArray:
-        """Return the coefficients for the present locks."""
+        """Return the coefficients for the current locks."""
         values = self.known.get(self.locks)
         if values is None:
             bits = self.locks >> np.arange(self.problem.n_guards) & 1

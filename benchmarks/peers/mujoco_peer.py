@@ -1,20 +1,21 @@
 """Hopper and plate in MuJoCo, with its contacts and with springs of ours, and their simulation.
 
-Ways to make a spring that pushes only in contact:
+There are several ways to make a spring that pushes only in contact:
 
 - ``default contact``: MuJoCo's own soft contact, frictionless, with stiffness and damping over mass
   given directly (negative `solref`), as its manual suggests, and its default impedance.
 - ``contact``: the same with a constant impedance d. MuJoCo adds d / (1 - d) / w of inertia to each
-  contact, w being the body's inverse weight; the smaller d, the nearer to a spring. It pushes
-  along the normal of the plate by the depth along that normal, k cos^2(theta) in place of k, and
-  never pulls.
-- ``tendon`` (hopper): a spring of a tendon with a range of lengths at which it is slack.
-- ``callback``: the scene's own springs, compiled, called by MuJoCo for its passive forces.
-- ``contact law`` (plate): so, too, but normal to the plate and without pull, as a contact is in
-  the limit of no impedance: what ``contact`` should come to with small steps.
+  contact, where w is the body's inverse weight; the smaller d, the closer it is to a spring. It
+  pushes along the normal of the plate by the depth along that normal, with k cos^2(theta) in place
+  of k, and never pulls.
+- ``tendon`` (hopper): a spring of a tendon with a range of lengths in which it is slack.
+- ``callback``: the scene's own springs, compiled, which MuJoCo calls for its passive forces.
+- ``contact law`` (plate): the same, but normal to the plate and without pull, like a contact in the
+  limit of zero impedance. With small steps, ``contact`` should approach it.
 
-The plate is a thick box whose lower face is the plate's line; each spring is a fixed sphere, so
-small that it is a point, the face being lowered by its radius: depth / cos(theta) is exactly h_i.
+The plate is a thick box whose lower face is the plate's line. Each spring is a fixed sphere so
+small that it acts as a point; the face is lowered by its radius, so that depth / cos(theta) is
+exactly h_i.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from peers import FloatArray, Found, Problem, Run, Solver
 try:
     import mujoco
     from mujoco import rollout
-except ImportError as error:  # then there are no simulations, and tables say so
+except ImportError as error:  # then nothing is simulated, and the tables say so
     ABSENT = f"absent: {error}"
 else:
     ABSENT = ""
@@ -44,14 +45,14 @@ else:
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4", "discrete")
 CONTACTS = ("contact", "default contact")
-SMALLEST_IMPEDANCE = 1e-4  # that MuJoCo allows
+SMALLEST_IMPEDANCE = 1e-4  # the smallest that MuJoCo allows
 SPHERE_M = 1e-3
-HALF_BOX_M = 6.0  # of the plate's box; it must reach beyond the bed, and below any penetration
+HALF_BOX_M = 6.0  # of the plate's box: larger than the bed and than any penetration
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How MuJoCo simulates: the way of the springs, integrator, time step, impedance."""
+    """Settings of a MuJoCo simulation: kind of springs, integrator, time step, impedance."""
 
     spring: str = "contact"
     integrator: str = "implicitfast"
@@ -67,14 +68,14 @@ class Setting:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A compiled model with its data, and what MuJoCo calls for passive forces, if anything."""
+    """A compiled model with its data, and the function for passive forces, if any."""
 
     model: Any
     data: Any
     passive: Any = None
 
     def start(self, state: ArrayLike) -> None:
-        """Begin at positions and velocities, (2 nv,)."""
+        """Start at the given positions and velocities, (2 nv,)."""
         mujoco.mj_resetData(self.model, self.data)
         positions, velocities = np.split(np.asarray(state, dtype=np.float64), 2)
         self.data.qpos[:], self.data.qvel[:] = positions, velocities
@@ -89,14 +90,14 @@ class Simulation:
             mujoco.mj_step(self.model, self.data, count)
 
     def step_in_python(self, count: int) -> None:
-        """Take many steps by a loop in Python, as most users do."""
+        """Take many steps in a Python loop, as most users do."""
         model, data, step = self.model, self.data, mujoco.mj_step
         with calling(self.passive):
             for _ in range(count):
                 step(model, data)
 
     def roll_out(self, state: ArrayLike, count: int) -> FloatArray:
-        """Return the states after each step from this one on, (2 nv, count), by `rollout`."""
+        """Return the states after each step from `state`, (2 nv, count), by `rollout`."""
         start = np.concatenate([[0.0], np.asarray(state, dtype=np.float64)])[None]
         with calling(self.passive):
             states, _ = rollout.rollout(self.model, self.data, start, nstep=count)
@@ -105,7 +106,7 @@ class Simulation:
 
 @contextmanager
 def calling(passive: Any) -> Iterator[None]:
-    """Let MuJoCo call a function for passive forces meanwhile."""
+    """Let MuJoCo call a function for passive forces within this context."""
     if passive is not None:
         mujoco.set_mjcb_passive(passive.ctypes)
     try:
@@ -116,7 +117,7 @@ def calling(passive: Any) -> Iterator[None]:
 
 
 def steps(setting: Setting, until_s: float) -> int:
-    """Return the number of steps to an end; the time step must divide it."""
+    """Return the number of steps to the end, which the time step must divide."""
     count = round(until_s / setting.timestep_s)
     if abs(count * setting.timestep_s - until_s) > 1e-9:
         raise ValueError(f"time step {setting.timestep_s} does not divide {until_s} s")
@@ -141,7 +142,7 @@ def hopper_simulation(hopper: VerticalHopper, setting: Setting) -> Simulation:
     model = compiled(hopper.gravity_m_s2, setting, bodies, tendon)
     weight = model.body_invweight0[1, 0]
     added = setting.impedance / (1 - setting.impedance) / weight
-    with_added = k * (1 + added / mass)  # the added mass must move, too
+    with_added = k * (1 + added / mass)  # the added mass must move too
     set_contacts(model, setting, with_added if setting.spring == "contact" else k, 0.0)
     passive = None
 
@@ -184,7 +185,7 @@ def plate_simulation(plate: Plate, setting: Setting) -> Simulation:
 
 
 def compiled(gravity_m_s2: float, setting: Setting, bodies: str, more: str = "") -> Any:
-    """Return a model of these bodies."""
+    """Return the compiled model of these bodies."""
     return mujoco.MjModel.from_xml_string(f"""
         <mujoco>
           <option timestep="{setting.timestep_s}" integrator="{setting.integrator}"
@@ -197,8 +198,8 @@ def compiled(gravity_m_s2: float, setting: Setting, bodies: str, more: str = "")
 def set_contacts(model: Any, setting: Setting, stiffness: float, damping: float) -> None:
     """Give all contacts this stiffness, N/m, and damping, N s/m, at constant impedance.
 
-    MuJoCo's reference acceleration is (stiffness depth - damping speed) / d for `solref` =
-    (-stiffness, -damping), and the force that follows is its d / (1 - d) / w.
+    For `solref` = (-stiffness, -damping), MuJoCo's reference acceleration is (stiffness depth -
+    damping speed) / d, and the resulting force is that times d / (1 - d) / w.
     """
     if setting.spring == "default contact":
         mass = model.body_mass[1]
@@ -262,15 +263,15 @@ def passive_force(data: Any, force: Callable[..., None]) -> Any:
     return passive
 
 
-# As a peer: fixed time steps in place of tolerances.
+# MuJoCo as a peer: fixed time steps in place of tolerances.
 
 
 TIMESTEPS_S = tuple(2e-3 / 2**k for k in range(7))
-WAYS = (("contact", "implicitfast"), ("callback", "RK4"))  # its contact; the scene's own springs
+WAYS = (("contact", "implicitfast"), ("callback", "RK4"))  # its own contact; the scene's springs
 
 
 def solvers(problem: Problem) -> list[Solver]:
-    """Return its soft contact and our springs; nothing where the scene is not mechanical."""
+    """Return its soft contact and our springs; nothing if the scene is not mechanical."""
     if ABSENT:
         raise ImportError(ABSENT.removeprefix("absent: "))
     if problem.name not in ("vertical_hopper", "plate"):
@@ -285,7 +286,7 @@ def solvers(problem: Problem) -> list[Solver]:
 
 
 def prepare(problem: Problem, spring: str, integrator: str, timestep_s: float) -> Run:
-    """Return the steps from start to end, in one call of C."""
+    """Return a function that takes all steps from start to end in one call of C."""
     setting = Setting(spring, integrator, timestep_s)
     simulation: Any = (
         plate_simulation(Plate(), setting)

@@ -1,17 +1,18 @@
 """The integration method as the dissertation prints it (chapter IV), in plain NumPy.
 
-A reference beside `hopdata.hybrid.solve`, not a faster way: a classical solver runs until an event
-function has changed sign between two points of its mesh (`integrate`); the events on that step are
-then resolved on cubic Hermite splines, with a third-order step to its end (`resolve_contacts`).
+It is a reference for `hopdata.hybrid.solve`, not a faster method. A classical solver runs until an
+event function has changed sign between two points of its mesh (`integrate`). The events on that
+step are then resolved on cubic Hermite splines, followed by a third-order step to its end
+(`resolve_contacts`).
 
-Put right: slopes are refreshed after each crossing; locks are kept from step to step instead of
-being read from signs again; a guard at zero has the lock that its rate leads to; one at or beyond
-zero at the start of a step, though not crossed, is crossed there. Kept as limits: the step after an
-event has no error control, and signs are compared on the mesh alone.
+Corrections: slopes are refreshed after each crossing; locks are kept from step to step instead of
+being read from signs again; a guard at zero has the lock that its rate leads to; a guard that is at
+or beyond zero at the start of a step without having been crossed is crossed there. Limits that
+remain: the step after an event has no error control, and signs are compared on the mesh alone.
 
-Any function that fits `ClassicalSolver` will do as the classical solver. `Stepping` makes one of a
-class that steps in the vocabulary of `scipy.integrate.OdeSolver`: RK45 (Dormand and Prince's pair,
-the solver of section 4.4.1), DOP853, Radau, LSODA.
+Any function that fits `ClassicalSolver` can serve as the classical solver. `Stepping` makes one
+from a class with the interface of `scipy.integrate.OdeSolver`: RK45 (Dormand and Prince's pair, the
+solver of section 4.4.1), DOP853, Radau, LSODA.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ Stop = Callable[[float, FloatArray], bool]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Points of a trajectory: times (N,), s, and states (N, n); the first is where it started."""
+    """Points of a trajectory: times (N,), s, and states (N, n); the first is the start."""
 
     t: FloatArray
     y: FloatArray
@@ -43,16 +44,16 @@ class Mesh:
 class ClassicalSolver(Protocol):
     """Integrate `slope` from (t, y) to `t_end`, or to the first mesh point where `stop` holds.
 
-    The start itself is not tested. At least one step is taken, and the method behind it should be
-    of third order or higher.
+    The start itself is not tested. The solver takes at least one step, and its method should be of
+    third order or higher.
     """
 
     def __call__(self, slope: Slope, t: float, y: FloatArray, t_end: float, stop: Stop) -> Mesh:
-        """Return the mesh, its start included."""
+        """Return the mesh, including its start."""
 
 
 class Stepper(Protocol):
-    """What `Stepping` uses of `scipy.integrate.OdeSolver`."""
+    """The part of `scipy.integrate.OdeSolver` that `Stepping` uses."""
 
     t: float
     y: FloatArray
@@ -71,7 +72,8 @@ class Stepping:
     kind : callable
         Called as ``kind(slope, t, y, t_end, **options)``, it returns a `Stepper`.
     options : mapping
-        Such as rtol, atol, max_step and first_step; the last is cut where less time is left.
+        Options such as rtol, atol, max_step and first_step; the last is shortened if less time is
+        left.
     """
 
     kind: Callable[..., Stepper]
@@ -82,7 +84,7 @@ class Stepping:
 
         def rates(time: float, state: FloatArray) -> FloatArray:
             rate = slope(time, state)
-            if not np.isfinite(rate).all():  # a step size of NaN would be tried for ever
+            if not np.isfinite(rate).all():  # otherwise it would retry a step size of NaN for ever
                 raise ArithmeticError(f"the classical solver failed at t = {time}: not finite")
             return rate
 
@@ -103,7 +105,7 @@ class Stepping:
         return self.options if first is None else {**self.options, "first_step": min(first, left)}
 
 
-# What may be chosen in the printed method.
+# Choices within the printed method.
 
 ROOT_FINDERS = ("illinois", "cubic")
 
@@ -118,9 +120,9 @@ class PrintedOptions:
         Root of a Hermite spline: ``"illinois"``, as section 4.3.3 recommends, or ``"cubic"``, the
         closed form that section 4.4.1 says was used.
     refresh_slopes : bool
-        Whether the slopes at both ends of the step are evaluated again after each crossing.
-        False is Algorithm 5 to the letter, which sets them once: the state at every later event
-        of the step is then interpolated with slopes of a mode that has ended. For the record only.
+        Whether the slopes at both ends of the step are evaluated again after each crossing. False
+        follows Algorithm 5 to the letter, which sets them once, so that later events of the step
+        are interpolated with slopes of a mode that has ended. For the record only.
     """
 
     root_finder: str = "illinois"
@@ -133,7 +135,7 @@ class PrintedOptions:
             )
 
 
-# One event-selected region of a system: every event function rises through zero, once.
+# One event-selected region of a system, in which every event function rises through zero once.
 
 
 @dataclass(frozen=True)
@@ -145,9 +147,9 @@ class Region:
     system : System
         Its field and guards are called as plain Python.
     params : (p,) array
-        Numbers handed to them.
+        Parameters passed to them.
     orientation : (m,) array of int
-        +1 where the event function of the region is h_k, -1 where it is -h_k: there h_k falls.
+        +1 if the event function of the region is h_k, -1 if it is -h_k because h_k falls.
     """
 
     system: System
@@ -185,15 +187,15 @@ class Region:
         return self.orientation * h, self.orientation * rates
 
     def crossed(self, t: float, y: FloatArray, locks: IntArray) -> IntArray:
-        """Return the guards that are locked as not crossed, although h >= 0 (candidates)."""
+        """Return the candidates: guards with h >= 0 that are locked as not crossed."""
         h, _ = self.events(t, y, np.zeros(self.system.n_states), locks)
         return np.flatnonzero((locks < 0) & (h >= 0.0))
 
     def first_locks(self, t: float, y: FloatArray) -> IntArray:
-        """Return the locks at a start: the sign of h, or where h = 0 that of its rate.
+        """Return the locks at a start: the sign of h, or the sign of its rate if h = 0.
 
-        By the sign alone a guard at zero would be neither before its event nor after it. A guard
-        that rests at zero counts as not crossed.
+        By the sign of h alone, a guard at zero would be neither before its event nor after it. A
+        guard that rests at zero counts as not crossed.
         """
         before = -np.ones(self.system.n_guards, dtype=np.int64)
         h, _ = self.events(t, y, np.zeros(self.system.n_states), before)
@@ -212,17 +214,17 @@ def region_of(
     Parameters
     ----------
     system : System
-        A system without a handler: the printed method knows no resets.
+        A system without a handler, because the printed method has no resets.
     params : (p,) array_like
-        Numbers handed to its functions.
+        Parameters passed to its functions.
     orientation : sequence of int, optional
-        For each guard +1 if its event function rises, -1 if it falls. By default all rise.
+        +1 for each guard whose event function rises, -1 for each that falls. By default all rise.
 
     Raises
     ------
     ValueError
-        If the system has a handler, or no one function for all guards, or if `orientation` is
-        not one sign a guard.
+        If the system has a handler or has no single function for all guards, or if `orientation` is
+        not one sign per guard.
     """
     if system.n_guards > 0 and system.guards is None:
         raise ValueError("system: expected all event functions in one function, @guards")
@@ -246,11 +248,11 @@ def hermite(theta: float, y0: Value, y1: Value, f0: Value, f1: Value, dt: float)
     Parameters
     ----------
     theta : float
-        Where in the step, 0 to 1.
+        Position in the step, 0 to 1.
     y0, y1 : float or (n,) array
-        Values at its start and end.
+        Values at the start and end of the step.
     f0, f1 : float or (n,) array
-        Slopes there, per second.
+        Slopes at the start and end, per second.
     dt : float
         Length of the step, s.
     """
@@ -260,16 +262,16 @@ def hermite(theta: float, y0: Value, y1: Value, f0: Value, f1: Value, dt: float)
 
 
 def coefficients(y0: Value, y1: Value, d0: Value, d1: Value) -> tuple[Value, Value, Value, Value]:
-    """Return the same cubic's coefficients of 1, theta, theta^2, theta^3; slopes are per step."""
+    """Return the cubic's coefficients of 1, theta, theta^2, theta^3, from slopes per step."""
     rise = y1 - y0
     return y0, d0, 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
 
 
-# Root of a cubic on the unit interval, at whose ends it is negative and not negative.
+# Root on the unit interval of a cubic that is negative at its start and not negative at its end.
 
 MOST_ITERATIONS = 100
 SPACING = 2.0**-53
-OUTSIDE = 1e-6  # by so much may rounding put a root of the closed form outside the interval
+OUTSIDE = 1e-6  # how far rounding may put a root of the closed form outside the interval
 
 Cubic = tuple[float, float, float, float]
 
@@ -294,14 +296,14 @@ def illinois(cubic: Cubic) -> float:
 def illinois_root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return a root in [low, high], where `function` goes from negative to not negative.
 
-    An end that is kept twice in a row has its value halved, so that both ends close in.
+    If an end is kept twice in a row, its value is halved, so that both ends close in.
     """
     f_low, f_high = function(low), function(high)
     if f_low >= 0.0:
         return low
     if f_high <= 0.0:
         return high
-    kept = 0  # which end the last step kept: -1 the low one, +1 the high one
+    kept = 0  # end kept by the last step: -1 for low, +1 for high
     for _ in range(MOST_ITERATIONS):
         x = (low * f_high - high * f_low) / (f_high - f_low)
         if not low < x < high:
@@ -321,11 +323,11 @@ def illinois_root(function: Callable[[float], float], low: float, high: float) -
 
 
 def closed_form(cubic: Cubic) -> float:
-    """Return the first root by Cardano's and Viete's formulas, made accurate by Newton steps.
+    """Return the first root by Cardano's and Viete's formulas, refined by Newton steps.
 
-    On a short step the cubic is nearly a line, so that its leading coefficient is nearly zero; the
-    formulas are then applied to the reciprocal of the root, whose leading coefficient is not.
-    Only roots where the cubic rises count: a guard that has just left zero has one where it falls,
+    On a short step the cubic is nearly linear, so its leading coefficient is nearly zero. The
+    formulas are then applied to the cubic of the reciprocal root, whose leading coefficient is not.
+    Only roots where the cubic rises count: a guard that has just left zero has a falling root
     directly before the step.
     """
     a, b, c, d = cubic
@@ -336,7 +338,7 @@ def closed_form(cubic: Cubic) -> float:
         roots = [1.0 / x for x in reciprocal if x != 0.0]
     inside = [x for x in roots if -OUTSIDE <= x <= 1.0 + OUTSIDE and derivative(cubic, x) >= 0.0]
     if not inside:
-        return illinois(cubic)  # rounding has moved all roots out: next to an end, or nearly double
+        return illinois(cubic)  # rounding moved all roots out: near an end, or nearly double
     return _polished(cubic, min(max(min(inside), 0.0), 1.0))
 
 
@@ -355,7 +357,7 @@ def _monic_roots(b: float, c: float, d: float) -> list[float]:
 
 
 def _polished(cubic: Cubic, x: float) -> float:
-    """Take Newton steps within the interval for as long as they make the cubic smaller."""
+    """Take Newton steps within the interval while they reduce the size of the cubic."""
     residual = value(cubic, x)
     for _ in range(4):
         slope = derivative(cubic, x)
@@ -371,7 +373,7 @@ FINDERS: dict[str, Callable[[Cubic], float]] = {"illinois": illinois, "cubic": c
 
 @dataclass(frozen=True)
 class Crossing:
-    """One guard crossed: instant, s, number of the guard, state (n,), locks (m,) after it."""
+    """Crossing of a guard: instant, s, guard number, state (n,), and locks (m,) after it."""
 
     time: float
     guard: int
@@ -381,7 +383,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Resolution:
-    """End of a step with its events: state (n,), locks (m,), and the crossings in order."""
+    """End of a step with events: state (n,), locks (m,), and the crossings in order."""
 
     y: FloatArray
     locks: IntArray
@@ -399,9 +401,9 @@ def resolve_contacts(
 ) -> Resolution:
     """Integrate through all events between two points of a mesh (Algorithm 5).
 
-    The guard with the earliest root of its spline is crossed first, the state there is
-    interpolated, and one third-order step in the new mode leads to the end again, until no guard
-    is left that has changed sign. That step has no error control: the caller bounds its length.
+    The guard whose spline has the earliest root is crossed first. The state there is interpolated,
+    and one third-order step in the new mode leads to the end again. This repeats until no guard
+    remains that has changed sign. That step has no error control: the caller bounds its length.
 
     Parameters
     ----------
@@ -410,7 +412,7 @@ def resolve_contacts(
     t0, t1 : float
         Ends of the step, s.
     y0, y1 : (n,) array
-        States there; the second is what the mode at the start led to.
+        States at the ends; the second follows from the mode at the start.
     locks : (m,) array of int
         -1 for guards that are not crossed at t0, +1 for those that are.
     options : PrintedOptions, optional
@@ -419,7 +421,7 @@ def resolve_contacts(
     Returns
     -------
     Resolution
-        True state and locks at t1. As each crossing sets one lock for good, there are at most m.
+        True state and locks at t1. There are at most m crossings, as each sets one lock for good.
     """
     options = options or PrintedOptions()
     locks = locks.copy()
@@ -455,8 +457,8 @@ def impact_fractions(
 ) -> list[float]:
     """Return where in the step each candidate is crossed, 0 to 1 (Algorithm 6).
 
-    A candidate that is at or beyond zero at the start already, as guards that cross together are
-    once rounding has moved one of them, has no bracket: it is crossed at the start.
+    A candidate that is already at or beyond zero at the start has no bracket and is crossed there.
+    This happens to guards that cross together when rounding moves one of them.
     """
     find, dt = FINDERS[options.root_finder], t1 - t0
     h0, rates0 = region.events(t0, y0, f0, locks)
@@ -477,14 +479,14 @@ def heun3_step(slope: Slope, t: float, y: FloatArray, f: FloatArray, dt: float) 
 
 @dataclass(frozen=True)
 class PrintedSolution:
-    """A trajectory, in the words of `hopdata.hybrid.Solution`.
+    """A trajectory with the attributes of `hopdata.hybrid.Solution`.
 
     Parameters
     ----------
     t : (N,) array
-        Times of the mesh, s; an event's instant is a point of it.
+        Times of the mesh, s, including the instants of events.
     y : (n, N) array
-        States there.
+        States at these times.
     events : EventLog
         All events.
     mode : (m,) array of int
@@ -527,13 +529,12 @@ def integrate(
     y0 : (n,) array_like
         Initial state.
     solver : ClassicalSolver, optional
-        By default `Stepping` of scipy's `RK45`. Give a `max_step`: a sign that changes twice
-        between two points of the mesh is not seen, and the step after an event has no error
-        control.
+        By default `Stepping` with scipy's `RK45`. Set a `max_step`: a sign that changes twice
+        between two mesh points goes unnoticed, and the step after an event has no error control.
     options : PrintedOptions, optional
         Choices within the method.
     ended : callable, optional
-        ``ended(t, y) -> bool``: stop at the first mesh point after the start where it holds.
+        ``ended(t, y) -> bool``: stop at the first mesh point after the start where it is true.
 
     Returns
     -------
@@ -575,7 +576,7 @@ def _one_leg(
     options: PrintedOptions | None,
     ended: Stop | None,
 ) -> tuple[Mesh, Resolution]:
-    """Run the solver in one mode until it stops, and resolve its last step; without the start."""
+    """Run the solver in one mode until it stops, and resolve its last step; exclude the start."""
 
     def stop(time: float, state: FloatArray) -> bool:
         crossed = len(region.crossed(time, state, locks)) > 0
@@ -594,7 +595,7 @@ def _one_leg(
 
 
 def event_log(region: Region, crossings: Sequence[Crossing]) -> EventLog:
-    """Return crossings as the library's log of events; nothing is reset, so before is after."""
+    """Return crossings as the library's event log; without resets, before equals after."""
     n, whole = region.system.n_states, 2 + region.system.n_modes
     guards = [one.guard for one in crossings]
     modes = np.array([region.mode(one.locks) for one in crossings]).reshape(-1, whole - 2)

@@ -1,7 +1,7 @@
-"""SciPy: `solve_ivp`, stopped at each event and started again.
+"""SciPy: `solve_ivp`, stopped at each event and restarted.
 
-In plain Python every guard is an event function of its own, as a user would write it. With Numba
-the field is one compiled call, and the nearest guard the only event function.
+In plain Python, every guard is a separate event function, as a user would write it. With Numba, the
+field is one compiled call and the nearest guard is the only event function.
 """
 
 from __future__ import annotations
@@ -23,19 +23,21 @@ from peers import HYSTERESIS, MOST_EVENTS, FloatArray, Found, LostEventError, Pr
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """Compiled functions on ``data``, which holds the coefficients, then the locks.
+    """Compiled functions of ``data``, which holds the coefficients and then the locks.
 
     Parameters
     ----------
     data : array
         Coefficients and locks at the start.
     field : callable
-        ``field(y, data)`` returns the rate of the state; ``fill(y, data, dy)`` fills it.
+        ``field(y, data)`` returns the rate of the state.
+    fill : callable
+        ``fill(y, data, dy)`` writes the rate of the state to ``dy``.
     nearest : callable
-        ``nearest(y, data)`` is least distance to a guard, positive until one is crossed.
+        ``nearest(y, data)`` is the least distance to a guard, positive until one is crossed.
     flip : callable
-        ``flip(y, data)`` flips the locks of the guards that are crossed, sets the coefficients, and
-        returns how many have flipped.
+        ``flip(y, data)`` flips the locks of crossed guards, sets the coefficients, and returns the
+        number of flips.
     """
 
     data: FloatArray
@@ -47,7 +49,7 @@ class Compiled:
 
 @cache
 def compiled(problem: Problem) -> Compiled:
-    """Compile a scene (at the first call of each function)."""
+    """Compile a scene (each function at its first call)."""
     rate, height = njit(problem.slope(math)), njit(problem.height(math))
     coefficients, n_guards = njit(problem.coefficients), problem.n_guards
     start = np.array(problem.coefficients(problem.locks), dtype=np.float64)
@@ -85,7 +87,7 @@ def compiled(problem: Problem) -> Compiled:
 
 
 METHODS = ("RK45", "DOP853", "LSODA", "Radau")
-Begin = Callable[[], tuple[Any, Any, Any]]  # slope(t, y), events, what to do at an event
+Begin = Callable[[], tuple[Any, Any, Any]]  # slope(t, y), events, action at an event
 
 
 def solvers(problem: Problem) -> list[Solver]:
@@ -100,7 +102,7 @@ def solvers(problem: Problem) -> list[Solver]:
 
 
 def begin_plain(problem: Problem) -> tuple[Any, Any, Any]:
-    """Return the scene in plain Python, at its start."""
+    """Return the scene in plain Python at its start."""
     rate, height = problem.slope(math), problem.height(math)
     locks = problem.locks
     state: dict[str, Any] = {"c": tuple(map(float, problem.coefficients(locks)))}
@@ -126,7 +128,7 @@ def begin_plain(problem: Problem) -> tuple[Any, Any, Any]:
 
 
 def begin_compiled(functions: Compiled) -> tuple[Any, Any, Any]:
-    """Return the scene in compiled functions, at its start."""
+    """Return the scene in compiled functions at its start."""
     field, nearest, data = functions.field, functions.nearest, functions.data.copy()
 
     def event(_: float, y: FloatArray) -> float:

@@ -1,7 +1,8 @@
-"""SUNDIALS: CVODE, stopped at each root of the nearest guard and started again.
+"""SUNDIALS: CVODE, stopped at each root of the nearest guard and restarted.
 
-Two ways to it: scikit-sundae, whose callbacks are Python calls (here of compiled functions), and
-the C library that scikit-sundae brings, with compiled callbacks and a compiled loop.
+There are two ways to call it: scikit-sundae, whose callbacks are Python calls (here of compiled
+functions), and the C library that scikit-sundae includes, with compiled callbacks and a compiled
+loop.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from peers.scipy_peer import Compiled, compiled
 
 
 ADAMS, BDF, NORMAL, ROOT_RETURN = 1, 2, 1, 2  # as in cvode.h
-SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
+SIGNATURES: dict[str, tuple[Any, ...]] = {  # result type, argument types
     "SUNContext_Create": (c_int, c_int, c_void_p),
     "N_VMake_Serial": (c_void_p, c_int64, c_void_p, c_void_p),
     "N_VGetArrayPointer_Serial": (c_void_p, c_void_p),
@@ -95,7 +96,7 @@ def callbacks(functions: Compiled, n_states: int) -> tuple[Any, Any]:
 
 @cache
 def compiled_loop(flip: Any) -> Any:
-    """Return the loop over the events, compiled."""
+    """Return the compiled loop over the events."""
     functions = library()
     advance, reinit, stop = (
         functions[name] for name in ("CVode", "CVodeReInit", "CVodeSetStopTime")
@@ -119,7 +120,7 @@ def compiled_loop(flip: Any) -> Any:
 
 
 def prepare_library(problem: Problem, functions: Compiled, method: str, tolerance: float) -> Run:
-    """Return the loop over the events, in C throughout. What CVODE allocates is never freed."""
+    """Return the loop over the events, all in C. The memory that CVODE allocates is never freed."""
     c, n = library(), len(problem.y0)
     y, data, time = problem.start, functions.data.copy(), np.zeros(1)
     rates, roots = callbacks(functions, n)
@@ -139,7 +140,7 @@ def prepare_library(problem: Problem, functions: Compiled, method: str, toleranc
     c["CVodeRootInit"](memory, 1, roots.address)
     c["CVodeSetRootDirection"](memory, falling.ctypes.data)
     loop = compiled_loop(functions.flip)
-    kept = (rates, roots)  # else their machine code would go with them
+    kept = (rates, roots)  # keeps their machine code alive
 
     def run(_: object = kept) -> Found:
         y[:], data[:], time[0] = problem.y0, functions.data, problem.t_span[0]
@@ -155,7 +156,7 @@ METHODS = ("Adams", "BDF")
 
 
 def solvers(problem: Problem) -> list[Solver]:
-    """Return CVODE's two methods, through scikit-sundae and through C."""
+    """Return CVODE's two methods, each through scikit-sundae and through C."""
     functions = compiled(problem)
     ways = {"CVODE, scikit-sundae": prepare_wrapped, "CVODE, C": prepare_library}
     return [
@@ -166,7 +167,7 @@ def solvers(problem: Problem) -> list[Solver]:
 
 
 def prepare_wrapped(problem: Problem, functions: Compiled, method: str, tolerance: float) -> Run:
-    """Return the loop over the events, by scikit-sundae."""
+    """Return the loop over the events with scikit-sundae."""
     fill, nearest = functions.fill, functions.nearest
     data = functions.data.copy()
     start, end = problem.t_span
