@@ -2,28 +2,29 @@
 
     python benchmarks/reading.py --out reading.csv
 
-A recording of 182,611 frames of 6 markers, as many as in the dissertation, is written in every
-format, TSV as QTM writes it (3 decimals). One row a format and reader: `time_s` is the shortest
-of `--rounds` readings, the readers of a format taking turns; `ratio` is that over the peer's time
-(below 1 the row is faster); `memory_mb` is how much the process grew above what it had after one
-small file, and `memory_over_array` that over the array of positions itself (N x M x 3 doubles,
-26.3 MB); `frames` is what came back, of 182,611. pandas only parses TSV into columns; it checks
-nothing.
+A recording with 182,611 frames of 6 markers, as many as in the dissertation, is written in every
+format (TSV as QTM writes it, with 3 decimals). There is one row per format and reader. `time_s` is
+the shortest of `--rounds` readings, with the readers of a format taking turns. `ratio` is that time
+over the peer's (below 1 the row is faster). `memory_mb` is the growth of the process beyond its
+memory after reading one small file, and `memory_over_array` is the growth over the size of the
+position array (N x M x 3 doubles, 26.3 MB). `frames` is the number of frames returned, of 182,611.
+pandas only parses TSV into columns and checks nothing.
 
-Beside it `reading_agreement.csv`: the 3.5 m/s run of the treadmill recordings, read from its C3D
-and from its text file: largest differences of positions and time stamps, coordinates that only
-one has. "absent" where the files are not there (see the README of this repository).
+Beside it, `reading_agreement.csv` compares the C3D and the text file of the 3.5 m/s treadmill run:
+largest differences of positions and time stamps, and coordinates that only one file has. It says
+"absent" if the files are missing (see the README of this repository).
 
-And `damaged_files.csv`: each damaged recording must end in a recording or in a message that a user
-can act on. Small sound files of all formats (`tests/recordings/damage.py`) are damaged in seeded
-ways: bytes flipped, pieces cut off, doubled or taken out, counts and sizes that lie, fields of text
-replaced. Each is read as a user's file is, from import to the checks for plausibility, in a process
-that may use 1 GB more memory than it begins with and 10 s a file. One row a sound file: how many of
-its damaged copies were read (`recordings`), refused with a `RecordingError` that names the file,
-what was expected and what was found (`refused`), and what must not be: `other_exceptions`,
-`crashes`, `hangs`. `slowest_ms` is the longest time of one file, `peak_mb` the largest memory of
-the reading process, Python and libraries included. `failing` lists the numbers of the files that
-did what they must not; `--only NUMBER` makes one again.
+`damaged_files.csv` tests that each damaged recording ends in a recording or in a message that a
+user can act on. Small sound files of all formats (`tests/recordings/damage.py`) are damaged in
+seeded ways: bytes flipped; pieces cut off, doubled or removed; counts and sizes falsified; fields
+of text replaced. Each is read like a user's file, from import to the plausibility checks, in a
+process that may use 1 GB more memory than it starts with and 10 s per file. There is one row per
+sound file: how many of its damaged copies were read (`recordings`), how many were refused with a
+`RecordingError` that names the file, what was expected and what was found (`refused`), and the
+outcomes that must not occur: `other_exceptions`, `crashes`, `hangs`. `slowest_ms` is the longest
+time of one file, `peak_mb` the largest memory of the reading process, including Python and
+libraries. `failing` lists the numbers of files with such outcomes; `--only NUMBER` makes one of
+them again.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ MARKERS = ("body1", "body2", "body3", "foot1", "foot2", "foot3")
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
 C3D, TEXT = "RBDS001runT35.c3d", "RBDS001runT35_markers.txt"
-HEADER_LINES = 11  # of the TSV that is written here
+HEADER_LINES = 11  # header lines of the TSV file written here
 
 
 def made_up(n_frames: int) -> RawRecording:
@@ -75,7 +76,7 @@ def made_up(n_frames: int) -> RawRecording:
 
 
 def write_all(folder: Path, raw: RawRecording) -> dict[str, Path]:
-    """Write one recording in all formats; the key names the format."""
+    """Write one recording in all formats; the key is the name of the format."""
     paths = {name: folder / name.replace(" ", "_") for name in FORMATS}
     write_qtm_tsv(paths["qtm.tsv"], raw)
     write_c3d(paths["float.c3d"], raw)
@@ -123,13 +124,13 @@ FORMATS = {
 
 
 def grown_mb(reader: str, small: Path, path: Path) -> float:
-    """Memory by which a fresh process grows when it reads a file after a small one, MB."""
+    """Return how much a fresh process grows when it reads a file after a small one, MB."""
     command = [sys.executable, __file__, "--measure", reader, str(small), str(path)]
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
 def most_memory_mb() -> float:
-    """Return the most memory that this process has had, MB, apart from its parent's."""
+    """Return the peak memory of this process, MB, excluding its parent's."""
     status = Path("/proc/self/status")
     if status.exists():
         line = next(x for x in status.read_text().splitlines() if x.startswith("VmHWM"))
@@ -145,7 +146,7 @@ def measure(reader: str, small: Path, path: Path) -> None:
 
 
 def shortest(readers: dict[str, Reader], path: Path, rounds: int) -> dict[str, tuple[float, int]]:
-    """Return shortest time, s, and frames of each reader; they take turns."""
+    """Return the shortest time, s, and the number of frames of each reader; they take turns."""
     best = dict.fromkeys(readers, (np.inf, 0))
     for _ in range(rounds):
         for name, reader in readers.items():
@@ -216,7 +217,7 @@ LIMIT_S, LIMIT_BYTES = 10, 1 << 30
 
 
 def read_damaged(first: int, files: int, folder: Path) -> None:
-    """Read the files from `first` on, and say on stdout what became of each."""
+    """Read the files from `first` on, and report each outcome on stdout."""
     sound = corpus()
     names = list(sound)
     pages = int(Path("/proc/self/statm").read_text().split()[0]) if sys.platform == "linux" else 0
@@ -241,7 +242,7 @@ def read_damaged(first: int, files: int, folder: Path) -> None:
 
 
 def fates(files: int) -> list[dict[str, object]]:
-    """Return what became of each file; a process that dies is replaced by another."""
+    """Return the outcome of each file; a process that dies is replaced by another."""
     found: list[dict[str, object]] = []
     with TemporaryDirectory() as folder:
         while len(found) < files:

@@ -2,55 +2,56 @@
 
     python benchmarks/recording_faults.py --out recording_faults.csv
 
-Recordings of the simulated hopper, each with one fault of known markers and frames. One row for
-each camera (rate and noise) and kind of fault. `found` is the share of recordings in which the
-fault is told with its markers and frames (a swap that ends in a gap may end anywhere in it);
-`named` the share in which nothing else is told beside it. In the rows "clean" and "gaps" nothing is
-wrong, `false_alarms` is the number of faults told in all their recordings, `hours` their length,
-and `guessed` the share of them in which unit, vertical axis and the roles of all markers are
-guessed right.
+The recordings are of the simulated hopper, each with one fault in known markers and frames. There
+is one row per camera (rate and noise) and kind of fault. `found` is the share of recordings in
+which the fault is reported with its markers and frames (a swap that ends in a gap may end anywhere
+in it); `named` is the share in which nothing else is reported. The rows "clean" and "gaps" have no
+fault: `false_alarms` is the number of faults reported in all their recordings, `hours` their total
+length, and `guessed` the share of them in which unit, vertical axis and the roles of all markers
+are guessed right.
 
-`floor_faults.csv`, beside it: the fitted floor where a foot hangs low, drags, or stands on
-something, against the true floor.
+`floor_faults.csv`, beside it, compares the fitted floor with the true one where a foot hangs low,
+drags, or stands on something.
 
-The hopper is simulated with the default curved floor, and its feet are then moved as each fault
-says. One row for each fault, height and estimator: `ours` is `hopdata.landings.floor.fit_floor`;
-`tukey`, `huber` and `least squares` are one regression of the same rest points by statsmodels (RLM,
-RLM, OLS), with the same polynomial and mount heights. Errors at the true contacts, root mean square
-over the seeds: `floor_mm` of the floor, less its mean; `mounts_mm` of the worst foot's mount height
-against the other feet; `level_mm` the mean of floor and mount together, over the feet, and `rms_mm`
-their root mean square: how far from zero a foot on the floor is afterwards. `efficiency`, of the
-clean recordings only: the square of `floor_mm` of least squares over that of the row.
+The hopper is simulated with the default curved floor, and then its feet are moved according to the
+fault. There is one row per fault, height and estimator: `ours` is
+`hopdata.landings.floor.fit_floor`; `tukey`, `huber` and `least squares` are single regressions of
+the same rest points by statsmodels (RLM, RLM, OLS), with the same polynomial and mount heights.
+Errors are taken at the true contacts, as root mean square over the seeds: `floor_mm` of the floor,
+minus its mean; `mounts_mm` of the worst foot's mount height relative to the other feet; `level_mm`
+of the mean of floor and mount together over the feet; and `rms_mm` of their root mean square, which
+says how far from zero a foot on the floor is afterwards. `efficiency`, for the clean recordings
+only, is the square of `floor_mm` of least squares over that of the row.
 
-Faults: `hangs`, one foot's rests are too high by that height in the given share of the run;
-`drags`, the foot slides in flight at that height with slow waves of half of it, in the given share;
-`obstacle`, all feet rest that much higher within a disc that holds the given share of the steps,
-about.
+The faults are: `hangs`, one foot's rests are too high by that height in the given share of the run;
+`drags`, the foot slides in flight at that height, with slow waves of half the height, in the given
+share; `obstacle`, all feet rest that much higher within a disc that holds about the given share of
+the steps.
 
-`filling.csv`, beside it: gaps of the body markers, what filling wins, and how far what it fills is
-from the truth.
+`filling.csv`, beside it, shows for gaps of the body markers what filling gains, and how far the
+filled positions are from the truth.
 
-The hopper is simulated once for each number of body markers and observed with and without
-drop-outs of all markers, feet included. One row for each kind of gaps and each way to fill them:
-`none`, the methods of `hopdata.landings.filling`, and scipy's `CubicSpline` through all that was
-seen of each marker, which knows neither contacts nor bodies. Gaps of up to `longest_s` are filled;
+The hopper is simulated once for each number of body markers and observed with and without drop-outs
+of all markers, including the feet. There is one row for each kind of gaps and each way to fill
+them: `none`, the methods of `hopdata.landings.filling`, and scipy's `CubicSpline` through all seen
+positions of each marker, which ignores contacts and bodies. Gaps of up to `longest_s` are filled;
 the default of the configuration is `rigid` up to 0.1 s.
 
-`error_mm` is the rms distance of filled places from the true ones, per coordinate, `worst_mm` its
-99 % quantile, and `seen_mm` the same rms of the places that were seen, which is their noise.
-Touchdowns that are used are counted beside those of the same recording without any gap; `won` are
-those more than with `none`. Errors of the states at the sections are against the integrated
-landings: of the touchdowns that rest on filled places (from 0.22 s before the pre section to
-0.22 s after the post section) and of those that do not.
+`error_mm` is the rms distance of filled positions from the true ones, per coordinate; `worst_mm` is
+its 99 % quantile, and `seen_mm` the same rms of the seen positions, which is their noise. Used
+touchdowns are compared with those of the same recording without any gap; `won` counts those gained
+over `none`. Errors of the states at the sections are relative to the integrated landings,
+separately for touchdowns that depend on filled positions (from 0.22 s before the pre section to
+0.22 s after the post section) and for those that do not.
 
-`moved_floors.csv`, beside it (alone with `--moved`): a floor that rises over the recording, sways
-in 20 s or drops once half-way, under the hopper and the quadruped of 120 landings; and the same
-bodies, on a floor that does not move, larger and smaller: lengths times `size`, times times its
-root, noise in proportion. One row for each, worst and median over the seeds: `refused` recordings;
-`moving`, those said to stand on a floor that moves; the share `used` of the true landings; `right`,
-the orders that are right of those that are sure; the rms error of the instants, over the root of
-the size; rms error over stated error; and the rms residual of the best affine map from one section
-to the other, in standard deviations of the coordinates.
+`moved_floors.csv`, beside it (alone with `--moved`), has floors that rise over the recording, sway
+in 20 s or drop once half-way, under the hopper and the quadruped, with 120 landings. It also has
+the same bodies on a fixed floor, larger and smaller: lengths times `size`, times times its square
+root, noise in proportion. There is one row for each, worst and median over the seeds: `refused`
+recordings; `moving`, recordings reported to have a moving floor; the share `used` of the true
+landings; `right`, the share of right orders among the sure ones; the rms error of the instants,
+over the square root of the size; rms error over stated error; and the rms residual of the best
+affine map from one section to the other, in standard deviations of the coordinates.
 """
 
 from __future__ import annotations
@@ -102,14 +103,14 @@ ROLES = {"body": 3, "foot": 3, "boom": 1}
 
 @dataclass(frozen=True)
 class Planted:
-    """A recording with a fault, and how to recognise it among those told."""
+    """A recording with a fault, and how to recognise the fault among those reported."""
 
     positions: FloatArray
     is_found: Callable[[Faults], bool]
 
 
 def swap(length: int, gap: int) -> Callable[[Recording, np.random.Generator], Planted]:
-    """Exchange two markers for `length` frames, unseen for `gap` frames before either end."""
+    """Exchange two markers for `length` frames, unseen for `gap` frames before each end."""
 
     def plant(recording: Recording, rng: np.random.Generator) -> Planted:
         pair = rng.choice(len(recording.markers), 2, replace=False)
@@ -202,7 +203,7 @@ def inspected(recording: Recording, positions: FloatArray) -> Inspection:
 
 
 def is_guessed(inspection: Inspection, recording: Recording) -> bool:
-    """Whether unit, axis and all roles are right, and the checks pass."""
+    """Return whether unit, axis and all roles are right, and the checks pass."""
     roles = guess_roles(inspection)
     found = (roles.body, roles.feet, roles.boom)
     right = tuple(recording.names(role) for role in ROLES)
@@ -212,7 +213,7 @@ def is_guessed(inspection: Inspection, recording: Recording) -> bool:
 
 
 def without_fault(rate_hz: float, noise_m: float, n: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows in which nothing is wrong."""
+    """Yield the rows without a fault."""
     for kind, camera in (("clean", {}), ("gaps", {"gaps": GAPS})):
         alarms, guessed, seconds = 0, 0, 0.0
         for seed in range(n):
@@ -245,7 +246,7 @@ def with_fault(rate_hz: float, noise_m: float, n: int) -> Iterator[dict[str, Any
         yield {"fault": kind, "recordings": n, "found": found / n, "named": named / n}
 
 
-# The floor where a foot hangs low, drags, or stands on something.
+# The fitted floor where a foot hangs low, drags, or stands on something.
 
 DEGREE = 5
 FLOOR_FAULTS = (
@@ -259,7 +260,7 @@ FLOOR_FAULTS = (
 def spoilt(
     recording: Recording, truth: Truth, fault: str, share: float, height_m: float
 ) -> Recording:
-    """Move the feet as a fault says."""
+    """Move the feet according to a fault."""
     positions = recording.positions.copy()
     feet = recording.indices("foot")
     late = recording.time > (1 - share) * recording.time[-1]
@@ -283,7 +284,7 @@ def spoilt(
 
 
 def _true_floor(recording: Recording, truth: Truth, foot: int) -> FloatArray:
-    """Height of the true floor under a foot at each frame: that of the nearest true contact."""
+    """Return the true floor height under a foot at each frame, that of the nearest true contact."""
     from scipy.spatial import cKDTree
 
     seen = np.isfinite(truth.contact_times)
@@ -292,7 +293,7 @@ def _true_floor(recording: Recording, truth: Truth, foot: int) -> FloatArray:
 
 
 def peer(recording: Recording, name: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """Regress the same rest points by statsmodels; floor and mounts as a function of places."""
+    """Regress the same rest points by statsmodels; return floor and mounts by place."""
     import statsmodels.api as sm
 
     rest = rest_points(recording)
@@ -334,7 +335,7 @@ def ours(recording: Recording) -> Callable[[FloatArray, FloatArray], FloatArray]
 def measure(
     height: Callable[[FloatArray, FloatArray], FloatArray], truth: Truth
 ) -> dict[str, float]:
-    """Errors at the true contacts; the true mount heights are all zero."""
+    """Return errors at the true contacts; the true mount heights are all zero."""
     seen = np.isfinite(truth.contact_times)
     floor = (height(truth.contact_points, np.zeros(1)) - truth.floor_at_contacts)[seen]
     both = np.where(seen, height(truth.contact_points, np.ones(1)) - truth.floor_at_contacts, 0)
@@ -379,13 +380,13 @@ def floor_table(hops: int, seeds: int) -> pd.DataFrame:
     return table
 
 
-# Gaps of the body markers, filled.
+# Gaps of the body markers and their filling.
 
 MARKERS = (
     *((0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055)),
     *((0.02, -0.05, 0.1), (-0.12, 0.0, 0.03)),
 )
-FILLED_GAPS = {"short": (60.0, 0.03), "long": (60.0, 0.15)}  # 1/min of each marker, s
+FILLED_GAPS = {"short": (60.0, 0.03), "long": (60.0, 0.15)}  # 1/min per marker, length in s
 METHODS = ("none", "rigid", "CubicSpline")
 DEFAULT_S, LONGEST_S = 0.1, 0.5
 WAYS = (("none", 0.0), ("rigid", DEFAULT_S), ("CubicSpline", LONGEST_S))
@@ -394,7 +395,7 @@ CAPTURE = {"noise_m": 0.0006}
 
 @dataclass(frozen=True)
 class Case:
-    """A hopper seen with and without gaps, its truth, and what does not depend on the gaps."""
+    """A hopper seen with and without gaps, its truth, and values that do not depend on the gaps."""
 
     whole: Recording
     perfect: Recording
@@ -427,7 +428,7 @@ def make_case(hops: int, n_body: int, seed: int) -> Case:
 
 
 def splined(recording: Recording, *, longest_s: float) -> Recording:
-    """Fill the gaps of each body marker by scipy's spline through all that was seen of it."""
+    """Fill the gaps of each body marker by scipy's spline through all its seen positions."""
     positions, filled = recording.positions.copy(), np.zeros(recording.positions.shape[:2], bool)
     short = short_gaps(recording, longest_s)
     for m in recording.indices("body"):
@@ -457,7 +458,7 @@ def filled_by(method: str, flat: Recording, longest_s: float) -> Recording:
 
 
 def touchdowns(recording: Recording, case: Case) -> tuple[Pairs, pd.DataFrame]:
-    """Pairs and touchdowns of a levelled recording."""
+    """Return pairs and touchdowns of a levelled recording."""
     pre, post = case.heights
     table = touchdown_table(recording, pre_height_m=pre, post_height_m=post)
     table = mark_filled(recording, table)
@@ -466,7 +467,7 @@ def touchdowns(recording: Recording, case: Case) -> tuple[Pairs, pd.DataFrame]:
 
 
 def state_row(case: Case, recording: Recording) -> dict[str, float]:
-    """Touchdowns used, and errors of their states with and without filled places."""
+    """Return the touchdowns used, and errors of their states with and without filled positions."""
     pairs, table = touchdowns(recording, case)
     contacts = {recording.name: case.truth.contact_times}
     rows = true_rows(pairs, table, case.true, contacts, recording.names("foot"))
@@ -486,7 +487,7 @@ def state_row(case: Case, recording: Recording) -> dict[str, float]:
 
 
 def rows_of(case: Case, n_body: int, kind: str, gappy: Recording) -> list[dict[str, Any]]:
-    """One row a method for one recording with gaps."""
+    """Return one row per method for one recording with gaps."""
     floor = fit_floor(gappy)
     flat, perfect = level(gappy, floor), level(case.perfect, floor)
     bodies = flat.indices("body")
@@ -552,7 +553,7 @@ SURE = 0.9
 
 
 def moved_table(seeds: range, hops: int) -> pd.DataFrame:
-    """One row for each body and move of its floor, and for each size of it."""
+    """Return one row for each body and movement of its floor, and for each size of the body."""
     rows = []
     for body, scene in SCENES.items():
         seen = [simulate_recording({"hops": hops, **scene}, {}, seed=[s, 26]) for s in seeds]
@@ -573,7 +574,7 @@ def moved_table(seeds: range, hops: int) -> pd.DataFrame:
 def _on_moved(
     recording: Recording, truth: Truth, move: str, far_m: float, size: float
 ) -> dict[str, float]:
-    """Measure what is found of one recording."""
+    """Measure what is found in one recording."""
     root, positions = np.sqrt(size), size * recording.positions
     if move in MOVES:
         positions[:, :, 2] += far_m * MOVES[move](recording.time)[:, None]

@@ -2,18 +2,19 @@
 
     python benchmarks/stress.py --out stress.csv
 
-One row a case of `tests/hybrid/stress` (whose modules are imported from there), the long run of
-`--hops` hops at a tight and at the tightest tolerance, and blocks of 100 of the `--systems` random
-systems of each kind (`back`: from the end to the start). `missed` and `spurious` count events
-against the exact answer, `error_max` is the largest deviation of the final state in the case's own
-units, `error_over_tolerance` the same in units of what the case allows, `status` and `right_status`
-how the integration ended. The rows of `scipy` show one call of `solve_ivp` (RK45, same
-tolerances), which has no locks: its field sees the
-sign of h. `right` there asks of it what is asked of ours; read its `missed`, `spurious` and
-`error_max` instead. The rows of `quick` are `--systems` / 5 random members of each family of guards
-that bend or move quickly, at each of four tolerances, by all methods in turn; SciPy's DOP853 and
-heyoka (where the guard is an expression) integrate the same, which no event changes, and watch.
-`--seed` draws other systems in every random family; the peers are run with the usual ones alone.
+There is one row for each case of `tests/hybrid/stress` (whose modules are imported from there), the
+long run of `--hops` hops at a tight and at the tightest tolerance, and blocks of 100 of the
+`--systems` random systems of each kind (`back`: from the end to the start). `missed` and `spurious`
+count events relative to the exact answer. `error_max` is the largest deviation of the final state
+in the case's own units, and `error_over_tolerance` the same in units of the case's tolerance.
+`status` and `right_status` say how the integration ended and how it should have. The rows of
+`scipy` show one call of `solve_ivp` (RK45, same tolerances), which has no locks, so its field sees
+the sign of h. There, `right` applies the same criteria as to our solver; read its `missed`,
+`spurious` and `error_max` instead. The rows of `quick` are `--systems` / 5 random members of each
+family of guards that bend or move quickly, at each of four tolerances, with all methods in turn.
+SciPy's DOP853 and heyoka (if the guard is an expression) integrate the same systems, which no event
+changes, and only watch for events. `--seed` draws other systems in every random family; the peers
+run only with the usual ones.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ from hopdata.hybrid import solve  # noqa: E402
 from hopdata.hybrid.arguments import SMALLEST_RTOL  # noqa: E402
 
 BLOCK = 100
-KINKED = ("abs", "max", "table", "after an event")  # families that are no expressions for heyoka
+KINKED = ("abs", "max", "table", "after an event")  # families without expressions in heyoka
 Row = dict[str, object]
 
 
@@ -78,14 +79,14 @@ def row_of(solver: str, case: str, parameter: str, verdict: Verdict) -> Row:
 
 
 def single_rows(cases: list[Case]) -> Iterator[Row]:
-    """Yield one row a case; the second call is timed."""
+    """Yield one row per case; the second call is timed."""
     for case in cases:
         judge(case)
         yield row_of("hopdata", case.name, case.parameter, judge(case))
 
 
 def summed_row(name: str, parameter: str, cases: list[Case]) -> Row:
-    """Return the sums, and the worst, of many cases; the time is their mean."""
+    """Return sums and worst values over many cases; the time is their mean."""
     judge(cases[0])
     verdicts = [judge(case) for case in cases]
     wrong = sum(not verdict.right for verdict in verdicts)
@@ -101,7 +102,7 @@ def summed_row(name: str, parameter: str, cases: list[Case]) -> Row:
 
 
 def block_rows(first: int, count: int, *, affine: bool) -> Iterator[Row]:
-    """Yield the rows of a block of random event-selected systems: to their ends, and back."""
+    """Yield the rows of a block of random event-selected systems, integrated forward and back."""
     cases = [random_case(seed, affine=affine) for seed in range(first, first + count)]
     seeds = f"seeds {first} to {first + count - 1}"
     yield summed_row(cases[0].name, seeds, cases)
@@ -109,7 +110,7 @@ def block_rows(first: int, count: int, *, affine: bool) -> Iterator[Row]:
 
 
 def swing_rows(count: int, seed: int) -> Iterator[Row]:
-    """Yield a row for each method that swings near their guard are integrated by."""
+    """Yield a row for each method that integrates swings near their guard."""
     cases = swing_cases(count, 11 + seed)
     for method in SWING_METHODS:
         chosen = [case for case in cases if case.options["method"] == method]
@@ -117,7 +118,7 @@ def swing_rows(count: int, seed: int) -> Iterator[Row]:
 
 
 def quick_rows(count: int, seed: int) -> Iterator[Row]:
-    """Yield rows of the families of quick guards: ours and, of seed 0, SciPy's and heyoka's."""
+    """Yield rows of the families of quick guards: ours and, for seed 0, SciPy's and heyoka's."""
     for family in (*FAMILIES, "shaking table"):
         for number, rtol in enumerate(RTOLS):
             rng = np.random.default_rng([number + len(RTOLS) * seed, *map(ord, family)])
@@ -134,7 +135,7 @@ def quick_rows(count: int, seed: int) -> Iterator[Row]:
                 for case, m in zip(cases, methods, strict=True)
             ]
             yield summed_row("quick", f"{family}, {rtol:g}", ours)
-            if family == "after an event":  # of which peers without locks know nothing
+            if family == "after an event":  # peers without locks cannot represent it
                 continue
             yield summed_row("quick back", f"{family}, {rtol:g}", [turned_back(c) for c in ours])
             if seed > 0:
@@ -146,7 +147,7 @@ def quick_rows(count: int, seed: int) -> Iterator[Row]:
 
 
 def counted(case: Case, found: list[tuple[float, int]], time_us: float) -> Verdict:
-    """Compare what a peer saw with the right events, to a thousandth of the span."""
+    """Compare the events that a peer saw with the true ones, within a thousandth of the span."""
     expected = case.answers[0].events
     tolerance = max(1e-3 * case.t_span[1], case.answers[0].time_tolerance)
     pairs = 0
@@ -158,7 +159,7 @@ def counted(case: Case, found: list[tuple[float, int]], time_us: float) -> Verdi
 
 
 def peer_row(solver: str, parameter: str, verdicts: list[Verdict]) -> Row:
-    """Return the sums of what a peer saw."""
+    """Return the sums of the events that a peer saw."""
     wrong = sum(v.missed + v.spurious > 0 for v in verdicts)
     total = Verdict(
         sum(v.expected for v in verdicts), sum(v.missed for v in verdicts),
@@ -169,7 +170,7 @@ def peer_row(solver: str, parameter: str, verdicts: list[Verdict]) -> Row:
 
 
 def watched_by_scipy(case: Case) -> Verdict:
-    """Return what `solve_ivp` sees of the guards, by DOP853 and its event functions."""
+    """Return the crossings that `solve_ivp` sees with DOP853 and its event functions."""
     params, mode = np.asarray(case.options["params"]), np.array([-1, -1, 0])
     system, h, rates, nothing = case.system, np.empty(2), np.empty(2), np.zeros(5)
     guards, slope_of = system.guards, system.field
@@ -191,16 +192,16 @@ def watched_by_scipy(case: Case) -> Verdict:
             atol=case.options["atol"], events=[lambda t, y, k=k: height(t, y, k) for k in range(2)],
         )  # fmt: skip
         found = [(t, k) for k in range(2) for t in end.t_events[k]]
-    except RuntimeError:  # its search for a flat root gives up
+    except RuntimeError:  # its search for a flat root fails
         pass
     return counted(case, found, 1e6 * (time.perf_counter() - start))
 
 
 def heyoka_watcher(family: str, rtol: float) -> Callable[[Case], Verdict]:
-    """Return a function that integrates a member by heyoka, whose guards are events that go on."""
+    """Return a function that integrates a member with heyoka; guards are non-terminal events."""
     import heyoka as hy
 
-    hy.set_logger_level_error()  # flat roots: a warning each
+    hy.set_logger_level_error()  # otherwise each flat root logs a warning
     x, v, c, s = hy.make_vars("x", "v", "c", "s")
     fall, growth, turn = (hy.par[i] for i in range(FIXED))
     kinds = [int(row[0]) for row in first_numbers(family)]
@@ -219,7 +220,7 @@ def heyoka_watcher(family: str, rtol: float) -> Callable[[Case], Verdict]:
         }[kinds[k]]()
 
     def note(k: int) -> Callable[..., None]:
-        return lambda *seen: found.append((seen[1], k))  # the integrator, the instant, a sign
+        return lambda *seen: found.append((seen[1], k))  # integrator, instant, sign
 
     rates = [(x, v), (v, -fall), (c, growth * c - turn * s), (s, turn * c + growth * s)]
     integrator = hy.taylor_adaptive(
@@ -238,12 +239,12 @@ def heyoka_watcher(family: str, rtol: float) -> Callable[[Case], Verdict]:
 
 
 def first_numbers(family: str) -> list[Any]:
-    """Return the numbers of both guards of some member, whose kinds are those of all."""
+    """Return the numbers of both guards of one member; their kinds are the same for all members."""
     return [draw(np.random.default_rng(0)) for draw in FAMILIES[family][:2]]
 
 
 def long_row(hops: int, rtol: float) -> Row:
-    """Return the row of the long run; the energy's relative drift stands beside its name."""
+    """Return the row of the long run, whose name includes the relative drift of the energy."""
     case = long_case(hops, rtol=rtol)
     case = replace(case, options={**case.options, "t_eval": [case.t_span[1]]})
     start = time.perf_counter()
@@ -256,7 +257,7 @@ def long_row(hops: int, rtol: float) -> Row:
 
 
 def by_scipy(case: Case) -> Verdict:
-    """Solve a case by one call of `solve_ivp`, without locks: the field sees the sign of h."""
+    """Solve a case by one call of `solve_ivp`, without locks: the field uses the sign of h."""
     system, params = case.system, np.asarray(case.options["params"], dtype=float)
     n_guards = system.n_guards
     assert system.guards is not None
@@ -280,7 +281,7 @@ def by_scipy(case: Case) -> Verdict:
     )  # fmt: skip
     elapsed = 1e6 * (time.perf_counter() - start)
     answer = case.answers[0]
-    # Its event times are good to its tolerance only: a thousandth of the span is asked of it.
+    # Its event times are accurate only to its tolerance, so a thousandth of the span is allowed.
     tolerance = 1e-3 * (case.t_span[1] - case.t_span[0])
     pairs = sum(
         matched(sorted(times), [t for t, g, _ in answer.events if g == k], tolerance)
@@ -296,7 +297,7 @@ def by_scipy(case: Case) -> Verdict:
 
 
 def scipy_rows(cases: list[Case]) -> Iterator[Row]:
-    """Yield what scipy does with a few of the cases."""
+    """Yield scipy's results for a few of the cases."""
     shown = {
         "contact_gap": ("0.001 mixed at 1", "1e-12 mixed at 1", "1e-16 mixed at 1", "0 mixed at 1"),
         "grazing": ("-0.001, 2 m/s", "-1e-06, 2 m/s", "-1e-10, 2 m/s"),

@@ -2,14 +2,14 @@
 
     python benchmarks/study_cost.py --out study_cost.csv
 
-The study of config/thesis.yaml is run in a folder of its own, all stages, on two cores; then the
-same with recordings ten times as long. `study_cost.csv` has a row for each: frames, hops used, wall
-and processor time, the largest memory of one stage, and the times of a hop relative to the first
-row. `study_cost_stages.csv` beside it has the processor time of each stage, recordings added up,
-and the memory of its largest job as Snakemake saw it, which looks now and then.
+All stages of the study of config/thesis.yaml run in a separate folder on two cores, and then again
+with recordings ten times as long. `study_cost.csv` has a row for each: frames, hops used, wall and
+processor time, the peak memory of one stage, and the times per hop relative to the first row.
+`study_cost_stages.csv`, beside it, has the processor time of each stage, summed over recordings,
+and the memory of its largest job according to Snakemake, which samples it at intervals.
 
-With `--frames 1e6 1e7` the study is that of one recording of so many frames instead: the bundled
-one again and again, with fresh noise and after a pause, as files of one day that were joined.
+With `--frames 1e6 1e7` the study has a single recording of that many frames instead: the bundled
+one repeated, with fresh noise and after a pause, like files of one day that were joined.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def scaled_config(factor: float, base: float = 1.0) -> dict[str, Any]:
 
 
 def long_config(frames: int, folder: Path) -> dict[str, Any]:
-    """Return the study of one recording of so many frames, which is written into the folder."""
+    """Return the study of one recording of `frames` frames, which is written into the folder."""
     config: dict[str, Any] = yaml.safe_load((ROOT / "config/config.yaml").read_text("utf-8"))
     one = read_recording(ROOT / "data/sample/hopper.h5")
     rng, n = np.random.default_rng(config["seed"]), len(one.time)
@@ -84,7 +84,7 @@ def run_study(config: dict[str, Any], folder: Path, cores: int) -> tuple[float, 
 
 
 def stage_costs(results: Path) -> pd.DataFrame:
-    """Processor time, s, and memory, MB, of each job, from what the workflow noted."""
+    """Return processor time, s, and memory, MB, of each job, as recorded by the workflow."""
     rows = []
     for file in sorted((results / "benchmarks").rglob("*.tsv")):
         noted = pd.read_csv(file, sep="\t").iloc[0]
@@ -96,7 +96,7 @@ def stage_costs(results: Path) -> pd.DataFrame:
 def measure(
     factor: float, base: float, cores: int, frames: int = 0
 ) -> tuple[dict[str, float], pd.DataFrame]:
-    """Run one size; return its row, and the processor time of its stages."""
+    """Run one size; return its row and the processor time of its stages."""
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         config = long_config(frames, folder) if frames else scaled_config(factor, base)
@@ -119,7 +119,7 @@ def measure(
 
 
 def write(table: pd.DataFrame, by_stage: pd.DataFrame, out: Path) -> None:
-    """Write both tables, with the costs of a hop and of a frame, and print the first."""
+    """Write both tables, with costs per hop and per frame, and print the first."""
     for kind in ("wall", "cpu"):
         per_hop = table[f"{kind}_s"] / table["hops"]
         table[f"{kind}_ms_per_hop"] = 1e3 * per_hop
@@ -132,7 +132,7 @@ def write(table: pd.DataFrame, by_stage: pd.DataFrame, out: Path) -> None:
 
 
 def main() -> None:
-    """Run each size, and write the tables anew after it."""
+    """Run each size, and rewrite the tables after it."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -2,34 +2,34 @@
 
     python benchmarks/velocities.py --out velocities.csv
 
-Scenes: the hopper (its true states by integration; contacts as `touchdown_table` finds them) at
+One scene is the hopper (true states by integration; contacts as `touchdown_table` finds them) at
 three frame rates and three levels of noise, with a gap of three frames of one marker at each
-crossing, and with sections near the contacts; and a body that tumbles in free flight, by 2, 4 and
-8 rad/s about random axes, with its centre of mass 50 mm off the middle of the markers.
+crossing, and with sections near the contacts. The other is a body that tumbles in free flight at 2,
+4 and 8 rad/s about random axes, with its centre of mass 50 mm away from the middle of the markers.
 
-Each row is one side of one scene by one method, in the world: `split_fit` as the default has it;
-with gravity `known` or `free`; `alone` (each landing for itself, which few landings get);
-`rigid`, the default's states made those of a rigid body; and `savitzky_golay`. `contact_ms` is the
-median time between crossing and contact. `chi_square` is the mean square of velocity errors over
-their standard errors, `within_se` the share of errors below these (0.683 if normal), and
-`times_below_filter` the filter's rms error over that of the row. `lost` is the share of crossings
-without a state.
+Each row is one side of one scene by one method, in world coordinates: `split_fit` with its
+defaults; with gravity `known` or `free`; `alone` (each landing fitted by itself, as for few
+landings); `rigid`, the default's states made those of a rigid body; and `savitzky_golay`.
+`contact_ms` is the median time between crossing and contact. `chi_square` is the mean square of
+velocity errors over their standard errors, `within_se` the share of errors below these (0.683 if
+normal), and `times_below_filter` the filter's rms error over that of the row. `lost` is the share
+of crossings without a state.
 
-`map_error.csv`, beside it: error of the estimated landing map against the exact one, by number of
-landings and noise.
+`map_error.csv`, beside it, holds the error of the estimated landing map against the exact one, by
+number of landings and noise.
 
-One recording of the C1 hopper on a flat floor, as long as the dissertation's four, is seen with
-four levels of noise (the same draws, scaled), its sections where the study `thesis` has them.
-States at the sections are fitted piecewise, split at the contacts (`split_fit`, our default), or by
-a cubic over seven frames (`savitzky_golay`), which is noisier. Each estimator of
-`hopdata.maps.corrected.estimates` is fitted to random landings; the last size is all of them.
+One recording of the C1 hopper on a flat floor, as long as the dissertation's four together, is seen
+with four levels of noise (the same draws, scaled), at the sections of the study `thesis`. States at
+the sections are fitted piecewise, split at the contacts (`split_fit`, our default), or by a cubic
+over seven frames (`savitzky_golay`), which is noisier. Each estimator of
+`hopdata.maps.corrected.estimates` is fitted to random landings; the last size uses all of them.
 
-A third table, `map_error_spread.csv`, has true states whose deviations from the simultaneous
-landing are scaled down: without noise what is left is curvature, which vanishes with the spread.
+A third table, `map_error_spread.csv`, uses true states whose deviations from the simultaneous
+landing are scaled down. Without noise only curvature remains, which vanishes with the spread.
 
-Errors are relative differences of predictions for the true inputs (`hopdata.maps.truth.maps`),
-with velocities weighed by the time unit that the study `thesis` finds, 13.7 ms: medians over the
-draws, with their 5 and 95 % quantiles.
+Errors are relative differences of predictions for the true inputs (`hopdata.maps.truth.maps`), with
+velocities weighted by the time unit that the study `thesis` finds, 13.7 ms: medians over the draws,
+with their 5 and 95 % quantiles.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import exact_maps, known_scene, scaled_landings, true_states
 from hopdata.synthesis.simulate import simulate_recording
 
-PRE_M, POST_M = 0.502, 0.2815  # where the study `thesis` has its sections
+PRE_M, POST_M = 0.502, 0.2815  # sections of the study `thesis`
 NEAR_PRE_M, LATE_POST_M = 0.42, 0.265
 FLAT = {"bowl_depth_m": 0.0, "wave_amplitude_m": 0.0}
 GRAVITY_M_S2 = 9.80665
@@ -71,7 +71,7 @@ OFF_CENTRE_M = np.array([0.03, 0.0, 0.04])
 
 @dataclass(frozen=True)
 class Crossings:
-    """L crossings of a section as seen, and true positions and velocities (L, B, 3) there."""
+    """Observed crossings (L) of a section, and true positions and velocities (L, B, 3) there."""
 
     time: FloatArray
     body: FloatArray
@@ -84,7 +84,7 @@ class Crossings:
 
 
 def by_section_states(seen: Crossings, **options: str) -> SectionStates:
-    """Return the states by a method of the library."""
+    """Return the states by one of the library's methods."""
     return section_states(
         seen.time, seen.body, seen.near,
         height_m=seen.height_m, side=seen.side, contact=seen.contact, **options,
@@ -98,7 +98,7 @@ def each_alone(seen: Crossings) -> SectionStates:
 
 
 def made_rigid(seen: Crossings) -> SectionStates:
-    """Return the default's states after a rigid body is laid through them, without errors."""
+    """Return the default's states projected onto a rigid body, without errors."""
     found = by_section_states(seen)
     known = np.isfinite(found.velocity).all(axis=(1, 2))
     flat = np.concatenate([found.position, found.velocity], axis=1)[known].reshape(known.sum(), -1)
@@ -126,7 +126,7 @@ METHODS: dict[str, Callable[[Crossings], SectionStates]] = {
 def hopper(
     recording: Recording, truth: Truth, pre_m: float = PRE_M, post_m: float = POST_M
 ) -> Iterator[Crossings]:
-    """Yield the crossings of both sections that are used and known."""
+    """Yield the crossings of both sections that are used and whose truth is known."""
     scene = known_scene(truth)
     true = true_states(truth, scene, SectionHeights(pre_m, post_m, scene.body_points_m))
     table = touchdown_table(recording, pre_height_m=pre_m, post_height_m=post_m)
@@ -172,7 +172,7 @@ def with_gaps(seen: Crossings) -> Crossings:
 def tumbling(
     falls: int, rate_hz: float, noise_mm: float, spin_rad_s: float, seed: int
 ) -> Crossings:
-    """Drop a round body that spins about random axes; a contact ends each fall."""
+    """Drop a round body that spins about random axes; each fall ends with a contact."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     tau = np.arange(-0.2, 0.06, 1 / rate_hz) + rng.uniform(0, 1 / rate_hz, (falls, 1))
     axis = rng.standard_normal((falls, 3))
@@ -206,7 +206,7 @@ def _turned(vectors: FloatArray, arms: FloatArray) -> FloatArray:
 
 
 def measure(seen: Crossings) -> pd.DataFrame:
-    """Return a row for each method."""
+    """Return one row per method."""
     rows = []
     for name, method in METHODS.items():
         if seen.side == "after" and "," in name:
@@ -231,13 +231,13 @@ def measure(seen: Crossings) -> pd.DataFrame:
 
 
 def rms(values: FloatArray) -> float:
-    """Return the root mean square of what is known."""
+    """Return the root mean square of the finite values."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
 def within(score: FloatArray) -> float:
-    """Return the share of known scores between -1 and 1."""
+    """Return the share of finite scores between -1 and 1."""
     return float(np.mean(np.abs(score[np.isfinite(score)]) < 1))
 
 
@@ -264,7 +264,7 @@ def scenes(hops: int, seed: int) -> Iterator[tuple[dict[str, object], Crossings]
             )
 
 
-# The landing map that is estimated from such states.
+# The landing map estimated from such states.
 
 TIME_UNIT_S = 0.0137
 NOISES_MM = (0.0, 0.3, 0.6, 1.2)
@@ -273,7 +273,7 @@ SPREADS = (1.0, 0.5, 0.25, 0.1)
 
 
 def errors_of_draws(pairs: Any, instants: FloatArray, exact: Any, draws: int, seed: int) -> Any:
-    """Yield size, estimator and error of every draw."""
+    """Yield size, estimator and error for every draw."""
     for size in (*(s for s in SIZES if s < len(pairs)), len(pairs)):
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(size,)))
         for _ in range(1 if size == len(pairs) else draws):
@@ -287,7 +287,7 @@ def errors_of_draws(pairs: Any, instants: FloatArray, exact: Any, draws: int, se
 
 
 def noise_rows(recording: Recording, truth: Truth, draws: int, seed: int) -> Iterator[pd.DataFrame]:
-    """Yield the errors for each level of noise and way of fitting states."""
+    """Yield the errors for each level of noise and method of fitting states."""
     scene = known_scene(truth)
     sections = SectionHeights(PRE_M, POST_M, scene.body_points_m)
     maps = exact_maps([truth], sections)

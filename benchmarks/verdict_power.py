@@ -4,28 +4,27 @@
         [--only kappa] [--simulated]
     python benchmarks/verdict_power.py --out verdict_bodies.csv --only body --studies 1 --first 9500
 
-Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
-study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
-landings are integrated, seen frame by frame with noise, and judged: all of them, each 500 and each
-thousand for itself, and those of five and of ten studies together. Kinds that are only seen in
-another way share the landings of a seed, so that they are not independent of one another. Hoppers
-of other shapes are only judged where asked for: each is a kind of its own, a row holds them all.
-docs/verdict.md says what was chosen on which seeds.
+The landings are C1 landings of two systems, observed in many ways, and three kinds of control. A
+study draws the apexes of its landings from a long gait, with its own kicks and preloads. Its
+landings are integrated, observed frame by frame with noise, and judged: all together, in groups of
+500 and of 1,000, and joined with those of other studies, five or ten at a time. Kinds that differ
+only in how they are observed share the landings of a seed, so they are not independent of one
+another. Hoppers of other shapes are judged only on request; each is a kind of its own, and one row
+holds them all. docs/verdict.md says what was chosen on which seeds.
 
-What is simulated, and what is judged, is kept beside the table in ``verdict_studies/`` (0.7 MB a
-study) and not done again; to judge the same studies anew remove its JSON files. One row a kind and
-number of landings; beside it ``verdict_studies.csv``, one row a verdict. `found_share` is the share
-with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound_covers` are those
-whose interval or one-sided bound holds the true difference, and `detectable` is the median size
-that they say is found in 80 %. `jumps_share` is the share in which the outcome is said to jump,
-`jump_worst` the largest jump that was estimated. ``verdict_promise.csv`` says in what share kinks
-of the size `detectable` are found that are added to C1 landings, along those of a control or
-against them.
-``group_power.csv`` is of groups: each subject is 400 or 1,000 landings of a study, drawn with
-replacement from those of one kind; `mixed` takes half of them from C1 and half from a control, and
-`paired` is the difference of the squares between the two as conditions, with the share in which it
-is found and covered. `true_rms` is the rms of the exact differences, `shown_rms` what their
-studies show of it on average.
+Simulated studies and verdicts are kept beside the table in ``verdict_studies/`` (0.7 MB per study)
+and are not repeated; remove its JSON files to judge the same studies anew. There is one row per
+kind and number of landings; ``verdict_studies.csv``, beside it, has one row per verdict.
+`found_share` is the share of studies with a difference, with its 95 % interval (Wilson).
+`interval_covers` and `bound_covers` are the shares whose interval or one-sided bound contains the
+true difference, and `detectable` is the median size that they claim to find in 80 % of studies.
+`jumps_share` is the share in which the outcome is said to jump, `jump_worst` the largest estimated
+jump. ``verdict_promise.csv`` gives the share found of kinks of the size `detectable`, added to C1
+landings along those of a control or against them. ``group_power.csv`` is about groups: each subject
+is 400 or 1,000 landings of a study, drawn with replacement from those of one kind. `mixed` takes
+half of them from C1 and half from a control; `paired` is the difference of the squares between the
+two as conditions, with the share in which it is found and covered. `true_rms` is the rms of the
+exact differences, `shown_rms` the average of it that their studies show.
 """
 
 from __future__ import annotations
@@ -93,10 +92,10 @@ from hopdata.synthesis.trial import Kicks, MarkerOptions, Trial, run_trial
 
 # Landings as motion capture would see them, without the rest of the recordings.
 #
-# The robot's true motion about each landing is seen at random phases of the frames,
-# with noise, and goes through the same fits as a recording's; as in a recording, frames on the far
-# side of the contacts as measured are left out. So errors of the states have the size and the
-# correlations that the pipeline gives them, at a small part of its cost.
+# The robot's true motion about each landing is sampled at random phases of the frames, with noise,
+# and goes through the same fits as a recording. As in a recording, frames beyond the measured
+# contacts are left out. Thus errors of the states have the size and correlations that they have in
+# the pipeline, at a small part of its cost.
 
 APART_S = 1.0
 
@@ -105,7 +104,7 @@ APART_S = 1.0
 class SeenLandings:
     """Marker states (n, 6B) before and after, m and m/s, and contact instants (n, feet), s.
 
-    `rows` (n,) are the numbers of these landings among those that were to be seen.
+    `rows` (n,) are the indices of these landings among those to be observed.
     """
 
     before: np.ndarray
@@ -125,11 +124,11 @@ def see_landings(
     rng: np.random.Generator,
     spoil: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> SeenLandings:
-    """Observe L whole landings, as those of one recording, frame by frame.
+    """Observe L whole landings as those of one recording, frame by frame.
 
-    Those whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12) are
-    of `true_states`, to beyond the post section (`landings.states.fits.WINDOWS_S`). `spoil` is what
-    becomes of the tracks (L, W, B, 3) besides.
+    Landings whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12)
+    come from `true_states` and extend beyond the post section (`landings.states.fits.WINDOWS_S`).
+    `spoil` is a further disturbance of the tracks (L, W, B, 3).
     """
     tracks = tracks_of(motion, sections.points_m)
     tracks += noise_m * rng.standard_normal(tracks.shape)
@@ -156,23 +155,23 @@ def see_landings(
     return SeenLandings(before[rows], after[rows], seen[rows], rows)
 
 
-# States of a simulated body as they are about each landing, frame by frame.
+# States of a simulated body about each landing, frame by frame.
 #
-# From an apex on the robot itself is integrated, through the landing and beyond. Before it, where a
-# recording shows the robot without that apex's kick, it is flown back: a flight turned round in
-# time is a flight. (A control is led to the apexes of the hopper's gait; that is the gait's own
-# flight.)
+# The robot itself is integrated from an apex through the landing and beyond. Before the apex, where
+# a recording shows the robot without that apex's kick, it is integrated backwards: a flight
+# reversed in time is a flight. (A control is led to the apexes of the hopper's gait, so this is the
+# gait's own flight.)
 
-PHASES = 16  # of the frames: each landing has one of them
-BACK_S = 0.14  # before the apex; of flight there are some 0.15 s
+PHASES = 16  # of the frames; each landing has one of them
+BACK_S = 0.14  # before the apex; the flight lasts about 0.15 s there
 RTOL, ATOL = 1e-6, 1e-9
 NO_HEIGHT_M = -1e3  # of a section that is never reached
-SECTION_HOPS, SECTION_MS = 300, 700  # of which sections are found
+SECTION_HOPS, SECTION_MS = 300, 700  # hops and duration, ms, from which sections are found
 
 
 @dataclass(frozen=True)
 class Apexes:
-    """Where L landings begin: states (L, 12) before and after the kick, preloads (L, n), N."""
+    """Starts of L landings: states (L, 12) before and after the kick, preloads (L, n), N."""
 
     before: np.ndarray
     after: np.ndarray
@@ -182,12 +181,12 @@ class Apexes:
         return len(self.after)
 
     def some(self, rows: np.ndarray) -> Apexes:
-        """Return some of them."""
+        """Return the given rows."""
         return Apexes(self.before[rows], self.after[rows], self.preloads_n[rows])
 
 
 def apexes_of(trial: Trial) -> Apexes:
-    """Return the apexes of a trial whose landings stood, and which flew there by themselves."""
+    """Return the apexes of a trial whose landings stood and that it reached by free flight."""
     starts = np.asarray(trial.hop_start_s)
     ends = starts + [hop.end_time_s for hop in trial.hops]
     flown = np.isclose(ends[:-1], starts[1:], rtol=0.0, atol=1e-9)
@@ -209,9 +208,9 @@ def true_states(
     rate_hz: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (L, W) from the apexes, s, at random phases, and states (L, W, 12) then.
+    """Return times (L, W) from the apexes, s, at random phases, and the states (L, W, 12).
 
-    NaN from the next apex on.
+    States are NaN from the next apex on.
     """
     count = round((BACK_S + until_s) * rate_hz)
     back = round(BACK_S * rate_hz)
@@ -226,13 +225,13 @@ def true_states(
 
 
 def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
-    """Return markers (L, W, B, 3), m, of states (L, W, 12), without noise."""
+    """Return noise-free markers (L, W, B, 3), m, for states (L, W, 12)."""
     flat = fixed_markers(states.reshape(-1, N_STATES), points_m)
     return flat.reshape(*states.shape[:2], *points_m.shape)
 
 
 def states_at(scene: Scene, control: Control, apexes: Apexes, times_s: np.ndarray) -> np.ndarray:
-    """Return states (L, W, 12) at times (W,) counted from the apex, s, in order."""
+    """Return states (L, W, 12) at increasing times (W,) relative to the apex, s."""
     vectors = landing_vectors(
         scene, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
     )
@@ -269,7 +268,7 @@ FIRST_SEED = 9100
 GAIT_HOPS, TRIALS = 2000, 4
 INSTANT_NOISE_S = 0.0006
 FEWEST, FEW, WHOLE = 500, 1000, 2100
-JOINED = (5, 10)  # studies, for larger ones of 2,000 landings each
+JOINED = (5, 10)  # numbers of studies joined into larger ones, 2,000 landings each
 BODIES = range(9500, 9532)  # numbers from which hoppers of other shapes are drawn
 GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16, 30), 400
 GROUP_KINDS = (
@@ -290,7 +289,7 @@ SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, damping_n_s_m=2.4, preload_
 
 @dataclass(frozen=True)
 class Kind:
-    """A body with its disturbances and control, and how it is seen."""
+    """A body with its disturbances and control, and how it is observed."""
 
     scene: Scene = field(default_factory=HopperParameters)
     sections: SectionHeights | None = field(default=HOPPER_SECTIONS)  # None: found from its gait
@@ -302,17 +301,17 @@ class Kind:
     spoil: Callable[[np.ndarray, np.random.Generator, float], np.ndarray] | None = None
     relabel: Callable[[np.ndarray, np.random.Generator], np.ndarray] | None = None
     thinned: bool = False
-    moves_as: str = ""  # the kind whose true motions these are, seen in another way
-    led_by: Scene | None = None  # a body whose apexes these are, where this one falls over
+    moves_as: str = ""  # the kind with the same true motions, observed in another way
+    led_by: Scene | None = None  # a body that supplies the apexes, if this one falls over
 
     @property
     def strength(self) -> float:
-        """Return the one strength that is not zero, or zero; a delay in ms."""
+        """The one strength that is not zero, or zero; a delay in ms."""
         return self.control.coupling or self.control.impulse or 1e3 * self.control.delay_s
 
 
 def low_passed(tracks: np.ndarray, _rng: np.random.Generator, rate_hz: float) -> np.ndarray:
-    """Filter as gait laboratories do: Butterworth, 20 Hz, there and back."""
+    """Filter as gait laboratories do: Butterworth, 20 Hz, forward and backward."""
     sos = butter(2, 20.0, fs=rate_hz, output="sos")
     whole = np.isfinite(tracks).all(axis=(0, 2, 3))
     tracks = tracks.copy()
@@ -321,13 +320,13 @@ def low_passed(tracks: np.ndarray, _rng: np.random.Generator, rate_hz: float) ->
 
 
 def drifted(tracks: np.ndarray, _rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
-    """Let the cameras' height wander by 4 mm once up and down over the study."""
+    """Let the cameras' height drift by 4 mm, once up and down over the study."""
     phase = 2 * np.pi * np.arange(len(tracks)) / len(tracks)
     return tracks + 0.004 * np.sin(phase)[:, None, None, None] * np.array([0.0, 0.0, 1.0])
 
 
 def correlated(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
-    """Add noise of 0.6 mm that is correlated by 0.6 from frame to frame."""
+    """Add noise of 0.6 mm with a correlation of 0.6 from frame to frame."""
     steps = rng.standard_normal(tracks.shape)
     for frame in range(1, tracks.shape[1]):
         steps[:, frame] = 0.6 * steps[:, frame - 1] + 0.8 * steps[:, frame]
@@ -335,7 +334,7 @@ def correlated(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) ->
 
 
 def heavy_tailed(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
-    """Add noise of 0.6 mm from Student's t with three degrees of freedom."""
+    """Add noise of 0.6 mm from Student's t distribution with three degrees of freedom."""
     return tracks + 0.0006 / np.sqrt(3) * rng.standard_t(3, tracks.shape)
 
 
@@ -351,7 +350,7 @@ def other_body(number: int) -> HopperParameters:
     """Draw a hopper of another shape: feet, mass, size, inertia, legs and height of its hops."""
     draw = np.random.default_rng([78, number])
     legs, mass = int(draw.integers(3, 5)), draw.uniform(1.8, 4.6)
-    share = mass / 2.3 * 3 / legs  # of the hopper's legs, to carry this body on as many
+    share = mass / 2.3 * 3 / legs  # scales the legs to carry this body
     inertia = 0.08 * mass / 2.3 * draw.uniform(0.4, 1.1)
     stiffness, extension = 90.0 * share * draw.uniform(0.7, 1.2), draw.uniform(0.105, 0.13)
     weight = (mass + HopperParameters().counterweight_mass_kg) * 9.81 / legs
@@ -365,7 +364,7 @@ def other_body(number: int) -> HopperParameters:
 
 
 def kinds() -> dict[str, Kind]:
-    """All kinds, by name; those that begin with C1 have no difference."""
+    """Return all kinds by name; those that begin with C1 have no difference."""
     hopper, kicks, seen = HopperParameters(), Kicks(), Kind(moves_as="C1")
     larger = replace(kicks, angular_velocity_rad_s=0.35)
     quadruped = Kind(scene=Quadruped(), sections=QUADRUPED_SECTIONS)
@@ -387,7 +386,7 @@ def kinds() -> dict[str, Kind]:
         "C1 quadruped": quadruped,
         "C1 two feet": Kind(scene=TWO, led_by=hopper),
         "C1 two feet larger kicks": Kind(scene=TWO, led_by=hopper, kicks=larger),
-        "C1 two stiff feet": Kind(scene=STIFF_TWO, led_by=hopper),  # those of config/biped.yaml
+        "C1 two stiff feet": Kind(scene=STIFF_TWO, led_by=hopper),  # the feet of config/biped.yaml
         "C1 six feet": Kind(scene=SIX),
     }
     controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.1, 0.2, 0.4)}
@@ -414,7 +413,7 @@ def kinds() -> dict[str, Kind]:
 
 
 def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return the arrays in a file, which is written if there is none yet."""
+    """Return the arrays in a file, which is written first if it does not exist."""
     if not file.exists():
         arrays = make()
         with whole_file(file) as part, part.open("wb") as stream:
@@ -423,13 +422,13 @@ def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 
 def gait_file(kind: Kind, folder: Path) -> Path:
-    """Return where the gait of a kind is kept, which it may share with others."""
+    """Return the file with the gait of a kind, which may be shared with other kinds."""
     name = f"{kind.led_by or kind.scene}{kind.kicks}"
     return folder / f"gait_{sha256(name.encode()).hexdigest()[:16]}.npz"
 
 
 def gait(kind: Kind, folder: Path) -> np.ndarray:
-    """Return states (L, 12) at the apexes of a long gait, before their kicks; kept in a file."""
+    """Return states (L, 12) at the apexes of a long gait, before their kicks; cached in a file."""
 
     def trial(number: int) -> Apexes:
         return apexes_of(
@@ -446,10 +445,10 @@ def gait(kind: Kind, folder: Path) -> np.ndarray:
 
 
 def sections_of(kind: Kind, folder: Path) -> SectionHeights:
-    """Return a kind's sections, or what its landings ask for.
+    """Return the sections of a kind, or find them from its landings.
 
-    The upper one lies at the highest first contacts, the lower one at the lowest last contacts, of
-    all but 1 in 100 of the landings from above the median apex.
+    Of the landings that start above the median apex, the upper section lies at the highest first
+    contacts and the lower one at the lowest last contacts, except for 1 in 100.
     """
     if kind.sections is not None:
         return kind.sections
@@ -478,7 +477,7 @@ def sections_of(kind: Kind, folder: Path) -> SectionHeights:
 
 
 def starts(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> Apexes:
-    """Draw the apexes of a study, and kick them."""
+    """Draw the apexes of a study and kick them."""
     before = before[rng.integers(0, len(before), kind.hops)]
     kick = np.zeros_like(before)
     kick[:, 6:9] = kind.kicks.velocity_m_s * rng.standard_normal((kind.hops, 3))
@@ -489,7 +488,7 @@ def starts(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> Apexes:
 
 @lru_cache(maxsize=1)
 def moved(name: str, seed: int, folder: Path) -> tuple[TrueLandings, np.ndarray, np.ndarray]:
-    """Return a study before it is seen: whole landings, and times and states about them."""
+    """Return an unobserved study: whole landings, and times and states about them."""
     kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
     apexes = starts(kind, gait(kind, folder), rng)
     landings = true_landings(
@@ -506,7 +505,7 @@ def moved(name: str, seed: int, folder: Path) -> tuple[TrueLandings, np.ndarray,
 
 
 def some(landings: TrueLandings, rows: np.ndarray) -> TrueLandings:
-    """Return some of the landings."""
+    """Return the given rows of the landings."""
     return TrueLandings(*(getattr(landings, name)[rows] for name in vars(landings)))
 
 
@@ -535,8 +534,8 @@ def observed(name: str, seed: int, folder: Path) -> dict[str, Any]:
 def exact_maps(name: str, folder: Path) -> dict[str, Any]:
     """Return `schedules` and `maps` of a kind's exact Jacobians, which its studies share.
 
-    At the simultaneous contact nearest to the mean of the landings that count; none if from there
-    the body does not sink to the post section.
+    They are taken at the simultaneous contact nearest to the mean of the landings that count. The
+    result is empty if the body does not sink from there to the post section.
     """
     kind = kinds()[name]
 
@@ -559,7 +558,7 @@ def exact_maps(name: str, folder: Path) -> dict[str, Any]:
 
 
 def true_size(name: str, root: np.ndarray, instants: np.ndarray, folder: Path) -> float:
-    """Relative difference of the exact Jacobians, as the verdict measures it; NaN if not known."""
+    """Return the relative difference of the exact Jacobians as the verdict measures it, or NaN."""
     exact, points_m = exact_maps(name, folder), sections_of(kinds()[name], folder).points_m
     orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]])
     seen, counts = contact_orders(instants, LEAST_CLASS)
@@ -573,17 +572,17 @@ def true_size(name: str, root: np.ndarray, instants: np.ndarray, folder: Path) -
 
 
 def study_file(name: str, seed: int, folder: Path) -> Path:
-    """Return where a simulated study is kept."""
+    """Return the file of a simulated study."""
     return folder / f"{name.replace(' ', '_')}_{seed}.npz"
 
 
 def simulate(name: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Return one study, which is simulated if it is not kept yet."""
+    """Return one study, simulating it if it is not kept yet."""
     return kept(study_file(name, seed, folder), lambda: observed(name, seed, folder))
 
 
 def one_study(name: str, seed: int, folder: Path, simulated: bool) -> Path | None:
-    """Return the file of the verdicts on a study; None if only those simulated are wanted."""
+    """Return the file with the verdicts on a study; None if only simulations are wanted."""
     source = study_file(name, seed, folder)
     if simulated and not source.exists():
         return None
@@ -603,7 +602,7 @@ def one_study(name: str, seed: int, folder: Path, simulated: bool) -> Path | Non
 
 
 def large_study(name: str, seeds: range, folder: Path) -> Path | None:
-    """Return the file of the verdict on several studies joined; None if one is not simulated."""
+    """Return the file with the verdict on joined studies; None if one is not simulated."""
     file = folder / f"{name.replace(' ', '_')}_{seeds[0]}_to_{seeds[-1]}.json"
     sources = [study_file(name, seed, folder) for seed in seeds]
     if not file.exists():
@@ -631,7 +630,7 @@ def judged(name: str, study: Any, seed: int, first: int, asked: int) -> dict[str
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """One row a kind and number of landings, of the studies with an answer; one for all bodies."""
+    """Return one row per kind (one for all bodies) and number of landings, of answered studies."""
     rows = []
     names = table["condition"].str.replace(r"body \d+", "other bodies", regex=True)
     table = table.assign(condition=names).dropna(subset=["low"])
@@ -670,10 +669,10 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def promise(seeds: range, folder: Path) -> pd.DataFrame:
-    """One row a control, number of landings and sign: the share found of what is promised.
+    """Return one row per control, number of landings and sign: the share found of what is promised.
 
-    Kinks as all studies of a control show them together, but as large as `detectable`, are added to
-    C1 landings: as the control's lie (`sign` 1) and the other way round (-1).
+    Kinks as shown by all studies of a control together, scaled to `detectable`, are added to C1
+    landings: in the control's direction (`sign` 1) and opposite to it (-1).
     """
     found = []
     for name in PROMISED:
@@ -703,7 +702,7 @@ def promise(seeds: range, folder: Path) -> pd.DataFrame:
 
 
 def judged_kinks(landings: SectionLandings, seed: int) -> tuple[KinkFit, np.ndarray, EffectSize]:
-    """Return kinks, the root of their squared size, and what follows from it."""
+    """Return the kinks, the root of their squared size, and the effect size that follows."""
     fit = fit_kinks(landings)
     root = squared_size(fit, landings, *compared(landings)[:2])
     rng = named_generator(seed, "verdict", "signs")
@@ -711,14 +710,14 @@ def judged_kinks(landings: SectionLandings, seed: int) -> tuple[KinkFit, np.ndar
 
 
 def subjects(name: str, seed: int, folder: Path) -> list[dict[str, Any]]:
-    """Return the verdicts on the smaller subjects that a study holds."""
+    """Return the verdicts on the smaller subjects contained in a study."""
     study = simulate(name, seed, folder)
     firsts = range(0, 2 * FEW, SUBJECT_LANDINGS)
     return [judged(name, study, seed, first, SUBJECT_LANDINGS) for first in firsts]
 
 
 def groups(studies: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a kind, number of landings and number of subjects."""
+    """Return one row per kind, number of landings and number of subjects."""
     rng, rows = np.random.default_rng(FIRST_SEED), []
     for asked, of_size in studies.groupby("asked"):
         by_kind = dict(list(of_size.groupby("condition", sort=False)))
@@ -773,7 +772,7 @@ def _paired(parts: list[pd.DataFrame], subjects: int, rng: np.random.Generator) 
 
 
 def main() -> None:
-    """Do what studies are missing, and write the tables."""
+    """Run the missing studies and write the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )

@@ -3,30 +3,31 @@
 
     python benchmarks/work_precision.py --out work_precision.csv
 
-Writes the table and beside it `ratios.csv` (times at an error of 1e-9 over ours),
-`head_to_head.csv` and `batches.csv`. One process, one thread. At each tolerance all solvers take
-turns; times are of one trajectory, in CPU time of the process (other programs count for little),
-median and quartiles over the turns. What a solver compiles or builds is not in them but in
-`compile_s`, the first call's excess over the second with all that goes before it, on the clock.
-`setting` is the relative and absolute tolerance, or MuJoCo's time step, s. `error_max` is the
-largest deviation of the final state from the exact one, `events_lost` the number of events that
-were not found (negative: too many), empty where a solver does not tell. A solver that fails, or is
-not installed, has a row that says so.
+It writes the table and, beside it, `ratios.csv` (times at an error of 1e-9 over ours),
+`head_to_head.csv` and `batches.csv`, in one process on one thread. At each tolerance all solvers
+take turns. Times are those of one trajectory, in CPU time of the process (which other programs
+hardly affect), as median and quartiles over the turns. They exclude compilation and setup, which
+are in `compile_s`: the wall-clock time of the first call and all preparation for it, beyond that of
+the second call. `setting` is the relative and absolute tolerance, or MuJoCo's time step, s.
+`error_max` is the largest deviation of the final state from the exact one. `events_lost` is the
+number of events that were not found (negative: too many), empty if a solver does not report it. A
+solver that fails or is not installed has a row that says so.
 
-`head_to_head.csv`: of each package the solver and tolerance take part, a decade apart, that were
-the fastest above of those whose final state errs by at most 1e-9; of ours one in calls of its own
-and one in a batch. They are timed in turn, and each turn gives a ratio: whatever slows the machine
-down for a while slows down both.
+`head_to_head.csv` has each package's fastest solver and tolerance, from tolerances a decade apart,
+among those whose final state errs by at most 1e-9; ours enters once in single calls and once in a
+batch. They are timed in turn, and each turn gives a ratio, because a temporary slowdown of the
+machine then affects both.
 
-`batches.csv` is of ten thousand systems at a tolerance of 1e-9, with random starts (seed 0):
-pendulums, x'' = -sin x from rest at x0 in [-2, 2] for 10 s, with the guard x = 0, crossed three
-times or so; and, by us alone, hoppers in one dimension and plates on 35 springs. Times are CPU
-time of the process for one system (of the clock where it has two threads, with that of the process
-beside it, `cpu_us_per_system`), the median of the repeats, which all solvers take in turn, without
-what is compiled before. Errors are of the final state, against our driver's at the tightest
-tolerance; `events_lost` counts systems whose number of events is not its. heyoka's batch steps
-eight systems together, with an event callback in Python, or none and no events; diffrax runs under
-`vmap`, with fewer systems. `lanes` is how many systems run in a lane each.
+`batches.csv` has ten thousand systems at a tolerance of 1e-9, with random starts (seed 0):
+pendulums, x'' = -sin x from rest at x0 in [-2, 2] for 10 s, with the guard x = 0, which is crossed
+about three times; and, by our solver alone, one-dimensional hoppers and plates on 35 springs. Times
+are CPU time of the process for one system (wall-clock time with two threads, then with that of the
+process in `cpu_us_per_system`), as the median of the repeats, which all solvers take in turn; they
+exclude earlier compilation. Errors are those of the final state relative to our driver's at the
+tightest tolerance; `events_lost` counts systems whose number of events differs from the driver's.
+heyoka's batch steps eight systems together, with an event callback in Python, or without events;
+diffrax runs under `vmap`, with fewer systems. `lanes` is the number of systems that run in a lane
+each.
 """
 
 from __future__ import annotations
@@ -58,14 +59,15 @@ from hopdata.hybrid.lanes.vectors import WIDTH
 
 
 EQUAL_ERROR = 1e-9
-SMALLEST = 1e-17  # an error of zero, on a logarithmic axis
+SMALLEST = 1e-17  # replaces an error of zero on a logarithmic axis
 OURS, OUR_CALL, OUR_BATCH = "hopdata", "hopdata, call", "hopdata, batch"
 
 
 def time_at(rows: pd.DataFrame, error: float) -> float:
-    """Interpolate the time at an error, on logarithmic axes, along the least times so far, us.
+    """Interpolate the time at an error, us, on logarithmic axes along the least times so far.
 
-    NaN where the error is not reached. Where even the loosest tolerance does better, its time.
+    The result is NaN if the error is not reached. If even the loosest tolerance is more accurate,
+    its time is returned.
     """
     done = rows[rows["time_median_us"].notna() & rows["error_max"].notna()]
     if done.empty or done["error_max"].min() > error:
@@ -77,11 +79,11 @@ def time_at(rows: pd.DataFrame, error: float) -> float:
 
 
 def ratios(table: pd.DataFrame, error: float = EQUAL_ERROR) -> pd.DataFrame:
-    """Return one row a scene and solver: its time at an error over ours.
+    """Return one row per scene and solver: its time at an error over ours.
 
-    Ours is our fastest method: in a call of its own (``ratio``), and in a batch
-    (``ratio_to_batch``). A ratio above 1 says that ours is faster. ``best_of_package`` marks the
-    fastest solver of each package.
+    Ours is our fastest method, in single calls (``ratio``) and in a batch (``ratio_to_batch``). A
+    ratio above 1 means that ours is faster. ``best_of_package`` marks the fastest solver of each
+    package.
     """
     parts = []
     keys = ["scene", "package", "way", "method"]
@@ -103,18 +105,18 @@ def ratios(table: pd.DataFrame, error: float = EQUAL_ERROR) -> pd.DataFrame:
 
 
 def best_of_way(ratio_table: pd.DataFrame) -> pd.Series:
-    """Mark in each scene the fastest method of each way; the most exact, where none gets there."""
+    """Mark in each scene each way's fastest method, or its most accurate if none gets there."""
     ranked = ratio_table.sort_values(["time_us", "least_error"], na_position="last")
     first = ranked.groupby(["scene", "way"]).head(1).index
     return pd.Series(ratio_table.index.isin(first), index=ratio_table.index)
 
 
-FAR_OFF = 0.1  # no tolerance here explains it
-BLOCK_S = 500e-6  # calls in a row, at least so long, for one timing
+FAR_OFF = 0.1  # an error that no tolerance here explains
+BLOCK_S = 500e-6  # least duration of consecutive calls in one timing
 MOST_TRIES = 20
 BUDGET_S = 0.06  # for all timings of a solver at a setting, ...
-FEWEST = 3  # ... but at least so many
-LONGEST_S = 0.5  # of a run: what takes longer is timed once, and not tried at tighter tolerances
+FEWEST = 3  # ... but at least this many
+LONGEST_S = 0.5  # a longer run is timed once, and tighter tolerances are not tried
 COLUMNS = (
     "scene", "package", "way", "method", "setting", "error_max", "events_lost", "time_median_us",
     "time_q25_us", "time_q75_us", "timings", "compile_s", "status",
@@ -123,7 +125,7 @@ COLUMNS = (
 
 @dataclass
 class Entry:
-    """A solver at one setting: what is known of it, and its timings, s."""
+    """A solver at one setting: its known results, and its timings, s."""
 
     solver: Solver
     setting: float
@@ -137,7 +139,7 @@ class Entry:
     times: list[float] = own(default_factory=list)
 
     def time_block(self) -> None:
-        """Add one timing: the mean of calls in a row, short ones after one that finds its code."""
+        """Add one timing, the mean of consecutive calls; if short, after a call that warms up."""
         assert self.run is not None
         if self.calls > 1:
             self.run()
@@ -149,7 +151,7 @@ class Entry:
 
 
 def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Entry:
-    """Prepare a solver and run it: for its error, and to see how long it takes."""
+    """Prepare and run a solver, to find its error and its duration."""
     entry, start = Entry(solver, setting), time.perf_counter()
     try:
         entry.run = solver.prepare(setting)
@@ -158,7 +160,7 @@ def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Ent
         entry.events_lost = np.nan if count is None else problem.events - count
         first = time.perf_counter() - start
         warm = least_time(entry.run)
-    except Exception as error:  # whatever a peer raises is its result
+    except Exception as error:  # any exception of a peer is its result
         entry.run, entry.status = None, f"failed: {type(error).__name__}: {error}".splitlines()[0]
         return entry
     entry.compile_s = max(first - warm, 0.0)
@@ -173,7 +175,7 @@ def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Ent
 
 
 def least_time(run: Callable[[], Found]) -> float:
-    """Return the shortest of some calls, s: the first are slower than those in a row will be."""
+    """Return the shortest of some calls, s: first calls are slower than consecutive ones."""
     times = []
     while sum(times) < BLOCK_S and len(times) < MOST_TRIES:
         start = time.perf_counter()
@@ -202,12 +204,12 @@ def measured(problem: Problem, solvers: list[Solver], turns: int) -> list[Entry]
 
 
 def absent_row(problem: Problem, package: str, reason: str) -> tuple[object, ...]:
-    """Return what is written of a package that is not there."""
+    """Return the row of a package that is not installed."""
     return (problem.name, package, package, "", *[np.nan] * 6, 0, np.nan, f"absent: {reason}")
 
 
 def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
-    """Return what is written of an entry."""
+    """Return the row of an entry."""
     s, us = entry.solver, 1e6 * np.array(entry.times or [np.nan])
     low, median, high = np.percentile(us, [25, 50, 75])
     return (
@@ -216,17 +218,17 @@ def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-# Our integrator and the best of each peer, turn by turn: fewer, and steadier ratios.
+# Our integrator and the best of each peer, turn by turn, for fewer but steadier ratios.
 LEVELS = {"q25": 25, "median": 50, "q75": 75}
 
 
 def contender(entry: Entry) -> str:
-    """Return what an entry competes for: our two ways by themselves, a peer as one package."""
+    """Return the contender of an entry: each of our two ways, or a peer's package as a whole."""
     return entry.solver.way if entry.solver.package == OURS else entry.solver.package
 
 
 def fastest(entries: list[Entry]) -> dict[str, Entry]:
-    """Return the fastest entry of each contender that errs by at most what is asked for."""
+    """Return the fastest entry of each contender that errs by at most `EQUAL_ERROR`."""
     best: dict[str, Entry] = {}
     good = [one for one in entries if one.times and one.error <= EQUAL_ERROR]
     for entry in sorted(good, key=lambda one: np.median(one.times)):
@@ -235,7 +237,7 @@ def fastest(entries: list[Entry]) -> dict[str, Entry]:
 
 
 def race_row(problem: Problem, name: str, best: dict[str, Entry]) -> dict[str, object]:
-    """Return what is written of a contender: its time, and its ratios to our two ways."""
+    """Return the row of a contender: its time, and its ratios to our two ways."""
     entry = best[name]
     s, times = entry.solver, np.array(entry.times)
     ratios = {"call": times / best[OUR_CALL].times, "batch": times / best[OUR_BATCH].times}
@@ -252,7 +254,7 @@ def race_row(problem: Problem, name: str, best: dict[str, Entry]) -> dict[str, o
 def race(
     problem: Problem, entries: list[Entry], absent: dict[str, str], turns: int
 ) -> list[dict[str, object]]:
-    """Return the rows of a scene; what the best had for timings before is forgotten."""
+    """Return the rows of a scene; earlier timings of the best are discarded."""
     best = fastest(entries)
     for entry in best.values():
         entry.times.clear()
@@ -277,12 +279,12 @@ def print_ratios(at_equal_error: pd.DataFrame) -> None:
         )
 
 
-# Batches: ten thousand systems and their events, in lanes and by the driver, and by peers.
+# Batches of ten thousand systems and their events, in lanes, by the driver, and by peers.
 
 SPAN, TOLERANCE, EIGHT = (0.0, 10.0), 1e-9, 8
 BATCH_REPEATS = 7
-MOSTLY = 0.9  # of the systems must be done in lanes for a row of lanes to be one
-FEW = 200  # of them by diffrax, whose systems all take as many steps as the slowest
+MOSTLY = 0.9  # least share of systems done in lanes for a row of lanes
+FEW = 200  # systems for diffrax, which all take as many steps as the slowest
 Several = tuple[FloatArray, IntArray | None]  # final states and numbers of events
 Run = Callable[[], Several]
 
@@ -311,7 +313,7 @@ class Many:
 
 
 def scenes_of_batches(count: int) -> dict[str, Many]:
-    """Return so many pendulums, hoppers and plates."""
+    """Return `count` pendulums, hoppers and plates each."""
     rng = np.random.default_rng(0)
     swings, drops = np.zeros((count, 2)), np.zeros((count, 2))
     swings[:, 0], drops[:, 0] = rng.uniform(-2.0, 2.0, count), rng.uniform(1.5, 2.5, count)
@@ -336,14 +338,14 @@ def batch_by_us(many: Many, lanes: bool, workers: int, tolerance: float = TOLERA
 
 
 def batch_by_heyoka(y0: FloatArray, together: int, events: bool) -> Run:
-    """Return a run of heyoka's integrator of one or of eight systems, as often as it takes."""
+    """Return a function that runs heyoka on all systems, singly or eight together."""
     import heyoka as hy
 
     x, v = hy.make_vars("x", "v")
     equations, counts = [(x, v), (v, -hy.sin(x))], np.zeros(len(y0), dtype=np.int64)
     first = [0]
 
-    def count(*given: object) -> None:  # integrator, time, sign, and in a batch the place in it
+    def count(*given: object) -> None:  # integrator, time, sign and, in a batch, the index
         counts[first[0] + (given[3] if together > 1 else 0)] += 1
 
     if together == 1:
@@ -383,7 +385,7 @@ def batch_by_diffrax(y0: FloatArray) -> Run:
     )  # fmt: skip
 
     def one(start):
-        signed = jax.numpy.where(start[0] > 0, 1.0, -1.0)  # x to -x: all begin on one side
+        signed = jax.numpy.where(start[0] > 0, 1.0, -1.0)  # x to -x, so that all begin on one side
         _, y, count = trajectory(
             problem, METHODS["Dopri8"](), FINDERS["bisection"], signed * start, TOLERANCE
         )
@@ -400,7 +402,7 @@ def batch_by_diffrax(y0: FloatArray) -> Run:
 
 
 def batch_solvers(many: Many) -> dict[tuple[str, int, int, int], Callable[[], Run]]:
-    """Return what makes each run, by its name, lanes, threads and systems."""
+    """Return a factory of each run, by its name, lanes, threads and systems."""
     y0, n = many.y0, len(many.y0)
     ours: dict[tuple[str, int, int, int], Callable[[], Run]] = {
         ("hopdata, driver", 1, 1, n): lambda: partial(batch_by_us, many, False, 1),
@@ -420,7 +422,7 @@ def batch_solvers(many: Many) -> dict[tuple[str, int, int, int], Callable[[], Ru
 
 
 def batches(scene: str, many: Many) -> list[dict[str, object]]:
-    """Return one row a way to integrate so many systems."""
+    """Return one row per way to integrate the systems."""
     right, events = batch_by_us(many, False, 1, SMALLEST_RTOL)
     assert events is not None
     runs, rows = {}, {}
@@ -431,11 +433,11 @@ def batches(scene: str, many: Many) -> list[dict[str, object]]:
         try:
             runs[key] = make()
             ends, counts = runs[key]()
-        except Exception as error:  # whatever a peer raises is its result
+        except Exception as error:  # any exception of a peer is its result
             runs.pop(key, None)
             rows[key] = row | {"status": f"{type(error).__name__}: {error}".splitlines()[0]}
             continue
-        few = np.flatnonzero(many.y0[:, 0] > 0)[: len(ends)]  # as diffrax has them
+        few = np.flatnonzero(many.y0[:, 0] > 0)[: len(ends)]  # the systems that diffrax has
         chosen = slice(None) if len(ends) == len(right) else few
         off = np.abs(ends - right[chosen]).max(axis=1)
         lost = np.nan if counts is None else int((counts != events[chosen]).sum())
