@@ -1,4 +1,4 @@
-"""Where the tests find recordings: the bundled sample, and a real one that is not in git."""
+"""Recordings for the tests: the bundled sample, and real ones that are not in git."""
 
 import os
 from pathlib import Path
@@ -12,7 +12,7 @@ for library in ("OPENBLAS", "MKL"):
 
 
 def pytest_collection_modifyitems(items):
-    """Begin with whole studies: the longest files must not be the last of one process."""
+    """Start with whole studies, so that the longest files are not the last in one process."""
     items.sort(key=lambda item: item.get_closest_marker("workflow") is None)
 
 
@@ -24,7 +24,7 @@ EXTERNAL_FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/tre
 
 
 def external(name):
-    """Path of a file of the treadmill recording; tests are skipped where nobody has fetched it."""
+    """Return the path of a treadmill recording; skip the test if it has not been fetched."""
     for folder in EXTERNAL_FOLDERS:
         if (folder / name).is_file():
             return folder / name
@@ -33,36 +33,36 @@ def external(name):
 
 @pytest.fixture(scope="session")
 def external_recording():
-    """Markers of the runner at 2.5 m/s."""
+    """Return the markers of the runner at 2.5 m/s."""
     return external(EXTERNAL)
 
 
 @pytest.fixture(scope="session")
 def quick_runner():
-    """Markers of another runner, who lands on the heel."""
+    """Return the markers of another runner, who lands on the heel."""
     return external("RBDS032runT35markers.txt")
 
 
 @pytest.fixture(scope="session")
 def external_forces():
-    """Forces of the same run."""
+    """Return the forces of the same run."""
     return external(EXTERNAL_FORCES)
 
 
 @pytest.fixture(scope="session")
 def same_run():
-    """Paths of the C3D and the text file of one run."""
+    """Return the paths of the C3D and the text file of one run."""
     return tuple(external(name) for name in SAME_RUN)
 
 
 @pytest.fixture(scope="session")
 def opensim_files():
-    """TRC files of the public test data of OpenSim, where they have been fetched."""
+    """Return the TRC files of OpenSim's public test data, if they have been fetched."""
     folder = ROOT.parent / "shared/recordings/opensim_trc"
     return sorted(folder.glob("*.trc")) or pytest.skip(f"no TRC files in {folder}")
 
 
 @pytest.fixture(scope="session")
 def sample_path():
-    """Path of the bundled synthetic recording."""
+    """Return the path of the bundled synthetic recording."""
     return ROOT / "data/sample/hopper.h5"

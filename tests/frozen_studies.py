@@ -1,14 +1,14 @@
-"""Make the bundled studies, keep their tables, and say later what differs.
+"""Run the bundled studies, keep their tables, and later report differences.
 
-    python tests/frozen_studies.py keep FOLDER       # make the studies, copy tables and numbers
-    python tests/frozen_studies.py compare FOLDER    # make them again, compare
+    python tests/frozen_studies.py keep FOLDER       # run the studies, copy tables and numbers
+    python tests/frozen_studies.py compare FOLDER    # run them again, compare
 
-Every study of `STUDIES` is made by the workflow in the current checkout (only what is out of date),
-steering with one seed.
-Kept are its CSV and JSON files, provenance apart, which holds times and versions. A comparison
-writes one line a file: `same bytes`, or the largest relative difference among its numbers and
-where it is, or which columns, keys or rows came and went. It ends with 1 if anything differs by
-more than ``--digits`` says. A study whose recording is not there is named and passed over.
+The workflow runs every study of `STUDIES` in the current checkout (only what is out of date), with
+one seed for steering. It keeps the CSV and JSON files except provenance, which holds times and
+versions. A comparison writes one line per file: `same bytes`, or the largest relative difference
+among its numbers and its place, or the columns, keys or rows that were added or removed. The exit
+code is 1 if anything differs by more than ``--digits`` allows. A study whose recording is missing
+is named and skipped.
 """
 
 from __future__ import annotations
@@ -59,14 +59,14 @@ def make_studies(configs: list[str], cores: int) -> list[Path]:
 
 
 def kept_files(folder: Path) -> Iterator[Path]:
-    """Yield the CSV and JSON files of a study, by their paths within its folder."""
+    """Yield the CSV and JSON files of a study by their paths within its folder."""
     for path in sorted([*folder.rglob("*.csv"), *folder.rglob("*.json")]):
         if path.name not in NOT_KEPT:
             yield path.relative_to(folder)
 
 
 def numbers(path: Path) -> dict[str, Any]:
-    """Return what a table or JSON file holds, by place."""
+    """Return the values of a table or JSON file by their places."""
     if path.suffix == ".csv":
         try:
             table = pd.read_csv(path)
@@ -88,7 +88,7 @@ def numbers(path: Path) -> dict[str, Any]:
 
 
 def difference(before: Any, after: Any) -> float:
-    """Return the relative difference of two values; infinite where they are not both numbers."""
+    """Return the relative difference of two values; infinite if they are not both numbers."""
     if before == after or (before != before and after != after):
         return 0.0
     if isinstance(before, int | float) and isinstance(after, int | float):
@@ -98,7 +98,7 @@ def difference(before: Any, after: Any) -> float:
 
 
 def compared(before: Path, after: Path) -> tuple[float, str]:
-    """Return the largest relative difference of two files, and a line that tells of it."""
+    """Return the largest relative difference of two files, and a line that reports it."""
     if not before.exists() or not after.exists():
         return math.inf, "new" if after.exists() else "gone"
     if before.read_bytes() == after.read_bytes():

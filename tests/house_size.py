@@ -1,8 +1,8 @@
-"""Files, lines of code and share of imports of the library, room by room.
+"""Files, lines of code and share of imports of the library, for each room.
 
     python tests/house_size.py
 
-Docstrings, comments and blank lines do not count. `tests/test_architecture.py` holds the limits.
+Docstrings, comments and blank lines do not count. `tests/test_architecture.py` sets the limits.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 @dataclass(frozen=True)
 class Size:
-    """Lines of code of a file, and how many of them import."""
+    """Lines of code of a file, and how many of them are imports."""
 
     lines: int
     imports: int
@@ -39,7 +39,7 @@ def size_of(path: Path) -> Size:
 
 
 def rooms() -> dict[str, list[Size]]:
-    """Return the sizes of all files by the folder of the library in which they stand."""
+    """Return the sizes of all files by their folder in the library."""
     found = defaultdict(list)
     for path in sorted(LIBRARY.rglob("*.py")):
         inside = path.relative_to(LIBRARY).parts

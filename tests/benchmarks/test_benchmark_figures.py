@@ -1,4 +1,4 @@
-"""Figures that only benchmarks draw: what they show, and that no text lies on another."""
+"""Figures that only benchmarks draw: their content, and that no texts overlap."""
 
 import numpy as np
 import pandas as pd
@@ -23,7 +23,7 @@ METHODS = {"printed, DOPRI5, Illinois": 4.0, "hopdata, dopri5": 5.0, "hopdata, d
 
 
 def errors(methods=METHODS):
-    """Straight lines between a plateau and rounding."""
+    """Return straight lines between a plateau and rounding."""
     step, tables = np.geomspace(0.5, 5e-4, 31), []
     for name, order in methods.items():
         line = step**order

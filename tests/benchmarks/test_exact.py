@@ -11,7 +11,7 @@ from hopdata.hybrid import solve
 
 
 def affine_mode(locks):
-    """Rows and constants of the table for locks (x, y, z)."""
+    """Return the rows and constants of the table for locks (x, y, z)."""
     x, y, z = (lock > 0 for lock in locks)
     rows = mpmath.zeros(3)
     if x:
@@ -39,7 +39,7 @@ def exact_crossing(locks, start, axis, guess):
 
 @pytest.fixture(scope="module")
 def truth():
-    """Instants of the crossings of y, z, x and the state at the end."""
+    """Return the instants at which y, z and x are crossed, and the state at the end."""
     with mpmath.workdps(40):
         start = [mpmath.mpf(text) for text in ("-0.4", "-0.15", "0.3")]
         to_y, start = exact_crossing((-1, -1, -1), start, 1, 0.2)

@@ -20,7 +20,7 @@ def test_the_bounds_of_the_first_measurements(windows_s, known, expected):
 
 
 def test_an_instant_between_known_lines():
-    """With many frames the kink of two lines is known to sigma / v (4 / n + 4 / n)^(1/2)."""
+    """With many frames, the kink of two lines is known to sigma / v (4 / n + 4 / n)^(1/2)."""
     s = np.linspace(-1, 1, 200_001)
     frames = (len(s) - 1) / 2
     bound = kink_bound(s, noise_m=1e-3, velocity_m_s=-2.0, known_gravity=True)
@@ -50,7 +50,7 @@ def test_two_frames_of_flight_fix_no_curvature():
 
 
 def test_it_is_the_inverse_of_the_information():
-    """Against differences of the model itself."""
+    """Compare with differences of the model itself."""
     s = np.arange(-8, 6) / 100 + 0.003
     truth = np.array([0.0, 0.1, -1.0, -9.80665])
 

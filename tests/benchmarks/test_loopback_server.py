@@ -16,7 +16,7 @@ FAST = float("inf")
 
 
 async def stream(server, n_frames, frames="allframes", components=("3d",)):
-    """Frames that the unmodified client reads: number, time in us, markers in mm."""
+    """Return the frames that the unmodified client reads: number, time in us, markers in mm."""
     got, enough = [], asyncio.Event()
 
     def keep(packet):
@@ -213,7 +213,7 @@ def test_a_server_without_a_pace_is_refused(wrong):
 
 
 def reply(command):
-    """Kind and text of the answer."""
+    """Return kind and text of the answer."""
     whole = answer(command, ("a", "b"), 100.0)
     size, kind = HEADER.unpack_from(whole)
     assert size == len(whole)

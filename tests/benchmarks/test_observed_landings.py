@@ -1,4 +1,4 @@
-"""Landings drawn for the studies of the verdict err as those of a recording do."""
+"""Landings drawn for the studies of the verdict have the same errors as those of a recording."""
 
 import json
 import sys
@@ -38,14 +38,14 @@ HOPPER, C1 = HopperParameters(), Control()
 
 @pytest.fixture(scope="module")
 def trial():
-    """The same hops as those of the recording: kicks have a stream of their own."""
+    """Return the hops of the recording: kicks have a random stream of their own."""
     kicks = np.random.default_rng(np.random.SeedSequence(SEED).spawn(4)[0])
     return run_trial(HOPPER, hops=HOPS, rate_hz=100.0, rng=kicks)
 
 
 @pytest.fixture(scope="module")
 def recorded():
-    """Errors (n, B, 3) of place and velocity of a simulated recording, before and after."""
+    """Return errors (n, B, 3) of place and velocity in a simulated recording, before and after."""
     flat = {"bowl_depth_m": 0.0, "wave_amplitude_m": 0.0}
     camera = {"floor": flat, "noise_m": NOISE_M}
     found = {}
@@ -57,7 +57,7 @@ def recorded():
 
 @pytest.fixture(scope="module")
 def drawn(trial):
-    """The same of drawn landings."""
+    """Return the same errors for drawn landings."""
     apexes = apexes_of(trial)
     landings = true_landings(HOPPER, C1, apexes.after, apexes.preloads_n, SECTIONS)
     whole = np.flatnonzero(landings.whole)
@@ -86,7 +86,7 @@ def test_states_err_as_much_as_those_of_a_recording(recorded, drawn, side, of):
 
 
 def test_tracks_are_those_of_the_simulated_hopper(trial):
-    """From the flight before the kick at the apex, through the landing, and on into the next."""
+    """From the flight before the kick at the apex, through the landing, into the next flight."""
     apexes = apexes_of(trial)
     frames = np.arange(len(trial.states)) / trial.rate_hz
     starts = {

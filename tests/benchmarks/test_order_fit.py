@@ -1,4 +1,4 @@
-"""The rule by which an order is fitted."""
+"""The rule that fits an order."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_scatter_is_no_line():
 
 
 def test_the_limit_is_found_where_no_line_is_straight():
-    """As for Dormand-Prince at a rate of 10: z^5 (1 - 5/7 z)."""
+    """The error is that of Dormand-Prince at a rate of 10: z^5 (1 - 5/7 z)."""
     z = 10.0 * STEPS
     error = np.where(z < 1.0, z**5 * (1.0 - 5.0 / 7.0 * z), 1.0) + 1e-16
     limit = fit_limit(STEPS, error, shortest_piece=0.05)

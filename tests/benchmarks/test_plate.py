@@ -33,7 +33,7 @@ def rates(plate, y):
 
 
 def gradient(function, y, step=1e-6):
-    """Central differences of a function of the state, last axis along the state."""
+    """Return central differences of a function of the state, last axis along the state."""
     nudges = step * np.eye(len(y))
     return np.array([(function(y + e) - function(y - e)) / (2 * step) for e in nudges]).T
 
@@ -133,7 +133,7 @@ def test_each_spring_is_met_where_it_stands():
 
 
 def restarted(plate, state, until):
-    """End and number of events by scipy, with forces from Newton's law on a tilted line."""
+    """Return end and number of events by scipy, with forces from Newton's law on a tilted line."""
     places, k, c = plate.spring_places_m, 2000.0 / plate.n_contacts, 20.0 / plate.n_contacts
     now, touching, flips = 0.0, np.zeros(plate.n_contacts, dtype=bool), 0
 
@@ -203,7 +203,7 @@ LOCKS = np.where(np.random.default_rng(3).random(N) < 0.6, 1, -1)
 
 
 def params_with(locks):
-    """Parameters and memory after the springs in contact have touched one by one."""
+    """Return parameters and memory after the springs in contact have touched one by one."""
     params = np.concatenate([PLATE.params, np.zeros(N_MEMORY)])
     for k in np.flatnonzero(locks > 0):
         update_sums(0.0, PLATE_INCREMENTAL_TILTED, locks, params, int(k), 1)
@@ -272,7 +272,7 @@ def test_jacobian_is_the_derivative(locks):
 
 
 def both(plate, start, until, **options):
-    """Solutions in the plain form and, after the choice in the options, in another."""
+    """Return solutions in the plain form and in the form that the options choose."""
     form = options.pop("form", "sparse")
     span, given = (0.0, until), {"params": plate.params, "rtol": 1e-11, "atol": 1e-12} | options
     memory = plate.memory(start)

@@ -24,7 +24,7 @@ LONG = 3.0
 
 
 def resolve(rungs, gains, options=None):
-    """Resolve a step of the ladder from rest at 0, which in its first mode moves at speed 1."""
+    """Resolve a step of the ladder from rest at 0; its first mode moves at speed 1."""
     region = region_of(ladder(len(rungs)), (*rungs, *gains))
     wrong_end = np.array([LONG, 0.5 * LONG**2])
     locks = region.first_locks(0.0, np.zeros(2))
@@ -67,7 +67,7 @@ def test_slopes_not_refreshed_bend_the_state_at_later_events():
 @each
 @pytest.mark.parametrize("beyond", [1e-17, 0.0, -1e-17])
 def test_a_second_guard_at_the_surface_has_an_instant(options, beyond):
-    """Crossing together, guards are at zero to rounding: with +1e-17 there is no bracket."""
+    """Guards that cross together are at zero up to rounding; at +1e-17 there is no bracket."""
     region = region_of(ladder(1), (0.0, 1.0))
     y0, y1, f = np.array([beyond, 0.0]), np.array([1.0, 0.0]), np.array([1.0, 0.0])
     locks, candidates = np.array([-1]), np.array([0])
@@ -116,7 +116,7 @@ each_roots = pytest.mark.parametrize("find", FINDERS.values(), ids=FINDERS)
 
 
 def rising_cubics(count, *, stretch=1.0):
-    """Coefficients with one root in (0, 1), where they rise, and that root."""
+    """Return coefficients of rising cubics with one root in (0, 1), and that root."""
     rng = np.random.default_rng(8)
     for _ in range(count):
         root = rng.uniform(0.01, 0.99)

@@ -1,4 +1,4 @@
-"""Frame changes as printed, and how measured ones are scored."""
+"""Printed frame changes, and the scores of measured ones."""
 
 import numpy as np
 import pytest

@@ -22,7 +22,7 @@ def flow(rows, time, state):
 
 @pytest.fixture(scope="module")
 def octant_truth():
-    """Instants at which y, z and x are crossed, and the state at 0.5."""
+    """Return the instants at which y, z and x are crossed, and the state at 0.5."""
     modes = (
         ([[0, -1, 0], [1, 0, 0], [0, 0, -1]], 1),
         ([[0, 1, 0], [-1, 0, 0], [0, 0, -1]], 2),
@@ -41,7 +41,7 @@ PHASES = (np.arange(8) + 0.5) / 8
 
 
 def fixed(kind, step, phase=1.0):
-    """A solver that takes steps of one length, the first of each run excepted."""
+    """Return a solver whose steps have one length, except for the first step of each run."""
     return Stepping(kind, {"rtol": 0.9, "atol": 1e9, "max_step": step, "first_step": phase * step})
 
 
@@ -52,13 +52,13 @@ def octant_end(solver, options=None):
 
 
 def rms_error(step, truth, options=None):
-    """Over several positions of the events within their steps."""
+    """Return the rms error over several positions of the events within their steps."""
     errors = [octant_end(fixed(RK45, step, phase), options) - truth[1] for phase in PHASES]
     return np.sqrt(np.mean(np.square(errors)))
 
 
 def classical_runge_kutta(slope, t, y, t_end, stop):
-    """The least that serves as a classical solver: a function with a loop."""
+    """The simplest possible classical solver: a function with a loop."""
     times, states, dt = [t], [y], 0.002
     while times[-1] < t_end:
         t, y = times[-1], states[-1]
@@ -110,14 +110,14 @@ def test_both_root_finders_agree():
 
 
 def test_error_of_fourth_order(octant_truth):
-    """Third-order localisation and tail, a fixed number of times: dt^4."""
+    """Localisation and tail are of third order and occur a fixed number of times: dt^4."""
     steps = 0.02 / 2.0 ** np.arange(4)
     errors = [rms_error(step, octant_truth) for step in steps]
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] > 3.9
 
 
 def test_slopes_not_refreshed_cost_a_factor_of_six(octant_truth):
-    """Where all events share one step; apart from one another they do not notice."""
+    """This holds if all events share one step; events far from one another are not affected."""
     printed = PrintedOptions(refresh_slopes=False)
     together, apart = 0.5, 0.01
     ends = [octant_end(fixed(RK45, together), options) for options in (printed, None)]
@@ -134,7 +134,7 @@ def test_an_event_on_the_mesh_happens_once():
 
 
 def test_a_touch_and_go_within_a_step_is_lost():
-    """A limit of all tests by sign on the mesh; a region with live guards has none."""
+    """Every test of signs on the mesh has this limit; a region with live guards avoids it."""
     region = region_of(throw(), (10.0, 1.0))
     seen, lost = (
         integrate(region, (0.0, 1.0), [0.0, 4.5], solver=fixed(RK45, step)) for step in (0.01, 1.0)

@@ -1,4 +1,4 @@
-"""Theorem 4.2.1: what is measured lies below what is proven, and both shrink as dt^4."""
+"""Theorem 4.2.1: measured errors lie below the proven bounds, and both shrink as dt^4."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_the_errors_are_of_fourth_order(mesh):
 
 
 def test_the_bounds_are_not_idle():
-    """At their worst place the errors are within a factor of thirty of the proof."""
+    """At the worst place, the errors are within a factor of thirty of the bound."""
     found = [localise(turning_point(), 0.05, part=part) for part in PARTS]
     assert max(one.time_error / one.time_bound for one in found) > 1 / 30
     assert max(one.state_error / one.state_bound for one in found) > 1 / 30
@@ -49,7 +49,7 @@ def test_the_constants_on_a_short_step_are_those_at_the_event():
 
 
 def test_a_plane_makes_no_error_of_its_own():
-    """For a linear event function h(p) is a cubic: L = 0, and the splines' roots are one."""
+    """For a linear event function, h(p) is a cubic: L = 0, and both splines have one root."""
     event = turning_point()
     y = event.derivative(0, np.array(event.time))
     plane = replace(event, hessian=np.zeros((3, 3)), offset=-float(event.gradient @ y))

@@ -14,7 +14,7 @@ DAMPED = VerticalHopper(damping_n_s_m=6.0, rest_length_m=1.02)
 
 
 def stance(hopper, speed):
-    """Closed-form height above contact and velocity in stance, from touchdown at `speed` down."""
+    """Return closed-form height above contact and velocity in stance; touchdown is at -`speed`."""
     natural = hopper.stiffness_n_m / hopper.mass_kg
     decay = 0.5 * hopper.damping_n_s_m / hopper.mass_kg
     omega = np.sqrt(natural - decay**2)
@@ -34,7 +34,7 @@ def stance(hopper, speed):
 
 
 def exact_hops(hopper, drop_height, n_hops):
-    """Instants of touchdown and lift-off, and the speeds there."""
+    """Return the instants of touchdown and lift-off, and the speeds there."""
     g = hopper.gravity_m_s2
     speed = np.sqrt(2 * g * (drop_height - hopper.contact_length_m))
     time, instants, speeds = speed / g, [], []
@@ -107,7 +107,7 @@ def test_stiff_legs(stiffness):
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-9])
 def test_a_phase_is_one_step_of_a_series(rtol):
-    """Three flights and two stances of half a swing each, exact to rounding at any tolerance."""
+    """Three flights and two stances of half a period each, exact to rounding at any tolerance."""
     hopper = VerticalHopper()
     solution = solve(hopper.system(), (0.0, 2.0), [2.0, 0.0], params=hopper.params, rtol=rtol)
     assert solution.n_steps == len(solution.events) + 1 == 5

@@ -7,7 +7,7 @@ RATE_HZ = 100.0
 
 
 def export(folder, positions=None, *, name="monday.tsv", scale=1000.0, **options):
-    """Write a recording, by default a clean one, in `scale` units to the metre."""
+    """Write a recording, by default a clean one, with `scale` units per metre."""
     positions = hopping(1)[1] if positions is None else positions
     text = qtm_text(scale * positions, names=options.pop("names", MARKERS), **options)
     text = "\n".join(

@@ -1,4 +1,4 @@
-"""``hopdata check`` says what was guessed."""
+"""``hopdata check`` reports its guesses."""
 
 import shutil
 
@@ -22,7 +22,7 @@ markers: {{body: [hip1, hip2, hip3], feet: [toe1, toe2, toe3]}}
 
 @pytest.fixture
 def check(tmp_path, capsys):
-    """The notes of a check that finds the study sound."""
+    """Return a function that gives the notes of a check that finds the study sound."""
 
     def checked(file, unit="auto"):
         config = tmp_path / "study.yaml"

@@ -1,4 +1,4 @@
-"""A drive of the simulated hopper from the command line, and its log played again."""
+"""A drive of the simulated hopper from the command line, and the replay of its log."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from hopdata.steering.robot import SteeredHopper
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
-    """What would have been learned from a recording: where the markers are, and a few hops."""
+    """Write what would have been learned from a recording: the marker positions and a few hops."""
     folder, hopper = tmp_path_factory.mktemp("model"), SteeredHopper()
     body = np.array(hopper.markers.body_m)
     centre = np.array([hopper.hopper.boom_offset_m, 0, hopper.hopper.boom_height_m])

@@ -1,6 +1,6 @@
-"""`hopdata check` foretells what a study will find, and what to change.
+"""`hopdata check` forecasts what a study will find, and suggests changes.
 
-That the numbers are those of the study: `benchmarks/check_forecast.py`, `tests/workflow`.
+`benchmarks/check_forecast.py` and `tests/workflow` test that the numbers are those of the study.
 """
 
 import re
@@ -25,7 +25,7 @@ markers: {{body: [hip1, hip2, hip3], feet: [toe1, toe2, toe3]}}
 
 @pytest.fixture
 def check(tmp_path, capsys):
-    """Exit code of a check of these positions, the lines of its forecast, and its errors."""
+    """Return a function that checks positions: exit code, lines of the forecast, and errors."""
 
     def checked(positions):
         config = tmp_path / "study.yaml"

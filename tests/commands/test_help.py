@@ -1,4 +1,4 @@
-"""The command line: help with examples and exit codes, and the nearest command."""
+"""The command line: help with examples and exit codes, and suggestions for misspelt commands."""
 
 import pytest
 

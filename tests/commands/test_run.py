@@ -1,4 +1,4 @@
-"""`hopdata run`, and the commands that look after what it leaves."""
+"""`hopdata run`, and the commands that manage its results."""
 
 import base64
 import json
@@ -82,7 +82,7 @@ def test_a_failure_names_its_line_and_the_log(folder, capfd):
 
 
 def test_what_a_killed_job_left_is_made_again(folder, capfd):
-    """By Snakemake's mark of it, with rules far from the profile that says so."""
+    """Snakemake's mark shows it; the profile that asks for this is not beside the rules."""
     mark = Path(".snakemake/incomplete", base64.b64encode(b"a").decode())
     mark.parent.mkdir(parents=True)
     for path in (mark, Path("a")):
@@ -213,7 +213,7 @@ int flock(int file, int how) { (void)file; (void)how; errno = ENOLCK; return -1;
 
 @pytest.mark.workflow
 def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tmp_path):
-    """Locks as a network home refuses them, where there is a compiler to make it so."""
+    """Locks are refused as on a network home, if there is a compiler to simulate this."""
     kept = {name: text for name, text in os.environ.items() if name in ("PATH", "VIRTUAL_ENV")}
     if sys.platform == "linux" and (compiler := shutil.which("cc")):
         shim = tmp_path / "no_locks.so"

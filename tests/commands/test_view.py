@@ -1,4 +1,4 @@
-"""``hopdata view``: the page on which a recording is turned by hand."""
+"""``hopdata view``: the page on which a user can rotate a recording."""
 
 import json
 import re

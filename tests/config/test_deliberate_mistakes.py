@@ -1,6 +1,6 @@
-"""Deliberate mistakes: each message names file, line and key, expectation, finding, and a way out.
+"""Deliberate mistakes: messages name file, line, key, what was expected and found, and a remedy.
 
-The whole message is compared, so that this table is also the list of what a user gets to read.
+The whole message is compared, so this table also lists the messages that users see.
 """
 
 from pathlib import Path

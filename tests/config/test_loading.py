@@ -33,7 +33,7 @@ sections:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Working directory with the recording that `SOUND` names."""
+    """Return a working directory with the recording that `SOUND` names."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "one.tsv").write_text("not read here")
     return tmp_path
@@ -440,7 +440,7 @@ def test_the_simulation_has_the_same_keys_and_defaults_as_the_schema():
 
 
 def listed(value):
-    """With lists for tuples, as in YAML."""
+    """Return the value with lists for tuples, as in YAML."""
     if isinstance(value, dict):
         return {key: listed(inner) for key, inner in value.items()}
     return [listed(inner) for inner in value] if isinstance(value, list | tuple) else value

@@ -1,4 +1,4 @@
-"""The page for contributors names what is there."""
+"""The page for contributors names files and objects that exist."""
 
 import re
 from pathlib import Path

@@ -40,7 +40,7 @@ def test_two_legs(capsys):
 
 
 def energy(y, stiffness=400.0, inertia=0.1):
-    """Energy of the two-legged body: nothing dissipates."""
+    """Return the energy of the two-legged body, which dissipates nothing."""
     pressed = [max(0.0, 0.5 - y[0] - side * y[1]) for side in (-0.2, 0.2)]
     springs = 0.5 * stiffness * np.square(pressed).sum()
     return 9.81 * y[0] + 0.5 * y[2] ** 2 + 0.5 * inertia * y[3] ** 2 + springs

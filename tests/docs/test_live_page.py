@@ -1,4 +1,4 @@
-"""The example of the page on live streams runs, though not for as long."""
+"""The example on the page about live streams runs, for a shorter time."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tables as the workflow writes them, made without the workflow; any number of feet."""
+"""Tables as the workflow writes them, made without the workflow, for any number of feet."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ KINDS = ("in_class", "cross_class", "noised_identity", "random")
 
 
 def frames(travel_m: float = 0.211, n: int = 4000, seed: int = 1) -> pd.DataFrame:
-    """Three feet under a bouncing, tilting body."""
+    """Return frames of three feet under a bouncing, tilting body."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, n)
     clearance = travel_m * (0.35 + 0.75 * np.cos(phase) + 0.06 * rng.standard_normal(n))

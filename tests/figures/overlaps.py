@@ -1,4 +1,4 @@
-"""Whether texts of a drawn figure lie over each other, or leave the paper."""
+"""Checks whether texts of a drawn figure overlap or leave the page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hopdata.figures.style import style_context
 
 
 def text_faults(figure: Figure) -> list[str]:
-    """Pairs of visible texts that overlap by more than a pixel, and texts cut by the edge."""
+    """Return pairs of visible texts that overlap by over a pixel, and texts cut by the edge."""
     with style_context():
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
@@ -39,7 +39,7 @@ def text_faults(figure: Figure) -> list[str]:
 
 
 def _undrawn(figure: Figure) -> set[Text]:
-    """Labels of ticks outside the limits, and of axes that are off: they exist, undrawn."""
+    """Return texts that are never drawn: tick labels outside the limits or on axes that are off."""
     hidden: set[Text] = set()
     for axes in figure.findobj(Axes):
         for axis in (axes.xaxis, axes.yaxis):

@@ -5,7 +5,7 @@ import pandas as pd
 
 
 def curves(experiment="origin", *, board=False, stances=20, unseen=(4,)):
-    """Three curves of one run, as the experiments write them."""
+    """Return three curves of one run, as the experiments write them."""
     k = np.arange(stances)
     if experiment.startswith("turn"):
         heading = np.pi * k / (stances - 1)
@@ -35,7 +35,7 @@ def curves(experiment="origin", *, board=False, stances=20, unseen=(4,)):
 
 
 def film(frames=12):
-    """Markers of a run in evenly spaced frames."""
+    """Return the markers of a run in evenly spaced frames."""
     body = np.array([[0.13, 0.03, 0.3], [-0.08, 0.11, 0.32], [-0.07, -0.14, 0.3]])
     boom = np.array([[-0.2, 0.0, 0.2]])
     rows = []

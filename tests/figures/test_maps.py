@@ -33,7 +33,7 @@ def images(figure):
 
 
 def test_cells_that_noise_explains_are_grey():
-    """One cell is known badly: it is left out of the maps, and of a difference to the other map."""
+    """One cell is uncertain: it is left out of the maps and of the difference to the other map."""
     found = ESTIMATES.assign(standard_error=1e-9)
     bad = (found["input"] == "pitch_rad") & (found["output"] == "turn_rad")
     found.loc[bad, "standard_error"] = 10.0

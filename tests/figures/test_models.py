@@ -1,4 +1,4 @@
-"""Figures of the models of frame changes: the table is what is drawn, and nothing overlaps."""
+"""Figures of the models of frame changes: they draw the table, and nothing overlaps."""
 
 import numpy as np
 import pandas as pd

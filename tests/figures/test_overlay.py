@@ -1,4 +1,4 @@
-"""The figure of the contacts known from elsewhere."""
+"""The figure of contacts from other sources."""
 
 import numpy as np
 import pandas as pd

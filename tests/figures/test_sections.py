@@ -10,7 +10,7 @@ from hopdata.figures.style import BLUE, VERMILION
 
 
 def panels(figure):
-    """Axes of each half: scatter, foot density, body density (and the corner)."""
+    """Return the axes of each half: scatter, foot density, body density (and the corner)."""
     return [half.axes[:3] for half in figure.subfigs]
 
 

@@ -249,7 +249,7 @@ ORDERS = pd.DataFrame({"schedule": ["2>1>3", "3>1>2", "1>2>3"], "excluded": Fals
 
 @pytest.mark.parametrize("size", [(14, 5), (7, 3)])
 def test_in_places_of_any_size_text_fits(size):
-    """As docs/notebook.md does it, in matplotlib's own style."""
+    """Draw as docs/notebook.md does, in matplotlib's own style."""
     mine = Figure(figsize=size, layout="constrained")
     left, right = mine.subplots(1, 2)
     verdict_figure(VERDICT, ORDERS, ax=left)

@@ -1,8 +1,8 @@
-"""A pendulum among many guards, with guards all at once or one by one, and a damped landing.
+"""A pendulum among many guards, evaluated together or one by one, and a damped landing.
 
-The pendulum's parameters are its drive and, for each guard, its place, its tilt towards the speed,
-its sway with time, and the gain of the torque beyond it. Steered by these, one compiled field does
-for Jacobians, batches, and guards that sleep.
+The pendulum's parameters are its drive and, for each guard, its position, its tilt towards the
+speed, its sway with time, and the gain of the torque beyond it. With these parameters, one compiled
+field serves for Jacobians, batches, and guards that sleep.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def bent_bound(t, y, dy, mode, params):
 
 @on_event
 def turn_back(t, y, mode, params, guard, direction):
-    """Reflect the speed where a guard of a tilt above 1 is passed upwards."""
+    """Reflect the speed where a guard with a tilt above 1 is crossed upwards."""
     n = (len(params) - 1) // 4
     if params[1 + n + guard] > 1.0 and direction > 0:
         y[1] = -y[1]
@@ -75,7 +75,7 @@ def names(n):
 
 
 def bent(n: int, **options) -> System:
-    """The pendulum, state (angle, speed), with all guards at once."""
+    """Return the pendulum, state (angle, speed), with all guards in one function."""
     return System(
         bent_field, bent_guards, options.pop("on_event", None), n_states=2, guard_names=names(n),
         **options,
@@ -83,7 +83,7 @@ def bent(n: int, **options) -> System:
 
 
 def bent_sparse(n: int, **options) -> System:
-    """The same with guards one by one, which sleep when far away."""
+    """Return the pendulum with guards evaluated one by one, which sleep when far away."""
     bound = options.pop("rate_bound", bent_bound)
     return System(
         bent_field, guard=bent_guard, rate_bound=bound, n_states=2, guard_names=names(n), **options
@@ -112,9 +112,9 @@ def landing_guards(t, y, dy, mode, params, h, hdot):
 
 
 def landing() -> System:
-    """A mass that falls onto a damper and a spring, which are taken away at the time params[2].
+    """Return a mass that falls onto a damper and a spring, which are removed at time params[2].
 
-    From then on it swings about another height, 20 radians a second.
+    From then on it oscillates about another height at 20 radians per second.
     """
     return System(landing_field, landing_guards, n_states=2, guard_names=("floor", "release"))
 
@@ -132,7 +132,7 @@ def landing_affine(mode, params, a, b):
 
 
 def affine_landing() -> System:
-    """The same with its affine form, which is wrong before the release if params[3] is not 0."""
+    """Return it with its affine form, which is wrong before the release if params[3] is not 0."""
     return System(
         landing_field, landing_guards, affine=landing_affine, n_states=2,
         guard_names=("floor", "release"),

@@ -1,6 +1,6 @@
 """Small systems with exact solutions, shared by the tests of the integrator.
 
-Compiled once and steered by their parameters, so that the tests spend little time in the compiler.
+They are compiled once and vary by their parameters, so the tests spend little time compiling.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ def ladder_guards(t, y, dy, mode, params, h, hdot):
 
 
 def ladder(n_guards: int, **options) -> System:
-    """A point that moves at speed 1, and by ``params[n + k]`` more beyond ``params[k]``."""
+    """Return a point that moves at speed 1, plus ``params[n + k]`` beyond each ``params[k]``."""
     names = tuple(f"rung{k}" for k in range(n_guards))
     return System(ladder_field, ladder_guards, n_states=2, guard_names=names, **options)
 
 
 def ladder_solution(rungs, gains, end):
-    """Instants at which the rungs are passed from 0, and the position at `end`."""
+    """Return the instants at which the rungs are passed from 0, and the position at `end`."""
     order = np.argsort(rungs, kind="stable")
     time, place, speed, instants = 0.0, 0.0, 1.0, np.full(len(rungs), np.inf)
     for k in order:
@@ -75,7 +75,7 @@ def stop_at_once(t, y, mode, params, guard, direction):
 
 
 def ball(**options) -> System:
-    """A ball under gravity params[0], a floor at params[1], restitution params[2]."""
+    """Return a ball under gravity params[0], a floor at params[1], restitution params[2]."""
     return System(
         fall_field, floor_guard, options.pop("on_event", rebound),
         n_states=2, guard_names=("floor",), **options,
@@ -97,7 +97,7 @@ def rebound_from_table(t, y, mode, params, guard, direction):
 
 
 def table_ball() -> System:
-    """A ball on a table at params[1] that shakes by params[2] at params[3] rad/s."""
+    """Return a ball on a table at params[1] that shakes by params[2] at params[3] rad/s."""
     return System(fall_field, table_guard, rebound_from_table, n_states=2, guard_names=("table",))
 
 
@@ -120,7 +120,7 @@ def bump(t, y, mode, params, guard, direction):
 
 
 def bumping_pair() -> System:
-    """Two equal bodies that pull each other by params[0], and bump by restitution params[1]."""
+    """Return two equal bodies that attract each other by params[0]; restitution is params[1]."""
     return System(pull_field, touch_guard, bump, n_states=4, guard_names=("touch",))
 
 
@@ -131,7 +131,7 @@ def ceiling_guard(t, y, dy, mode, params, h, hdot):
 
 
 def throw(**options) -> System:
-    """A ball thrown against a ceiling at params[1], which it passes freely."""
+    """Return a ball thrown against a ceiling at params[1], which it passes freely."""
     return System(fall_field, ceiling_guard, n_states=2, guard_names=("ceiling",), **options)
 
 
@@ -147,7 +147,7 @@ def origin_guard(t, y, dy, mode, params, h, hdot):
 
 
 def sliding() -> System:
-    """A point drawn to the origin from both sides, at speeds params[0] and params[1]."""
+    """Return a point drawn to the origin from both sides, at speeds params[0] and params[1]."""
     return System(towards_field, origin_guard, n_states=1, guard_names=("origin",))
 
 
@@ -158,7 +158,7 @@ def growth_field(t, y, mode, params, dy):
 
 
 def growth() -> System:
-    """Exponential growth, and a component that is NaN after the time params[1]."""
+    """Return exponential growth, and a component that is NaN after the time params[1]."""
     return System(growth_field, n_states=2)
 
 
@@ -176,7 +176,7 @@ def balance_field(t, y, mode, params, dy):
 
 
 def balance() -> System:
-    """A mass on a spring of rate 1 under the weight params[0], which another force balances."""
+    """Return a mass on a spring of rate 1 under the weight params[0], balanced by another force."""
     return System(balance_field, n_states=2)
 
 
@@ -189,7 +189,7 @@ def raising_field(t, y, mode, params, dy):
 
 
 def raising() -> System:
-    """A point at speed 1 whose field raises a ValueError beyond params[0]."""
+    """Return a point at speed 1 whose field raises a ValueError beyond params[0]."""
     return System(raising_field, n_states=2)
 
 
@@ -202,7 +202,7 @@ def py_raising_field(t, y, mode, params, dy):
 
 @cache
 def py_raising() -> System:
-    """The same in Python, with an exception that has arguments."""
+    """Return the same in Python, with an exception that has arguments."""
     return System(py_raising_field, n_states=2)
 
 
@@ -226,7 +226,7 @@ def relay_event(t, y, mode, params, guard, direction):
 
 
 def relay() -> System:
-    """Guard `first` at position 1, whose handler pushes guard `second` across its surface."""
+    """Return a guard `first` at 1 whose handler pushes guard `second` across its surface."""
     return System(
         relay_field, relay_guards, relay_event, n_states=2,
         guard_names=("first", "second"), n_extra_modes=1,

@@ -1,4 +1,4 @@
-"""The flow's derivative by central differences of `solve`, of fourth order."""
+"""The flow's derivative by fourth-order central differences of `solve`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TIGHT = {"rtol": 1e-13, "atol": 1e-14}
 
 
 def differences(system, t_span, y0, *, step=1e-4, **options):
-    """The derivative of the final by the initial state, each column from four integrations."""
+    """Return the derivative of the final by the initial state, from four integrations a column."""
     y0, columns = np.asarray(y0, dtype=float), []
     for e in step * np.eye(len(y0)):
         ends = [
@@ -24,17 +24,17 @@ def differences(system, t_span, y0, *, step=1e-4, **options):
 
 
 def carried(system, t_span, y0, **options):
-    """A solution with its Jacobian, at a tight tolerance, by one method: each has its own code."""
+    """Return a solution with its Jacobian at a tight tolerance, by one method with its own code."""
     return solve(system, t_span, y0, jacobian=True, **{"method": "dop853", **TIGHT, **options})
 
 
 def gap(one, other):
-    """Largest difference of two matrices, relative to the largest entry."""
+    """Return the largest difference of two matrices, relative to the largest entry."""
     return np.abs(one - other).max() / np.abs(other).max()
 
 
 def saltation_product(system, state, order, *, params=(), mode, t=0.0):
-    """Product of the matrices of guards that are crossed at one instant, the first named first."""
+    """Return the product of the matrices of guards crossed at one instant, in the given order."""
     scale, product = np.ones(system.n_states), np.eye(system.n_states)
     here = linearise(system, instant(system, state, params=params, mode=mode, t=t), scale)
     for guard in order:

@@ -1,4 +1,4 @@
-"""Drives one method without the integrator's driver: its templates specialised for a field."""
+"""Runs one method without the integrator's driver: its templates are specialised for a field."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def row(s, r):
 
 @compiled
 def square(s, first):
-    """Return as many rows of an array as they are long."""
+    """Return the square block of an array that starts at row `first`."""
     return s[first : first + s.shape[1]]
 
 
 def specialised(template, **names):
-    """Compile a template function with these globals put in, to work on arrays."""
+    """Compile a template function with these globals inserted, to work on arrays."""
     known = {**template.__globals__, "row": row, "square": square, **names}
     return compiled(FunctionType(template.__code__, known))
 
 
 class Stepper:
-    """A method, a field and the table of states; one step at a time."""
+    """A method, a field and the table of states, advanced one step at a time."""
 
     def __init__(
         self, method, field, n, *, params=(), mode=NO_MODE, rtol=1e-9, atol=1e-12, **names
@@ -62,7 +62,7 @@ class Stepper:
         self.s[Y], self.s[K1] = self.s[END], self.s[KEND]
 
     def interpolate(self, theta):
-        """State at the fraction `theta` of the last step, in powers of it or alternating ones."""
+        """Return the state at `theta` of the last step, from its powers or alternating ones."""
         known = self.t, self.dt, self.s, self.mode, self.params
         degree = self.interpolant_code(*known, NO_ADDRESS)
         powers, total = self.method.__name__.endswith("taylor"), np.zeros(self.n)
@@ -72,7 +72,7 @@ class Stepper:
         return self.s[Y] + theta * (self.s[P1] + total)
 
     def run(self, t_end, dt, most_steps=100_000):
-        """Integrate to `t_end` with step control; return how many steps were taken and rejected."""
+        """Integrate to `t_end` with step control; return the steps taken and rejected."""
         taken = rejected = 0
         while self.t < t_end:
             dt = min(dt, t_end - self.t)

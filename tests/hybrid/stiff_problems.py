@@ -1,6 +1,6 @@
-"""Stiff problems of two states with exact solutions; params[0] says which, params[1] how stiff.
+"""Stiff problems of two states with exact solutions: params[0] selects one, params[1] stiffens.
 
-One field for all of them, so that the tests spend little time in the compiler.
+All share one field, so that the tests spend little time compiling.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def jacobian(t, y, mode, params, jac):
 
 
 def exact(params, t):
-    """The solution of the first three problems."""
+    """Return the solution of the first three problems."""
     solutions = {
         SMOOTH: (np.exp(np.sin(t)), 1.0 / (1.0 + t)),
         KAPS: (np.exp(-2.0 * t), np.exp(-t)),
@@ -60,7 +60,7 @@ def exact(params, t):
 
 
 def damped_contact(weight, damping, stiffness, y, t):
-    """The solution of the contact without its square law, in 40 digits."""
+    """Return the solution of the contact without its square law, in 40 digits."""
     with mpmath.workdps(40):
         half, k = mpmath.mpf(damping) / 2, mpmath.mpf(stiffness)
         root = mpmath.sqrt(half**2 - k)
@@ -86,7 +86,7 @@ def made(given):
 
 
 def stepper(params, t, y, *, given=True, rtol=1e-9, atol=1e-12):
-    """A Rosenbrock stepper at (t, y), with the Jacobian given or by stiff."""
+    """Return a Rosenbrock stepper at (t, y), with the Jacobian given or by differences."""
     if given not in CODES:
         CODES[given] = made(given)
     one = CODES[given]

@@ -1,4 +1,4 @@
-"""`solve_batch`: the bytes of `solve`, whatever the threads; failures of rows, and of functions."""
+"""`solve_batch`: the same bytes as `solve` with any threads; failures of rows and of functions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def starts(count, seed=0):
 
 
 def assert_same(batch, place, single):
-    """The row of a batch has the bytes of a solution."""
+    """Assert that the row of a batch has the bytes of a single solution."""
     assert batch.status[place] == single.status
     assert batch.t_end[place] == single.t_end
     assert batch.y_end[place].tobytes() == single.y_end.tobytes()
@@ -104,7 +104,7 @@ def test_each_has_a_memory_of_its_own():
 
 
 def test_an_initial_mode():
-    """A lock that is given is not decided by h: guard 0 of the ladder fires at once."""
+    """A given lock is not decided by h: guard 0 of the ladder fires at once."""
     options = {"params": (1.0, 2.0, 0.5, 0.25), "mode": [1, -1]}
     batch = solve_batch(ladder(2), (0, 3), np.zeros((3, 2)), **options)
     assert_same(batch, 2, solve(ladder(2), (0, 3), [0, 0], **options))
@@ -155,7 +155,7 @@ def test_limits():
 
 
 def test_more_events_than_there_is_room_for():
-    """The log of a batch is thrown away when it is full."""
+    """The log of a batch is discarded when it is full."""
     system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 1.0), "t_eval": [3.0, 1200.5]}
     batch = solve_batch(system, (0, 1201), np.tile([1.0, 0.0], (3, 1)), **options)
     single = solve(system, (0, 1201), [1.0, 0.0], **options)
@@ -292,7 +292,7 @@ def test_progress(capsys):
 
 
 def test_ctrl_c_ends_the_threads():
-    """The chunks that are under way come to their ends, no more of them are begun."""
+    """Chunks in progress run to their ends, and no more are started."""
     system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 0.5), "max_step": 1e-4}
     solve_batch(
         system, (0, 2.1), [[1.0, 0.0]], **options
@@ -322,7 +322,7 @@ def test_long_integrations_are_taken_one_at_a_time(monkeypatch):
 
 
 def interrupt_when_threads_run(others):
-    """Send Ctrl-C once there are threads beside these, which may take long on a busy machine."""
+    """Send Ctrl-C once threads other than these run, which may take long on a busy machine."""
     give_up = time.monotonic() + 60.0
     while threading.active_count() <= others and time.monotonic() < give_up:
         time.sleep(0.001)

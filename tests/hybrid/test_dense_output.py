@@ -1,4 +1,4 @@
-"""`solution(t)`: the state at any time, from both sides of an event, as good as the method."""
+"""`solution(t)`: the state at any time, on both sides of an event, as accurate as the method."""
 
 from __future__ import annotations
 

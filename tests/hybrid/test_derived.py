@@ -1,4 +1,4 @@
-"""Time that runs backward: from the end to the start, through the same events."""
+"""Integration backwards in time: from the end to the start, through the same events."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RTOLS = (1e-4, 1e-7, 1e-10)
 
 
 def there_and_back(system, t_span, y0, **options):
-    """Integrate to the end and back: both solutions, and the distance from the start."""
+    """Integrate to the end and back; return both solutions and the distance from the start."""
     there = solve(system, t_span, y0, **options)
     mode = np.concatenate([np.zeros(system.n_guards), there.mode[system.n_guards :]])
     back = solve(system, t_span[::-1], there.y_end, **{**options, "mode": mode})
@@ -30,7 +30,7 @@ def there_and_back(system, t_span, y0, **options):
 
 
 def same_instants(there, back):
-    """Tell whether both met the same guards from both sides; return how far the times differ."""
+    """Check that both crossed the same guards from opposite sides; return the time differences."""
     one, other = there.events, back.events
     assert one.guard.tolist() == other.guard[::-1].tolist()
     assert one.direction.tolist() == (-other.direction[::-1]).tolist()

@@ -1,4 +1,4 @@
-"""Runs that are long, are interrupted, or end badly: what was reached is there."""
+"""Runs that are long, interrupted, or end badly: the results so far are available."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BOUNCES = {"params": (2.0, 0.0, 1.0), "max_events": 10**9, "t_eval": ()}
 
 
 def test_events_are_counted_in_bounded_memory():
-    """4 10^5 bounces, two events each; their log would take 58 MB."""
+    """4 10^5 bounces with two events each; their log would take 58 MB."""
     count = 400_000
     solve(ball(), (0, 200_001), [1.0, 0.0], events="count", **BOUNCES)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

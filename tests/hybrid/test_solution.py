@@ -1,4 +1,4 @@
-"""What an integration returns: logs taken apart and put together, pickled, empty, and long."""
+"""The result of an integration: logs split and joined, pickled, empty, and long."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_copies(read_before, duplicate):
 
 
 def test_long_integrations_are_joined_from_their_pieces():
-    """Some 7500 rows and 3000 events: room is doubled six times."""
+    """About 7500 rows and 3000 events: memory is doubled six times."""
     system, options = ball(), {"params": (2.0, 0.0, 1.0), "max_step": 0.4}
     whole = solve(system, (0, 3001), [1.0, 0.0], **options)
     assert len(whole.events) == 3000

@@ -1,4 +1,4 @@
-"""`solve` as its user sees it: vocabulary, samples, logs, ends."""
+"""`solve` from its user's view: vocabulary, samples, logs, ends."""
 
 from __future__ import annotations
 

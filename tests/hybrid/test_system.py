@@ -1,4 +1,4 @@
-"""A system that does not hold together is refused where it is made."""
+"""An inconsistent system is refused when it is made."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_counts_are_not_negative(name):
 
 
 def test_a_bound_is_not_needed():
-    """Guards one by one without a bound are all evaluated at each step."""
+    """Guards evaluated one by one without a bound are all evaluated at each step."""
     system = System(bent_field, guard=bent_guard, **ONE)
     assert system.n_guards == 1
 

@@ -1,4 +1,4 @@
-"""Memory is used again by the next integration, and shared by none."""
+"""Memory is reused by the next integration, and never shared."""
 
 from __future__ import annotations
 
@@ -234,7 +234,7 @@ def half_of_first(t, y, dy, mode, params, h, hdot):
 
 
 def peak_vectors(n, run):
-    """Most memory at a time, in vectors of n numbers, of a system of that size."""
+    """Return the peak memory of a system of size n, in vectors of n numbers."""
     tracemalloc.start()
     try:
         run(System(shrinking, half_of_first, n_states=n, guard_names=("half",)))

@@ -1,4 +1,4 @@
-"""Three feet that fall freely onto a floor, each on its own: landings with exact contacts."""
+"""Three feet that fall freely and independently onto a floor: landings with exact contacts."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def falls(
     push_m_s2: float = 0.0,
     strike_m_s: float = 0.0,
 ) -> Falls:
-    """Simulate landings with contacts from N(0, 10 ms), or so far apart, in random order.
+    """Simulate landings with contacts from N(0, 10 ms) or at fixed distances, in random order.
 
-    `missing` frames about each contact are not seen; a foot leaves the floor after `stands_s`. Each
-    that stands pushes the others up, and slows them by `strike_m_s` as it lands.
+    `missing` frames about each contact are unseen, and a foot leaves the floor after `stands_s`.
+    Each standing foot pushes the others up, and slows them by `strike_m_s` as it lands.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(landings * FRAMES) / RATE_HZ

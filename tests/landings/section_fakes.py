@@ -1,4 +1,4 @@
-"""A kinematic hopper with known contacts: quick to make, nothing in it but geometry."""
+"""A kinematic hopper with known contacts: quick to make, and purely geometric."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEG_M, RADIUS_M, STANCE_S, GRAVITY = 0.27, 0.38, 0.245, 9.81
 
 @dataclass(frozen=True)
 class Fake:
-    """A recording with what its feet really did."""
+    """A recording with the true motion of its feet."""
 
     recording: Recording
     foot_down: np.ndarray  # (N, n) bool
@@ -32,10 +32,10 @@ def hopper(
     extension_m: float = 0.1,
     arena_m: float = 0.9,
 ) -> Fake:
-    """Hop: flight under gravity, half a sine in stance, each hop of its own speed and tilt.
+    """Hop: flight under gravity, half a sine in stance, and a speed and tilt for each hop.
 
-    The legs are longer by `extension_m` when they lift off than when they land, and draw in
-    within 0.1 s of flight. Each hop lands somewhere else in an arena of half-width `arena_m`.
+    The legs are longer by `extension_m` at lift-off than at landing, and retract within 0.1 s of
+    flight. Each hop lands at a different place in an arena of half-width `arena_m`.
     """
     speed = 1.9 * (1 + 0.04 * rng.standard_normal(hops))
     flight = (speed + np.sqrt(speed**2 + 2 * GRAVITY * extension_m)) / GRAVITY
@@ -66,7 +66,7 @@ def hopper(
 def _centre_and_leg(
     phase: np.ndarray, speed: np.ndarray, flight: np.ndarray, extension_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Height of the chassis and length of its legs; phase 0 is lift-off."""
+    """Return the height of the chassis and the length of its legs; phase 0 is lift-off."""
     in_flight = phase < flight
     share = np.clip((phase - flight) / STANCE_S, 0.0, 1.0)
     up = extension_m + speed * phase - 0.5 * GRAVITY * phase**2
@@ -77,7 +77,7 @@ def _centre_and_leg(
 
 
 def true_sections(fake: Fake, tail: float) -> tuple[float, float]:
-    """Pre and post section by the rule, from the truth."""
+    """Return pre and post section by the rule, from the truth."""
     some_down, some_up = fake.foot_down.any(axis=1), (~fake.foot_down).any(axis=1)
     pre = np.quantile(fake.body_height[some_down], 1 - tail)
     post = np.quantile(fake.body_height[some_up], tail)
@@ -89,7 +89,7 @@ def on_floor(
     floor: Callable[[np.ndarray, np.ndarray], np.ndarray],
     mounts_m: np.ndarray,
 ) -> Recording:
-    """Put the recording on a floor that is not flat, with foot markers mounted at heights."""
+    """Put the recording on an uneven floor, with foot markers mounted at heights."""
     positions = recording.positions.copy()
     positions[:, :, 2] += floor(positions[:, :, 0], positions[:, :, 1])
     positions[:, recording.indices("foot"), 2] += mounts_m

@@ -1,7 +1,7 @@
 """A small rigid-body scene with springy, preloaded legs: landings with exact contact instants.
 
-Independent of `hopdata.scenes`: small tilt angles, any number of feet, a fixed fine step, contact
-instants by interpolation within a step. Used by the tests of this folder only.
+It is independent of `hopdata.scenes`: small tilt angles, any number of feet, a fixed fine step,
+contact instants by interpolation within a step. Only the tests of this folder use it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ POST_HEIGHT_M = LEG_LENGTH + BODY_UP - 0.065
 
 @dataclass(frozen=True)
 class Scene:
-    """A recording of independent landings, and the truth behind it."""
+    """A recording of independent landings, and its truth."""
 
     recording: Recording
     contact_times: FloatArray  # (L, n) s
@@ -87,7 +87,7 @@ def simulate(
 
 @njit(cache=True)
 def _fall(q, v, phase, lever, n_frames, sub, dt):
-    """Return states and heights of feet at each landing's frames, and when each foot touched."""
+    """Return states and foot heights at each landing's frames, and when each foot touched."""
     landings, feet = len(q), len(lever)
     frames_q, frames_v = np.empty((landings, n_frames, 3)), np.empty((landings, n_frames, 3))
     frames_foot = np.empty((landings, n_frames, feet))
@@ -137,7 +137,7 @@ def _along(lever, f, state):
 
 @njit(cache=True)
 def _accelerate(now, speed, down, lever, gap, pull):
-    """Fill the heights of the feet over the floor, and the accelerations."""
+    """Fill in the heights of the feet above the floor, and the accelerations."""
     pull[:] = 0.0
     for f in range(len(lever)):
         gap[f] = _along(lever, f, now)

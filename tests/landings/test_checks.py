@@ -1,4 +1,4 @@
-"""The checks are good on good data, and each fails on data with its own fault."""
+"""The checks pass on good data, and each fails on data with its own fault."""
 
 import numpy as np
 import pandas as pd

@@ -31,7 +31,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def gappy(scene):
-    """The scene with gaps of 6 frames in body markers and feet."""
+    """Return the scene with gaps of 6 frames in body markers and feet."""
     rng = np.random.default_rng(4)
     positions = scene.recording.positions.copy()
     for marker in range(positions.shape[1]):
@@ -163,7 +163,7 @@ def rotations(rng, n):
 
 
 def tumbling(n=400, noise_m=NOISE_M, points=POINTS, seed=0):
-    """A rigid body anywhere in any attitude, (N, B, 3), and the same without noise."""
+    """Return a rigid body at any place and attitude, (N, B, 3), and the same without noise."""
     rng = np.random.default_rng(seed)
     true = np.einsum("nij,bj->nbi", rotations(rng, n), points) + rng.uniform(-1, 1, (n, 1, 3))
     return true + noise_m * rng.standard_normal(true.shape), true

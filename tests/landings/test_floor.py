@@ -143,7 +143,7 @@ def test_a_floor_that_slopes_by_degrees_is_told_and_fitted(bent, fitted, degrees
 
 
 def test_where_a_sloping_floor_lies_in_the_world_does_not_matter(bent):
-    """Far from the origin columns of places were all but one with that of ones: no slope."""
+    """Far from the origin, position columns were nearly constant, which removed the slope."""
     tilted = on_floor(bent, lambda x, y: 0.07 * x - 0.01 * y, np.zeros(3))
     away = replace(tilted, positions=tilted.positions + np.array([1000.0, -1000.0, 0.0]))
     here, there = (fit_floor(one, degree=1) for one in (tilted, away))
@@ -334,7 +334,7 @@ BODY = [f"body{k + 1}" for k in range(8)]
 
 
 def floor_of_jumps(kind, seed, rate_hz, *, jumps=2):
-    """Return the floor under some jumps, seen at this rate, s^-1."""
+    """Return the floor under some jumps, seen at this rate, 1/s."""
     seen, _ = make(KINDS[kind], jumps, np.random.default_rng(seed), rate_hz, 5e-4)
     feet, time = ["LTOE", "LHEE", "RTOE", "RHEE"], np.arange(len(seen)) / rate_hz
     return fit_floor(Recording.from_arrays(time, seen, NAMES, feet=feet, body=PELVIS))
@@ -457,7 +457,7 @@ def test_soles_that_give_are_no_floor_that_moves(kind):
 
 
 def simulate(feet, *, hops=40, rate_hz=100.0, markers=3, seed=8):
-    """Simulate legs that together do what three do; a biped is dropped for every landing."""
+    """Simulate legs with the strength of three together; a biped is dropped for every landing."""
     share = 3 / feet
     hopper = {
         name: share * getattr(THREE, name)
@@ -474,7 +474,7 @@ def simulate(feet, *, hops=40, rate_hz=100.0, markers=3, seed=8):
 
 
 def touchdowns(recording):
-    """Levelled recording, sections and table of touchdowns."""
+    """Return the levelled recording, sections and table of touchdowns."""
     flat = level(recording, fit_floor(recording))
     sections = select_sections([flat])
     heights = {
@@ -489,7 +489,7 @@ def contacts(table):
 
 
 def errors_and_gaps(table, truth):
-    """Errors of the used instants, s, and whether each order is right, with its closest pair, s."""
+    """Return errors of used instants, s, whether each order is right, and its closest pair, s."""
     used = table[~table["excluded"]]
     landing = match_landings(contacts(used), truth.contact_times)
     assert (landing >= 0).all(), "a touchdown that never was"
@@ -579,7 +579,7 @@ NOISE_M, BAND_M = 0.0006, 0.02
 
 
 def ground(n=3000, seed=0):
-    """Rests of three feet all over a curved floor: heights, columns, feet and places."""
+    """Return rests of three feet on a curved floor: heights, columns, feet and positions."""
     rng = np.random.default_rng(seed)
     places, foot = rng.uniform(-1, 1, (n, 2)), np.arange(n) % 3
     contrasts = np.vstack([np.eye(2), [[-1.0, -1.0]]])

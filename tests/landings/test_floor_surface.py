@@ -57,7 +57,7 @@ def test_the_robust_regression_does_not_depend_on_the_unit(unit):
 
 
 def test_a_foot_that_comes_to_rest_slowly_counts_in_a_short_recording_alone():
-    """Twelve frames at rest are too few; of a jump or two those that sink at 0.08 m/s count too."""
+    """Twelve frames at rest are too few; in one or two jumps, feet sinking at 0.08 m/s count."""
     speed = np.repeat([-1.0, -0.08, 0.0, 1.0], [100, 25, 12, 100])
     height = np.concatenate([[1.0], 1.0 + 0.01 * np.cumsum(speed)])
 

@@ -44,7 +44,7 @@ def overlay(scene, touchdowns, *, window_s=0.05, **blocks):
 
 
 def force_file(path, scene, clock_s):
-    """A plate under each foot, in kN and upside down, on a clock of its own."""
+    """Write a plate under each foot, in kN and upside down, on a clock of its own."""
     time = np.arange(0, scene.recording.time[-1], 1 / RATE_HZ)
     table = {"t": time + clock_s}
     for foot, instants in zip(FEET, scene.contact_times.T, strict=True):
@@ -122,7 +122,7 @@ def test_the_example_is_the_landing_of_median_error(scene, touchdowns, tmp_path)
 
 @pytest.mark.parametrize("side", ["R", "L"])
 def test_a_runner_over_a_force_plate(external_recording, side):
-    """Both feet of the 2.5 m/s run against the force, at the scatter that the project asks for."""
+    """Both feet of the 2.5 m/s run agree with the force within the required scatter."""
     feet = [f"{side}_{part}" for part in ("heel", "mt1", "mt5")]
     markers = {"body": ["body1", "body2", "body3"], "feet": feet}
     raw, _ = import_recording(external_recording, name="run25", markers=markers)
@@ -164,7 +164,7 @@ def signal(force, **options):
 
 
 def stances(onsets, *, n=2000, rise_n_s=20_000.0, load_n=800.0, length_s=0.2):
-    """Ramps from exactly the onsets on, held and dropped."""
+    """Return ramps that start exactly at the onsets, are held, and drop."""
     time = np.arange(n) / FORCE_CONTACTS_RATE_HZ
     force = np.zeros(n)
     for onset in onsets:

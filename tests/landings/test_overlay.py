@@ -1,4 +1,4 @@
-"""Matching of instants: one to one, as many as can be, nearest; against brute force."""
+"""Matching of instants: one to one, as many as possible, nearest; against brute force."""
 
 from itertools import permutations
 
@@ -22,7 +22,7 @@ from hopdata.recordings.external import Column, ContactTimes
 
 
 def brute_force(first, second, window_s):
-    """Most pairs and, among those, the least sum of differences."""
+    """Return the largest number of pairs and, for it, the least sum of differences."""
     best = (0, 0.0)
     padded = [*range(len(second)), *[None] * len(first)]
     for chosen in set(permutations(padded, len(first))):

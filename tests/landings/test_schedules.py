@@ -1,4 +1,4 @@
-"""Order of contacts, its probability, its spread."""
+"""Order of contacts, its probability, and its spread."""
 
 from itertools import permutations
 from math import factorial

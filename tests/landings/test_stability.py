@@ -1,4 +1,4 @@
-"""Sections from parts of the data, and drift: nothing where there is none, found where there is."""
+"""Sections from parts of the data, and drift: found where it exists, and not elsewhere."""
 
 from dataclasses import replace
 
@@ -52,7 +52,7 @@ def test_the_chosen_sections_stand_first_and_every_variant_once(recordings, sect
 
 
 def test_one_bad_second_is_named_and_without_it_the_sections_are_as_before(recordings, sections):
-    """Someone lifts the animal while a foot's name is on a marker on the floor."""
+    """Someone lifts the animal while a marker on the floor bears a foot's name."""
     positions = recordings[1].positions.copy()
     bad = slice(1000, 1040)
     positions[bad, recordings[1].indices("foot")[0], 2] = sections.ground_m

@@ -294,7 +294,7 @@ def test_nothing_to_work_on_is_said(scene, table):
 
 
 def runner_table(path, side, hidden=None, **options):
-    """Touchdowns of one foot of the runner: heel, first and fifth metatarsal."""
+    """Return touchdowns of one foot of the runner: heel, first and fifth metatarsal."""
     frame = pd.read_csv(path, sep="\t", skiprows=11)
     names = ("body1", "body2", "body3", f"{side}_heel", f"{side}_mt1", f"{side}_mt5")
     columns = [[f"{name} {axis}" for axis in "XYZ"] for name in names]
@@ -337,7 +337,7 @@ def test_a_runner_against_the_force_plate(external_recording, external_forces, s
 
 @pytest.mark.parametrize("side", ["L", "R"])
 def test_a_quick_runner_s_foot_is_down_where_it_stands(quick_runner, side):
-    """Not where the marker of the forefoot slows in mid-fall, 28 to 47 mm above."""
+    """It is not down where the forefoot's marker slows in mid-fall, 28 to 47 mm above."""
     markers = {
         "body": ["R.ASIS", "L.ASIS", "R.PSIS"],
         "feet": [f"{side}.{name}" for name in ("Heel.Bottom", "MT1", "MT5")],
@@ -359,7 +359,7 @@ def test_a_quick_runner_s_foot_is_down_where_it_stands(quick_runner, side):
 
 
 def test_a_marker_that_is_hidden_for_half_of_the_run_makes_no_landings(external_recording):
-    """The other leg's descents, in which what is seen of this foot does not land, stay its own."""
+    """This foot, where it is seen, does not land in the other leg's descents."""
     table = runner_table(external_recording, "L", hidden=4)
     landed = table["reason"] != "no foot landed"
     assert landed.sum() == 39
@@ -398,7 +398,7 @@ def test_contacts_are_found_once_and_serve_any_sections(scene, table):
 
 @pytest.mark.parametrize("after_s", [0.02, 0.06, 0.1])
 def test_a_recording_that_ends_in_a_landing_keeps_it(scene, table, after_s):
-    """It ends so long after the last contact, before or after the section."""
+    """The recording ends at this time after the last contact, before or after the section."""
     stop = np.searchsorted(scene.recording.time, scene.contact_times[60].max() + after_s)
     found = touchdown_table(scene.recording.part(slice(stop)), **SECTIONS)
     assert len(found) == 61
@@ -408,7 +408,7 @@ def test_a_recording_that_ends_in_a_landing_keeps_it(scene, table, after_s):
 
 
 def test_a_landing_from_below_the_pre_section_is_listed(scene, table):
-    """A pre section above the top of some flights; their landings stay in the table."""
+    """The pre section lies above the top of some flights; their landings stay in the table."""
     time, height = scene.recording.time, scene.recording.body_height
     tops = np.array([height[(time >= t - 0.3) & (time < t)].max() for t in table["t_pre_s"]])
     sections = {**SECTIONS, "pre_height_m": float(np.quantile(tops, 0.1))}

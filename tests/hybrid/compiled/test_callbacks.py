@@ -1,4 +1,4 @@
-"""Callbacks: plain functions in Python, machine code by address in the driver."""
+"""Callbacks: plain functions in Python, machine code called by address in the driver."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ CONSTANTS = {"speed": 2.0}
 
 
 def plain(callback: Callback) -> Callback:
-    """The same function, not compiled."""
+    """Return the same function, uncompiled."""
     return Callback(callback.function, callback.signature, compiled=False)
 
 

@@ -1,4 +1,4 @@
-"""A wrong declaration is told in one line, where it stands."""
+"""A wrong declaration is reported in one line, at its place."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def test_driver_digest_is_that_of_its_sources():
 
 @pytest.fixture
 def edited(tmp_path):
-    """Digest of a copy of the package with a line more in one of its files."""
+    """Return the digest of a copy of the package with an extra line in one of its files."""
     shutil.copytree(PACKAGE, tmp_path / "hybrid", ignore=shutil.ignore_patterns("__pycache__"))
 
     def edit(name):
@@ -134,7 +134,7 @@ def test_driver_digest_does_not_change_with_the_rest(edited, name):
 
 
 def test_the_driver_is_found_by_what_python_imports():
-    """No module of the package that the driver's modules refer to is missing."""
+    """Every module of the package that the driver's modules refer to is included."""
     sources = driver_sources(PACKAGE)
     for name in [name for name in sources if name.startswith("driver/")]:
         module = importlib.import_module(
@@ -166,7 +166,7 @@ def function(x):
 
 
 def test_sees_what_an_intrinsic_builds_its_code_with(tmp_path, monkeypatch):
-    """By a function that only the one inside of it calls."""
+    """A function builds it that only the intrinsic's inner function calls."""
     monkeypatch.syspath_prepend(tmp_path)
     digests = []
     for name, built in (("sums", "builder.fadd(x, x)"), ("products", "builder.fmul(x, x)")):

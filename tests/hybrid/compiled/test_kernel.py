@@ -1,4 +1,4 @@
-"""Kernels are linked and optimised once, for their entry, and come to the same in any way."""
+"""Kernels are linked and optimised once, for their entry, and give the same results either way."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NATIVE = numba.float64(numba.float64)
 
 
 def made(how):
-    """Return an entry and the kernels that it reaches, one of them in two ways."""
+    """Return an entry and the kernels that it reaches, one of them by two paths."""
 
     @how.kernel_apart
     def total(x):

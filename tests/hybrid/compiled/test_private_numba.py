@@ -1,4 +1,4 @@
-"""What is private in Numba is used in three files at most, and each name of it is still there."""
+"""At most three files use private parts of Numba, and each of those names still exists."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAY = {"hybrid/compiled/memory.py", "hybrid/compiled/linking.py", "hybrid/lanes/
 
 
 def private_names():
-    """Return (file, module, name) of each import of what is private."""
+    """Return (file, module, name) of each import of a private name."""
     for path in sorted(LIBRARY.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module:
@@ -52,7 +52,7 @@ def test_each_private_name_is_there(file, module, name):
 
 
 def test_kernels_are_linked_and_not_compiled_one_by_one():
-    """Of a Numba that lacks a name, the driver would take five times as long to compile."""
+    """With a Numba that lacks a name, the driver would take five times as long to compile."""
     assert kernel.ENTRY["pipeline_class"] is linking.Entry
     assert Version(numba.__version__) >= Version("0.61")
 

@@ -12,7 +12,7 @@ from hopdata.hybrid import solve
 
 
 def error_between_mesh_points(step, *, where):
-    """Largest error of samples at a fraction of each step, relative to the error at its end."""
+    """Return the largest error at a fraction of each step, relative to the error at its end."""
     times = np.arange(0.0, 1.0 - step / 2, step) + where * step
     solution = solve(
         growth(), (0, 1), [1.0, 0.0], params=(1.0, 4.0), rtol=0.9, atol=1e9,
@@ -98,7 +98,7 @@ def test_which_other_times_are_wanted_does_not_matter(method):
 
 @pytest.mark.parametrize("method", ["auto", "taylor", "dop853"])
 def test_octants(method):
-    """Of Taylor's series in one step from event to event, to rounding."""
+    """Taylor's series takes one step from event to event and is exact to rounding."""
     times = np.linspace(*T_SPAN, 401)
     found = solve(octant(), T_SPAN, INITIAL_STATE, method=method, t_eval=times)
     truth = solve(
@@ -117,7 +117,7 @@ def test_a_swing_by_taylor():
 
 @pytest.mark.parametrize("method", ["auto", "rosenbrock"])
 def test_in_a_stiff_mode(method):
-    """Creep on a damper of 1e6, between steps of a tenth of a second."""
+    """The mass creeps on a damper of 1e6; samples lie between steps of a tenth of a second."""
     damping, stiffness = 1e6, 2e6
     times = np.linspace(0.6, 2.4, 200)
     found = solve(

@@ -1,4 +1,4 @@
-"""The first flip in a step is the first of all guards, whichever is looked at first."""
+"""The first flip in a step is the first of all guards, whichever guard is examined first."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def turning_affine(mode, params, a, b):
 
 @guards
 def one_crossing_and_a_dip(t, y, dy, mode, params, h, hdot):
-    """With y = (cos t, -sin t): sin(t - params[0]), and cos(params[2]) - cos(t - params[1])."""
+    """Fill in sin(t - params[0]) and cos(params[2]) - cos(t - params[1]); y = (cos t, -sin t)."""
     s, c = np.sin(params[0]), np.cos(params[0])
     h[0], hdot[0] = -s * y[0] - c * y[1], -s * dy[0] - c * dy[1]
     s, c = np.sin(params[1]), np.cos(params[1])
@@ -119,7 +119,7 @@ def clock_field(t, y, mode, params, dy):
 
 @guards
 def jumping_guard(t, y, dy, mode, params, h, hdot):
-    """A height that falls, jumps through zero, and falls on: place, margins and slopes there."""
+    """Fill in a height that falls, jumps through zero and falls on: place, margins, slopes."""
     x = y[0] - params[0]
     h[0] = params[1] - params[2] * x if x < 0.0 else -params[3] - params[4] * x
     hdot[0] = -(params[2] if x < 0.0 else params[4]) * dy[0]
@@ -127,7 +127,7 @@ def jumping_guard(t, y, dy, mode, params, h, hdot):
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_an_event_function_that_jumps_while_it_falls_is_landed_on_where_it_jumps(method):
-    """Newton's method on either side of the jump leads away from it."""
+    """Newton's method leads away from the jump on either side of it."""
     clock = System(clock_field, jumping_guard, n_states=1, guard_names=("height",))
     rng = np.random.default_rng(4)
     for _ in range(300):

@@ -59,7 +59,7 @@ def test_a_handler_pushes_another_guard_across():
 
 
 def test_the_field_is_refreshed_after_each_flip():
-    """Twenty flips in a row would leave 20 stale slopes behind: the end would be off by percent."""
+    """Twenty flips in a row would leave 20 stale slopes and put the end off by some percent."""
     rungs = np.linspace(0.01, 0.2, 20)
     gains = np.full(20, 0.5)
     _, end = ladder_solution(rungs, gains, 0.3)
@@ -68,7 +68,7 @@ def test_the_field_is_refreshed_after_each_flip():
 
 
 def random_ladder(rng):
-    """Up to 40 rungs, half of the time in clusters with gaps down to 1e-17, at any scale."""
+    """Return up to 40 rungs, half the time in clusters with gaps down to 1e-17, at any scale."""
     n = int(rng.integers(1, 41))
     rungs = rng.uniform(0, 1, n)
     if rng.random() < 0.5:
@@ -107,7 +107,7 @@ def test_by_h_and_on_the_surface_by_its_rate(place, lock):
 
 @pytest.mark.parametrize(("speed", "expected"), [(2.0, [-1]), (-2.0, [])])
 def test_on_the_surface(speed, expected):
-    """Thrown up from the surface, the ball comes back; thrown down, it does not."""
+    """A ball thrown up from the surface comes back; a ball thrown down does not."""
     solution = solve(throw(), (0, 3), [0.5, speed], params=(2.0, 0.5))
     assert solution.events.direction.tolist() == expected
     if expected:
@@ -116,7 +116,7 @@ def test_on_the_surface(speed, expected):
 
 @pytest.mark.parametrize(("gravity", "lock"), [(2.0, -1), (-2.0, 1)])
 def test_at_rest_on_the_surface(gravity, lock):
-    """Neither h nor its rate decides: the way the rate bends does."""
+    """Neither h nor its rate decides the lock; the second derivative does."""
     solution = solve(throw(), (0, 1), [0.5, 0.0], params=(gravity, 0.5))
     assert solution.status == 0
     assert solution.mode.tolist() == [lock]

@@ -142,7 +142,7 @@ def test_samples_do_not_change_it(method):
 @METHODS
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_guards_at_one_instant(tilt, method):
-    """Three guards with one surface: the flow is differentiable there."""
+    """Three guards share one surface, so the flow is differentiable there."""
     params = bent_params([0.5] * 3, drive=0.3, tilts=tilt, gains=GAINS)
     found = carried(bent(3), (0, 1.2), START, params=params, method=method)
     assert len(set(found.events.time)) == 1
@@ -150,7 +150,7 @@ def test_guards_at_one_instant(tilt, method):
 
 
 def test_the_order_does_not_matter_where_the_flow_is_c1():
-    """Guards of the angle alone, and torques: no jump is felt by another guard."""
+    """The guards depend on the angle alone and torques jump, so no guard feels another's jump."""
     places, sways = np.full(3, 0.5), np.array([0.0, 0.1, -0.1])
     instant = carried(bent(3), (0, 2), START, params=bent_params(places)).events.time[0]
     places = places - sways * np.sin(instant)  # all at one instant, at different rates
@@ -201,7 +201,7 @@ def test_an_event_next_to_the_end():
 
 
 def test_an_event_at_the_end():
-    """At the event's instant it has happened: the Jacobian is that from its other side."""
+    """At the event's instant it has happened, so the Jacobian is that of the other side."""
     instant = carried(bent(3), (0, 2), START, params=STEADY).events.time[1]
     at = carried(bent(3), (0, instant), START, params=STEADY, max_steps=1000)
     after = carried(bent(3), (0, instant + 1e-9), START, params=STEADY)
@@ -212,7 +212,7 @@ def test_an_event_at_the_end():
 
 @pytest.mark.parametrize("params", [STEADY, MOVING], ids=["steady", "moving"])
 def test_the_impact_state_at_a_terminal_event(params):
-    """Projected onto the guard by the field after it, which gives what that before it would."""
+    """The field after the event projects the state onto the guard, as the field before it would."""
     system = bent(3, terminal=(False, True, False))
     found = carried(system, (0, 2), START, params=params)
     assert found.status == 1
@@ -227,7 +227,7 @@ def test_the_impact_state_at_a_terminal_event(params):
 
 @pytest.mark.parametrize("terminal", [(False, False, False), (False, True, False)])
 def test_through_a_reset_of_a_bent_system(terminal):
-    """Also at a terminal event, where it is that at this time, with what the event has done."""
+    """At a terminal event it is the Jacobian at this time, including the effect of the event."""
     params = bent_params([0.5, 2.0, 9.0], tilts=[0.0, 1.5, 0.0])
     system = bent(3, on_event=turn_back, terminal=terminal)
     found = carried(system, (0, 3), START, params=params)
@@ -284,13 +284,13 @@ def test_three_legs_at_once_are_the_saltation_matrices_of_any_order():
 
 
 def extrapolated(system, t_span, y0, **options):
-    """Differences whose error, of first order across the kinks of a C1 flow, is taken off."""
+    """Return differences without their first-order error across the kinks of a C1 flow."""
     coarse, fine = (differences(system, t_span, y0, step=h, **options) for h in (2e-5, 1e-5))
     return 2 * fine - coarse
 
 
 def test_three_legs_at_once_and_on():
-    """From a flight that brings all feet down at one instant, turning."""
+    """The flight rotates, and all feet land at one instant."""
 
     def back(t, y):
         rate = np.empty(12)
@@ -330,7 +330,7 @@ def test_a_plate_that_lands_flat():
 
 @pytest.mark.parametrize("form", ["sums", "sparse"])
 def test_a_plate_that_lands_flat_with_a_memory(form):
-    """The handlers change the field, all at one instant: whose share is whose is not known."""
+    """The handlers change the field, all at one instant, so their shares are unknown."""
     found = plate_jacobian_of(form)
     assert found.status == -11
     assert "Several guards flip at t = " in found.message
@@ -349,7 +349,7 @@ def turning(t, y, mode, params, dy):
 
 @pytest.mark.parametrize(("turns", "method"), [(160, "dopri5"), (1600, "dop853")])
 def test_an_angle_of_many_turns(turns, method):
-    """Parts of its size are whole turns by which to take differences."""
+    """Difference steps in proportion to the angle's size would be whole turns."""
     pendulum = System(turning, n_states=2)
     here, there = (
         carried(pendulum, (0, 4), [2 * np.pi * count, 3.0], method=method, rtol=1e-9)

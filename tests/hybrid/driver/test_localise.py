@@ -102,7 +102,7 @@ NEARLY_GRAZING = [(27, 12), (27, 37), (27, 147), (29, 111), (30, 33), (33, 100),
 
 
 def memory_of(guards):
-    """The driver's memory, as far as a search looks at it: a step of one piece from 0 s."""
+    """Return the part of the driver's memory that a search reads: a one-piece step from 0 s."""
     clock, counts = np.zeros(CLOCK_SLOTS), np.zeros(COUNT_SLOTS, dtype=int)
     clock[PIECE], counts[PIECES] = 1.0, 1
     return SimpleNamespace(guards=guards, clock=clock, counts=counts)
@@ -110,7 +110,7 @@ def memory_of(guards):
 
 @pytest.fixture
 def search(monkeypatch):
-    """`crossing` for a margin and its slope, as functions of the part of the step."""
+    """Return `crossing` for a margin and its slope, as functions of the fraction of the step."""
     for name in ("leave", "just_left", "knot"):
         monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
 
@@ -172,9 +172,9 @@ def test_rates_that_contradict_the_function_lead_to_no_place_before_its_surface(
 
 @pytest.fixture
 def interpreted(monkeypatch):
-    """`crossing` for a guard that leaves its surface and meets it at 0.5 of the step again.
+    """Return `crossing` for a guard that leaves its surface and meets it again at 0.5 of the step.
 
-    Near its start h is lost in rounding: it seems to be just past the surface there.
+    Near the start h is lost in rounding, so the guard seems to be just past the surface there.
     """
     guards = np.zeros((GUARD_ROWS, 1))
     guards[H0], guards[RATE0], guards[SIZE] = -ROUNDING, -0.5, 1.0
@@ -198,7 +198,7 @@ def test_no_guess_leads_back_to_the_flip_before(interpreted, guess):
 
 
 def swing(x):
-    """Return a margin and its slope that fall through zero at 0.7: a part of a swing."""
+    """Return a margin and its slope that fall through zero at 0.7, as part of an oscillation."""
     return np.sin(3.0 * (0.7 - x)), -3.0 * np.cos(3.0 * (0.7 - x))
 
 
@@ -236,7 +236,7 @@ def test_a_spring_that_is_met_again_soon_is_no_zeno_sequence(contacts, start, fo
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_ball_that_comes_to_rest_on_a_shaking_table_never_falls_through_it(seed):
-    """Its last flights are lower than the rounding of h, whose parts cancel: Zeno, or none yet."""
+    """Its last flights are lower than the rounding of h, as terms cancel: Zeno, or no event yet."""
     rng, statuses, end = np.random.default_rng(seed), set(), 3.0
     for _ in range(50):
         size, rate, rtol = (10.0 ** rng.uniform(*span) for span in ((-3, -1), (0.5, 2), (-11, -5)))
@@ -252,7 +252,7 @@ def test_a_ball_that_comes_to_rest_on_a_shaking_table_never_falls_through_it(see
 
 @pytest.mark.parametrize("seed", range(4))
 def test_bodies_that_come_to_rest_on_each_other_anywhere_and_on_the_way_are_told(seed):
-    """What pulls them together is small beside where they are and how fast they go."""
+    """The attraction between them is small compared with their positions and speeds."""
     rng, statuses = np.random.default_rng(seed), set()
     for _ in range(50):
         place, speed = rng.choice([0.0, 1.0, 1e3, -1e5]), rng.choice([0.0, 0.3, -20.0])
@@ -274,7 +274,7 @@ def test_bodies_that_come_to_rest_on_each_other_anywhere_and_on_the_way_are_told
 
 
 def test_a_guard_that_stays_clear_is_not_suspect():
-    """Against the cubic on a grid: nothing that comes near the surface is passed over."""
+    """Compared with the cubic on a grid, nothing that comes near the surface is overlooked."""
     rng = np.random.default_rng(11)
     kinds = {PASS: 0, CROSSING: 0, DIP: 0}
     grid = np.linspace(0, 1, 401)
@@ -293,5 +293,5 @@ def test_a_guard_that_stays_clear_is_not_suspect():
 
 @pytest.mark.parametrize("size", [1.0, 1e3, 1e9])
 def test_what_does_not_turn_is_no_dip_whatever_its_size(size):
-    """An inclined guard far from its surface: there is no place in the step to look at."""
+    """An inclined guard is far from its surface, so there is no place in the step to examine."""
     assert suspect(1.0 * size, -0.6 * size, 0.3 * size, -0.8 * size, 0.0)[0] == PASS

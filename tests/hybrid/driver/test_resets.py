@@ -67,7 +67,7 @@ KICKED_ALONE = System(drift, guard=moving_plane_alone, on_event=kick, **OPTIONS)
 
 
 def exact_end(y0, params, instant):
-    """The end, for complex starts and parameters: the event's time by Newton, from a real one."""
+    """Return the end for complex starts and parameters; Newton's method finds the event."""
     part = {name: params[at : at + np.prod(SIZES[name])] for name, at in PLACES.items()}
     a0, a1, r = (part[name].reshape(N, N) for name in ("A0", "A1", "R"))
 
@@ -88,7 +88,7 @@ def exact_end(y0, params, instant):
 
 
 def random_kicked(rng):
-    """Draw a start and parameters of which one reset follows, not too near to a tangent."""
+    """Draw a start and parameters with exactly one reset, not too close to a tangent crossing."""
     while True:
         y0, params = rng.normal(size=N), rng.normal(size=COUNT)
         params[WAVE] = params[PLANE : PLANE + N] @ y0 + rng.uniform(0.1, 1.0)
@@ -104,7 +104,7 @@ def random_kicked(rng):
 
 
 def by_complex_steps(y0, params, instant, chosen):
-    """Derivatives by the start and by the chosen parameters."""
+    """Return derivatives with respect to the start and the chosen parameters."""
     state = [exact_end(y0 + 1j * EPS * e, params + 0j, instant).imag / EPS for e in np.eye(N)]
     shifts = np.eye(COUNT)[chosen] * 1j * EPS
     return np.array(state).T, np.array(
@@ -192,7 +192,7 @@ def off_the_table(t, y, mode, params, guard, direction):
 @pytest.mark.parametrize("above_m", [1.0, 1e-9])
 @pytest.mark.parametrize("frequency", [5.0, 157.0, 600.0])
 def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
-    """And another guard just above it: neither fall nor gap is how long the table takes."""
+    """Another guard lies just above it; neither fall nor gap has the time scale of the table."""
     size, start, end = 1e-3, np.array([500.0, 0.0]), 12.0
     table = System(
         fall_on, shaking_table, off_the_table, n_states=2, guard_names=("table", "level")
@@ -237,7 +237,7 @@ def change_spoke(t, y, mode, params, guard, direction):
 
 
 def test_a_reset_that_pushes_its_guard_back():
-    """A rimless wheel: the next spoke is far from the floor, so its lock falls at once."""
+    """In a rimless wheel, the next spoke is far from the floor, so its lock falls at once."""
     wheel = System(wheel_field, next_spoke, change_spoke, n_states=2, guard_names=("spoke",))
     options = {"params": (0.3, 0.1)}
     found = carried(wheel, (0, 3.0), [0.0, 0.8], **options)
@@ -312,7 +312,7 @@ def test_where_a_guard_is_grazed_there_is_no_derivative():
 
 
 def test_a_handlers_memory_and_mode_are_those_of_the_run():
-    """Its reset is differentiated by calling it on other states, which must leave no trace."""
+    """The reset is differentiated by calling it on other states, which must leave no trace."""
 
     @on_event
     def note(t, y, mode, params, guard, direction):

@@ -1,4 +1,4 @@
-"""Guards that sleep: the events of the plain form for fewer evaluations."""
+"""Guards that sleep: the same events as in the plain form, with fewer evaluations."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_back_and_forth_over_300_guards():
 
 
 def test_guards_far_away_cost_nothing():
-    """The same evaluations for 20 near and 280 far ones as for the near ones alone, or nearly."""
+    """20 near and 280 distant guards need about as many evaluations as the near ones alone."""
     near = np.linspace(-1, 1, 20)
     _, few = both(bent_params(near))
     _, many = both(bent_params(np.concatenate([near, np.linspace(20, 40, 280)])))
@@ -63,7 +63,7 @@ def test_guards_that_move_with_time():
 
 
 def test_guards_that_only_time_moves():
-    """The point rests; guards sway across it."""
+    """The point rests while guards sway across it."""
     params = bent_params(np.linspace(-0.5, 0.5, 21) + 1e-3, sways=1.0)
     plain, sparse = both(params, start=[0.0, 0.0])
     assert_same(plain, sparse, tolerance=1e-12)
@@ -88,7 +88,7 @@ def test_a_jump_of_the_state_wakes_all():
 
 
 def test_locks_at_the_start():
-    """Of guards that sleep from the first step on, too."""
+    """They are also those of guards that sleep from the first step on."""
     params = bent_params(np.linspace(-20, 30, 200))
     plain, sparse = both(params, until=1.0)
     assert sparse.mode.tolist() == plain.mode.tolist()
@@ -103,7 +103,7 @@ def test_the_log_leaves_out_the_locks():
 
 @rate_bound
 def odd_bound(t, y, dy, mode, params):
-    """Of the right size, but negative, infinite, or NaN, by the drive."""
+    """Return a bound of the right size, made negative, infinite, or NaN by the drive."""
     size = abs(dy[0]) + 1e-9
     if params[0] == 0.0:
         return -size
@@ -112,7 +112,7 @@ def odd_bound(t, y, dy, mode, params):
 
 @pytest.mark.parametrize("drive", [0.0, 1e-14, 1e-11], ids=["negative", "infinite", "nan"])
 def test_odd_bounds(drive):
-    """The sign does not matter; with no finite bound no guard sleeps."""
+    """The sign does not matter; without a finite bound no guard sleeps."""
     params = bent_params(np.linspace(-1, 1, 50), drive=drive)
     plain, sparse = both(params, rate_bound=odd_bound)
     assert_same(plain, sparse)
@@ -153,7 +153,7 @@ def burst_bound(t, y, dy, mode, params):
 
 
 def test_a_burst_of_speed_within_a_step():
-    """Slow, fast, slow: a cubic, which the method integrates without error in one step."""
+    """Slow, fast, slow: the motion is a cubic, which the method integrates exactly in one step."""
     options = {"n_states": 1, "guard_names": ("line",)}
     plain, sparse = (
         solve(system, (0, 1.2), [0.0], params=(1.2, 0.15), first_step=0.1, method="dopri5")
@@ -196,7 +196,7 @@ def test_a_memory_of_the_wrong_length_is_named():
 
 @pytest.mark.parametrize("tilt", [0.05, 1e-3, 1e-6])
 def test_a_flat_landing_looks_at_few_guards(tilt):
-    """However near to each other the contacts are, a step is clipped to the first and wakes few."""
+    """However close the contacts are, a step is clipped to the first and wakes few guards."""
     plate = Plate(600)
     start = [0.0, 2.0, tilt, 0.0, 0.0, 0.0]
     solution = solve(plate.system(sparse=True), (0, 0.6), start, params=plate.params, rtol=1e-6)
@@ -246,7 +246,7 @@ KEYS = st.lists(st.floats(0, 1e6) | st.sampled_from([0.0, 1.0, 2.0]), max_size=S
 
 
 class Heap:
-    """The driver's heap in arrays of its own."""
+    """The driver's heap in separate arrays."""
 
     def __init__(self):
         self.lists = np.full((layout.LIST_ROWS, SIZE), -1, dtype=np.int64)
@@ -267,7 +267,7 @@ class Heap:
 
     @property
     def inside(self):
-        """Keys and guards, in the order of the places."""
+        """Keys and guards in the order of their places."""
         size = self.counts[layout.N_ASLEEP]
         guards = self.lists[layout.HEAP, :size].tolist()
         return list(zip(self.wake_at[:size].tolist(), guards, strict=True))
@@ -276,7 +276,7 @@ class Heap:
 @settings(deadline=None, max_examples=200)
 @given(first=KEYS, second=KEYS, part=st.floats(0, 1))
 def test_guards_come_out_by_their_keys(first, second, part):
-    """Each once, with its own key, whatever goes in between."""
+    """Each comes out once, with its own key, whatever is inserted in between."""
     ours, expected, keys = Heap(), sorted(first), first + second
     ours.push(first, 0)
     out = ours.pop(int(part * len(first)))

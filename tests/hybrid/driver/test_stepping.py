@@ -1,4 +1,4 @@
-"""Which method takes the steps: by how dense events are, how stiff the mode is, and by its form."""
+"""The choice of the method: by density of events, stiffness of the mode, and form of the system."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_the_cheap_one_where_they_are_dense(rtol):
 
 
 def test_back_to_high_order_after_a_dense_stretch():
-    """All guards lie within the first tenth of the way."""
+    """All guards lie within the first tenth of the path."""
     params = bent_params(np.linspace(0.01, 0.1, 60))
     inside = solve(bent(60), (0, 0.05), [0.0, 1.2], params=params)
     beyond = solve(bent(60), (0, 1.0), [0.0, 1.2], params=params)
@@ -73,7 +73,7 @@ def test_a_landing_on_a_strong_damper(damping, method):
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 def test_an_explicit_method_needs_steps_by_the_stiffness(method):
-    """Of the landing on a damper of 1e6, more than 1000 times as many."""
+    """The landing on a damper of 1e6 needs more than 1000 times as many."""
     options = {"params": (1e6, 2e6, 9.0), "atol": [3e-15, 1e-9]}
     chosen = solve(landing(), (0, 2.4), [1.0, 0.0], **options)
     explicit = solve(landing(), (0, 2.4), [1.0, 0.0], method=method, max_steps=100_000, **options)
@@ -96,7 +96,7 @@ def test_explicit_again_when_the_damper_is_gone():
 
 
 def test_each_of_a_batch_begins_with_the_same_method():
-    """A stiff one does not leave its method to the next."""
+    """A stiff trajectory does not pass its method on to the next."""
     params = np.array([[1e7, 2e7, 9.0], [1.0, 300.0, 9.0]] * 3)
     batch = solve_batch(landing(), (0, 2.0), np.tile([1.0, 0.0], (6, 1)), params=params)
     for place in range(2):
@@ -110,7 +110,7 @@ AFFINE = (5.0, 300.0, 1.0, 0.0)
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-9, 1e-13])
 def test_taylor_is_exact_to_rounding_where_modes_are_affine(rtol):
-    """At any tolerance: a pendulum without its sine, and the octants against DOP853."""
+    """At any tolerance, for a pendulum without its sine, and for the octants against DOP853."""
     found = solve(octant(), T_SPAN, INITIAL_STATE, rtol=rtol, atol=rtol)
     other = solve(octant(), T_SPAN, INITIAL_STATE, method="dop853", rtol=2.3e-15, atol=1e-17)
     assert found.events.time == pytest.approx(other.events.time, abs=1e-14)
@@ -146,7 +146,7 @@ def test_an_affine_form_of_another_field_is_found_out(jacobian):
 
 
 def test_an_affine_form_that_is_wrong_in_a_later_mode_is_found_out_there():
-    """Before the release at t = 1, at 0.2 s: it is right from a start after the release."""
+    """The form is wrong before the release at t = 1, at 0.2 s; it is right for a start after it."""
     wrong = (*AFFINE[:3], 1.0)
     after = solve(affine_landing(), (1.5, 2), [1.0, 0.0], params=wrong, mode=[-1, 1])
     assert after.success

@@ -1,4 +1,4 @@
-"""Knots inside a step: a guard that only reaches its surface between the ends is seen."""
+"""Knots inside a step: a guard that reaches its surface only between the ends is seen."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SWINGS = System(swings, level, affine=swings_affine, n_states=4, guard_names=("l
 
 
 def crossings(rate, height, phase, *, method="taylor", span=3.0):
-    """Return instants at which a swing of size 1 is found to cross the level."""
+    """Return the instants at which an oscillation of amplitude 1 is found to cross the level."""
     start = [np.cos(phase), -rate * np.sin(phase), 0.0, 0.0]
     params = (rate, 1.0, 0.0, height)
     solution = solve(SWINGS, (0, span), start, params=params, method=method, rtol=1e-9, atol=1e-11)
@@ -43,7 +43,7 @@ def crossings(rate, height, phase, *, method="taylor", span=3.0):
 
 
 def exact(rate, height, phase, span=3.0):
-    """Return those instants: cos(rate t + phase) = height."""
+    """Return the exact instants: cos(rate t + phase) = height."""
     angle = np.arccos(height)
     turns = 2.0 * np.pi * np.arange(-1, int(rate * span / 6.0) + 3)[:, None]
     angles = (turns + np.array([-angle, angle])).ravel()
@@ -76,10 +76,10 @@ def test_a_fast_swing_upon_a_slow_one_is_seen():
     ("method", "span", "inside"), [("taylor", 1.0, 9), ("taylor", 2.5, 10), ("dopri5", 2.5, 1)]
 )
 def test_only_long_steps_have_knots_inside(method, span, inside):
-    """Three times at the start, whose locks are settled first, then at the end of each step.
+    """Three calls at the start, whose locks are settled first, then one at each step's end.
 
-    And to see whether the guard is affine: in the middle of the longest step, and in eight places
-    along a Taylor step that is as long as the span.
+    Further calls test whether the guard is affine: in the middle of the longest step, and at eight
+    places along a Taylor step that is as long as the span.
     """
     solution = solve(
         SWINGS, (0, span), [1.0, 0.0, 0.0, 0.0], params=(1.0, 1.0, 0.0, 5.0), method=method
@@ -111,7 +111,7 @@ def test_flip_time_on_the_surface(rate, bend, expected):
 
 
 def test_a_step_reaches_a_known_event_with_little_to_spare():
-    """Were the step not clipped, it would be taken again: six evaluations more for each event."""
+    """Without clipping, the step would be repeated: six more evaluations per event."""
     rungs = np.linspace(0.05, 0.95, 10)
     solution = solve(
         ladder(10), (0, 1), [0.0, 0.0], params=(*rungs, *np.zeros(10)),
@@ -122,7 +122,7 @@ def test_a_step_reaches_a_known_event_with_little_to_spare():
 
 
 def test_the_step_is_as_long_as_before_once_the_event_is_past():
-    """Steps of 1, then one that is clipped to reach the event at 9.97; the next are no shorter."""
+    """Steps of 1, then one clipped to reach the event at 9.97; the following are no shorter."""
     system, end = throw(), 21.0
     free = solve(system, (0, end), [0.0, 2.0], params=(2.0, 1e9), max_step=1.0)
     solution = solve(system, (0, end), [0.0, 2.0], params=(2.0, -79.5), max_step=1.0)
@@ -153,7 +153,7 @@ def push(t, y, mode, params, guard, direction):
 
 
 def test_rates_that_leave_out_the_time_end_soon():
-    """Behind a flip the shortest windows told nothing, and were walked on in for ever."""
+    """After a flip the shortest windows were uninformative, and the search never left them."""
     system = System(turns, without_the_time, push, n_states=2, guard_names=("line",))
     for start in np.random.default_rng(1).uniform(-1.0, 1.0, (5, 2)):
         solution = solve(system, (0.0, 20.0), start)

@@ -1,4 +1,4 @@
-"""Saltation matrices against flows that are known."""
+"""Saltation matrices against known flows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hopdata.scenes.scene import Control
 
 
 def test_bounce_is_the_textbook_one():
-    """State (height, velocity), restitution e: [[-e, 0], [-g (1 + e) / v, -e]]."""
+    """The state is (height, velocity), restitution e: [[-e, 0], [-g (1 + e) / v, -e]]."""
     g, e, v = 9.81, 0.8, -2.0
     found = saltation_product(ball(), [0.0, v], [0], params=(g, 0.0, e), mode=[-1])
     np.testing.assert_allclose(found, [[-e, 0], [-g * (1 + e) / v, -e]], rtol=1e-10, atol=1e-10)
@@ -55,7 +55,7 @@ def drift(**options):
 
 
 def test_moving_guard():
-    """Deviation a of y0: met later by a / (1 - w); y0 gains 2 per unit of time from then on."""
+    """Deviation a of y0 meets it later by a / (1 - w); from then on y0 gains 2 per unit of time."""
     w, t = 0.25, 2.0
     found = saltation_product(drift(), [w * t, 0.0], [0], params=(w, 0), mode=[-1], t=t)
     expected = [[1 + 2 / (1 - w), 0], [-2 * t / (1 - w), 1]]
@@ -63,7 +63,7 @@ def test_moving_guard():
 
 
 def exact_drift(y, w, c, t, end):
-    """Flow from y at t, before the wall y0 = w t, to the time `end`, beyond it."""
+    """Return the flow from y at t, before the wall y0 = w t, to the time `end`, beyond it."""
     meets = (y[0] - t) / (w - 1)  # y0 + (s - t) = w s
     y0, y1 = w * meets, y[1] + (meets**2 - t**2) / 2
     y1 += c * meets * y0
@@ -157,7 +157,7 @@ def backwards(system, y, params, mode, duration):
 
 
 def carried_through(case, state, duration):
-    """Take a state back by the first field, forward by `solve`, back by the last field."""
+    """Take a state back by the first field, forward by `solve`, and back by the last field."""
     system, _, params, mode, names = case
     numbers, locks = np.array(params, dtype=float), np.array(mode)
     before = backwards(system, state, numbers, locks, duration)
@@ -207,7 +207,7 @@ def test_only_a_c1_flow_has_one_matrix_for_all_directions(name, linear):
 
 @pytest.mark.parametrize("name", CASES)
 def test_pieces_meet_continuously_unless_the_state_jumps(name):
-    """Between the insides of two cones a straight line of deviations has no jump of D_v."""
+    """Between the insides of two cones, D_v does not jump along a straight line of deviations."""
     d = derivative(CASES[name]())
     rng, steps = np.random.default_rng(13), np.linspace(0, 1, 2001)
     a, b = rng.normal(size=(2, d.system.n_states))
@@ -258,7 +258,7 @@ def bar_guards(t, y, dy, mode, params, h, hdot):
 
 
 def pieces_of_bar(places):
-    """A bar (height, angle, velocities) that falls on contacts at these places, all at once."""
+    """Return a bar (height, angle, velocities) that lands on all contacts at once."""
     names = tuple(f"contact{k}" for k in range(len(places)))
     system = System(bar_field, bar_guards, n_states=4, guard_names=names)
     state, mode = [0.0, 0.0, -1.0, 0.0], [-1] * len(places)
@@ -280,7 +280,7 @@ def test_octant_has_six_orders_and_two_products():
 
 @pytest.mark.parametrize("places", [(-1.0, 0.5), (-1.0, 0.2, 1.0), (-1.0, -0.3, 0.2, 0.7)])
 def test_a_bar_meets_its_contacts_from_one_end_to_the_other(places):
-    """Contacts on a line: height and angle leave the two monotone orders and no other."""
+    """For contacts on a line, height and angle allow only the two monotone orders."""
     d = pieces_of_bar(places)
     n = len(places)
     orders = d.pieces()
@@ -321,7 +321,7 @@ G = 9.81
 
 
 def impact(height, speed, floor_speed):
-    """State where a ball meets a floor that rises from 0 at t = 0, and the time."""
+    """Return the state where a ball meets a floor that rises from 0 at t = 0, and the time."""
     down = speed - floor_speed
     t = (down + np.sqrt(down**2 + 2 * G * height)) / G
     return np.array([floor_speed * t, speed - G * t]), t

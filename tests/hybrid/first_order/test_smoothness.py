@@ -1,4 +1,4 @@
-"""Table 1.1 on systems whose verdict is known."""
+"""Table 1.1 on systems with a known verdict."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_the_hopper_lands_c1(n_legs):
 
 
 def test_the_hopper_takes_off_c1():
-    """All legs released, at full extension; each is re-armed when it leaves the floor."""
+    """All legs are released at full extension; each is re-armed when it leaves the floor."""
     y = np.zeros(12)
     y[2], y[6:] = 0.27 + HOPPER.release_extension_m, [0.05, -0.03, 2.0, 0.1, -0.2, 0.05]
     mode = [1, 1, 1, 1, -1, 1, 1, 1, 1]
@@ -113,7 +113,7 @@ def test_sliding_and_rigid_bounce_are_not_event_selected():
 
 
 def test_one_guard_is_c1_without_forces_that_add():
-    """A point whose speed changes at one rung: its flow has one saltation matrix."""
+    """A point changes speed at one rung; its flow has a single saltation matrix."""
     report = check_c1(ladder(1), [1.0, 0.0], params=(1.0, 0.5), mode=[-1])
     assert report.verdict == "C1"
     assert report.reasons == ()
@@ -171,14 +171,14 @@ FREE = [-1, -1, -1]
 
 
 def selected(system, state, *, scale=None, **options):
-    """Values and names of those that fail, of the conditions of event-selection alone."""
+    """Return values of the conditions of event-selection, and names of those that fail."""
     report = check_c1(system, state, scale=scale, **options)
     own = [f for f in report.selection if f.condition in (CONTINUOUS, CROSSED, ONCE, KEPT)]
     return {f.condition: f.value for f in own}, [f.condition for f in own if not f.passed]
 
 
 def test_octant_farther_out_is_not():
-    """dx/dt = 1 - 2 y beyond x: it turns back where y > 1/2."""
+    """dx/dt = 1 - 2 y beyond x, so the trajectory turns back where y > 1/2."""
     found, failed = selected(octant(), [0, 0.6, 0], mode=FREE, guards=("x", "y", "z"))
     assert failed == [CROSSED, KEPT]
     assert found[CROSSED] < 0

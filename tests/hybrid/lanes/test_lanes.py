@@ -1,4 +1,4 @@
-"""Systems in lanes: as good as the driver's, no event lost, bytes that depend on no neighbour."""
+"""Systems in lanes: as accurate as the driver, no lost events, bytes independent of neighbours."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OPTIONS = {"method": "dop853", "workers": 1}
 
 @cache
 def swings():
-    """Starts and parameters of pendulums among three guards, of which two bend."""
+    """Return starts and parameters of pendulums among three guards, two of which bend."""
     rng = np.random.default_rng(11)
     params = [
         bent_params(
@@ -50,7 +50,7 @@ def in_lanes():
 
 
 def assert_same(found, wanted, rows):
-    """All that is known of each system has the same bytes."""
+    """Assert that everything known of each system has the same bytes."""
     for name in ("y_end", "t_end", "mode", "n_events", "n_steps", "nfev", "status"):
         assert getattr(found, name).tobytes() == getattr(wanted, name)[rows].tobytes(), name
 
@@ -107,7 +107,7 @@ def levels(t, y, dy, mode, params, h, hdot):
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
 def test_where_most_steps_end_in_flips(rtol):
-    """Then they end on the interpolant, as long as that is as good as another step."""
+    """These steps then end on the interpolant, as long as it is as accurate as another step."""
     system = System(driven, levels, n_states=2, guard_names=[f"level {g}" for g in range(45)])
     rng, times = np.random.default_rng(8), np.linspace(*SPAN, 40)
     y0, params = rng.uniform(-1.5, 1.5, (COUNT, 2)), rng.uniform(0.0, 0.2, (COUNT, 1))
@@ -144,7 +144,7 @@ print(WIDTH, found.lanes.all(), found.y_end.tobytes().hex())
 
 
 def test_bytes_depend_on_no_processor(tmp_path):
-    """Four lanes of plain instructions, without fused ones, give what this processor gives."""
+    """Four lanes of plain instructions, without fused ones, give the results of this processor."""
     y0, params, *_ = swings()
     np.savez(tmp_path / "starts.npz", y0=y0, params=params)
     plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
@@ -159,7 +159,7 @@ def test_bytes_depend_on_no_processor(tmp_path):
 
 
 def test_resets_and_terminal_events():
-    """A ball bounces from a table at rest: its speed is turned; the lock flips back at once."""
+    """A ball bounces from a table at rest: its speed is reversed; the lock flips back at once."""
     y0 = np.column_stack([np.linspace(0.5, 3.0, 40), np.zeros(40)])
     for options in ({}, {"terminal": (True,)}):
         system = replace(ball_on_table(), **options)
@@ -177,7 +177,7 @@ def test_resets_and_terminal_events():
 
 
 def test_what_lanes_give_up_the_driver_does():
-    """Sliding, guards on their surface for ever, and a limit of steps end as they always do."""
+    """Sliding, guards that stay on their surface, and step limits end as in single integrations."""
     *_, y0, params = swings()
     here = solve_batch(bent(3), SPAN, y0, params=params, lanes=True, **OPTIONS)
     plain = solve_batch(bent(3), SPAN, y0, params=params, lanes=False, **OPTIONS)
@@ -247,7 +247,7 @@ def both_axes(t, y, dy, mode, params, h, hdot):
 
 
 def point(handler=None):
-    """A point that may cross two axes: one system, compiled once, for all handlers below."""
+    """Return a point that may cross two axes: one system, compiled once, for all handlers below."""
     return System(
         pulled, both_axes, handler, n_states=2, guard_names=("x", "y"), n_extra_modes=1
     )  # fmt: skip
@@ -267,7 +267,7 @@ def start_again(t, y, mode, params, guard, direction):
 
 @pytest.mark.parametrize("params", [RIGHTWARDS, [RIGHTWARDS] * 3])
 def test_handlers_that_raise_or_change_parameters(params):
-    """No lane sees another's parameters, and an exception is raised, as by the driver."""
+    """No lane sees another's parameters, and an exception is raised as by the driver."""
     system, y0 = point(start_again), [[-1.0, -1.0], [-0.9, -1.0], [-0.8, -1.0]]
     options = {"params": params, "workers": 1, "lanes": True}
     here = solve_batch(system, (0.0, 2.95), y0, **options)
@@ -285,7 +285,7 @@ def no_lock(t, y, mode, params, guard, direction):
 
 @pytest.mark.parametrize("lock", [0, 7, -7])
 def test_a_lock_that_is_none_is_named(lock):
-    """Else its guard would flip no more, or to what field and handler do not know."""
+    """Else its guard would never flip again, or flip to a lock that the field does not know."""
     system, y0 = point(no_lock), [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
     batch = solve_batch(system, (0.0, 2.0), y0, params=[1.0, 0.0, 0.0, lock, 0.0], lanes=True)
     assert batch.status.tolist() == [NO_LOCK, NO_LOCK, 0]
@@ -313,7 +313,7 @@ def test_a_handler_that_pushes_another_guard_across():
 
 
 def test_locks_of_guards_on_their_surfaces_at_the_start_are_those_of_the_driver():
-    """Rates decide, which depend on the other lock, and none is an event."""
+    """Rates decide, which depend on the other lock; neither is an event."""
     system = point()
     pulls = [[0.5, 0.5], [-3, 0], [0, -3], [-1.5, 0.5], [-3, 2], [-1, 0]]
     y0 = np.repeat([[0.0, 0.0], [0.0, -0.4], [-0.3, 0.0]], len(pulls), axis=0)

@@ -1,7 +1,7 @@
-"""Guards that bend, or move more quickly than the state, in lanes: no contact is missed.
+"""Guards that bend, or move faster than the state, in lanes: no contact is missed.
 
-The smooth families of the stress suite, against its exact events; guards that branch on the state
-have no lanes.
+These are the smooth families of the stress suite, compared with its exact events; guards that
+branch on the state have no lanes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MEMBERS = 6  # of each family at each tolerance
 
 @njit(error_model="numpy")
 def height(q, t, u, v, du, dv, after):
-    """What `stress_quick.height` does for the smooth kinds."""
+    """Return what `stress_quick.height` returns for the smooth kinds."""
     kind, a, b, c, d = int(q[0]), q[1], q[2], q[3], q[4]
     if kind == quick.SINE:
         return np.sin(b * u + c) - d, b * np.cos(b * u + c) * du
@@ -53,7 +53,7 @@ SYSTEM = replace(quick.quick(), guards=smooth_guards, jacobian=None)
 
 
 def judge(case, system):
-    """Tell whether the integration in lanes ends where it should, after as many events."""
+    """Return whether the integration in lanes has the right end and number of events."""
     found = solve_batch(
         system, case.t_span, [case.y0], method="dop853", lanes=True, workers=1, **case.options
     )

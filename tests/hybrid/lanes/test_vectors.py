@@ -1,6 +1,6 @@
 """The Numba type for lanes: a user's scalar code gives each lane what plain Python gives.
 
-These fail where a version of Numba takes away what `lanes.vectors` is made of.
+These tests fail if a version of Numba removes something that `lanes.vectors` relies on.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def compiled(function):
 
 
 def outcome(function, x, y):
-    """The result of a function of two numbers in all lanes."""
+    """Return the result of a function of two numbers in all lanes."""
     given, result = aligned(2), aligned(2)
     given[:WIDTH], given[WIDTH:] = x, y
     compiled(function)(given, result)

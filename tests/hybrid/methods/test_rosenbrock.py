@@ -1,4 +1,4 @@
-"""Rodas5P: fifth order, L-stable, with a dense output, on problems however stiff."""
+"""Rodas5P: fifth order, L-stable, with a dense output, on problems of any stiffness."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ LAST = A[-1] + np.eye(STAGES)[-1]
 
 
 def test_the_coefficients_are_consistent():
-    """Sums of the stages' weights are their times."""
+    """The sums of the stages' weights are their times."""
     assert ALPHAS.sum(axis=1) == pytest.approx(TIME, abs=1e-12)
     assert GAMMAS.sum(axis=1) == pytest.approx(D, abs=1e-12)
 
 
 def order_conditions(weights, theta):
-    """By how much the eight conditions of order 4 are missed, at a fraction of the step."""
+    """Return the residuals of the eight conditions of order 4 at a fraction of the step."""
     a, b = ALPHAS.sum(axis=1), BETAS.sum(axis=1)
     of_trees = [
         np.ones(STAGES), b, a**2, BETAS @ b,
@@ -56,7 +56,7 @@ def test_the_conditions_of_order_four_are_met_within_the_step(theta):
 
 
 def stability(z, *, embedded=False):
-    """The factor by which a step multiplies y in y' = z y / dt."""
+    """Return the factor by which a step multiplies y in y' = z y / dt."""
     slopes = np.linalg.solve(np.eye(STAGES) - z * BETAS, np.full(STAGES, z))
     return 1.0 + (A[-1] if embedded else LAST) @ GAMMAS @ slopes
 
@@ -113,7 +113,7 @@ def test_stiffness_does_not_limit_the_step(given):
 @BOTH
 @pytest.mark.parametrize("rate", [1e2, 1e6, 1e9, 1e12])
 def test_a_landing_on_a_strong_damper(rate, given):
-    """The blow of the landing, which lasts 1 / rate, and the creep after it."""
+    """The test covers the impact of the landing, which lasts 1 / rate, and the creep after it."""
     weight, stiffness = 9.81, 2.0 * rate
     one = stepper((CONTACT, rate, weight, stiffness, 0.0), 0.0, [0.0, -3.0], given=given)
     one.atol = np.array([1e-9 * 3.0 / rate, 1e-9])
@@ -190,7 +190,7 @@ def test_units_of_length_change_nothing(scale, given):
 @BOTH
 @pytest.mark.parametrize("scale", [2.0**-20, 2.0**20])
 def test_units_of_time_change_nothing(scale, given):
-    """But for rounding: pivots may be chosen in another order."""
+    """Only rounding differs, because pivots may be chosen in another order."""
     weight, rate, spring, square, y = 9.81, 1e4, 1e5, 1e6, np.array([-0.01, -3.0])
     one = stepper((CONTACT, rate, weight, spring, square), 0.0, y, given=given)
     plain, end = one.step(1e-3), one.s[END].copy()

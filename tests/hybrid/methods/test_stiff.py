@@ -47,7 +47,7 @@ def test_random_systems(n):
 
 
 def test_rows_are_exchanged_where_the_diagonal_is_zero():
-    """A cycle of three: two exchanges, which must be made in their order."""
+    """A cycle of three needs two exchanges, which must be made in order."""
     matrix = np.array([[0.0, 2.0, 0.0], [0.0, 0.0, 4.0], [8.0, 0.0, 0.0]])
     assert solution(matrix, np.array([2.0, 8.0, 24.0])).tolist() == [3.0, 1.0, 2.0]
 
@@ -108,14 +108,14 @@ def test_differences_agree_with_the_derivative(params, y):
 
 @pytest.mark.parametrize("atol", [1e-12, 0.0])
 def test_at_rest_at_the_origin(atol):
-    """Neither state nor slope tells the size of the position: its tolerance does, if it can."""
+    """Neither state nor slope shows the scale of the position: its tolerance does, if it can."""
     found, _ = by("jacobian_by_differences", (CONTACT, 10.0, 0.0, 1e3, 0.0), 0.0, 1e-3, (0.0, 0.0),
                   (atol, atol))  # fmt: skip
     assert found == pytest.approx(np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-9, abs=1e-9)
 
 
 def test_a_state_below_its_tolerance_counts_as_zero():
-    """An increment in proportion to 1e-30 would drown in the rounding of the weight."""
+    """An increment in proportion to 1e-30 would vanish in the rounding of the weight."""
     params, y = (CONTACT, 10.0, 9.81, 1e3, 0.0), (1e-30, 1e-30)
     found, _ = by("jacobian_by_differences", params, 0.0, 1e-3, y)
     assert found == pytest.approx(np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-4, abs=1e-12)
@@ -154,7 +154,7 @@ def test_a_field_that_does_not_depend_on_time_costs_one_evaluation(t):
 
 
 def test_late_in_time_the_increment_is_still_felt():
-    """A step of 1e-9 at 1e6 seconds: 2^-9 of it would vanish in the rounding of the time."""
+    """The step is 1e-9 at 1e6 seconds: 2^-9 of it would vanish in the rounding of the time."""
     t, rate = 1e6, 1.0
     found, count = rate_of((FOLLOWER, rate), t, 1e-9, (0.2, 1.5))
     assert count == 3
@@ -167,7 +167,7 @@ RTOL = 1e-6
 
 
 def table_after(solver, start):
-    """The rows that the test needs, of a step that SciPy took, and the step's length."""
+    """Return the rows that the test needs from a step that SciPy took, and the step's length."""
     before, y = start
     dt, s = solver.t - before, np.zeros((W1 + 4, solver.n))
     last = len(solver.A) - 1
@@ -177,7 +177,7 @@ def table_after(solver, start):
 
 
 def scores(method, limit, damping, t_end=1.0):
-    """Highest score while SciPy lets a mass fall on a spring with a damper."""
+    """Return the highest score while SciPy lets a mass fall on a spring with a damper."""
 
     def contact(t, y):
         return np.array([y[1], -9.81 - damping * y[1] - damping * y[0]])
@@ -208,7 +208,7 @@ def test_a_weak_damper_is_not(method, limit):
 
 
 def linear_table(matrix, y, dt):
-    """A table after a step of y' = A y whose last stage was a little off the new state."""
+    """Return a table after a step of y' = A y whose last stage is slightly off the new state."""
     n = len(y)
     s = np.zeros((W1 + 2 + n, n))
     s[Y], s[END], s[SCRATCH] = y, y, np.asarray(y) + 1e-3 * np.arange(1, n + 1)

@@ -54,7 +54,7 @@ def test_an_error_leaves_the_system_usable():
 
 @pytest.fixture(autouse=True)
 def empty_cache(tmp_path, monkeypatch):
-    """Scenes here are new to the cache, and leave nothing in it."""
+    """Make scenes new to the cache, and leave nothing in it."""
     for name in table.TABLEAUS:
         generic_code(name)
     solve(ring(1), (0.0, 0.1), [1.0])  # the driver comes from the cache of the install
@@ -63,7 +63,7 @@ def empty_cache(tmp_path, monkeypatch):
 
 
 def ring(n, compiled=True):
-    """Coupled motions in a ring with a drive, which the handler switches on and off."""
+    """Return coupled oscillators in a ring, with a drive that the handler switches on and off."""
 
     @field(compiled=compiled)
     def swing(t, y, mode, params, dy):
@@ -92,7 +92,7 @@ def outcome(system, method, **options):
 
 
 def tiers(system, method):
-    """Return what is generic now, by number."""
+    """Return the numbers of the methods that are currently generic."""
     return system.methods(method, False).generic
 
 
@@ -133,7 +133,7 @@ def test_a_field_in_python_never_has_code_of_its_own(monkeypatch):
 
 
 def test_changes_within_an_integration(monkeypatch):
-    """When it returns for more room, the driver goes on with the scene's own code."""
+    """The driver returns for more room, and continues with the scene's own code."""
     system, whole = ring(2), outcome(ring(2), "dopri5", max_step=0.01)
     monkeypatch.setattr(table, "WORTH_COMPILING", 100)
     changed = outcome(system, "dopri5", max_step=0.01)

@@ -1,4 +1,4 @@
-"""The flow's Jacobian along smooth arcs: each method, both ways to the field's derivative."""
+"""The flow's Jacobian along smooth arcs: each method, both forms of the field's derivative."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_methods_agree_where_modes_are_affine(method):
 
 @pytest.mark.parametrize("angle", [1e-3, 1e-6, 0.0])
 def test_units_of_the_state_do_not_matter(angle):
-    """The field is linear: the Jacobian is that of any other start."""
+    """The field is linear, so the Jacobian is that of any other start."""
     given = carried(balance(), (0, 1), [angle, 0.0], params=(0.0,), method="dopri5", max_step=0.01)
     exact = [[np.cos(1), np.sin(1)], [-np.sin(1), np.cos(1)]]
     assert np.abs(given.jacobian - exact).max() < 1e-9
@@ -81,7 +81,7 @@ def test_units_of_the_state_do_not_matter(angle):
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 @pytest.mark.parametrize("angle", [1e-13, 1e-16, 1e-20])
 def test_a_state_near_zero_beside_terms_that_cancel(angle, method):
-    """Such as an angle that is zero but for rounding, beside the weight."""
+    """An example is an angle that is zero except for rounding, beside the weight."""
     options = {"params": (9.81,), "method": method, "max_step": 0.01}
     found = carried(balance(), (0, 1), [angle, 0.0], **options)
     exact = [[np.cos(1), np.sin(1)], [-np.sin(1), np.cos(1)]]
@@ -143,7 +143,7 @@ def turning(t, y, mode, params, jac):
 
 
 def test_steps_too_short_for_the_time_to_go_on_end_in_a_status():
-    """Asked for by the Jacobian alone, beside a state that allows any step."""
+    """Only the Jacobian demands these steps; the state allows any step."""
     system = System(at_rest, n_states=2, jacobian=turning)
     options = {"jacobian": True, "method": "dopri5"}
     found = solve(system, (1, 2), [1.0, 0.0], params=(1e18,), **options)
@@ -193,12 +193,12 @@ def stage_jacobian(t, dt, rtol, s, mode, params, atol, phi, field, jacobian):
 
 
 def plain_fma(a, b, c):
-    """The product and sum of compiled code, for plain Python: rounded twice."""
+    """Return the fused product and sum of compiled code, in plain Python rounded twice."""
     return a * b + c
 
 
 class Table(np.ndarray):
-    """A table whose rows may be run over, as in compiled code: entry e of a block."""
+    """A table whose rows may be overrun, as in compiled code: entry e of a block."""
 
     width = N
 
@@ -216,7 +216,7 @@ class Table(np.ndarray):
 
 
 def short_flow(dt, rtol=1e-6):
-    """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
+    """Return the flow's Jacobian over dt, its own error estimate, and the motion squared."""
     names = {"stage_jacobian": stage_jacobian, "fastest_motion": taylor.fastest_motion.py_func}
     multiply = with_digest(tangent.multiply.py_func, fma=plain_fma)
     add = with_digest(tangent.add_product.py_func, multiply=multiply, fma=plain_fma)
@@ -251,7 +251,7 @@ def test_it_judges_its_error_by_the_fastest_motion():
 
 @pytest.mark.parametrize("form", [{}, {"sums": True}])
 def test_dense_events_need_few_more_evaluations_of_the_field(form):
-    """A step that is taken again for its Jacobian would double them."""
+    """If steps were repeated for their Jacobian, evaluations would double."""
     plate, start = Plate(20), [0.0, 2.2, 0.07, 0.0, 0.0, 0.0]
     options = {"params": plate.params, "rtol": 1e-6, "atol": 1e-6, "method": "dopri5"}
     state = solve(plate.system(**form), (0, 1), start, **options)
@@ -276,7 +276,7 @@ def cascade_jacobian(t, y, mode, params, jac):
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("rate", [0.3, 3.0, 300.0])
 def test_a_derivative_that_changes_though_nothing_moves_as_fast_is_followed(rtol, rate):
-    """What drives another state, and is not driven by it, counts as no motion, however fast."""
+    """A state that drives another without being driven by it counts as no motion, however fast."""
     cascade = System(cascade_field, jacobian=cascade_jacobian, n_states=2)
     options = {"params": (rate,), "rtol": rtol, "atol": rtol, "method": "dopri5"}
     found = solve(cascade, (0.0, 2.0), (0.4, 0.0), jacobian=True, **options)

@@ -1,4 +1,4 @@
-"""Taylor series of affine modes: exact but for rounding, and themselves the dense output."""
+"""Taylor series of affine modes: exact except for rounding, and also the dense output."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EPS = 2.0**-52
 
 @compiled
 def affine(mode, params, a, b):
-    """Row by row, A and b stand in the parameters; zeros are left out, as a user would."""
+    """Fill in A and b row by row from the parameters; zeros are left out, as a user would."""
     n = len(b)
     for i in range(n):
         if params[n * n + i] != 0.0:
@@ -45,7 +45,7 @@ def fastest_motion(table, first):
 
 
 def stepper(a, b, y, **options):
-    """A stepper at t = 0 for y' = a y + b."""
+    """Return a stepper at t = 0 for y' = a y + b."""
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     n = len(b)
     method = SimpleNamespace(**{**vars(taylor), "step": taylor.step_function(n)})
@@ -61,7 +61,7 @@ def stepper(a, b, y, **options):
 
 
 def flow(a, b, y, t):
-    """The state at `t`, by the exponential of a matrix in 50 digits."""
+    """Return the state at `t`, by a matrix exponential in 50 digits."""
     n = len(b)
     with mpmath.workdps(50):
         generator = mpmath.zeros(n + 1)
@@ -74,7 +74,7 @@ def flow(a, b, y, t):
 
 
 def random_mode(n, seed=0):
-    """A mode whose fastest rate is 1, and a state."""
+    """Return a mode whose fastest rate is 1, and a state."""
     rng = np.random.default_rng(seed)
     a = rng.normal(size=(n, n))
     return a / abs(np.linalg.eigvals(a)).max(), rng.normal(size=n), rng.normal(size=n)
@@ -96,7 +96,7 @@ def test_a_step_is_exact_but_for_rounding(n, dt):
 
 @pytest.mark.parametrize("z", [2.0, 4.0])
 def test_where_a_mode_decays_terms_that_alternate_cost_no_digits(z):
-    """All terms rounded once are exp(z) / 2 eps at most, of which the mean is a small part."""
+    """Rounding each term once gives at most exp(z) / 2 eps, of which the mean is a small part."""
     rng, errors = np.random.default_rng(3), []
     for dt in z * (1.0 + 0.01 * rng.random(100)):
         one = stepper([[-1.0]], [0.0], [1.0])
@@ -114,7 +114,7 @@ def test_a_flight_is_one_step_of_any_length():
 
 
 def test_a_chain_of_integrators_is_not_cut_short():
-    """Only the last state is not zero: every term but one rests, in each component."""
+    """Only the last state is not zero, so in each component every term but one vanishes."""
     n = 12
     one = stepper(np.diag(np.ones(n - 1), 1), np.zeros(n), np.eye(n)[-1])
     assert one.step(2.0) == 0.0
@@ -124,7 +124,7 @@ def test_a_chain_of_integrators_is_not_cut_short():
 
 
 def test_a_term_may_rest_in_the_states_that_count():
-    """Every second term moves only the speed, whose tolerance is loose: the series goes on."""
+    """Every second term moves only the speed, whose tolerance is loose; the series continues."""
     one = stepper([[0.0, 1.0], [-1.0, 0.0]], [0.0, 0.0], [1.0, 0.0])
     one.atol = np.array([0.0, 1e3])
     one.step(1.0)
@@ -132,7 +132,7 @@ def test_a_term_may_rest_in_the_states_that_count():
 
 
 def test_half_a_stance_is_one_step():
-    """A spring turned by 3 radians: accepted at 1e-9, and far better than that."""
+    """A spring turns by 3 radians: the step is accepted at 1e-9 and is far more accurate."""
     one = stepper(*SPRING)
     assert one.step(3.0 / OMEGA) < 1.0
     exact = flow(*SPRING, 3.0 / OMEGA)
@@ -148,7 +148,7 @@ def test_an_equilibrium_stays():
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 @pytest.mark.parametrize("turn", [2.0, 4.0, 6.0, 8.0, 12.0])
 def test_the_error_estimate_bounds_the_error(turn, rtol):
-    """Beyond degree 32, the error is truncation: estimated, and not ten times too large."""
+    """Beyond degree 32 the error is truncation; its estimate is at most ten times too large."""
     a, b, y = SPRING
     one = stepper(a, b, y, rtol=rtol, atol=1e-12 * rtol)
     estimate = one.step(turn / OMEGA) / max(rtol / taylor.SHARP, 1.0)
@@ -168,7 +168,7 @@ def test_the_estimate_goes_with_the_power_that_is_declared():
 
 
 def test_step_control_needs_few_rejections():
-    """From a first step that is a million times too long, and none after that."""
+    """The first step is a million times too long; after it none is rejected."""
     one = stepper(*SPRING)
     end = 40 * np.pi / OMEGA
     taken, rejected = one.run(end, 1e6)
@@ -237,7 +237,7 @@ def test_the_interpolant_is_as_exact_as_the_step(n):
 
 
 def test_the_interpolant_is_as_long_as_the_series():
-    """A fall is a parabola: two terms that vanish end the series, and are not read."""
+    """A fall is a parabola: two vanishing terms end the series, and further ones are not read."""
     one = stepper([[0.0, 1.0], [0.0, 0.0]], [0.0, -9.81], [2.0, 3.0])
     one.step(0.5)
     degree = one.interpolant_code(one.t, one.dt, one.s, one.mode, one.params, NO_ADDRESS)
@@ -257,7 +257,7 @@ def test_units_of_length_change_nothing(scale):
 
 
 def test_units_of_time_change_nothing():
-    """Positions and speeds have tolerances of their own units."""
+    """Positions and speeds have tolerances in their own units."""
     a, b, y = SPRING
     one = stepper(a, b, y)
     plain, end = one.step(0.1), one.s[END].copy()

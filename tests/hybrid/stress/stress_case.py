@@ -1,4 +1,4 @@
-"""A stress case: what is asked of the integrator, what is right, and how far it is from that."""
+"""A stress case: the call of the integrator, the right answer, and the deviation from it."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ PATIENCE = 200_000  # steps and events after which a case counts as hanging
 
 @dataclass(frozen=True)
 class Expected:
-    """A right answer: events as (time, guard, direction), final state, and what may be off.
+    """A right answer: events as (time, guard, direction), final state, and tolerances.
 
-    `state_tolerance` may be one number for each component, for states of several units; `back`
-    times both tolerances is what may be off where the case is integrated from its end to its start.
+    `state_tolerance` may have one number per component, for states with several units. Both
+    tolerances are multiplied by `back` if the case is integrated from its end to its start.
     """
 
     events: tuple[tuple[float, int, int], ...]
@@ -34,7 +34,7 @@ class Expected:
 
 @dataclass(frozen=True)
 class Case:
-    """A call of `solve` and its right answers (several, where rounding decides)."""
+    """A call of `solve` and its right answers (several if rounding decides)."""
 
     name: str
     parameter: str
@@ -50,7 +50,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a solution compares with the right answer that it is nearest to."""
+    """Comparison of a solution with the nearest right answer."""
 
     expected: int
     missed: int
@@ -70,7 +70,7 @@ class Verdict:
 
 
 def matched(found: list[float], wanted: list[float], tolerance: float) -> int:
-    """Count pairs of a found and a wanted time, in order, that are within the tolerance."""
+    """Count the pairs of found and wanted times, in order, that agree within the tolerance."""
     pairs, j = 0, 0
     for instant in sorted(wanted):
         while j < len(found) and found[j] < instant - tolerance:
@@ -81,7 +81,7 @@ def matched(found: list[float], wanted: list[float], tolerance: float) -> int:
 
 
 def compare(solution: Solution, answer: Expected) -> Verdict:
-    """Count missed and spurious events, guard by guard and direction by direction."""
+    """Count missed and spurious events by guard and direction."""
     log, kinds = solution.events, {event[1:] for event in answer.events}
     kinds |= set(zip(log.guard.tolist(), log.direction.tolist(), strict=True))
     pairs = 0
@@ -117,7 +117,7 @@ def check(case: Case) -> None:
 
 
 def params_of(cases: list[Case]) -> list[Any]:
-    """Return cases as parameters of a test."""
+    """Return the cases as parameters of a test."""
     import pytest  # the benchmark of these cases runs without it
 
     return [pytest.param(case, id=str(case)) for case in cases]
@@ -125,14 +125,14 @@ def params_of(cases: list[Case]) -> list[Any]:
 
 @cache
 def undone(system: System) -> System:
-    """Return a system whose handler undoes itself, the same at each call: its way back is kept."""
+    """Return a system whose handler undoes itself; each call returns the same cached one."""
     return replace(system, undo=system.on_event)
 
 
 def turned_back(case: Case) -> Case:
     """Return the case from its (only) right end back to its start, whose state is then the answer.
 
-    What its handler does must not matter.
+    The effect of its handler must not matter.
     """
     (answer,) = case.answers
     events = tuple((t, guard, -direction) for t, guard, direction in reversed(answer.events))

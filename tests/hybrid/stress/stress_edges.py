@@ -14,7 +14,7 @@ from stress_systems import BOWL, POWER, clock, clock_params
 
 
 def on_ceiling_case(speed: float, gravity: float, ceiling: float = 1.0) -> Case:
-    """A ball that starts on the guard: rising, falling, or at rest with a bend up or down."""
+    """Return a ball that starts on the guard: rising, falling, or at rest with a bend."""
     end = 3.0
     back = 2 * speed / gravity if speed * gravity > 0 else end
     lock = 1 if speed > 0 or (speed == 0 and gravity < 0) else -1
@@ -30,7 +30,7 @@ def on_ceiling_case(speed: float, gravity: float, ceiling: float = 1.0) -> Case:
 
 
 def given_lock_case(lock: int, place: float) -> Case:
-    """A lock that contradicts h: the event is due at once; one that agrees is left alone."""
+    """Return a lock that contradicts h (the event is due at once) or agrees with it (no event)."""
     params = clock_params([(POWER, 1.0, 1, 1.0)], [1.0])
     sign = 1 if place >= 1.0 else -1
     events = () if lock == sign else ((0.0, 0, sign),)
@@ -44,14 +44,14 @@ def given_lock_case(lock: int, place: float) -> Case:
 
 
 def flat_start_case(kind: tuple[float, float, float, float], lock: int, name: str) -> Case:
-    """On the guard at the start without a rate: the bend, or the next derivative, decides."""
+    """Return a start on the guard with zero rate: the second or a higher derivative decides."""
     answer = Expected((), (3.0, 2.0 * (lock > 0)), 0.0, 64 * EPS, mode=(lock,))
     return Case("flat_at_start", name, clock(1), (0.0, 2.0), (1.0, 0.0), (answer,),
                 {"params": clock_params([kind], [1.0])})  # fmt: skip
 
 
 def several_at_start_case(angle: float) -> Case:
-    """Five guards through the initial state: two rise, two fall, one is never left."""
+    """Return five guards through the initial state: two rise, two fall, one is never left."""
     turn, _ = turned(angle, (0.0, 0.0))
     normals = np.array([[1.0, 0.0], [0.8, 0.6], [-1.0, 0.0], [-0.6, -0.8], [1.0, 0.0]]) @ turn.T
     fields = additive((0.5, -0.25, 0.0, 0.75, -0.5)) @ turn.T
@@ -60,7 +60,7 @@ def several_at_start_case(angle: float) -> Case:
 
 
 def span_end_case(ulps: int, at: float) -> Case:
-    """The event a few units in the last place from t_end: found once it is not later than that."""
+    """Return an event a few ulps from t_end; it counts if it is not later than t_end."""
     end = at
     for _ in range(abs(ulps)):
         end = float(np.nextafter(end, np.inf if ulps > 0 else -np.inf))
@@ -75,7 +75,7 @@ def span_end_case(ulps: int, at: float) -> Case:
 
 
 def tiny_span_case(start: float, span: float, share: float) -> Case:
-    """A very small span, with an event at a share of it (beyond it if the share is above 1)."""
+    """Return a very small span with an event at this fraction of it (above 1: beyond it)."""
     end = start + span
     at = share * span
     params = clock_params([(POWER, at, 1, 1.0)], [1.0])
@@ -93,7 +93,7 @@ def tiny_span_case(start: float, span: float, share: float) -> Case:
 
 
 def huge_start_case(start: float) -> Case:
-    """A clock and three guards far from t = 0: times are as good as floats there."""
+    """Return a clock and three guards far from t = 0, where times are as exact as floats."""
     params = clock_params([(POWER, a, 1, 1.0) for a in (0.5, 1.0, 1.25)], [1.0, -0.5, 0.25])
     events = tuple((start + a, k, 1) for k, a in enumerate((0.5, 1.0, 1.25)))
     off = 16 * EPS * start
@@ -104,7 +104,7 @@ def huge_start_case(start: float) -> Case:
 
 
 def never_case(name: str, kind: tuple[float, float, float, float], lock: int) -> Case:
-    """A guard that is never reached."""
+    """Return a guard that is never reached."""
     answer = Expected((), (3.0, 3.0 * (lock > 0)), 0.0, 32 * EPS, mode=(lock,))
     return Case("never_reached", name, clock(1), (0.0, 3.0), (0.0, 0.0), (answer,),
                 {"params": clock_params([kind], [1.0])})  # fmt: skip

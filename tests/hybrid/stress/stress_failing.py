@@ -1,4 +1,4 @@
-"""Systems whose functions fail, and systems that have no solution to go on with."""
+"""Systems whose functions fail, and systems whose solution cannot continue."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def faulty_handler(t, y, mode, params, guard, direction):
 
 @cache
 def faulty() -> System:
-    """x' = 1 and a guard; something fails beyond a position."""
+    """Return x' = 1 and a guard; something fails beyond a position."""
     return System(
         faulty_field, faulty_guards, faulty_handler, n_states=2, guard_names=("gate", "far")
     )
@@ -75,7 +75,7 @@ def seesaw_event(t, y, mode, params, guard, direction):
 
 @cache
 def seesaw() -> System:
-    """Guards that push each other back and forth, without end, at one instant."""
+    """Return guards that push each other back and forth endlessly at one instant."""
     return System(
         still_field, seesaw_guards, seesaw_event, n_states=1, guard_names=("left", "right"),
         n_extra_modes=2,
@@ -83,10 +83,10 @@ def seesaw() -> System:
 
 
 def spiral() -> tuple[System, np.ndarray]:
-    """Four constant fields that wind into the origin: a Zeno sequence of live crossings.
+    """Return four constant fields that wind into the origin: a Zeno sequence of live crossings.
 
     x' = -sgn y - 0.3 sgn x, y' = sgn x - 0.3 sgn y. From (r, 0) a quarter turn takes r / 1.3 and
-    leaves 0.7 r / 1.3, so all of them take r / 0.6.
+    leaves 0.7 r / 1.3, so all quarter turns together take r / 0.6.
     """
     signs = [(1 if row & 1 else -1, 1 if row & 2 else -1) for row in range(4)]
     fields = np.array([(-b - 0.3 * a, a - 0.3 * b) for a, b in signs])

@@ -1,4 +1,4 @@
-"""Cases in which events come together: contact gaps, pairs, pushes, many guards at one instant."""
+"""Cases with events close together: contact gaps, pairs, pushes, many guards at one instant."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def turned(angle: float, shift: tuple[float, float]) -> tuple[np.ndarray, np.nda
 
 
 def additive(gains: tuple[float, ...]) -> np.ndarray:
-    """Return fields (2^K, 2): along x 1 and the gains of the locks that are +1, along y 1."""
+    """Return fields (2^K, 2): 1 plus the gains of the locks that are +1 along x, and 1 along y."""
     locks = [[row >> k & 1 for k in range(len(gains))] for row in range(1 << len(gains))]
     return np.array([[1.0 + np.dot(bits, gains), 1.0] for bits in locks])
 
@@ -51,7 +51,7 @@ def constant_case(
 
 
 def gap_case(gap: float, kind: str, at: float, angle: float) -> Case:
-    """Four guards crossed within three gaps of each other, at x = `at`, in a turned frame."""
+    """Return four guards crossed within three gaps of each other, at x = `at`, rotated."""
     turn, origin = turned(angle, (0.0, 0.0))
     offsets = at + gap * np.array([2.0, 0.0, 3.0, 1.0])
     normals = np.tile(turn[:, 0], (4, 1))
@@ -61,7 +61,7 @@ def gap_case(gap: float, kind: str, at: float, angle: float) -> Case:
 
 
 def two_way_gap_case(gap: float) -> Case:
-    """Guards that look both ways: one of each pair rises, the other falls."""
+    """Return two-way guards: one of each pair rises, the other falls."""
     offsets = np.array([1.0, -(1.0 + gap), 1.0 + 2 * gap, -(1.0 + 3 * gap)])
     normals = np.array([[1.0, 0.0], [-1.0, 0.0]] * 2)
     system = Piecewise(offsets, normals, additive((0.5, -0.25, 0.75, -0.5)))
@@ -69,7 +69,7 @@ def two_way_gap_case(gap: float) -> Case:
 
 
 def recrossing_case(gap: float, angle: float) -> Case:
-    """Guard 0 is crossed, a gap later guard 1 turns the field back across guard 0."""
+    """Return a case where guard 1, a gap after guard 0, turns the field back across guard 0."""
     turn, _ = turned(angle, (0.0, 0.0))
     fields = np.array([[1.0, 1.0], [1.0, 1.0], [-2.0, 1.0], [-2.0, 1.0]]) @ turn.T
     system = Piecewise(np.array([1.0, 1.0 + gap]), turn.T.copy(), fields)
@@ -83,14 +83,14 @@ def recrossing_case(gap: float, angle: float) -> Case:
 
 
 def twice_crossed(answer: Expected) -> Expected:
-    """Return the answer with guard 0 crossed there and back at the instant of guard 1."""
+    """Return the answer with guard 0 also crossed there and back at the instant of guard 1."""
     instant = next(t for t, k, _ in answer.events if k == 1)
     events = ((instant, 0, 1), (instant, 1, 1), (instant, 0, -1))
     return replace(answer, events=events)
 
 
 def pair_case(gap: float) -> Case:
-    """One guard with two roots a gap apart: it falls, and rises again."""
+    """Return one guard with two roots a gap apart: it falls and rises again."""
     params = clock_params([(PAIR, 1.0, gap, 1.0)], [2.0])
     rounding = 32 * EPS
     both = Expected(
@@ -107,7 +107,7 @@ def pair_case(gap: float) -> Case:
 
 
 def crowd_case(count: int, gap: float) -> Case:
-    """Many guards within `count` gaps."""
+    """Return many guards within `count` gaps."""
     places = 1.0 + gap * np.arange(count)[::-1]
     params = clock_params([(POWER, a, 1, 1.0) for a in places], [1.0 / count] * count)
     events = tuple((float(a), k, 1) for k, a in enumerate(places))
@@ -118,7 +118,7 @@ def crowd_case(count: int, gap: float) -> Case:
 
 
 def push_case(amount: float, events: tuple[tuple[float, int, int], ...], parameter: str) -> Case:
-    """Guards at 1, 2 and 3; when the first is crossed, the handler adds `amount` to x, once."""
+    """Return guards at 1, 2 and 3; the handler adds `amount` to x once, at the first crossing."""
     params = clock_params([(POWER, a, 1, 1.0) for a in (1.0, 2.0, 3.0)], [1.0, 10.0, 100.0])
     params = np.append(params, amount)
     up, z_end, end = {}, 0.0, 5.0
@@ -133,7 +133,7 @@ def push_case(amount: float, events: tuple[tuple[float, int, int], ...], paramet
 
 
 def push_cases() -> list[Case]:
-    """Handlers that push across other guards, onto one, back across their own, or hardly at all."""
+    """Return handlers that push across other guards, onto one, back across their own, or hardly."""
     again = ((1.0, 0, 1), (1.0, 0, -1))
     return [
         push_case(1.5, ((1.0, 0, 1), (1.0, 1, 1), (1.5, 2, 1)), "across one"),
@@ -149,7 +149,7 @@ def push_cases() -> list[Case]:
 
 
 def terminal_case(gap: float, last: int) -> Case:
-    """Of three guards `gap` apart one is terminal: those before it, or with it, are events too."""
+    """Return three guards `gap` apart with one terminal: those before or with it are events too."""
     terminal = tuple(k == last for k in range(3))
     params = clock_params([(POWER, 1.0 + k * gap, 1, 1.0) for k in range(3)], [1.0] * 3)
     seen = range(3) if gap == 0.0 else range(last + 1)

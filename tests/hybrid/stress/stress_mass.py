@@ -17,12 +17,12 @@ STATE = tuple[Any, Any]
 
 
 def flight(y: STATE, t: Any) -> STATE:
-    """Return height and velocity after a while in the air."""
+    """Return height and velocity after a time in the air."""
     return y[0] + y[1] * t - GRAVITY * t * t / 2, y[1] - GRAVITY * t
 
 
 def stance(y: STATE, k: Any, c: Any, t: Any) -> STATE:
-    """Return height and velocity after a while on spring and damper (both per mass)."""
+    """Return height and velocity after a time on spring and damper (both per mass)."""
     rest, half = -mpmath.mpf(GRAVITY) / k, mpmath.mpf(c) / 2
     root = mpmath.sqrt(half * half - k)  # imaginary if it swings
     x, v = y[0] - rest, y[1]
@@ -51,7 +51,7 @@ def lift_off(y: STATE, k: Any, c: Any) -> Any:
 
 @cache
 def hops(k: float, c: float, height: float, end: float) -> tuple[tuple[Any, ...], STATE]:
-    """Return instants of contact and lift-off in turn, and the final state."""
+    """Return the instants of contact and lift-off in turn, and the final state."""
     with mpmath.workdps(40):
         y, now, instants = (mpmath.mpf(height), mpmath.mpf(0)), mpmath.mpf(0), []
         in_air = True
@@ -75,8 +75,8 @@ def mass_case(
 ) -> Case:  # fmt: skip
     """Drop the mass by 1 m; lengths and times may be in other units.
 
-    Errors of the steps add up: by RTOL a step, of height and speed, and each error of the speed
-    moves the rest of the flights by as much.
+    Errors of the steps add up: RTOL per step in height and speed. Each error of the speed shifts
+    the remaining flights by the same amount.
     """
     instants, y = hops(k, c, 1.0, end)
     events = tuple((float(t) * time, 0, 1 if j % 2 == 0 else -1) for j, t in enumerate(instants))
@@ -97,7 +97,7 @@ def mass_case(
 
 
 def _jerk(k: float, y: STATE) -> float:
-    """Return how fast the velocity changes with time in the final phase, in units of the speed."""
+    """Return the rate of change of the velocity in the final phase, in units of the speed."""
     return float(mpmath.sqrt(k)) if y[0] < 0 else 1.0
 
 
@@ -134,10 +134,10 @@ def energy(k: float, y: np.ndarray) -> np.ndarray:
 
 
 def long_case(count: int, k: float = 1e3, rtol: float = 1e-13) -> Case:
-    """`count` hops of the undamped mass: contact, lift-off and apex come in equal times.
+    """Return `count` hops of the undamped mass: contact, lift-off and apex at regular intervals.
 
-    The last hop ends at an apex, where the height says how much energy is left: an error of
-    the period moves the apex in time, and the height there only by its square.
+    The last hop ends at an apex, whose height shows the remaining energy: an error of the period
+    shifts the apex in time, and changes the height there only by its square.
     """
     period = undamped_period(k, 1.0)
     fall = np.sqrt(2 / GRAVITY)
@@ -156,5 +156,5 @@ def long_case(count: int, k: float = 1e3, rtol: float = 1e-13) -> Case:
 
 
 def per_hop_steps(count: int) -> int:
-    """Return a number of steps that so many hops surely need no more than."""
+    """Return an upper bound on the number of steps for `count` hops."""
     return 2 * STEPS_PER_PHASE * count

@@ -1,8 +1,8 @@
-"""Guards that move more quickly than the state, or bend: random members of a table of families.
+"""Guards that move faster than the state, or bend: random members of a table of families.
 
 The path is known whatever the guards do: u = x + c, where x falls freely, c and s wind in or out,
-and only z, the integral of the locks, sees the events. So each crossing is found by sampling the
-path densely, and bracketing.
+and only z, the integral of the locks, depends on the events. So each crossing is found by sampling
+the path densely and bracketing.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def remember(t, y, mode, params, guard, direction):
 
 @cache
 def quick(affine_too: bool = False) -> System:
-    """Return the system; with its affine form, Taylor's method serves it."""
+    """Return the system; with its affine form, Taylor's method supports it."""
     return System(
         quick_field, quick_guards, remember, n_states=5, guard_names=("g0", "g1"), n_extra_modes=1,
         jacobian=quick_jacobian, affine=quick_affine if affine_too else None,
@@ -109,7 +109,7 @@ def quick(affine_too: bool = False) -> System:
 
 
 def place(params: np.ndarray, y0: np.ndarray, t: float) -> tuple[float, ...]:
-    """Return u, v and their rates at a time (or at many), the start being at 0."""
+    """Return u, v and their rates at one or many times, with the start at 0."""
     fall, growth, turn = params[:FIXED]
     c = np.exp(growth * t) * (y0[2] * np.cos(turn * t) - y0[3] * np.sin(turn * t))
     s = np.exp(growth * t) * (y0[3] * np.cos(turn * t) + y0[2] * np.sin(turn * t))
@@ -129,9 +129,9 @@ def sampled(q, t, u, v, after_from):
 def crossings(
     params: np.ndarray, y0: np.ndarray, end: float, k: int, after_from: float, off: float
 ) -> tuple[list[Event], int] | None:
-    """Return the events of guard k and its lock at the start, if the path is `off` by so much.
+    """Return the events of guard k and its lock at the start, if the path is shifted by `off`.
 
-    None if the guard turns near its surface.
+    The result is None if the guard turns near its surface.
     """
     q = params[FIXED + k * WIDTH : FIXED + (k + 1) * WIDTH]
     t = np.linspace(0.0, end, SAMPLES + 1)
@@ -161,7 +161,7 @@ def crossings(
 
 
 def start(rng: np.random.Generator, *, turning: bool = False) -> tuple[list[float], list[float]]:
-    """Draw (fall, growth, turn) and a start: free flight, with or without a state that turns."""
+    """Draw (fall, growth, turn) and a start: free flight, with or without a rotating state."""
     x, v = rng.uniform(-1.0, 1.0), rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 2.0)
     if not turning:
         return [rng.choice([0.0, rng.uniform(0.5, 9.81)]), 0.0, 0.0], [x, v, 0.0, 0.0, 0.0]
@@ -187,7 +187,7 @@ def product(rng):
 
 
 def dip(rng):
-    """A sine that reaches its surface with its peaks only."""
+    """Return a sine that reaches its surface only with its peaks."""
     return [SINE, 0.0, rng.uniform(2.0, 8.0), rng.uniform(0.0, 6.0),
             np.cos(rng.uniform(0.04, 0.2))]  # fmt: skip
 
@@ -265,7 +265,7 @@ def end_state(
 
 
 def quick_member(family: str, rng: np.random.Generator, rtol: float) -> Case:
-    """Draw a member of a family whose events a path as good as `rtol` has, too."""
+    """Draw a member of a family whose events also exist on a path with an error of `rtol`."""
     first, second, turning = FAMILIES[family]
     while True:
         fixed, y0 = start(rng, turning=turning)
@@ -329,7 +329,7 @@ def ball_on_table() -> System:
 
 
 def bounces(params: np.ndarray, drop: float, end: float) -> tuple[list[Event], np.ndarray] | None:
-    """Return contacts and end of a ball that is let go; None if it touches the table too gently."""
+    """Return contacts and end of a released ball; None if it touches the table too gently."""
     e, a, w, phase = params
     t0, y, v, events = 0.0, drop, 0.0, []
     while True:
@@ -357,7 +357,7 @@ def bounces(params: np.ndarray, drop: float, end: float) -> tuple[list[Event], n
 
 
 def table_member(rng: np.random.Generator, rtol: float) -> Case:
-    """Draw a ball on a shaking table, which it hits with some speed each time."""
+    """Draw a ball on a shaking table that it always hits with some speed."""
     while True:
         rate = rng.uniform(10.0, 60.0)
         params = np.array([rng.uniform(0.3, 0.9), 10.0 / rate**2 * rng.uniform(0.5, 5.0), rate,

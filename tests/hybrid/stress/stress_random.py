@@ -1,8 +1,8 @@
-"""Random event-selected systems: several plane guards, another field for each set of locks.
+"""Random event-selected systems: several plane guards, a different field for each set of locks.
 
-Every guard is live in every mode, Dh f >= LIVE: each is crossed once, upwards. Some of them pass
-within a small gap of one point of the trajectory, so that they are crossed nearly at once.
-They are drawn with sums, products and roots alone, which all processors round alike.
+Every guard is live in every mode, Dh f >= LIVE, so each is crossed once, upwards. Some of them pass
+within a small gap of one point of the trajectory and are crossed nearly at once. The systems are
+drawn with sums, products and roots alone, which all processors round alike.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def draw_constants(
 
 
 def draw_matrices(rng: np.random.Generator, constants: np.ndarray, y0: np.ndarray) -> np.ndarray:
-    """Return matrices (2^K, n, n) so small that n (A y + b) >= LIVE wherever y gets until END."""
+    """Return matrices (2^K, n, n), so small that n (A y + b) >= LIVE for all y reached by END."""
     drawn = rng.normal(size=(*constants.shape, constants.shape[1]))
     farthest = GROWTH * (length(y0) + length(constants).max())
     spare = min((PUSH - LIVE) / farthest, 0.5)
@@ -64,7 +64,7 @@ def draw_matrices(rng: np.random.Generator, constants: np.ndarray, y0: np.ndarra
 
 
 def drift(system: Piecewise, locks: list[int], y: np.ndarray, span: float) -> np.ndarray:
-    """Return the state a while later in one mode, in floats."""
+    """Return the state after `span` in one mode, in floats."""
     term = velocity(system, locks, y) * span
     end = y + term
     if system.matrices is not None:
@@ -77,7 +77,7 @@ def drift(system: Piecewise, locks: list[int], y: np.ndarray, span: float) -> np
 def place_planes(
     rng: np.random.Generator, system: Piecewise, y0: np.ndarray, gap: float
 ) -> Piecewise:
-    """Put the planes where the trajectory passes; about half share the point of the one before."""
+    """Place the planes on the trajectory; about half of them share the point of the one before."""
     count, offsets, y, now = system.shape[1], system.offsets.copy(), y0, 0.0
     locks = [-1] * count
     for k, instant in enumerate(np.sort(rng.uniform(0.02, 0.98, size=count)) * END):
@@ -90,7 +90,7 @@ def place_planes(
 
 
 def random_system(seed: int, *, affine: bool) -> tuple[Piecewise, np.ndarray, float]:
-    """Return a random system, its initial state, and the gap of its near coincidences."""
+    """Return a random system, its initial state, and the gap between its near coincidences."""
     rng = np.random.default_rng([seed, affine])
     n, count = int(rng.integers(2, 7)), int(rng.integers(1, 9))
     ahead, normals = draw_planes(rng, n, count)
@@ -103,7 +103,7 @@ def random_system(seed: int, *, affine: bool) -> tuple[Piecewise, np.ndarray, fl
 
 
 def affine_answer(system: Piecewise, y0: np.ndarray, rtol: float) -> Expected:
-    """Return the right answer, and what local errors of the tolerance may add up to."""
+    """Return the right answer, with tolerances for the sum of local errors."""
     run = affine_events(system, y0.tolist(), END, TERMS)
     states = np.array([y0, run.y_end, *run.points])
     local = np.sqrt(len(y0)) * rtol * (np.abs(states).max() + ATOL_OVER_RTOL)

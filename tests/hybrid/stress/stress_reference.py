@@ -57,19 +57,19 @@ def dot(a: list[Any], b: list[Any]) -> Any:
 
 
 def along(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return scalar products along the last axis, by sums whose order no library chooses."""
+    """Return scalar products along the last axis, by sums in a fixed order."""
     return np.asarray((a * b).sum(axis=-1))
 
 
 def locks_of(values: list[Any], rates: list[Any]) -> list[int]:
-    """Return the locks at the start: the sign of h, on the surface of its rate."""
+    """Return the locks at the start: the sign of h, or on the surface that of its rate."""
     return [1 if h > 0 or (h == 0 and d > 0) else -1 for h, d in zip(values, rates, strict=True)]
 
 
 def constant_events(system: Piecewise, y0: list[float], t0: float, t_end: float) -> Run:
     """Propagate piecewise constant fields exactly.
 
-    Guards that are crossed at the very same instant flip together, as in `solve`.
+    Guards that are crossed at exactly the same instant flip together, as in `solve`.
     """
     offsets, normals = rational(system.offsets), rational(system.normals)
     fields, y = rational(system.constants), rational(np.array(y0, dtype=float))
@@ -106,10 +106,10 @@ def velocity(system: Piecewise, locks: list[int], y: list[float]) -> np.ndarray:
 
 
 def amplification(system: Piecewise, run: Run, span: float, *, back: bool = False) -> float:
-    """Return by how much, at most, an error made at any event or step grows until the end.
+    """Return the largest factor by which an error at any event or step grows until the end.
 
-    Products of the saltation matrices I + (f+ - f-) n / (n f-), times a bound on the flow's growth;
-    of a run back, which ends at the start, those with f+ and f- exchanged.
+    It is the product of the saltation matrices I + (f+ - f-) n / (n f-), times a bound on the
+    flow's growth. For a run back, which ends at the start, f+ and f- are exchanged.
     """
     n, passed = system.shape[0], list(zip(run.events, run.points, strict=True))
     locks, product, most = list(run.start if back else run.end), np.eye(n), 1.0
@@ -127,11 +127,11 @@ def amplification(system: Piecewise, run: Run, span: float, *, back: bool = Fals
 def constant_answer(
     system: Piecewise, y0: list[float], t_span: tuple[float, float], *, slack: float = 0.0
 ) -> Expected:
-    """Return the right answer for piecewise constant fields, good to rounding.
+    """Return the right answer for piecewise constant fields, with tolerances for rounding.
 
-    Runge-Kutta steps are exact there, so only rounding is allowed: a few units of it at each event,
-    of the state, of the time (in which the field moves it), and amplified by what follows. `slack`
-    is time, s, by which events that are so near to each other may change their order.
+    Runge-Kutta steps are exact there, so only rounding is allowed: at each event a few units of
+    rounding of the state and of the time (in which the field moves it), amplified by what follows.
+    `slack` is the time, s, within which close events may change their order.
     """
     run = constant_events(system, y0, *t_span)
     speed = np.abs(system.constants).sum(axis=1).max()
@@ -149,6 +149,6 @@ def constant_answer(
 
 
 def min_rate(system: Piecewise) -> float:
-    """Return the least |n f| over all guards and modes that is not zero."""
+    """Return the least nonzero |n f| over all guards and modes."""
     rates = np.abs(system.constants @ system.normals.T)
     return float(rates[rates > 0].min())

@@ -1,4 +1,4 @@
-"""Cases of roots that are hard to see: grazing, touching, flat, jumping, and many in one step."""
+"""Cases with roots that are hard to see: grazing, touching, flat, jumping, and many in one step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GRAZES = (1e-3, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13, 1e-14, 1e-15)
 
 
 def graze_case(delta: float, speed: float) -> Case:
-    """A ball thrown up to a ceiling at (1 + delta) of its apex height; gravity 2 m/s2, 3 s."""
+    """Return a ball with a ceiling at (1 + delta) of its apex height; gravity 2 m/s2, 3 s."""
     gravity, end = 2.0, 1.5 * speed
     apex = speed * speed / (2 * gravity)
     ceiling = apex * (1.0 + delta)
@@ -43,9 +43,9 @@ def clock_case(
     name: str, parameter: str, kind: tuple[float, float, float, float],
     roots: list[float], first: int, blur: float = 0.0, end: float = 3.0, **options: float,
 ) -> Case:  # fmt: skip
-    """One guard of a clock that starts at 0, with its roots; `first` is the lock at the start.
+    """Return one guard of a clock that starts at 0, with its roots; `first` is its initial lock.
 
-    `blur` is by how much rounding of h may move a root.
+    `blur` is how far rounding of h may move a root.
     """
     events, lock, since, z_end = [], first, 0.0, 0.0
     for root in [*roots, end]:
@@ -60,7 +60,7 @@ def clock_case(
 
 
 def touch_cases() -> list[Case]:
-    """Even powers touch and turn, odd ones cross with no slope; bowls just miss or just dip."""
+    """Return even powers that touch, odd ones that cross flat, bowls that barely dip or miss."""
     cases = []
     for power in (2, 3, 4, 5):
         for sign in (1.0, -1.0):
@@ -79,7 +79,7 @@ def touch_cases() -> list[Case]:
 
 
 def jump_cases() -> list[Case]:
-    """Event functions that jump through zero: without slope, with it, and against it."""
+    """Return event functions that jump through zero: without slope, with it, and against it."""
     return [
         clock_case("jump", "level, up", (JUMP, 1.1, 1.0, 0.0), [1.1], -1),
         clock_case("jump", "level, down", (JUMP, 1.1, -1.0, 0.0), [1.1], 1),
@@ -95,7 +95,7 @@ def jump_cases() -> list[Case]:
 
 
 def fast_case(frequency: float, kind: int) -> Case:
-    """A guard that oscillates while the state hardly moves: `max_step` has to tell."""
+    """Return a guard that oscillates while the state hardly moves; `max_step` has to reveal it."""
     roots = [FIRST_ROOT + k / (2 * frequency) for k in range(int(5.7 * frequency))]
     name = "of the state" if kind == SINE else "of time"
     return clock_case(
@@ -106,7 +106,7 @@ def fast_case(frequency: float, kind: int) -> Case:
 
 
 def rotor_case(order: int, rate: float, rtol: float) -> Case:
-    """A rotor whose guard is the cosine of `order` times its angle: many roots a turn."""
+    """Return a rotor whose guard is the cosine of `order` times its angle: many roots per turn."""
     end, gain = 6.0 / rate, 2.0
     roots = np.arange(0.5, order * rate * end / np.pi, 1.0) * np.pi / (order * rate)
     roots = roots[roots < end]

@@ -1,4 +1,4 @@
-"""Right answers for piecewise affine fields: Taylor series of many digits."""
+"""Right answers for piecewise affine fields: Taylor series with many digits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ DIGITS = 30
 
 
 def series(a: list[Any], b: list[Any], y: list[Any], terms: int) -> list[list[Any]]:
-    """Return the Taylor coefficients of the solution of y' = a y + b, one list a component."""
+    """Return the Taylor coefficients of the solution of y' = a y + b, one list per component."""
     rows = [list(row) for row in a]
     now, out = list(y), [[value] for value in y]
     for order in range(1, terms + 1):
@@ -32,9 +32,9 @@ def value_at(coefficients: list[Any], t: Any) -> Any:
 
 
 def first_zero(coefficients: list[Any], span: Any) -> Any | None:
-    """Return the zero within the span of a polynomial that rises from below; None if there is none.
+    """Return the zero, within the span, of a polynomial that rises from below, or None.
 
-    The polynomial is monotone (the guard is live), so Newton's iteration may be kept in a bracket.
+    The polynomial is monotone (the guard is live), so Newton's iteration can be bracketed.
     """
     if value_at(coefficients, span) < 0:
         return None
@@ -51,7 +51,7 @@ def first_zero(coefficients: list[Any], span: Any) -> Any | None:
 
 
 def affine_events(system: Piecewise, y0: list[float], t_end: float, terms: int) -> Run:
-    """Propagate piecewise affine fields with live, rising guards, by Taylor series of 30 digits."""
+    """Propagate piecewise affine fields with live, rising guards by Taylor series of 30 digits."""
     with mpmath.workdps(DIGITS):
         offsets, normals, y = exact(system.offsets), exact(system.normals), exact(y0)
         locks = [1 if mpmath.fdot(n, y) >= c else -1 for n, c in zip(normals, offsets, strict=True)]

@@ -1,6 +1,7 @@
 """Random oscillating systems whose guard lies just within, or beyond, a turning point of its path.
 
-Where a step spans most of a swing, such a guard falls and rises again unseen from the step's ends.
+If a step spans most of an oscillation, such a guard falls and rises again unseen from the step's
+ends.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ class Swing:
 
 
 def turning(rng: np.random.Generator, n: int) -> np.ndarray:
-    """All states turn into each other, a little damped."""
+    """Return a matrix that rotates all states into each other, with slight damping."""
     drawn = rng.normal(size=(n, n))
     return (drawn - drawn.T - 0.1 * np.eye(n)) * rng.uniform(0.5, 10.0)
 
 
 def several(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Pairs that turn on their own, slow and fast."""
+    """Return a matrix of pairs that rotate independently, slow and fast."""
     matrix = np.zeros((n, n))
     for i in range(0, n - 1, 2):
         rate, damping = 10.0 ** rng.uniform(-0.3, 1.3), rng.uniform(0.0, 0.3)
@@ -48,7 +49,7 @@ def several(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def springs(rng: np.random.Generator, n: int) -> np.ndarray:
-    """Masses on springs: places, then speeds."""
+    """Return the matrix of masses on springs: positions, then speeds."""
     half = n // 2
     drawn = rng.normal(size=(half, half))
     matrix = np.zeros((n, n))
@@ -58,7 +59,7 @@ def springs(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def damped(rng: np.random.Generator, n: int) -> np.ndarray:
-    """A matrix of no order, with damping from none to strong."""
+    """Return an unstructured matrix with damping from none to strong."""
     return rng.normal(size=(n, n)) - np.diag(rng.uniform(0.0, 10.0 ** rng.uniform(0.0, 1.5), n))
 
 
@@ -66,7 +67,7 @@ KINDS = (turning, several, springs, damped)
 
 
 def draw(rng: np.random.Generator) -> Swing:
-    """Draw a system of 2 to 8 states, of very different sizes, in few digits: the same anywhere."""
+    """Draw a system of 2 to 8 states of very different sizes, in few digits: same anywhere."""
     n = int(rng.choice([2, 3, 4, 5, 8]))
     matrix = KINDS[int(rng.integers(len(KINDS)))](rng, n)
     start = rng.normal(size=n) * 10.0 ** rng.uniform(-2.0, 0.0, size=n)
@@ -75,7 +76,7 @@ def draw(rng: np.random.Generator) -> Swing:
 
 
 def flow(swing: Swing, span: float) -> np.ndarray:
-    """Return the matrix that carries (y, 1) on by `span`."""
+    """Return the matrix that advances (y, 1) by `span`."""
     n = len(swing.start)
     augmented = np.zeros((n + 1, n + 1))
     augmented[:n, :n], augmented[:n, n] = swing.matrix, swing.constant
@@ -91,7 +92,7 @@ def path(swing: Swing) -> np.ndarray:
 
 
 def crossing_time(swing: Swing, state: np.ndarray, level: float) -> float:
-    """Return how long after `state`, the last of the grid before, the guard crosses its surface."""
+    """Return the time from `state`, the last grid point before, to the guard's crossing."""
     n, span = len(swing.start), 0.5 * END / GRID
     for _ in range(NEWTON):
         y = (flow(swing, span) @ state)[:n]
@@ -115,7 +116,7 @@ def level_of(rng: np.random.Generator, h: np.ndarray) -> float | None:
 
 
 def swing_cases(count: int, seed: int = 11) -> list[Case]:
-    """Return random cases with every crossing known: `count` systems, by each method."""
+    """Return random cases with every crossing known: `count` systems, each by every method."""
     rng, cases, number = np.random.default_rng(seed), [], 0
     while number < count:
         swing = draw(rng)

@@ -1,8 +1,8 @@
-"""Compiled systems of the stress cases; few of them, steered by their parameters.
+"""Compiled systems of the stress cases: a few that vary by their parameters.
 
 `selected`: an affine field for each mode, plane guards. `swinging`: one affine field that is
-declared as such, one plane guard. `clock`: a clock x and an integral z of the
-locks, guards that are chosen functions of x. `mass`: a mass on a floor with spring and damper.
+declared as such, one plane guard. `clock`: a clock x and an integral z of the locks, with guards
+that are chosen functions of x. `mass`: a mass on a floor with spring and damper.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def selected_guards(t, y, dy, mode, params, h, hdot):
 
 @cache
 def selected(n_states: int, n_guards: int, terminal: tuple[bool, ...] | None = None) -> System:
-    """One affine field for each combination of locks; guard k is the plane normal.y = offset."""
+    """Return an affine field for each set of locks; guard k is the plane normal.y = offset."""
     return System(
         selected_field, selected_guards, n_states=n_states, guard_names=names(n_guards),
         terminal=terminal,
@@ -64,7 +64,7 @@ def selected(n_states: int, n_guards: int, terminal: tuple[bool, ...] | None = N
 def selected_params(
     offsets: ArrayLike, normals: ArrayLike, constants: ArrayLike, matrices: ArrayLike | None = None
 ) -> NDArray[np.float64]:
-    """Return params of `selected`; row of a mode: the sum of 2^k over the locks k that are +1."""
+    """Return params of `selected`; a mode's row is the sum of 2^k over the locks k that are +1."""
     parts = [[matrices is not None], offsets, normals, constants]
     parts += [] if matrices is None else [matrices]
     return np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in parts])
@@ -160,7 +160,7 @@ def clock(n_guards: int, terminal: tuple[bool, ...] | None = None) -> System:
 
 @cache
 def pushed_clock(n_guards: int) -> System:
-    """Return a clock whose handler sets it on, once, when guard 0 is first crossed."""
+    """Return a clock whose handler advances it once, when guard 0 is first crossed."""
     return System(
         clock_field, clock_guards, push, n_states=2, guard_names=names(n_guards), n_extra_modes=1
     )
@@ -190,7 +190,7 @@ def mass_guards(t, y, dy, mode, params, h, hdot):
 
 @cache
 def mass() -> System:
-    """Return a mass at height y[0] above a floor; below 0 spring and damper act."""
+    """Return a mass at height y[0] above a floor; below 0, spring and damper act."""
     return System(mass_field, mass_guards, n_states=2, guard_names=("floor",))
 
 
@@ -214,5 +214,5 @@ def rotor_guards(t, y, dy, mode, params, h, hdot):
 
 @cache
 def rotor() -> System:
-    """(cos, sin) of the angle params[0] t; the guard is cos(params[1] angle)."""
+    """Return (cos, sin) of the angle params[0] t; the guard is cos(params[1] angle)."""
     return System(rotor_field, rotor_guards, n_states=3, guard_names=("cosine",))

@@ -51,7 +51,7 @@ def test_no_hop_is_lost_and_the_energy_stays():
 
 
 def test_landings_lose_no_energy():
-    """The interpolant of DOP853 errs by more than its step: landing on it cost 2e-14 a lift-off."""
+    """DOP853's interpolant errs by more than its step: landing on it cost 2e-14 per lift-off."""
     case = long_case(200)
     solution = solve(case.system, case.t_span, case.y0, method="dop853", **case.options)
     first, last = energy(1e3, solution.y[:, 0]), energy(1e3, solution.y_end)

@@ -1,4 +1,4 @@
-"""What cannot be integrated ends in a status that says so, or in the user's own exception."""
+"""An impossible integration ends in a status that says so, or in the user's own exception."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_not_finite_after_the_end(place, kind):
 @pytest.mark.parametrize("place", [IN_FIELD, IN_GUARD])
 @pytest.mark.parametrize("margin", [1e-12, 1e-6, 0.1])
 def test_not_finite_only_beyond_an_event(place, kind, margin):
-    """The mode before the event ends where it does: the other mode takes over on its surface."""
+    """The mode before the event ends in time: the other mode takes over on its surface."""
     solution = run(place, kind, GATE + margin, lock=-1)
     assert solution.status == 0
     assert solution.events.time == pytest.approx([1.0], abs=1e-14)
@@ -71,7 +71,7 @@ def test_not_finite_only_beyond_an_event(place, kind, margin):
 
 @pytest.mark.parametrize("place", [IN_FIELD, IN_GUARD])
 def test_not_finite_from_the_event_on(place):
-    """Without any room behind the surface the crossing may not be seen: then the status says so."""
+    """Without any room behind the surface the crossing may go unseen; then the status says so."""
     solution = run(place, IS_NAN, GATE, lock=-1)
     assert solution.status in (0, STATUS[place])
     if solution.status == 0:
@@ -99,7 +99,7 @@ def test_exception_of_the_handler_reaches_the_caller():
 
 @pytest.mark.parametrize("kind", [IS_NAN, IS_INFINITE])
 def test_a_handler_that_leaves_no_number(kind):
-    """The field of `faulty` does not look at y[1], so it stays finite while the state is not."""
+    """The field of `faulty` does not use y[1], so it stays finite when the state does not."""
     solution = run(IN_HANDLER, kind, 0.0)
     assert solution.status < 0
     assert solution.t_end == pytest.approx(GATE, abs=1e-12)

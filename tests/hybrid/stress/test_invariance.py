@@ -1,4 +1,4 @@
-"""What must not matter: the units, where an integration is cut in two, where it is sampled."""
+"""Results do not depend on units, nor on where an integration is split or sampled."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ POWERS = [(30, 0), (-30, 0), (0, 30), (0, -30), (-30, 30), (30, 30)]
 # The first step is given: the usual choice of it (Hairer, Norsett, Wanner, section II.4) depends on
 # the unit of time.
 def same(a: Solution, b: Solution, length: float, time: float) -> None:
-    """Assert that two runs differ by the units alone, to the last bit."""
+    """Assert that two runs differ only by their units, to the last bit."""
     unit = np.array([length, length / time])
     assert a.status == b.status == 0
     assert a.n_steps == b.n_steps
@@ -57,7 +57,7 @@ def test_units_of_the_ball(powers):
 
 
 def in_two(case_system, cut, end, y0, **options):
-    """Integrate in two parts, the locks carried on; return both parts."""
+    """Integrate in two parts that carry over the locks; return both parts."""
     first = solve(case_system, (0.0, cut), y0, **options)
     second = solve(case_system, (cut, end), first.y_end, **{**options, "mode": first.mode})
     return first, second
@@ -87,7 +87,7 @@ def test_a_cut_near_the_apex_neither_loses_nor_doubles_a_graze(offset):
 
 
 def test_samples_at_and_around_jumps_of_the_field():
-    """At the instant itself the state is continuous here; its neighbours lie on the right piece."""
+    """The state is continuous at the instant itself; its neighbours lie on the right piece."""
     places, gains = (0.5, 1.0, 1.0 + 1e-9, 2.0), (1.0, -3.0, 5.0, -2.0)
     times = np.unique([t for a in places for t in (np.nextafter(a, 0), a, np.nextafter(a, 9))])
     params = clock_params([(POWER, a, 1, 1.0) for a in places], gains)

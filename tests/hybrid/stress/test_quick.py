@@ -1,4 +1,4 @@
-"""Guards that bend, or move more quickly than the state: no contact is missed, none is spurious."""
+"""Guards that bend, or move faster than the state: no contact is missed, none is spurious."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def gliding(t, y, mode, params, dy):
 
 @guards
 def told_wrongly(t, y, dy, mode, params, h, hdot):
-    """A wave whose rate is params[0] times the right one, and noise of the size params[1]."""
+    """Fill in a wave whose rate is params[0] times the right one, with noise of size params[1]."""
     rate = 3.0 * np.cos(3.0 * y[0]) * dy[0]
     noise = np.sin(1e9 * y[0] % 6.283)
     h[0], hdot[0] = np.sin(3.0 * y[0]) - 0.5, params[0] * rate + params[1] * noise
@@ -136,7 +136,7 @@ def test_rates_that_err_a_little_do_not_matter(factor, noise):
 
 @guards
 def narrow(t, y, dy, mode, params, h, hdot):
-    """A root that does not exist beyond 2."""
+    """Fill in a root that does not exist beyond 2."""
     if y[0] > 2.0:
         raise ValueError("beyond the end of the world")
     h[0], hdot[0] = np.sqrt(2.0 - y[0]) - 1.2, -0.5 * dy[0] / np.sqrt(2.0 - y[0])

@@ -29,7 +29,7 @@ def test_back_from_the_end(first, affine):
 
 
 def wrong(first, *, affine, seen=lambda case: case):
-    """Return the cases of a block that do not end right."""
+    """Return the cases of a block that do not end correctly."""
     seeds = range(first, first + BLOCK)
     verdicts = {seed: judge(seen(random_case(seed, affine=affine))) for seed in seeds}
     return [(seed, verdict) for seed, verdict in verdicts.items() if not verdict.right]

@@ -48,7 +48,7 @@ def test_rough_instants_are_within_a_frame(landings):
 
 
 def test_a_foot_touches_later_than_it_is_too_high(landings):
-    """Higher above where it stands than skin and softness let it sink: never at a contact."""
+    """It is higher above its rest than skin and compliance let it sink, which no contact is."""
     scene, transitions, heights = landings
     _, earliest, *_ = find(landings, heights)
     ahead = scene.contact_times - earliest
@@ -109,7 +109,7 @@ def test_a_foot_that_hovers_and_is_hidden_then_may_have_landed(landings):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_foot_that_hangs_low_before_it_falls_is_timed_by_its_fall(seed):
-    """As of a robot that is let go just above the floor."""
+    """An example is a robot that is released just above the floor."""
     time, released, hung_m = np.arange(200) / 200.0, 0.5 + 1e-3 * seed, 0.034
     lowered = np.interp(time, [0.3, 0.4], [0.15, hung_m])
     falls = lowered - 0.5 * 9.81 * np.maximum(time - released, 0.0) ** 2
@@ -246,7 +246,7 @@ def test_a_body_that_never_sinks_through_the_section_makes_no_transition():
 
 
 def hops(tops, rate_hz=200.0):
-    """Parabolas of 0.5 s from -0.6 to each top, with a trough of 0.5 s between them."""
+    """Return parabolas of 0.5 s from -0.6 to each top, separated by troughs of 0.5 s."""
     local = np.arange(round(rate_hz)) / rate_hz
     up = local < 0.5
     pieces = [
@@ -275,7 +275,7 @@ def test_the_descent_that_a_recording_ends_in_is_one_once_it_is_deep_enough():
 
 
 def autoregressive(rng, shape, correlation):
-    """Noise of unit variance, along the first axis."""
+    """Return noise of unit variance that is autoregressive along the first axis."""
     noise = rng.standard_normal(shape)
     for k in range(1, len(noise)):
         noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation**2) * noise[k]

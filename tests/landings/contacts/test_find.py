@@ -122,7 +122,7 @@ def test_a_landing_with_few_frames_and_none_missing_is_told_so():
 
 
 def test_toes_that_sink_on_while_their_heel_comes_down_do_not_rise():
-    """The fit of one contact went astray from where it began, and ended rising, 23 ms late."""
+    """The fit of one contact diverged from its start and ended rising, 23 ms late."""
     rng = np.random.default_rng(np.random.SeedSequence([20261125, 2, 9]))
     noise_m = rng.uniform(3e-4, 1e-3)
     positions, truth = make(KINDS["series, soft 8 ms"], 11, rng, 200.0, noise_m)
@@ -245,7 +245,7 @@ def test_of_two_landings_in_one_descent_of_the_body_the_first_counts(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_legs_that_swing_on_are_timed_and_teach_no_law(seed):
-    """They were lost or off by up to 43 ms, and all others by four to eight times their error."""
+    """They were once lost or off by up to 43 ms, all others by four to eight times their error."""
     made = falls(100, seed=seed)
     swings = np.random.default_rng(seed).random((100, 1, 3)) < 0.08
     before = made.contacts[:, None] - made.time.reshape(100, -1, 1)

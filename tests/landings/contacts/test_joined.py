@@ -1,4 +1,4 @@
-"""Feet of several markers: where they are, and when the first marker touches."""
+"""Feet of several markers: their position, and when the first marker touches."""
 
 import numpy as np
 import pytest

@@ -20,7 +20,7 @@ def prior(n, own_mean=0.0, own_sd=1e4, change=(0.0, 30.0), jerk=(0.0, 500.0)):
 
 
 def single_kinks(landings, seed=0, noise=NOISE):
-    """Feet that fall at 1 m/s onto a hard floor and stay, one every half second."""
+    """Return feet that fall at 1 m/s onto a hard floor and stay, one every half second."""
     rng = np.random.default_rng(seed)
     time = np.arange(int(landings * 0.5 * RATE)) / RATE
     contact = 0.25 + 0.5 * np.arange(landings) + rng.uniform(0, 1 / RATE, landings)
@@ -35,7 +35,7 @@ def fit(time, height, near, **options):
 
 
 def bound(parameters):
-    """Cramer-Rao bound of the instant, mean over the phase of the frames."""
+    """Return the Cramer-Rao bound of the instant, averaged over the phase of the frames."""
     variances = []
     for phase in np.linspace(0, 1 / RATE, 21)[:-1]:
         s = np.arange(-8, 5) / RATE + phase
@@ -81,7 +81,7 @@ def test_missing_frames_are_absent_from_the_likelihood():
 
 
 def pushed_pairs(landings, push, jerk, seed=0):
-    """Two feet; the contact of the first changes the acceleration of the second."""
+    """Return two feet; the contact of the first changes the acceleration of the second."""
     rng = np.random.default_rng(seed)
     time = np.arange(int(landings * 0.5 * RATE)) / RATE
     base = 0.25 + 0.5 * np.arange(landings) + rng.uniform(0, 1 / RATE, landings)

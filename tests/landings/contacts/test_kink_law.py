@@ -109,7 +109,7 @@ def test_soft_contacts_and_creep(law, gravity):
 @pytest.mark.parametrize("landings", [5, 20, 80])
 @pytest.mark.parametrize("compliance_s", [0.002, 0.005])
 def test_what_soft_contacts_have_in_common_is_stated(compliance_s, landings):
-    """Before, the mean error was 1.3 to 5 times as large; a hard contact's stays small."""
+    """Without this, the mean error was 1.3 to 5 times as large; a hard contact's stays small."""
     ratios = []
     for seed in range(16):
         feet = falls(landings, seed=900 + seed, compliance_s=compliance_s)
@@ -122,7 +122,7 @@ def test_what_soft_contacts_have_in_common_is_stated(compliance_s, landings):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_feet_that_land_at_once_are_as_hard_as_they_are(seed):
-    """Some instants jump at soft trials; without these fits the others called the contacts soft."""
+    """Some instants jump at soft trials; without these fits the others made the contacts soft."""
     feet = falls(120, seed=seed, apart_s=2e-4)
     contacts = found(feet)
     error = contacts.instant - feet.contacts
@@ -132,7 +132,7 @@ def test_feet_that_land_at_once_are_as_hard_as_they_are(seed):
 
 @pytest.mark.parametrize("seed", range(30, 35))
 def test_weak_pushes_stay_in_the_law(seed):
-    """Left out, errors are 1.5 times as large as stated and their mean is -0.3 ms."""
+    """If they are left out, errors are 1.5 times as large as stated and their mean is -0.3 ms."""
     feet = falls(300, seed=seed, push_m_s2=5.0)
     contacts = found(feet)
     assert 0.8 < np.std((contacts.instant - feet.contacts) / contacts.se) < 1.1
@@ -148,7 +148,7 @@ def test_legs_that_strike_change_velocities_at_once(seed):
 
 @pytest.mark.parametrize("seed", range(50, 56))
 def test_feet_that_come_out_of_a_gap_make_no_contact_soft(seed):
-    """One frame of flight is left: any law fits, and 13 soft ones made all 0.6 ms early."""
+    """With one frame of flight left, any law fits; 13 soft ones made all 0.6 ms early."""
     feet = falls(120, seed=seed)
     heights = feet.heights.copy()
     for landing in range(0, 120, 3):
@@ -193,7 +193,7 @@ def test_the_printed_method_is_far_from_the_limit(hard):
 
 
 def posteriors(value, variance, prior_mean, prior_sd):
-    """Fits of two feet whose creep the data know to within `variance`, under a normal prior."""
+    """Return fits of two feet whose data give the creep to `variance`, under a normal prior."""
     landings = len(value)
     flight, se = np.zeros((landings, 2, 4)), np.full((landings, 2, 4), np.inf)
     precision = 1 / variance + 1 / prior_sd**2
@@ -243,7 +243,7 @@ def test_too_few_or_too_vague_leave_the_prior():
 
 
 def alone(feet, rounded=None):
-    """Fit each foot alone; the heights of one rounded off as by a sole that gives for 60 ms."""
+    """Fit each foot alone; round the heights of one as a sole would that gives for 60 ms."""
     heights = feet.heights.copy()
     if rounded is not None:
         kernel = np.hanning(15)[1:-1] / np.hanning(15)[1:-1].sum()
@@ -256,7 +256,7 @@ def alone(feet, rounded=None):
 
 
 def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
-    """And the others stay as they are."""
+    """The other feet are unchanged."""
     feet = falls(60, seed=3)
     hard_error, hard_se = alone(feet)
     error, se = alone(feet, rounded=1)
@@ -270,7 +270,7 @@ def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
 
 @pytest.mark.parametrize("landings", [2, 5, 10, 20])
 def test_errors_from_few_landings_are_as_large_as_stated(landings):
-    """Pushes that so few cannot show are kept: else 1.3 to 1.7."""
+    """Pushes that so few landings cannot show are kept; otherwise the ratio is 1.3 to 1.7."""
     squares = []
     for seed in range(20):
         scene = simulate(landings, seed=seed)
@@ -284,7 +284,7 @@ def test_errors_from_few_landings_are_as_large_as_stated(landings):
 
 
 def test_a_kink_that_is_too_high_is_no_contact():
-    """Its foot touches later, nobody knows when; a bound ahead of the kink changes nothing."""
+    """Its foot touches later at an unknown time; a bound ahead of the kink changes nothing."""
     feet = falls(60, seed=4)
 
     def fitted(later_s):

@@ -26,7 +26,7 @@ def test_velocity_agrees_with_scipy():
 
 @pytest.mark.parametrize("window", [5, 7, 35])
 def test_weights_are_the_nearest_numbers_to_the_exact_fractions(window):
-    """So that they are the same with any machine's linear algebra."""
+    """Thus they are the same with any machine's linear algebra."""
     frames = [Fraction(k - window // 2) for k in range(window)]
     s2, s4, s6 = (sum(k**power for k in frames) for power in (2, 4, 6))
     exact = [float((s6 * k - s4 * k**3) / (s2 * s6 - s4**2)) for k in frames]

@@ -1,4 +1,4 @@
-"""Sections by the landings that they hold."""
+"""Sections chosen by the landings that they keep."""
 
 from dataclasses import replace
 

@@ -26,7 +26,7 @@ def fake():
 
 
 def selecting(recording):
-    """Return `select_sections` of a recording whose landings are found but once."""
+    """Return `select_sections` for a recording whose landings are found only once."""
     return partial(
         select_sections, [recording], landings={recording.name: find_landings(recording)}
     )
@@ -246,7 +246,7 @@ def test_thresholds_are_the_knees_of_the_ground_modes(select):
 
 
 def test_a_section_that_loses_many_landings_moves_to_their_contacts():
-    """Feet that stay within their threshold long after contact: a sole that gives."""
+    """A compliant sole keeps feet within their threshold long after contact."""
     fake = hopper(np.random.default_rng(4), extension_m=0.0, tilt_rad=0.06)
     given = {"pre_height_m": 0.7, "post_height_m": 0.35}
     kept = select_sections([fake.recording], **given)

@@ -1,4 +1,4 @@
-"""The home frame: what it is, and what it does not depend on."""
+"""The home frame: its definition and its invariances."""
 
 import numpy as np
 import pytest

@@ -14,7 +14,7 @@ SPREAD_M = np.array([0.002, 0.002, 0.004])
 
 
 def seen(bend, seed):
-    """Parabolas with given curvatures (L, 3, 3), seen at random phases between the frames."""
+    """Return parabolas with given curvatures (L, 3, 3), seen at random phases of the frames."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     time = (np.arange(LANDINGS)[:, None] + 0.01 * np.arange(21)).ravel()
     near = np.arange(LANDINGS) + 0.1 + rng.uniform(0, 0.01, LANDINGS)
@@ -30,7 +30,7 @@ def seen(bend, seed):
 
 @pytest.fixture(scope="module")
 def study():
-    """Curvatures that differ from landing to landing."""
+    """Return curvatures that differ from landing to landing."""
     rng = np.random.default_rng(np.random.SeedSequence(2))
     return seen(0.01 * MEAN + SPREAD_M * rng.standard_normal((LANDINGS, 3, 3)), seed=3)
 

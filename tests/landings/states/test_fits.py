@@ -1,4 +1,4 @@
-"""Degree and window of the fits at the sections, chosen by what they leave."""
+"""Degree and window of the fits at the sections, chosen by their residuals."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ LANDINGS, NOISE_M, APART_S = 150, 0.0006, 1.0
 
 
 def falls(bend=None, *, rate_hz=100.0, noise_m=NOISE_M, landings=LANDINGS, seed=1):
-    """Falls of three markers, each with its own velocity, and what bends them from it."""
+    """Return falls of three markers, each with its own velocity, and deviations that bend them."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     tau = np.arange(-0.3, 0.08, 1 / rate_hz) + rng.uniform(0, 1 / rate_hz, (landings, 1))
     speed = rng.normal([0, 0, -1.5], 0.3, (landings, 3, 3))
@@ -123,7 +123,7 @@ def test_the_filter_is_that_of_savitzky_and_golay():
 
 
 def test_frames_after_the_contacts_begin_at_a_lead_common_to_all_landings():
-    """Where a landing's frames begin does not tell which foot was last, and when."""
+    """The start of a landing's frames does not show which foot was last, nor when."""
     time = np.arange(0, 41, 0.001)
     near, gap = np.arange(1.0, 41.0), np.linspace(0.004, 0.043, 40)
     tracks = Tracks(time, np.zeros((len(time), 3, 3)), near, near - gap, flight=False)
@@ -171,7 +171,7 @@ def states(scene, side, body=None, **options):
 
 
 def velocity_error(scene, found):
-    """Root mean square, m/s; the truth is linear between frames to 2 mm/s."""
+    """Return the root mean square error, m/s; the truth is linear between frames to 2 mm/s."""
     body = scene.velocities.shape[1]
     truth = np.empty_like(found.velocity)
     for b, k in np.ndindex(body, 3):

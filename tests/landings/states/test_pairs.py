@@ -1,4 +1,4 @@
-"""Pairs: assembled, invariant, converted, kept in a file."""
+"""Pairs: assembly, invariance, conversion, and storage in a file."""
 
 from dataclasses import replace
 from functools import cache
