@@ -1,4 +1,4 @@
-"""A study in one process; that its bytes are the workflow's is tested in `workflow`."""
+"""A study in one process; `tests/workflow` tests that its bytes are those of the workflow."""
 
 import json
 import re
@@ -19,7 +19,7 @@ FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
 
 @pytest.fixture(scope="module")
 def study(sample_path):
-    """Two minutes of the sample, from arrays, with names that no simulation gives."""
+    """Return two minutes of the sample, from arrays, with names that no simulation gives."""
     whole = read_recording(sample_path).part(slice(12_000))
     markers = [f"my {name}" for name in whole.markers]
     roles = {"feet": [f"my {name}" for name in FEET], "body": [f"my {name}" for name in BODY]}
@@ -296,7 +296,7 @@ def test_a_plan_halves_the_difference_for_four_times_the_landings(study):
 
 
 def test_a_plan_asks_for_no_difference_that_smooth_terms_may_leave(study):
-    """Where contacts lie far apart these leave more than a tenth."""
+    """Contacts far apart leave more than a tenth."""
     verdict = study[0].verdict
     wide = replace(verdict, effect=replace(verdict.effect, detectable=0.6, allowed=0.55))
     assert hd.plan(wide)["difference"].between(0.57, 1).all()

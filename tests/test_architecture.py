@@ -1,4 +1,4 @@
-"""The house rules that a machine can check: who imports whom, and how long a module may be."""
+"""The house rules that a machine can check: which room imports which, and module lengths."""
 
 import ast
 from functools import cache
@@ -43,7 +43,7 @@ def walked(path):
 
 
 def imported(path, *, top_level_only=False):
-    """Absolute module names that a file imports."""
+    """Return the absolute names of modules that a file imports."""
     tree, every = walked(path)
     nodes = tree.body if top_level_only else every
     for node in nodes:
@@ -79,7 +79,7 @@ def test_the_library_does_not_know_snakemake():
 
 
 def test_heavy_libraries_are_imported_where_they_are_used():
-    """Each job pays for its imports, so only functions may import them (figures excepted)."""
+    """Each job pays for its imports, so only functions may import them (except in figures)."""
     for path in PACKAGE.rglob("*.py"):
         if path.parent.name == "figures":
             continue
@@ -88,7 +88,7 @@ def test_heavy_libraries_are_imported_where_they_are_used():
 
 
 def test_annotations_that_would_load_pandas_are_deferred():
-    """`pd` of `hopdata.arrays` loads pandas when it is used, also by an annotation."""
+    """`pd` of `hopdata.arrays` loads pandas when it is used, which includes annotations."""
     for path in PACKAGE.rglob("*.py"):
         if path.parent.name == "figures":
             continue

@@ -1,4 +1,4 @@
-"""Public functions work with one thread of BLAS, and give the others back."""
+"""Public functions limit BLAS to one thread, and restore the others afterwards."""
 
 import ast
 import importlib

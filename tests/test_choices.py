@@ -1,4 +1,4 @@
-"""Where a choice is made by name there is one table of names, and an unknown one is an error."""
+"""Each choice by name has one table of names, and an unknown name is an error."""
 
 from importlib import import_module
 from types import SimpleNamespace
@@ -162,7 +162,7 @@ def test_an_unknown_name_is_an_error_that_lists_the_known_ones(choice):
 
 
 def enumerations(schema, path=()):
-    """Choices of each key of a schema, by its path."""
+    """Return the choices of each key of a schema, by its path."""
     if "enum" in schema:
         yield ".".join(path), schema["enum"]
     for key, inner in schema.get("properties", {}).items():

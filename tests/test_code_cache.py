@@ -1,4 +1,4 @@
-"""Machine code outlives the process, where the user wants it, and never its source."""
+"""Machine code outlives the process, in the user's chosen place, but never its source."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def speed(t):
 
 
 def run_scene(folder: Path) -> tuple[float, int, float]:
-    """Run the scene in a process of its own: (result, cache hits, wall time)."""
+    """Run the scene in a separate process: (result, cache hits, wall time)."""
     source = str(Path(hopdata.__file__).parents[1])
     start = time.perf_counter()
     done = subprocess.run(
@@ -107,7 +107,7 @@ def test_in_the_users_cache_if_the_source_is_not_writable(source_function, monke
 
 @pytest.fixture
 def no_home(source_function, monkeypatch, tmp_path):
-    """A function whose cache can be neither beside it nor in its user's home."""
+    """Return a function whose cache can be neither beside it nor in its user's home."""
     (tmp_path / "sources" / "__pycache__").write_text("a file where the folder should be")
     for name in ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, str(tmp_path / "sources" / "module.py"))
@@ -157,7 +157,7 @@ print(cross(1.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 
 
 def test_import_where_nothing_can_be_written(tmp_path):
-    """A read-only install, no home: kernels are compiled in each process, and work."""
+    """With a read-only install and no home, each process compiles the kernels, and they work."""
     package = tmp_path / "hopdata"
     shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
     for folder in {path.parent for path in package.rglob("*.py")}:
@@ -175,7 +175,7 @@ def test_import_where_nothing_can_be_written(tmp_path):
 
 
 def test_types_that_are_given_are_compiled_at_once(monkeypatch, tmp_path):
-    """Where it is decorated, one process at a time; later several compile the same."""
+    """The decorator compiles, one process at a time; later, several would compile the same."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     assert kept_njit("f8(f8)")(abs_of).signatures == [(numba.float64,)]
     assert kept_njit()(abs_of).signatures == []
@@ -248,7 +248,7 @@ print([one._compiled.cache_hits for one in (fall, floor, bounce)], len(passes.bu
 
 
 def run_own_system(folder, command=("own.py",), **options):
-    """Run a user's script in a process of its own: what it prints, and all files in its folder."""
+    """Run a user's script in a separate process; return its output and all files in its folder."""
     source = str(Path(hopdata.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": source}
     environment.pop("NUMBA_CACHE_DIR", None)  # the driver's cache stays where it is
@@ -261,7 +261,7 @@ def run_own_system(folder, command=("own.py",), **options):
 
 
 def test_the_next_process_compiles_nothing(tmp_path):
-    """Neither driver nor callbacks: all are loaded, no compiler runs, and no file is written."""
+    """Driver and callbacks are all loaded: no compiler runs and no file is written."""
     (tmp_path / "own.py").write_text(OWN_SYSTEM)
     (first, counts), files = run_own_system(tmp_path)
     assert counts == "[0, 0, 0] True"
@@ -273,7 +273,7 @@ def test_the_next_process_compiles_nothing(tmp_path):
 
 
 def test_functions_typed_at_a_prompt(tmp_path):
-    """They have no file, so they are compiled anew, and leave nothing behind."""
+    """They have no file, so they are compiled anew and leave nothing behind."""
     script = "exec(compile(__import__('sys').stdin.read(), '<stdin>', 'exec'))"
     printed, files = run_own_system(tmp_path, ("-c", script), input=OWN_SYSTEM)
     assert printed[1] == "[0, 0, 0] True"
@@ -333,7 +333,7 @@ def test_only_the_process_that_compiles_the_driver_says_so(tmp_path):
 
 @pytest.fixture
 def brought(monkeypatch, tmp_path):
-    """The machine code of `tiny_driver` as a wheel brings it; returns a way to write it anew."""
+    """Provide the machine code of `tiny_driver` like a wheel; return a way to rewrite it."""
     monkeypatch.setattr("hopdata.code_cache.BROUGHT", tmp_path)
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kept"))
     compiler = numba.cfunc(entry.RUN_NATIVE, error_model="numpy")

@@ -1,4 +1,4 @@
-"""A group of subjects: their table, a study of each, and the page of all."""
+"""A group of subjects: their table, a study of each, and one page for all."""
 
 import contextlib
 import json
@@ -34,7 +34,7 @@ CONFIG = {
 
 @pytest.fixture
 def group(tmp_path, monkeypatch):
-    """What writes a table of samples beside a configuration, and reads both."""
+    """Return a function that writes a table of samples beside a configuration, and reads both."""
     monkeypatch.chdir(tmp_path)
 
     def read(table, **keys):
@@ -163,7 +163,7 @@ def test_the_page_says_how_many_landings_a_subject_lacks():
 
 
 def test_the_same_landings_as_two_subjects_are_told():
-    """Copies of a file under two names: the size is the same to the bit, whatever the seed."""
+    """For copies of a file under two names, the size is identical to the bit for any seed."""
     rows = [row(*one) for one in (("a", 0.1), ("b", 0.2), ("c", 0.1), ("d", 0.3))]
     found = put_together(rows, GROUP)
     assert found["effect"] is None
@@ -197,7 +197,7 @@ def test_too_few_answers_are_no_answer(rows):
 
 @pytest.mark.workflow
 def test_a_group_runs_to_its_page(tmp_path):
-    """One subject's file is missing, another's is no recording: the others have their answer."""
+    """One subject's file is missing and another's is not a recording: the others have answers."""
     sample = part_of_sample(tmp_path / "hopper.h5", 400)
     (tmp_path / "broken.h5").write_bytes(b"no recording")
     table = f"subject\tfile\tkind\nanna\t{sample}\thopper\nben\tgone.h5\t\ncara\tbroken.h5\t\n"
@@ -226,7 +226,7 @@ def test_a_group_runs_to_its_page(tmp_path):
 
 
 def started(folder, *options):
-    """A run of the group in a session of its own."""
+    """Return a run of the group in a session of its own."""
     return subprocess.Popen(
         [sys.executable, "-m", "hopdata", "run", "group.yaml", "--cores", "2", *options],
         cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT / "src")}, start_new_session=True,
@@ -235,7 +235,7 @@ def started(folder, *options):
 
 
 def bytes_of_all(folder):
-    """What a run leaves, hidden files too; logs say when and how long."""
+    """Return all files of a run, including hidden ones; logs record when and how long it ran."""
     files = [path for path in (folder / "results").rglob("*") if path.is_file()]
     names = {path: str(path.relative_to(folder)) for path in files if path.parent.name != "logs"}
     return {name: path.read_bytes() for path, name in names.items()}
@@ -258,7 +258,7 @@ def test_a_locked_folder_is_told_with_the_command_that_unlocks_it(group, capfd):
 @pytest.mark.workflow
 @pytest.mark.skipif("KILLS" not in os.environ, reason="takes minutes: KILLS=2, or KILLS=30")
 def test_a_group_killed_at_any_time_ends_in_the_same_bytes(tmp_path):
-    """KILLS=30 kills a group of eight so often: all of a run, or one of its processes."""
+    """KILLS=30 kills a group of eight 30 times: the whole run, or one of its processes."""
     kills, seed = (int(os.environ.get(*one)) for one in (("KILLS", "2"), ("KILLS_SEED", "29")))
     names = [f"s{number}" for number in range(8 if kills > 2 else 2)]
     folders = tmp_path / "whole", tmp_path / "killed"

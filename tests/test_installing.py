@@ -1,4 +1,4 @@
-"""What is installed is what the lock files hold, what builds it included."""
+"""An installation contains what the lock files list, including the build requirements."""
 
 import json
 import os
@@ -19,7 +19,7 @@ SOURCE_ONLY = "connection-pool"  # of Snakemake's: has no wheel, and so is built
 
 
 def entries(lock):
-    """Name -> its lines, version and hashes."""
+    """Return name -> its lines, version and hashes."""
     entry = (ROOT / lock).read_text().replace("\\\n", " ").splitlines()
     return {line.split("==")[0]: line for line in entry if line and not line.startswith("#")}
 
@@ -40,7 +40,7 @@ def test_what_builds_hopdata_is_locked():
 
 
 def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
-    """The Makefile's steps by pip, with the one dependency that has to be built."""
+    """Pip follows the Makefile's steps, with the one dependency that has to be built."""
     for name in ("Makefile", "pyproject.toml", "README.md", "LICENSE", "requirements-build.lock"):
         shutil.copy(ROOT / name, tmp_path)
     (tmp_path / "src").symlink_to(ROOT / "src")
@@ -65,7 +65,7 @@ def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
 
 
 def test_what_is_published_agrees_with_the_project():
-    """The conda recipe, the citation and Zenodo's record say what pyproject.toml says."""
+    """The conda recipe, the citation and Zenodo's record agree with pyproject.toml."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     recipe = (ROOT / "packaging/meta.yaml").read_text()
     assert f'version = "{project["version"]}"' in recipe
@@ -80,7 +80,7 @@ def test_what_is_published_agrees_with_the_project():
 
 
 def test_what_the_image_compiles_is_there():
-    """The code of the Dockerfile is the library's of today."""
+    """The code in the Dockerfile exists in today's library."""
     image = (ROOT / "Dockerfile").read_text()
     line = re.search(r"^RUN (python -c .*) \\$", image, re.MULTILINE)[1]
     subprocess.run([sys.executable, *shlex.split(line)[1:]], check=True, timeout=300)

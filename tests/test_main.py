@@ -34,7 +34,7 @@ def hopdata(*arguments, **options):
 
 @pytest.fixture(scope="module")
 def short_sample(sample_path, tmp_path_factory):
-    """The first 100 s of the bundled recording, in which all that is checked is the same."""
+    """Write the first 100 s of the bundled recording, which suffice for the checks."""
     path = tmp_path_factory.mktemp("short") / "hopper.h5"
     write_recording(path, read_recording(sample_path).part(slice(10_000)))
     return path
@@ -192,7 +192,7 @@ def test_help_does_not_import_numpy():
 
 
 def test_a_configuration_is_loaded_without_what_is_slow_to_load():
-    """Each start of a study does it, also where there is nothing to do."""
+    """Each start of a study does this, even if there is nothing to do."""
     code = (
         "import sys\nfrom hopdata.config.loading import load_config\nimport yaml\n"
         "load_config(yaml.safe_load(open('config/config.yaml')))\n"
@@ -230,7 +230,7 @@ def test_an_interrupt_ends_without_a_traceback(tmp_path):
 
 
 def interrupted(process, *, tries=10):
-    """Interrupt a process until it ends; a signal between opening and reading does not wake it."""
+    """Interrupt a process until it ends: a signal between opening and reading does not wake it."""
     for _ in range(tries):
         time.sleep(0.5)
         process.send_signal(signal.SIGINT)
@@ -242,7 +242,7 @@ def interrupted(process, *, tries=10):
 
 
 def waiting_reader(pipe, *, seconds=20):
-    """Open the pipe for writing as soon as somebody reads it."""
+    """Open the pipe for writing as soon as a process reads it."""
     for _ in range(100 * seconds):
         try:
             return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)

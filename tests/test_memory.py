@@ -57,7 +57,7 @@ def small_samples(monkeypatch):
 
 
 def studied(recording):
-    """What is made of a recording from its floor to its touchdowns."""
+    """Return everything made from a recording, from its floor to its touchdowns."""
     ready = fill_gaps(level(recording, fit_floor(recording)))
     landings = find_landings(ready)
     known = {ready.name: landings}
@@ -121,7 +121,7 @@ def test_what_is_overwritten_is_what_is_returned(sample):
 
 @pytest.fixture(scope="module")
 def levelled(sample):
-    """The sample above its floor, and its landings."""
+    """Return the sample above its floor, and its landings."""
     ready = level(sample, fit_floor(sample))
     return ready, find_landings(ready)
 
@@ -153,7 +153,7 @@ STAGES = {
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_memory_holds_a_recording_once(levelled, stage, small_blocks, small_samples, tmp_path):
-    """By what twice the frames take more: all else is the same for any length."""
+    """Memory is measured by its growth with the frames; all else is the same for any length."""
     ready, landings = levelled
     taken, lengths = [], (6_000, 15_000, 30_000)
     for run, frames in enumerate(lengths):

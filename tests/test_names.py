@@ -1,4 +1,4 @@
-"""Names as users give them, through a small study: files, tables, figures, page, configuration."""
+"""Users' names in a small study: files, tables, figures, page, configuration."""
 
 import csv
 import json
@@ -50,14 +50,14 @@ seven = st.lists(names, min_size=7, max_size=7, unique=True)
 
 @pytest.fixture(scope="module")
 def piece(sample_path):
-    """A few landings of the sample, with a gap in the third body marker."""
+    """Return a few landings of the sample, with a gap in the third body marker."""
     recording = read_recording(sample_path).part(slice(0, FRAMES))
     recording.positions[100:110, 2] = float("nan")
     return recording
 
 
 def stages(recording, folder, home):
-    """The tables of a study in which names stand, written and read back as its jobs do."""
+    """Return the tables of a study that contain names, written and read back as its jobs do."""
     floored = level(recording, fit_floor(recording, degree=0))
     sections = select_sections([floored], tail_fraction=0.01)
     heights = {key: getattr(sections, key) for key in ("pre_height_m", "post_height_m")}
@@ -86,7 +86,7 @@ def stages(recording, folder, home):
 
 
 def through_a_file(path, table):
-    """Write a table, see that no cell of it is a formula, and read it back the same."""
+    """Write a table, check that no cell of it is a formula, and read it back unchanged."""
     write_table(path, table)
     with path.open(newline="", encoding="utf-8") as file:
         cells = [cell for row in csv.reader(file) for cell in row]
@@ -135,7 +135,7 @@ class Texts(HTMLParser):
 
 
 def imported(piece, folder, names):
-    """The recording of a file with these names, by the configuration that `init` drafts."""
+    """Return the recording of a file with these names, by the configuration that `init` drafts."""
     markers = {"body": names[:3], "feet": names[3:6], "boom": names[6:]}
     write_recording(folder / "file.h5", replace(piece, markers=tuple(names)))
     file = str(folder / "file.h5")
@@ -190,7 +190,7 @@ def test_figures_show_any_names_as_they_are(piece, tmp_path, names):
 
 @styled
 def figure_of(name):
-    """A figure with a name in every kind of text."""
+    """Return a figure with a name in every kind of text."""
     figure = paper_figure(60, 60)
     axes = figure.subplots()
     axes.semilogy([1, 2], [1e-3, 1e2], label=name)

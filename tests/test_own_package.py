@@ -1,4 +1,4 @@
-"""A package of one's own brings a reader and a scene, which hopdata finds once it is installed."""
+"""A user's package provides a reader and a scene, which hopdata finds once it is installed."""
 
 import os
 import subprocess

@@ -14,7 +14,7 @@ def copied_script(tmp_path, text):
 
 @pytest.fixture
 def forgetful():
-    """Nothing that is remembered of one package is taken for another."""
+    """Clear the caches, so that nothing cached for one package serves another."""
 
     def forget():
         for remembered in (module._imports, module._module_files, module._sources):
@@ -26,7 +26,7 @@ def forgetful():
 
 
 def imported_names(source):
-    """Modules that a source imports, by Python's own parser."""
+    """Return the modules that a source imports, by Python's own parser."""
     names = set()
     for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -98,6 +98,6 @@ def test_provenance_names_seed_inputs_versions_and_times(tmp_path):
 
 
 def test_a_class_that_a_table_names_is_followed():
-    """Scenes are loaded by name; whoever simulates depends on all of them."""
+    """Scenes are loaded by name; whatever simulates depends on all of them."""
     start = module._module_files("hopdata.synthesis.simulate")
     assert module.PACKAGE / "scenes" / "quadruped.py" in module._closure(start)

@@ -1,4 +1,4 @@
-"""hopdata installed from its wheel, far from any checkout."""
+"""hopdata installed from its wheel, away from any checkout."""
 
 import os
 import re
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.workflow
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
-    """The wheel, built by the locked tools alone."""
+    """Return the wheel, built by the locked tools alone."""
     folder = tmp_path_factory.mktemp("wheel")
     pip("wheel", "--no-build-isolation", str(ROOT), "--wheel-dir", str(folder))
     return next(folder.glob("hopdata-*.whl"))
@@ -82,7 +82,7 @@ def test_another_recording_in_the_samples_place_is_refused(installed, tmp_path):
 
 
 def test_what_made_a_result_is_named_alike(installed):
-    """The scripts in the wheel are no modules of the library."""
+    """The scripts in the wheel are not modules of the library."""
     digest = "from hopdata.provenance import package_digest; print(package_digest())"
     said = {
         subprocess.run(
@@ -95,7 +95,7 @@ def test_what_made_a_result_is_named_alike(installed):
 
 
 def test_the_pages_example_of_a_module_is_planned(tmp_path):
-    """The block of docs/cluster.md, with one path changed, beside rules of another workflow."""
+    """The test runs the block of docs/cluster.md with one path changed, beside another workflow."""
     page = (ROOT / "docs/cluster.md").read_text()
     block = re.search(r"```python\n(module landing:.*?)```", page, re.DOTALL)[1]
     assert '"../hopdata/Snakefile"' in block

@@ -15,25 +15,25 @@ BEND = np.random.default_rng(4).normal(size=(3, 11)) * 60.0
 
 
 def inputs(count, seed=0):
-    """Inputs (n, 8), standardised, about the simultaneous contact, and contact instants (n, 3)."""
+    """Return standardised inputs (n, 8) about the simultaneous contact, and contacts (n, 3)."""
     u = np.random.default_rng(seed).normal(size=(count, 8))
     return u, u @ CONTACTS
 
 
 def outcomes(u, instants, bend=0.0):
-    """Outcomes (n, 11) by `MAP`, per standard deviation, with signed squares of the times."""
+    """Return outcomes (n, 11) by `MAP`, per standard deviation, plus signed squares of times."""
     d = np.column_stack([instants[:, i] - instants[:, j] for i, j in ((0, 1), (0, 2), (1, 2))])
     scale = np.repeat([0.02, 0.1], [5, 6])
     return END + (u @ MAP + bend * (d * np.abs(d)) @ BEND * 10) * scale
 
 
 def coefficients():
-    """The derivative (8, 11) in SI units."""
+    """Return the derivative (8, 11) in SI units."""
     return MAP * np.repeat([0.02, 0.1], [5, 6]) / SPREAD[:, None]
 
 
 def landings(count, seed=0, bend=0.0):
-    """Marker states (n, 18) at both sections, and contact instants (n, 3)."""
+    """Return marker states (n, 18) at both sections, and contact instants (n, 3)."""
     u, instants = inputs(count, seed)
     x = np.hstack([np.zeros((count, 3)), MIDDLE + SPREAD * u])
     y = outcomes(u, instants, bend)
@@ -41,7 +41,7 @@ def landings(count, seed=0, bend=0.0):
 
 
 def noisy(states, position, velocity, shared=0.0, seed=9):
-    """States with normal noise of each coordinate, correlated as told."""
+    """Return states with normal noise in each coordinate, correlated by `shared`."""
     rng = np.random.default_rng(seed)
     a, b = (rng.normal(size=(len(states), states.shape[1] // 2)) for _ in range(2))
     noise = np.hstack([position * a, velocity * (shared * a + np.sqrt(1 - shared**2) * b)])
@@ -49,7 +49,7 @@ def noisy(states, position, velocity, shared=0.0, seed=9):
 
 
 def sklearn_errors(x, y, train, test):
-    """Errors (R, q) of scikit-learn's affine maps, fitted to each training set."""
+    """Return errors (R, q) of scikit-learn's affine maps, fitted to each training set."""
     from sklearn.linear_model import LinearRegression
 
     errors = []

@@ -16,7 +16,7 @@ from hopdata.maps.draws import distinct_draws, named_generator
 
 
 def landings(rng, n=200, latent=11, noise=6e-4, p=18, offset=1.0):
-    """Inputs of `latent` true dimensions in `p` noisy coordinates, and outputs affine in them."""
+    """Return inputs of `latent` true dimensions in `p` noisy coordinates, and affine outputs."""
     x = rng.normal(size=(n, latent)) @ rng.normal(size=(latent, p)) + noise * rng.normal(
         size=(n, p)
     )
@@ -97,14 +97,14 @@ def test_fewer_landings_than_inputs_match_the_library():
 
 
 def conditioned(rng, condition, n=60, p=6, q=2):
-    """Inputs of this condition number, in no particular directions, and noisy outputs."""
+    """Return inputs of this condition number in arbitrary directions, and noisy outputs."""
     base, twist = rng.normal(size=(n, p)), np.linalg.qr(rng.normal(size=(p, p)))[0]
     x = base * np.geomspace(1, 1 / condition, p) @ twist
     return x, base @ rng.normal(size=(p, q)) + 0.1 * rng.normal(size=(n, q))
 
 
 def exact_errors(x, y, train, test):
-    """Errors of the given floats in 80 digits."""
+    """Return errors of the given floats, computed with 80 digits."""
     errors = []
     with mpmath.workdps(80):
         x, y = (

@@ -19,7 +19,7 @@ SHAPE = np.array([[0.13, 0.03, -0.01], [-0.07, 0.11, 0.02], [-0.06, -0.14, -0.01
 
 
 def rotations(yaw, pitch, roll):
-    """Rotations Rz(yaw) Ry(pitch) Rx(roll), (n, 3, 3)."""
+    """Return rotations Rz(yaw) Ry(pitch) Rx(roll), (n, 3, 3)."""
     return _about(2, yaw) @ _about(1, pitch) @ _about(0, roll)
 
 
@@ -33,7 +33,7 @@ def _about(axis, angle):
 
 
 def markers(centre, rotation, velocity, spin, shape=SHAPE):
-    """States (n, 6B) of a body whose angular velocity in its own axes is `spin`."""
+    """Return states (n, 6B) of a body whose angular velocity in its own axes is `spin`."""
     arms = np.einsum("nij,bj->nbi", rotation, shape)
     slips = np.einsum("nij,nbj->nbi", rotation, np.cross(spin[:, None], shape[None]))
     positions, velocities = centre[:, None] + arms, velocity[:, None] + slips
@@ -157,7 +157,7 @@ def test_nothing_changes_if_each_landing_is_moved_and_turned_in_the_plane():
 
 @pytest.mark.parametrize("column", range(11))
 def test_outputs_count_by_the_rms_way_of_the_markers(column):
-    """A small change of one output moves the markers by its weight, or as fast per unit of time."""
+    """A small change of one output changes the markers' places or speeds by its weight."""
     small, unit = 1e-6, 0.027
     value = np.zeros((1, 11))
     value[0, column] = small
@@ -193,7 +193,7 @@ def test_slopes_of_the_kinks_are_their_derivatives(feet):
 
 
 def test_every_continuous_function_linear_on_each_order_is_a_sum_of_kinks(rng):
-    """Values at the six rays (one foot first, or one foot last) are free; linear between them."""
+    """Values at the six rays (one foot first, or one foot last) are free; between, linear."""
     rays = np.array(
         [np.eye(3)[k] - 1 / 3 for k in range(3)] + [1 / 3 - np.eye(3)[k] for k in range(3)]
     )

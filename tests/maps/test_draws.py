@@ -82,7 +82,7 @@ SCHEDULES = np.array(["1>2>3", "1>3>2", "2>1>3", "2>3>1", "3>1>2", "3>2>1"])
 
 
 def study(seed, sizes=(90,) * 6, latent=11, noise=0.01):
-    """Landings of classes of these sizes, with few true degrees of freedom, and their spread."""
+    """Return landings of classes of these sizes, with few true dimensions, and their spread."""
     rng = np.random.default_rng(seed)
     schedule = np.repeat(SCHEDULES[: len(sizes)], sizes)
     x = rng.normal(size=(len(schedule), latent)) @ rng.normal(size=(latent, 18))

@@ -18,7 +18,7 @@ SCHEDULES = np.array(["1>2>3", "1>3>2", "2>1>3", "2>3>1", "3>1>2", "3>2>1"])
 
 
 def study(rng, n=1200, *, difference=0.0, curvature=1.0, noise=0.01):
-    """Landings of six schedules: one linear map, its part that differs, and curvature."""
+    """Return landings of six schedules: a linear map, its part that differs, and curvature."""
     labels = rng.integers(0, 6, n)
     spread = rng.uniform(0, 0.03, n)
     x = rng.normal(size=(n, 11)) @ rng.normal(size=(11, 18)) / 4

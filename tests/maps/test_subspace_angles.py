@@ -12,7 +12,7 @@ from hopdata.maps.subspaces import (
 
 
 def rotated_pair(rng, angles, dimension):
-    """Bases in general position whose principal angles are `angles`, up to rounding."""
+    """Return bases in general position with principal angles `angles`, up to rounding."""
     k = len(angles)
     frame = np.linalg.qr(rng.normal(size=(dimension, 2 * k)))[0]
     mix_a, mix_b = (np.linalg.qr(rng.normal(size=(k, k)))[0] for _ in range(2))
@@ -23,7 +23,7 @@ def rotated_pair(rng, angles, dimension):
 
 
 def exact_angles(a, b):
-    """Principal angles of the column spaces of the given floats, in 60 digits."""
+    """Return principal angles of the column spaces of the given floats, with 60 digits."""
     with mpmath.workdps(60):
         bases = [mpmath.qr(mpmath.matrix(m.tolist()), mode="skinny")[0] for m in (a, b)]
         overlap = bases[0].T * bases[1]

@@ -122,7 +122,7 @@ def test_in_class_never_compares_a_draw_with_itself():
 
 
 def test_error_of_a_mean_of_pairs_that_share_draws():
-    """Of all pairs of R draws it is Hoeffding's: that of twice the means of the draws."""
+    """For all pairs of R draws it is Hoeffding's: the error of twice the means of the draws."""
     rng = np.random.default_rng(4)
     found, means = [], []
     for _ in range(300):

@@ -11,7 +11,7 @@ from hopdata.maps.subspaces import (
 
 
 def section_normals(n_markers):
-    """Unit normals (12B, 2) of the two sections, which fix the mean height of the B markers."""
+    """Return unit normals (12B, 2) of both sections, which fix the mean height of the B markers."""
     normals = np.zeros((12 * n_markers, 2))
     for column in (0, 1):
         start = 6 * n_markers * column
@@ -20,13 +20,13 @@ def section_normals(n_markers):
 
 
 def angles_to_sections(kept):
-    """Principal angles between the two components that were dropped and the section normals."""
+    """Return principal angles between the two dropped components and the section normals."""
     dropped = np.linalg.svd(kept)[0][:, -2:]
     return principal_angles(dropped, section_normals(len(kept) // 12))
 
 
 def planted(rng, n, *, noise=1e-3, markers=3, maps=1):
-    """Pairs on the graph of one (or two) linear maps between two sections."""
+    """Return pairs on the graph of one (or two) linear maps between two sections."""
     half = 6 * markers
     normal = section_normals(markers)[:half, :1]
     # Orthonormal directions within the section, so that x spans all of it.

@@ -1,4 +1,4 @@
-"""Motion-BIDS files: rows of numbers, channels and json beside them."""
+"""Motion-BIDS files: rows of numbers, with channels and JSON beside them."""
 
 import json
 
@@ -12,7 +12,7 @@ def write_bids(
     folder, positions, names, *, unit="mm", rate=100.0, latency=True, spatial="", missing="n/a",
     heads=False, above=False, extra=True,
 ):  # fmt: skip
-    """Write a file with its companions, and return its path; `above` puts json a folder higher."""
+    """Write a file with its companions and return its path; `above` puts the JSON one folder up."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = [(f"{n}_{a}", a, "POS", n, unit) for n in names for a in AXES]
     rows += [("quat_x", "quat_x", "ORNT", names[0], "n/a")] * extra

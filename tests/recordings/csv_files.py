@@ -10,7 +10,7 @@ def cells(values):
 def motive(
     positions, names, *, unit="Millimeters", version="1.23", rate=100.0, kind="Marker", code=False
 ):
-    """Two rigid-body blocks first: rotation and place, then its solved markers."""
+    """Return Motive's text, whose two rigid-body blocks come before the solved markers."""
     scale = {"Millimeters": 1.0, "Centimeters": 0.1, "Meters": 1e-3}[unit]
     head = (
         f"Format Version,1.23,Take Name,monday,Capture Frame Rate,{rate:.6f},"

@@ -58,7 +58,7 @@ NUMBERS = (
 
 
 def corpus():
-    """Sound files: the key is a name with the format's suffix, the value the bytes."""
+    """Return sound files: the key is a name with the format's suffix, the value the bytes."""
     with TemporaryDirectory() as folder:
         return {**_texts(), **_binaries(Path(folder))}
 
@@ -87,14 +87,14 @@ def _texts():
 
 
 def _storage():
-    """OpenSim's file of forces under a plate, in a column named as `FORCE`."""
+    """Return OpenSim's file of forces under a plate, in a column named like `FORCE`."""
     head = ["forces", "version=1", f"nRows={N_FRAMES}", "nColumns=2", "inDegrees=yes", "endheader"]
     rows = [f"{k / 1000:.4f}\t{700 * (k % 9):.3f}" for k in range(N_FRAMES)]
     return "\n".join([*head, f"time\t{FORCE}", *rows]) + "\n"
 
 
 def placed(folder, name, data):
-    """Write a damaged file, and what must stand beside it; return what is to be read."""
+    """Write a damaged file and its companions; return the path to read."""
     if name.startswith(NAME):
         path = write_bids(folder, standing(N_FRAMES), NAMES)
         (folder / name).write_bytes(data)
@@ -128,7 +128,7 @@ def _binaries(folder):
 
 
 def damaged(data, rng, *, text):
-    """One to three seeded damages, one after the other."""
+    """Return the data after one to three seeded damages in succession."""
     kinds = ANYWHERE + (IN_TEXT if text else IN_NUMBERS)
     for _ in range(rng.integers(1, 4)):
         data = kinds[rng.integers(len(kinds))](data, rng)
@@ -136,7 +136,7 @@ def damaged(data, rng, *, text):
 
 
 def _place(data, rng):
-    """A byte: half of the time among the first 2,000, where headers stand."""
+    """Return the place of a byte, half the time among the first 2,000, where headers are."""
     most = len(data) if rng.random() < 0.5 else min(len(data), 2000)
     return int(rng.integers(most)) if most else 0
 
@@ -169,7 +169,7 @@ def repeat(data, rng):
 
 
 def lie(data, rng):
-    """A whole number or float of any width at any place."""
+    """Write an integer or float of any width at any place."""
     at, width = _place(data, rng), int(rng.choice([1, 2, 4, 8]))
     order = "little" if rng.random() < 0.7 else "big"
     number = (NUMBERS[rng.integers(len(NUMBERS))] % 256**width).to_bytes(width, order)
@@ -180,7 +180,7 @@ def lie(data, rng):
 
 
 def lie_in_words(data, rng):
-    """One field of one line replaced by a word."""
+    """Replace one field of one line by a word."""
     lines = data.split(b"\n")
     i = int(rng.integers(min(len(lines), 14) if rng.random() < 0.6 else len(lines)))
     mark = max((b"\t", b","), key=data.count)
@@ -203,9 +203,9 @@ IN_NUMBERS = (lie, lie, lie, lie)
 
 
 def read(path):
-    """What a user sees: the recording, checked, or the message of the error.
+    """Return what a user sees: the checked recording, or the message of the error.
 
-    Whatever else is raised goes through; a recording that cannot be one is an AssertionError.
+    Other exceptions propagate; an impossible recording is an AssertionError.
     """
     begin = path.read_text("latin-1")
     stateless = ("EXT" in begin[:400], "scorer" in begin[:40], "ncams" in begin, "pandas" in begin)
@@ -238,7 +238,7 @@ def _forces(path):
 
 
 def case(sound, names, seed, number):
-    """Name and bytes of damaged file `number`: the corpus in turn, each with its own seed."""
+    """Return name and bytes of damaged file `number`: sound files in turn, seed by seed."""
     name = names[number % len(names)]
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
     return name, damaged(sound[name], rng, text=Path(name).suffix in TEXTS)

@@ -1,7 +1,7 @@
 """Sound recordings in every format, with the habits of the programs and people that wrote them.
 
-Each variant holds the same markers at the same places, so that a reader is asked for numbers, not
-only for no refusal.
+Every variant holds the same markers at the same positions, so tests check the numbers that a reader
+returns, not only that it accepts the file.
 """
 
 import re
@@ -41,7 +41,7 @@ NAMESETS = {
 
 @dataclass(frozen=True)
 class Variant:
-    """A file: its format, what is odd about it, its name and bytes, or how it is written."""
+    """A file: its format, its peculiarity, its name and bytes, or how it is written."""
 
     format: str
     habit: str
@@ -78,7 +78,7 @@ def plain(positions, names, *, axis="_"):
 
 
 def workstation(positions, names):
-    """Vicon's export before Nexus 2: another word for the frame, and no units."""
+    """Return Vicon's export before Nexus 2: another word for the frame, and no units."""
     body = [f"{k + 1}," + cells(p) for k, p in enumerate(positions)]
     heads = ["TRAJECTORIES", "100,Hz", "," + ",,,".join(names), "Field #" + ",X,Y,Z" * len(names)]
     return "\n".join([*heads, *body]) + "\n"
@@ -120,7 +120,7 @@ def _is_row(line, mark):
 
 
 def by_row(change):
-    """Apply a change to each row of numbers."""
+    """Return a function that applies a change to each row of numbers."""
 
     def to_text(text, mark):
         lines = text.splitlines()
@@ -182,7 +182,7 @@ OF_CSV = {
 
 
 def _filled_up(text):
-    """Pad short lines of a header by commas, as a spreadsheet does when it saves."""
+    """Pad short header lines with commas, as a spreadsheet does when it saves."""
     lines = text.splitlines()
     width = max(line.count(",") for line in lines)
     return "\n".join(line + "," * (width - line.count(",")) for line in lines) + "\n"
@@ -195,7 +195,7 @@ def _start(line, mark):
 
 
 def variants():
-    """All variants, the formats in turn."""
+    """Return all variants, with the formats in turn."""
     return [*_of_texts(), *_of_single_formats(), *_of_binaries()]
 
 
@@ -426,7 +426,7 @@ def _c3d(habit, names, *, more=(), unit="mm", factor=1.0, change=None, first=1, 
 
 
 def _changed(groups, change):
-    """Replace parameters of groups, or leave out those that are None."""
+    """Replace parameters of groups, and remove those that are None."""
     merged = {**groups, **{g: {**groups.get(g, {}), **new} for g, new in change.items()}}
     return {
         group: {name: value for name, value in parameters.items() if value is not None}

@@ -1,4 +1,4 @@
-"""Keypoints as DeepLabCut and Anipose write them: CSV, and pandas' two layouts of HDF5."""
+"""Keypoints as DeepLabCut and Anipose write them: CSV, and the two layouts of HDF5 in pandas."""
 
 import pickle
 
@@ -10,14 +10,14 @@ SCORER = "DLC_3D"
 
 
 def columns(names, *, score="likelihood", individual=None):
-    """DeepLabCut's names of columns: scorer, perhaps an individual, body part, coordinate."""
+    """Return DeepLabCut's column names: scorer, perhaps an individual, body part, coordinate."""
     who = () if individual is None else (individual,)
     axes = ("x", "y", "z", score) if score else ("x", "y", "z")
     return [(SCORER, *who, name, axis) for name in names for axis in axes]
 
 
 def table(positions, scores=None):
-    """Rows of numbers (N, K), with a score after each point if there are any."""
+    """Return rows of numbers (N, K), with a score after each point if there are scores."""
     if scores is None:
         return positions.reshape(len(positions), -1)
     return np.concatenate([positions, scores[..., None]], axis=2).reshape(len(positions), -1)
@@ -44,7 +44,7 @@ def anipose(positions, names, scores):
 
 
 def pandas_rows(path, heads, values):
-    """What ``to_hdf(..., format="table")`` writes: rows, the names of columns pickled beside."""
+    """Write what ``to_hdf(..., format="table")`` writes: rows, with pickled column names beside."""
     rows = np.zeros(len(values), [("index", "<i8"), ("values_block_0", "<f8", (len(heads),))])
     rows["index"], rows["values_block_0"] = np.arange(len(values)), values
     with h5py.File(path, "w") as file:
@@ -56,7 +56,7 @@ def pandas_rows(path, heads, values):
 
 
 def pandas_blocks(path, heads, values):
-    """What ``to_hdf`` writes without a format: an array, and levels and codes of the names."""
+    """Write what ``to_hdf`` writes without a format: an array, levels and codes of the names."""
     with h5py.File(path, "w") as file:
         group = file.create_group("tracks")
         group.attrs["pandas_type"], group.attrs["nblocks"] = np.bytes_("frame"), 1

@@ -1,4 +1,4 @@
-"""Writes MAT files as QTM exports them, by libraries that know nothing of our reader."""
+"""Writes MAT files as QTM exports them, with libraries that are independent of our reader."""
 
 import h5py
 import numpy as np
@@ -8,7 +8,7 @@ STAMP = "2021-01-01, 12:00:00.000\t100.00000000"
 
 
 def qtm_struct(positions, names, *, rate_hz=100.0, events=(), start=1, types=None):
-    """The struct of an export; `positions` (N, M, 3) in mm."""
+    """Return the struct of an export; `positions` (N, M, 3) in mm."""
     n_frames, n_markers = positions.shape[:2]
     data = np.zeros((n_markers, 4, n_frames))
     data[:, :3] = np.moveaxis(positions, 0, 2)
@@ -41,7 +41,7 @@ def write_mat5(path, struct, *, name="trial", compressed=False):
 
 
 def write_mat73(path, struct, *, name="trial"):
-    """The same struct as MATLAB's version 7.3 lays it out: axes reversed, cells as references."""
+    """Write the struct in the layout of MATLAB 7.3: reversed axes, cells as references."""
     with h5py.File(path, "w", userblock_size=512) as file:
         _put(file, file.create_group("#refs#", track_order=True), name, struct)
     lead = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + b"\0" * 8 + b"\0\2IM"

@@ -1,4 +1,4 @@
-"""Writes small QTM exports, whole or with the fault that a test asks for."""
+"""Writes small QTM exports, sound or with the fault that a test needs."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ UPRIGHT = np.array(
 
 
 def standing(n_frames=40, *, scale=1000.0, wobble=0.01):
-    """Positions (N, 5, 3) of a small upright figure, in `scale` units to the metre."""
+    """Return positions (N, 5, 3) of a small upright figure, with `scale` units per metre."""
     rng = np.random.default_rng(5)
     return scale * (UPRIGHT + wobble * rng.standard_normal((n_frames, len(UPRIGHT), 3)))
 
@@ -25,7 +25,7 @@ def qtm_text(
     rows=None,
     line_end="\r\n",
 ):
-    """Text of an export; `header` replaces or (with None) removes keys of the usual header."""
+    """Return the text of an export; `header` replaces or (None) removes keys of the header."""
     positions = standing() if positions is None else positions
     keys = {
         "NO_OF_FRAMES": str(len(positions)),

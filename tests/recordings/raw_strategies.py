@@ -1,4 +1,4 @@
-"""Recordings of any shape that a file can hold, for properties of writers and readers."""
+"""Recordings of any shape that a file can hold, for property tests of writers and readers."""
 
 from datetime import datetime
 
@@ -17,7 +17,7 @@ NAMES = st.text(
 
 @st.composite
 def raw_recordings(draw, *, largest=5000.0, unit="mm", stated_up=("", "x", "y", "z")):
-    """A recording on its grid of time, with some markers unseen and none at the origin."""
+    """Draw a recording on its time grid, with some markers unseen and none at the origin."""
     n_frames, n_markers = draw(st.integers(2, 30)), draw(st.integers(1, 6))
     rate = float(draw(st.sampled_from([50, 100, 150, 240, 300, 1000, 2000])))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -43,7 +43,7 @@ def raw_recordings(draw, *, largest=5000.0, unit="mm", stated_up=("", "x", "y", 
 
 
 def assert_same(again, raw, *, atol, time_atol=1e-9, event_atol=1e-9):
-    """What came back is what was written."""
+    """Assert that what was read equals what was written."""
     assert again.markers == raw.markers
     assert again.rate_hz == raw.rate_hz
     np.testing.assert_array_equal(np.isnan(again.positions), np.isnan(raw.positions))

@@ -1,4 +1,4 @@
-"""Damaged files of all formats: a slice of what benchmarks/reading.py reads."""
+"""Damaged files of all formats: a sample of what benchmarks/reading.py reads."""
 
 import warnings
 from pathlib import Path

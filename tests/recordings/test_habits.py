@@ -1,4 +1,4 @@
-"""Files as they come: every format with every habit, read to the same numbers."""
+"""Files as users have them: every format with every habit, read to the same numbers."""
 
 from collections import Counter
 
@@ -15,7 +15,7 @@ ALL = variants()
 
 
 def read(variant, folder):
-    """Read a variant, and require its numbers, names and rate."""
+    """Read a variant, and check its numbers, names and rate."""
     found = read_raw(variant.file(folder), rate_hz=variant.given_hz)
     assert found.rate_hz == pytest.approx(RATE, rel=1e-6)
     metres = found.positions * METRES_PER_UNIT[found.unit]

@@ -22,7 +22,7 @@ SAMPLE_MARKERS = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"
 
 
 def imported(path, markers=MARKERS, **options):
-    """The recording, checked, as the workflow and `hopdata check` see it."""
+    """Return the checked recording, as the workflow and `hopdata check` see it."""
     recording, _ = import_recording(path, name="trial", markers=markers, **options)
     check_plausible(recording)
     return recording

@@ -87,7 +87,7 @@ def test_scale():
 
 @pytest.mark.parametrize(("vertical_axis", "order"), [("z", [0, 1, 2]), ("y", [2, 0, 1])])
 def test_body_beside_the_feet_names_the_axis_of_the_file(vertical_axis, order):
-    """Canonical y is up by mistake; it is the file's y, or its x where y was named as vertical."""
+    """Canonical y is up by mistake: the file's y, or its x if y was configured as vertical."""
     positions = recording().positions[..., [1, 2, 0]]
     message = refused(recording(positions=positions, vertical_axis=vertical_axis))
     assert f"set input.vertical_axis: {'xyz'[order[1]]}?" in message
@@ -123,7 +123,7 @@ def test_a_foot_that_stays_high_is_noted():
 
 
 def hopping(offset_m, noise_m, *, n_frames=400):
-    """Two feet, the second a copy of the first but for an offset and noise of its own."""
+    """Return two feet; the second copies the first with an offset and noise of its own."""
     sound = recording(n_frames)
     draws = np.random.default_rng(3).normal(size=(2, n_frames, 3))
     air = np.maximum(0.0, np.sin(np.arange(n_frames) / 8.0))
@@ -219,7 +219,7 @@ def test_a_frozen_marker_is_refused_and_one_that_rests_is_not():
     [(0.01, "10 mm, which adds noise of 2.9 mm"), (0.001, "1 mm, which adds noise of 0.29 mm")],
 )
 def test_whole_millimetres_are_noted(step, text, kind):
-    """Also as a file keeps them, in float32, and far from the origin."""
+    """This also holds for float32, in which files keep them, and far from the origin."""
     positions = np.round((recording().positions + 5) / step) * step
     positions[3, 2] = np.nan
     rounded = recording(positions=positions.astype(kind).astype(float))

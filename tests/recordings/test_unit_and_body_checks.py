@@ -1,4 +1,4 @@
-"""`check_plausible` refuses units that cannot be and bodies that bend; sound recordings pass."""
+"""`check_plausible` refuses impossible units and bodies that bend; sound recordings pass."""
 
 from dataclasses import replace
 

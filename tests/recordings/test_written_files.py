@@ -1,8 +1,8 @@
-"""Deliberate mistakes in files, of every format: what a user is told.
+"""Deliberate mistakes in files of every format, and the messages that a user gets.
 
-Each entry makes a file that is sound but for one mistake, and names what the message must hold
-besides the file, `expected` and `found`: the place, both values, and the nearest name if there is
-one. The files go the whole way, as in `hopdata check`.
+Each entry makes a file with a single mistake, and names what the message must contain besides the
+file, `expected` and `found`: the place, both values, and the nearest name if there is one. The
+files are processed fully, as in `hopdata check`.
 """
 
 from dataclasses import replace

@@ -1,10 +1,10 @@
-"""Writes small TRC files, whole or with the fault that a test asks for."""
+"""Writes small TRC files, sound or with the fault that a test needs."""
 
 import numpy as np
 
 
 def trc_text(positions, names, *, rate_hz=100.0, unit="mm", values=None, blank=True, tab=""):
-    """Text of a TRC file; `values` replaces entries of the third line."""
+    """Return the text of a TRC file; `values` replaces entries of the third line."""
     n_frames = len(positions)
     entries = {
         "DataRate": f"{rate_hz:g}",

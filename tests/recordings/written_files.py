@@ -1,4 +1,4 @@
-"""Writer of C3D files."""
+"""Writers of C3D and QTM files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hopdata.recordings.readers.c3d_parameters import BLOCK, MOST_16_BIT, PROCES
 
 
 def from_whole(processor: Processor, values: Any) -> bytes:
-    """Encode 16-bit whole numbers; up to 65535 as the same bits without a sign."""
+    """Encode 16-bit integers; values up to 65535 have the same bits without a sign."""
     whole = np.atleast_1d(np.asarray(values, dtype=np.int64)) & 0xFFFF
     return whole.astype(f"{processor.order}u2").tobytes()
 
@@ -34,7 +34,7 @@ def from_floats(processor: Processor, values: Any) -> bytes:
 
 
 def parameter_bytes(processor: Processor, groups: dict[str, dict[str, Any]]) -> bytes:
-    """Encode groups of parameters: texts (list of str), whole numbers (int) or floats.
+    """Encode groups of parameters: texts (list of str), integers (int) or floats.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def parameter_bytes(processor: Processor, groups: dict[str, dict[str, Any]]) -> 
     Raises
     ------
     ValueError
-        If a text or list is longer than the format can say (255).
+        If a text or list is longer than the format allows (255).
     """
     body = b""
     for number, (group, parameters) in enumerate(groups.items(), start=1):
@@ -91,7 +91,7 @@ def write_c3d(
 ) -> None:
     """Write markers and events to a C3D file.
 
-    Positions are rounded to 32-bit floats, or to 1/32,000 of the largest; unseen markers get the
+    Positions are rounded to 32-bit floats, or to 1/32,000 of the largest. Unseen markers get the
     residual -1.
 
     Parameters
@@ -108,7 +108,7 @@ def write_c3d(
     Raises
     ------
     RecordingError
-        If what is to be written does not fit the format: time stamps off the grid or before 0,
+        If the recording does not fit the format: time stamps off the grid or before 0,
         names or texts longer than 255 bytes, a seen marker at exactly (0, 0, 0).
     """
     kind = next(p for p in PROCESSORS.values() if p.name == processor)
@@ -131,12 +131,12 @@ def write_c3d(
 
 
 def check_no_origin(path: str | Path, positions: FloatArray) -> None:
-    """Require that no seen marker is at exactly (0, 0, 0), which a reader takes for unseen.
+    """Require that no seen marker is at exactly (0, 0, 0), which readers interpret as unseen.
 
     Raises
     ------
     RecordingError
-        Naming the first frame and marker.
+        If one is; the message names the first frame and marker.
     """
     at_origin = np.argwhere((positions == 0).all(axis=2))
     if len(at_origin):
@@ -148,7 +148,7 @@ def check_no_origin(path: str | Path, positions: FloatArray) -> None:
 
 
 def _first_frame(path: str | Path, raw: RawRecording) -> int:
-    """Return the number of the first frame, from 1, of time stamps that lie on the grid."""
+    """Return the number of the first frame, from 1, for time stamps on the grid."""
     if not len(raw.time):
         raise RecordingError(f"{path}: expected at least 1 frame to write, found none")
     first = int(np.round(raw.time[0] * raw.rate_hz)) + 1
@@ -193,7 +193,7 @@ def _groups(raw: RawRecording, first: int, scale: float, start: int) -> dict[str
 
 
 def _lists(name: str, entries: list[str]) -> dict[str, list[str]]:
-    """Return lists of at most 255 entries: ``LABELS``, ``LABELS2`` and so on."""
+    """Return the entries in lists of at most 255: ``LABELS``, ``LABELS2`` and so on."""
     starts = range(0, max(len(entries), 1), _WIDEST)
     return {
         name + (str(i + 1) if i else ""): entries[start : start + _WIDEST]
@@ -248,16 +248,16 @@ def write_qtm_tsv(path: str | Path, raw: RawRecording, *, missing: str = "") -> 
     path : path
         File to write; replaced if it exists.
     raw : RawRecording
-        Positions in `raw.unit`; written in mm, which the format prescribes, to 9 digits.
+        Positions in `raw.unit`; written in mm, as the format requires, to 9 digits.
     missing : str
-        How the coordinates of an unseen marker are written: empty, ``"NULL"``, ``"NaN"`` or
+        Text for the coordinates of an unseen marker: empty, ``"NULL"``, ``"NaN"`` or
         ``"0"``.
 
     Raises
     ------
     RecordingError
-        If a name or label holds a tab or a line end or is empty, or a seen marker is at exactly
-        (0, 0, 0), which a reader takes for unseen.
+        If a name or label is empty or contains a tab or a line end, or a seen marker is at exactly
+        (0, 0, 0), which readers interpret as unseen.
     """
     import pandas as pd
 
@@ -319,7 +319,7 @@ def _frame(raw: RawRecording, time_s: float) -> int:
 
 
 def _table(raw: RawRecording) -> dict[str, object]:
-    """Columns of the rows of numbers; frames are numbered by the clock."""
+    """Return the columns of the rows of numbers; frames are numbered by the clock."""
     millimetres = raw.positions.reshape(len(raw.time), -1) * (METRES_PER_UNIT[raw.unit] / 1e-3)
     number = np.round(raw.time * raw.rate_hz).astype(np.int64) + 1
     times = np.char.mod(_TIME, raw.time)
@@ -328,7 +328,7 @@ def _table(raw: RawRecording) -> dict[str, object]:
 
 
 def _unseen(millimetres: FloatArray, column: int) -> FloatArray:
-    """One coordinate, NaN where any of the marker's three is."""
+    """Return one coordinate, NaN where any of the marker's three is."""
     first = column - column % 3
     hidden = np.isnan(millimetres[:, first : first + 3]).any(axis=1)
     return np.where(hidden, np.nan, millimetres[:, column])

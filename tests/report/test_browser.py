@@ -1,4 +1,4 @@
-"""The page in a browser: silent on its console, no wider than its window, turned, readable."""
+"""The page in a browser: no console output, no overflow, rotatable, readable."""
 
 import html
 import io
@@ -58,13 +58,13 @@ addEventListener("load", async () => {
 
 
 def axe():
-    """Return axe-core's script, of the file that AXE names or of the package that has it."""
+    """Return axe-core's script from the file that AXE names or from its package."""
     place = os.environ.get("AXE") or files("axe_core_python").joinpath("axe.min.js")
     return f"<script>{Path(str(place)).read_text(encoding='utf-8')}</script>"
 
 
 def two_panels():
-    """Draw two axes side by side, a line that leaves them, and a legend below, for all figures."""
+    """Draw two axes side by side, a line that leaves them, and a legend below, in every figure."""
     drawn = io.BytesIO()
     with style.style_context():
         figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
@@ -77,7 +77,7 @@ def two_panels():
 
 
 def seen(page, folder, *options, width=1280):
-    """Return what a browser found of a page, in a frame of this width."""
+    """Return what a browser finds on a page, in a frame of this width."""
     asked = page.replace("<head>", "<head>" + LISTEN, 1).replace("</body>", axe() + ASK + "</body>")
     frame = folder / "framed.html"
     frame.write_text(

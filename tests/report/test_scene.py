@@ -1,4 +1,4 @@
-"""What the page lets a reader turn, and the small plots beside what was left out."""
+"""The rotatable scene of the page, and the small plots beside exclusions."""
 
 import base64
 import json
@@ -18,7 +18,7 @@ MARKERS = [*ROLES["feet"], "hip"]
 
 
 def falling(frames=300):
-    """Two feet that fall one after the other at 100 Hz; the second is unseen for a while."""
+    """Return two feet that fall in succession at 100 Hz; the second is unseen for a while."""
     time = np.arange(frames) / 100
     heights = np.stack(
         [np.abs(0.3 - time % 0.6), np.abs(0.32 - time % 0.6), 0.5 + 0 * time], axis=1

@@ -57,7 +57,7 @@ def test_a_study_without_an_answer_has_a_page_that_says_why():
 
 
 def test_the_answer_is_not_told_again_by_its_picture():
-    """Where there is no number the picture would be the sentence once more."""
+    """Without a number, the picture would repeat the sentence."""
     told = no_answer()
     page = Page(build_report(full_study(verdict=told)))
     assert page.text.count(told["sentence"]) == 1

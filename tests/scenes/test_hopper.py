@@ -53,7 +53,7 @@ def random_state(rng):
 
 
 def momenta(t, y, parameters):
-    """Linear and angular momentum about the world's origin of chassis and counterweight."""
+    """Return linear and angular momentum of chassis and counterweight about the world's origin."""
     c, c_rate, _ = (np.array(v) for v in boom_motion.py_func(t, parameters.vector()))
     turn, w = rotation_matrices(y[3:6]), y[9:12]
     point = y[:3] + turn @ c
@@ -68,7 +68,7 @@ def momenta(t, y, parameters):
 
 
 def energy(y, standing, parameters):
-    """Kinetic, gravitational and elastic energy; the boom at rest."""
+    """Return kinetic, gravitational and elastic energy, with the boom at rest."""
     linear, _, point = momenta(0.0, y, parameters)
     turn, w = rotation_matrices(y[3:6]), y[9:12]
     inertia = np.array(
@@ -83,7 +83,7 @@ def energy(y, standing, parameters):
 
 
 def floor_forces(y, legs, parameters):
-    """Forces and points of attack in the world, written down anew with vectors."""
+    """Return forces and points of attack in the world, derived independently with vectors."""
     turn = rotation_matrices(y[3:6])
     for leg in legs:
         arm = turn @ parameters.rest_feet()[leg]
@@ -215,7 +215,7 @@ def test_contact_depends_on_position_alone_and_rates_are_derivatives():
 
 
 def saltations(y, hopper, guard_delay_s):
-    """Product of the three saltation matrices for each order, guards h + delay dh/dt."""
+    """Return the product of three saltation matrices for each order, guards h + delay dh/dt."""
     step = 1e-6
     slopes = np.array(
         [
@@ -330,7 +330,7 @@ HOPPER = HopperParameters()
 
 
 def wrench(state, hopper=HOPPER, leg=0):
-    """Force in the world and torque about O in the body."""
+    """Return the force in the world frame and the torque about O in the body frame."""
     force, torque = leg_wrench(leg, state, rotation_entries(*state[3:6]), hopper.vector())
     return rotation_matrices(state[3:6]) @ force, np.array(torque)
 

@@ -1,4 +1,4 @@
-"""The controls: none of them at strength zero, and each breaks what it says."""
+"""The controls: at strength zero they do nothing, otherwise each breaks what it states."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ NONE = Control()
 
 
 def landing(control):
-    """State, upright, at which all feet meet their guards at once."""
+    """Return the upright state in which all feet meet their guards at once."""
     y = np.zeros(12)
     y[2], y[6:9] = HOPPER.leg_length_m - control.delay_s * SPEEDS[2], SPEEDS[:3]
     if control.delay_s == 0:
@@ -120,7 +120,7 @@ def foot_velocity(y, leg, hopper):
 
 
 def momenta(t, y, hopper):
-    """Linear momentum, and angular momentum about the centre of the chassis (world axes)."""
+    """Return linear momentum, and angular momentum about the centre of the chassis (world axes)."""
     c, c_rate, _ = (np.array(v) for v in boom_motion.py_func(t, hopper.vector()))
     turn, w = rotation_matrices(y[3:6]), y[9:12]
     inertia = np.array([hopper.inertia_x_kg_m2, hopper.inertia_y_kg_m2, hopper.inertia_z_kg_m2])
@@ -164,7 +164,7 @@ def orders_of_landing(control, hopper=HOPPER):
 
 
 def spread(control, hopper=HOPPER):
-    """Largest difference of two orders' saltation products, over the size of their effect."""
+    """Return the largest difference of two orders' saltation products, relative to their effect."""
     products = [order.matrix for order in orders_of_landing(control, hopper)]
     assert len(products) == 6
     effect = max(np.linalg.norm(p - np.eye(12)) for p in products)
@@ -172,13 +172,13 @@ def spread(control, hopper=HOPPER):
 
 
 def end_spread(control, hopper=HOPPER):
-    """Largest difference of the states in which two orders end."""
+    """Return the largest difference between the final states of two orders."""
     ends = [order.state for order in orders_of_landing(control, hopper)]
     return max(np.linalg.norm(a - b) for a in ends for b in ends)
 
 
 def orthogonal_hopper():
-    """A hopper whose feet do not move one another: an impulse at one leaves the others' speeds.
+    """Return a hopper in which an impulse at one foot does not change the other feet's speeds.
 
     With masses m and m_t, c below O, and I about the common centre of mass: 1/m_t = R^2 / (2 I).
     """

@@ -42,7 +42,7 @@ SECTIONS = SectionHeights(0.51, 0.29, np.array(BODY))
 
 
 def standing(seed, legs):
-    """A random state and mode with these legs down."""
+    """Return a random state and mode with these legs down."""
     rng = np.random.default_rng(seed)
     y = 0.2 * rng.normal(size=SYSTEM.n_states)
     y[2] = 0.25

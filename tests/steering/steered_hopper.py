@@ -1,4 +1,4 @@
-"""A simulated hopper whose boom swings, with its true pose, boom angle and landings."""
+"""A simulated hopper with a swinging boom, and its true pose, boom angle and landings."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -15,7 +15,7 @@ SWING = np.deg2rad(67.5)
 
 @dataclass(frozen=True)
 class Steered:
-    """A recording and its truth; `hop` says which landings are a hop apart from the next."""
+    """A recording and its truth; `hop` marks landings that are one hop before the next."""
 
     recording: Recording
     yaw: np.ndarray
@@ -58,7 +58,7 @@ def steered(*, hops=40, rate_hz=100.0, angle=np.pi, seed=1, noise_m=0.0006):
 
 
 def _landings(hops, angle, seed):
-    """Lowest points, read off at 1000 Hz, and whether nobody carries the hopper after a landing."""
+    """Return lowest points, read at 1000 Hz, and whether nobody carries the hopper afterwards."""
     _, trial, tracks = _trial(hops, 1000.0, angle, seed)
     height = tracks.positions[:, :3, 2].mean(axis=1)
     ends = trial.hop_start_s + [hop.end_time_s for hop in trial.hops]

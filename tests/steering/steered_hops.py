@@ -8,7 +8,7 @@ LIMIT = 3 * np.pi / 8
 
 
 def smooth_change(angle, swing):
-    """A frame change of the hopper's size, periodic in the boom angle; (n, 3)."""
+    """Return frame changes of the hopper's size, periodic in the boom angle; (n, 3)."""
     return np.column_stack(
         [
             0.05 + 0.02 * np.cos(angle) + 0.01 * np.sin(swing),
@@ -19,7 +19,7 @@ def smooth_change(angle, swing):
 
 
 def chained_hops(n=120, *, noise=0.0, seed=0):
-    """Hops in one chain."""
+    """Return hops in one chain."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     swing = rng.uniform(-LIMIT, LIMIT, n)
     angle = np.append(0.0, np.cumsum(swing))[:-1] % (2 * np.pi)

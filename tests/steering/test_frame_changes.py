@@ -1,4 +1,4 @@
-"""Frame changes of a recording: geometry, what came before, what is not used and why."""
+"""Frame changes of a recording: geometry, history, and which are unused and why."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ CHANGES = np.array([[0.05, 0.01, 0.1], [0.02, -0.03, -0.2], [0.08, 0.0, 3.0], [0
 
 
 def motion(first_boom=6.0):
-    """Poses and boom angles of frames: both change half-way between the stances."""
+    """Return poses and boom angles of frames; both change half-way between the stances."""
     stances = [np.array([0.4, -0.2, 2.9])]
     for change in CHANGES:
         stances.append(composed(stances[-1], change))

@@ -1,4 +1,4 @@
-"""The simulated robot: stances, frame changes and truth agree with each other."""
+"""The simulated robot: stances, frame changes and truth are consistent."""
 
 from dataclasses import replace
 

@@ -37,7 +37,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def trial(config):
-    """A short excitation and its truth: 3 x 24 hops."""
+    """Return a short excitation and its truth: 3 x 24 hops."""
     excitation = {"n_angles": 8, "n_steps": 1, "repeats": 3}
     steering = {**config["steering"], "excitation": excitation}
     return simulate_excitation(steering, config["motion_capture"], seed=np.random.SeedSequence(5))
@@ -136,7 +136,7 @@ SEED = np.random.SeedSequence(1)
 
 
 def hops(n=150, seed=3):
-    """Hops by a simple law, with a little noise."""
+    """Return hops by a simple law, with a little noise."""
     stream = rng(seed)
     angle, swing = stream.uniform(0, 2 * np.pi, n), stream.uniform(-1.1, 1.1, n)
     return FrameChanges(
@@ -200,7 +200,7 @@ def test_the_true_map_survives_its_table():
 
 
 class Law:
-    """A model that knows the law, but for a constant error."""
+    """A model that knows the law except for a constant error."""
 
     def change(self, angle, swing):
         return law(angle, swing) + np.array([1e-3, 0.0, 0.0])
@@ -235,12 +235,12 @@ GRIDS = st.builds(
 
 
 def moves(swings, grid):
-    """Swings as numbers of grid steps."""
+    """Return swings as numbers of grid steps."""
     return np.rint(swings / grid.step_rad).astype(int)
 
 
 def counts(grid, steps):
-    """How often each move was made, by angle and step."""
+    """Return how often each move was made, by angle and step."""
     angles = np.concatenate([[0], np.cumsum(steps[:-1])]).astype(int) % grid.n_angles
     made = np.zeros((grid.n_angles, len(grid.steps)), dtype=int)
     np.add.at(made, (angles, steps + grid.n_steps), 1)

@@ -20,14 +20,14 @@ HOP_HEIGHT_M = 0.24
 
 
 def rebound(hopper, drop_height_m):
-    """Height of the feet above the floor at the apex after a drop, over that before it."""
+    """Return the feet's apex height above the floor after a drop, relative to that before it."""
     hop = fly_hop(hopper, level_state(hopper, drop_height_m))
     assert not hop.fell
     return (hop.end_state[2] - hopper.leg_length_m) / drop_height_m
 
 
 def test_a_dropped_hopper_keeps_its_energy_through_the_landing():
-    """The dissertation's drop test (section 2.2.1): legs preloaded, no energy put back."""
+    """This is the dissertation's drop test (section 2.2.1): preloaded legs, no energy added."""
     passive = replace(HOPPER, release_extension_m=0.0)
     assert rebound(passive, HOP_HEIGHT_M) > 0.40
     assert rebound(passive, HOP_HEIGHT_M) == pytest.approx(0.489, abs=0.002)

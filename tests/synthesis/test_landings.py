@@ -1,4 +1,4 @@
-"""True states at the sections, against single hops with all their events."""
+"""True states at the sections, compared with single hops with all their events."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The bundled sample is what the committed code makes from the seed that stands in it."""
+"""The bundled sample is what the committed code makes from the seed stored in it."""
 
 import json
 from pathlib import Path

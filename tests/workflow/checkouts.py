@@ -1,4 +1,4 @@
-"""Copies of the checkout in which the workflow runs as a user runs it."""
+"""Copies of the checkout in which the workflow runs as for a user."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FIGURES = (
 
 
 def copy_checkout(target):
-    """Copy all but the library, to which a link leads: what it has compiled is compiled once."""
+    """Copy everything but the library, which is linked so that it compiles only once."""
     (target / "src").parent.mkdir(parents=True, exist_ok=True)
     (target / "src").symlink_to(ROOT / "src")
     for part in PARTS:
@@ -43,7 +43,7 @@ def copy_checkout(target):
 
 
 def part_of_sample(path, seconds):
-    """Write the beginning of the bundled recording, for tests that look at no more."""
+    """Write the beginning of the bundled recording, for tests that need no more."""
     sample = read_recording(ROOT / "data/sample/hopper.h5")
     path.parent.mkdir(parents=True, exist_ok=True)
     write_recording(path, sample.part(slice(int(seconds * sample.rate_hz))), None)
@@ -51,7 +51,7 @@ def part_of_sample(path, seconds):
 
 
 def snakemake(folder, *arguments, cores=2):
-    """Run Snakemake as a user does, but for what it imports, which is there already (on Linux)."""
+    """Run Snakemake as a user does, except that its imports are already loaded (on Linux)."""
     environment = {**os.environ, "PYTHONPATH": str((folder / "src").resolve())}
     arguments = [*([] if cores is None else ["--cores", str(cores)]), *map(str, arguments)]
     if sys.platform != "linux":
@@ -69,7 +69,7 @@ def snakemake(folder, *arguments, cores=2):
 
 @cache
 def _forked():
-    """Return a process that has imported Snakemake, and forks for each run that it is asked for."""
+    """Return a process that has imported Snakemake and forks for each run."""
     program = Path(__file__).with_name("forked.py")
     server = subprocess.Popen(
         [sys.executable, program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -79,7 +79,7 @@ def _forked():
 
 
 def completed(folder, *arguments, cores=2):
-    """Run, which has to end well, and return all that is printed."""
+    """Run Snakemake, require success, and return all that is printed."""
     run = snakemake(folder, *arguments, cores=cores)
     assert run.returncode == 0, run.stdout + run.stderr
     return run.stdout + run.stderr
@@ -95,6 +95,6 @@ def edit_config(folder, edit, *, source="config/config.yaml"):
 
 
 def planned_rules(folder, *arguments):
-    """Names of the rules that a dry run would execute."""
+    """Return the names of the rules that a dry run would execute."""
     lines = completed(folder, "--dry-run", *arguments).splitlines()
     return {x.split()[1].rstrip(":") for x in lines if x.startswith(("rule ", "localrule "))}

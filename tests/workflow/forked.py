@@ -1,8 +1,9 @@
-"""Run Snakemake as ``python -m snakemake`` does, without importing it each time: a second a run.
+"""Run Snakemake like ``python -m snakemake``, without importing it each time: saves 1 s a run.
 
-Each line on stdin is a run: its folder, environment, arguments, files for its stdout and stderr.
-A fork of this process, which has imported Snakemake and nothing of hopdata, does it; its exit code
-is a line on stdout. A script that it runs is a fork in turn: another half second each.
+Each line on stdin is a run: its folder, environment, arguments, and files for stdout and stderr. It
+is executed by a fork of this process, which has imported Snakemake but nothing of hopdata; its exit
+code is written as a line to stdout. A script that it runs is a fork in turn, which saves another
+half second each.
 """
 
 import json
@@ -28,7 +29,7 @@ TIMEOUT_S = 1200
 
 
 def serve():
-    """Fork for each line, and return it in the fork; end with the lines."""
+    """Fork for each line, and return it in the fork; exit at the end of the lines."""
     for line in sys.stdin:
         if not (run := os.fork()):
             return json.loads(line)
@@ -37,7 +38,7 @@ def serve():
 
 
 def execute_script(script, file, edit=False):
-    """Run a script of a job, with what Snakemake writes before it, and end as it ends."""
+    """Run a job's script with the preamble that Snakemake writes, and end as it ends."""
     if not (job := os.fork()):
         os._exit(_code_of(file))
     with benchmarked(job, script.bench_record):

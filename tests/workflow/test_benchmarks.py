@@ -19,7 +19,7 @@ pytestmark = pytest.mark.workflow
 
 
 def programs():
-    """Names of the programs that measure: what else is in benchmarks/ they import, or draws."""
+    """Return the names of the programs that measure; other files are imported by them, or draw."""
     files = (ROOT / "benchmarks").glob("*.py")
     found = {file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()}
     return found - {"benchmark_figures"}
@@ -27,7 +27,7 @@ def programs():
 
 @pytest.fixture(scope="module")
 def linked(tmp_path_factory):
-    """A folder like the checkout, without results."""
+    """Return a folder like the checkout, without results."""
     folder = tmp_path_factory.mktemp("linked")
     for part in ("Snakefile", "workflow", "config", "data", "src", "benchmarks", "tests"):
         (folder / part).symlink_to(ROOT / part)
@@ -36,7 +36,7 @@ def linked(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def jobs(linked):
-    """Rules of a dry run of everything, with the text that the run prints on each."""
+    """Return the rules of a dry run of everything, with the text printed for each."""
     printed = completed(linked, "--dry-run", "--printshellcmds", "benchmarks")
     pieces = re.split(r"^(?:local)?rule (\w+):$", printed, flags=re.MULTILINE)
     return dict(zip(pieces[1::2], pieces[2::2], strict=True))
@@ -81,16 +81,17 @@ def test_a_program_depends_on_what_it_imports(jobs):
 
 
 def test_the_digest_of_the_code_is_one_that_snakemake_compares():
-    """A parameter that is made from inputs is no reason to run a rule again."""
+    """Snakemake does not rerun a rule for a parameter that is made from inputs."""
     for file in (ROOT / "workflow" / "rules").glob("*.smk"):
         digests = re.findall(r"^\s+code=(.*)$", file.read_text(), flags=re.MULTILINE)
         assert not [one for one in digests if re.match(r"lambda [^:]*\binput\b", one)], file.name
 
 
 def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch):
-    """From tables without rows, which the figures say in words; the page has every table.
+    """The tables have no rows, which the figures state; the page has every table.
 
-    Snakemake starts one of the rules, which are made in a loop; the others' commands run here.
+    Snakemake starts one of the rules, which are made in a loop; the commands of the others run
+    here.
     """
     tables = {
         "order.csv": "method,max_step,error_rms,in_fit,fitted_order,fitted_error",
@@ -130,7 +131,7 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch
 
 
 def defined_in(module):
-    """Names that a module defines or imports at its top, or within an `if` or `try` there."""
+    """Return the names that a module defines or imports at top level, also in `if` or `try`."""
     names = set()
     for node in ast.walk(module):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -146,7 +147,7 @@ def defined_in(module):
     "program", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem
 )
 def test_what_programs_take_from_each_other_is_there(program):
-    """Without running them: some want packages that are extras."""
+    """The programs are not run, because some need packages that are extras."""
     for node in ast.walk(ast.parse(program.read_text())):
         if isinstance(node, ast.ImportFrom):
             source = program.parent / f"{(node.module or '').replace('.', '/')}.py"
@@ -156,7 +157,7 @@ def test_what_programs_take_from_each_other_is_there(program):
 
 
 def test_a_swing_under_faults_is_judged_by_its_own_stance():
-    """Not by when its pose was seen; a pose, boom angle or stance that is wrong is told."""
+    """When its pose was seen does not matter; a wrong pose, boom angle or stance is found."""
     hops = [TrueHop(k - 0.3, 0.5, float(k), (0.1 * k, 0.0, 6.0 + k), 3.0 + k) for k in (1, 2)]
     hops.append(TrueHop(2.7, 0.5, np.nan, (0.2, 0.0, 8.0), 5.0))  # it fell
 

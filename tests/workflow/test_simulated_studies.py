@@ -54,7 +54,7 @@ STEERING_FIGURES = (
 
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory):
-    """A checkout in which nothing has run yet."""
+    """Return a checkout in which nothing has run yet."""
     return copy_checkout(tmp_path_factory.mktemp("studies"))
 
 
@@ -97,7 +97,7 @@ def test_a_small_study_of_a_control_runs_to_a_report(checkout):
 
 
 def small(config, hops):
-    """Cut a study of an animal down to what a test needs."""
+    """Reduce a study of an animal to what a test needs."""
     config["recordings"] = config["recordings"][:1]
     config["recordings"][0]["simulation"] = {"hops": hops}
     config["scaling_study"] = {"landings": 100, "scales": [1.0, 0.25]}
@@ -170,7 +170,7 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
 
 @pytest.fixture(scope="module")
 def steered(checkout):
-    """A small steering study: one seed, seen in two ways, one start, few hops."""
+    """Run a small steering study: one seed, observed in two ways, one start, few hops."""
 
     def shorten(config):
         config["study"] = "steered"
@@ -235,7 +235,7 @@ def test_the_study_s_page_does_not_wait_for_the_steering(steered):
 
 
 def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
-    """The excitation as a user's own recording: a model and a page, but no experiments."""
+    """The excitation is a user's recording: there is a model and a page, but no experiments."""
     folder, _ = steered
     recorded = folder / "results" / "steered" / "steering" / "seeds" / "1" / "excitation.h5"
     shutil.copy(recorded, folder / "data" / "mine.h5")

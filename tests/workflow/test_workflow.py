@@ -1,4 +1,4 @@
-"""The whole workflow, run as a user runs it, in a copy of the checkout."""
+"""The whole workflow, run as by a user, in a copy of the checkout."""
 
 import json
 import os
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.workflow
 
 @pytest.fixture(scope="module")
 def sample(tmp_path_factory):
-    """A checkout in which the sample study has run on two cores."""
+    """Return a checkout in which the sample study has run on two cores."""
     folder = copy_checkout(tmp_path_factory.mktemp("sample"))
     completed(folder)
     return folder
@@ -71,7 +71,7 @@ def test_a_key_runs_only_its_stage_and_what_follows(sample, block, key, value, r
 
 
 def test_the_verdict_on_the_sample(sample):
-    """The bundled hopper is C1; whether its landings suffice to say so is theirs."""
+    """The bundled hopper is C1; whether its landings suffice to say so depends on them."""
     verdict = json.loads((sample / "results" / "sample" / "verdict.json").read_text())
     assert verdict["conclusion"] in {"no difference", "cannot tell"}
     assert verdict["sentence"] in (sample / "results" / "sample" / "report.html").read_text()
@@ -111,7 +111,7 @@ def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
 
 
 def test_one_process_has_the_same_bytes(sample, tmp_path, monkeypatch):
-    """A study in a notebook: all that two processes at a time have written, one after another."""
+    """A study in a notebook gives everything that two parallel processes have written."""
     monkeypatch.chdir(sample)
     hopdata.analyse("config/config.yaml").save(tmp_path)
     results = sample / "results" / "sample"
@@ -169,7 +169,7 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
 
 
 def test_contacts_known_from_elsewhere_are_laid_over(sample):
-    """The truth as a table of another device, on a clock of its own, without one contact."""
+    """The truth serves as a table of another device, on its own clock, with one contact missing."""
     truth = read_truth(sample / "data" / "sample" / "hopper.h5")
     known = pd.DataFrame(truth.contact_times * 1000 - 250, columns=["foot1", "foot2", "foot3"])
     known.loc[100, "foot2"] = None
@@ -272,7 +272,7 @@ def test_a_mistake_is_one_clear_message_and_nothing_half_written(sample, name):
     ],
 )
 def test_the_bundled_recordings_are_what_the_committed_rules_make(sample, config, made, differs):
-    """With the difference of the exact maps, which the page with both verdicts shows."""
+    """Their truth has the difference of the exact maps, shown on the page with both verdicts."""
     made = Path("results") / made
     completed(sample, "--configfile", f"config/{config}.yaml", "--", str(made))
     made = sample / made
@@ -316,7 +316,7 @@ rule everything:
 
 
 def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path):
-    """All is planned from another folder; the job is submitted, as to a cluster."""
+    """Everything is planned from another folder; the job is submitted, as to a cluster."""
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
     config["recordings"][0]["file"] = str(part_of_sample(tmp_path / "hopper.h5", 60))
     (tmp_path / "landing.yaml").write_text(yaml.safe_dump({"landing": config}))
@@ -330,7 +330,7 @@ def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path)
 
 
 def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
-    """Also jobs whose inputs are not there yet, as in a group that is sent as one."""
+    """This includes jobs whose inputs do not exist yet, as in a group submitted as one."""
     folder = copy_checkout(tmp_path)
 
     def asked(attempt):
@@ -378,7 +378,7 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
 
 
 def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sample):
-    """A source dated ahead is refused, results are named; an older source is read anew."""
+    """A source dated ahead is refused, such results are named, and an older source is read anew."""
     source, made = sample / "data/sample/hopper.h5", "results/sample/recordings/hopper.h5"
     seconds, before = source.stat().st_mtime, (sample / made).read_bytes()
     os.utime(source, (seconds, time.time() + 86_400))

@@ -45,7 +45,7 @@ def test_the_printed_map_is_least_squares_in_other_coordinates():
 
 @pytest.mark.parametrize("count", [40, 200])
 def test_standard_errors_of_affine_maps_are_those_of_repeated_data(count):
-    """The predictions of the printed map scatter less than the landings that it was fitted to."""
+    """The printed map's predictions scatter less than the landings it was fitted to."""
     fits = []
     for seed in range(40):
         before, after, instants = landings(count, seed=seed)

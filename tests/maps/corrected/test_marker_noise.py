@@ -1,4 +1,4 @@
-"""Noise from rigid-body residuals, and its way to the coordinates, against drawn noise."""
+"""Noise from rigid-body residuals and its propagation to the coordinates, against drawn noise."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_four_markers_leave_more_to_see_the_noise_by():
 
 
 def measured_landings(count, noise_m, seed):
-    """One landing seen again and again: in flight until a contact soon after the section."""
+    """Return one landing seen repeatedly: in flight until a contact soon after the section."""
     before, after, _ = landings(1)
     start = before[0].reshape(6, 3)
     step, period = np.arange(-12, 8) / 100.0, 1.0
@@ -61,7 +61,7 @@ def measured_landings(count, noise_m, seed):
 
 
 def test_propagated_errors_are_those_of_fitted_states_at_a_noisy_instant():
-    """The fit ends at a contact: positions and velocities err together, and so does the instant."""
+    """The fit ends at a contact, so errors of positions, velocities and instant are correlated."""
     before, after = measured_landings(6000, 3e-4, seed=3)
     # Here the markers move on straight lines, not as one body: the spin of this instant is fitted.
     noise = marker_noise(before - before.mean(axis=0) + landings(1)[0], ARMS)

@@ -25,7 +25,7 @@ ERRORS = InputErrors(NOISE @ NOISE.T, NOISE @ NOISE.T @ COMMON)
 
 
 def measured(count, seed=0, bend=0.0, noise=1.0):
-    """Inputs and outputs with normal errors of the moments `ERRORS`, and contact instants."""
+    """Return inputs and outputs with normal errors of moments `ERRORS`, and contact instants."""
     x, instants = inputs(count, seed)
     d = 100 * np.column_stack([instants[:, 0] - instants[:, 1], instants[:, 1] - instants[:, 2]])
     y = x @ SLOPES + bend * d * np.abs(d) + 0.3 * x[:, :2] ** 2 * bend
@@ -44,7 +44,7 @@ def corrected(x, y, _):
 
 
 def mean_miss(fit, repeats=40, count=400, **options):
-    """Mean error over repeated data in units of its own standard error."""
+    """Return the mean error over repeated data, in units of its own standard error."""
     found = np.array([fit(*measured(count, seed, **options)) for seed in range(repeats)])
     miss = found.mean(axis=0) - SLOPES
     return np.abs(miss).max(), np.abs(miss / (found.std(axis=0) / np.sqrt(repeats))).max()

@@ -1,4 +1,4 @@
-"""The exact map in the axes of the estimates, and errors against it."""
+"""The exact map in the axes of the estimates, and errors relative to it."""
 
 import json
 
@@ -52,7 +52,7 @@ def test_in_the_axes_of_the_body_it_is_the_mean_of_the_schedules():
 
 
 def test_estimates_in_axes_of_their_own_agree_with_it():
-    """Small deviations from the middle, so that the estimate is the derivative there."""
+    """Deviations from the middle are small, so that the estimate is the derivative there."""
     rng = np.random.default_rng(0)
     dx = 1e-4 * rng.normal(size=(60, 8))
     before = marker_states(np.hstack([np.zeros((60, 3)), MIDDLE + dx]), ARMS)
@@ -66,7 +66,7 @@ def test_estimates_in_axes_of_their_own_agree_with_it():
 
 
 def turned(states, angle):
-    """Marker states in a frame of the plane that is turned and moved."""
+    """Return marker states in a rotated and translated frame of the plane."""
     c, s = np.cos(angle), np.sin(angle)
     parts = states.reshape(len(states), 6, 3) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     parts[:, :3, :2] += [0.3, -0.7]
@@ -186,7 +186,7 @@ def test_positions_and_velocities_count_alike_whatever_their_units():
 
 
 def test_turns_move_the_markers_as_said():
-    """The rms way of the markers about each axis, by a small turn of the body."""
+    """The rms motion of the markers about each axis is that of a small rotation of the body."""
     motions = marker_motions(POINTS)
     arms = POINTS - POINTS.mean(axis=0)
     for column, axis in ((2, [0, 0, 1]), (3, [0, 1, 0]), (4, [1, 0, 0])):

@@ -1,4 +1,4 @@
-"""The scaling study on made-up maps whose derivatives are known."""
+"""The scaling study on made-up maps with known derivatives."""
 
 from types import SimpleNamespace
 
@@ -16,7 +16,7 @@ PUSH = np.random.default_rng(3).normal(size=(11, 3))
 
 
 def landings(case, scale, *, kink=0.0, bend=0.1, push=1.0, count=600):
-    """Outcomes of a map with a kink across x[0] = 0, a bend, and a part that the preloads have."""
+    """Return outcomes of a map with a kink across x[0] = 0, a bend, and an effect of preloads."""
     rng = np.random.default_rng(7)
     x = scale * rng.normal(size=(count, 8))
     preloads = scale * rng.normal(size=(count, 3))
@@ -115,7 +115,7 @@ def rotations(yaw, pitch, roll):
 
 
 def markers(centre, angles, velocity, spin):
-    """Marker states (n, 18) of a rigid body; the velocity is that of the centre, in the world."""
+    """Return marker states (n, 18) of a rigid body; the centre's velocity is in the world."""
     turn = rotations(*angles.T)
     place = centre[:, None] + np.einsum("nij,bj->nbi", turn, ARMS)
     moving = np.cross(spin[:, None], ARMS[None])
@@ -124,7 +124,7 @@ def markers(centre, angles, velocity, spin):
 
 
 def study(kink=0.0):
-    """True pairs whose outcome is linear in the inputs on either side of x[0] = 0."""
+    """Return true pairs whose outcome is linear in the inputs on either side of x[0] = 0."""
     rng = np.random.default_rng(5)
     x = 0.05 * rng.normal(size=(COUNT, 8))
     yaw = rng.uniform(-3, 3, COUNT)
@@ -155,7 +155,7 @@ def study(kink=0.0):
 
 
 def homed(states, turn, shift):
-    """Marker states in another frame of the plane, (n, 18)."""
+    """Return marker states in another frame of the plane, (n, 18)."""
     parts = states.reshape(len(states), 6, 3) @ turn
     parts[:, :3, :2] += shift
     return parts.reshape(len(states), -1)

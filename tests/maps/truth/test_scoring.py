@@ -31,7 +31,7 @@ def known(rng, landings=200):
 
 
 def truth_of(contacts, down, height, floor=None):
-    """Truth of a recording whose feet touch at the places (number of the landing, of the foot)."""
+    """Return the truth of a recording whose feet touch at these (landing, foot) indices."""
     number = len(contacts)
     points = np.stack(np.indices(contacts.shape), axis=-1).astype(float)
     return Truth(
@@ -50,7 +50,7 @@ def truth_of(contacts, down, height, floor=None):
 
 
 def fitted(heights):
-    """Floor model with these heights at the places of `truth_of`."""
+    """Return a floor model with these heights at the places of `truth_of`."""
     return SimpleNamespace(height=lambda x, y: heights[x.astype(int), y.astype(int)])
 
 

@@ -1,4 +1,4 @@
-"""Landings of a rigid body by a map whose derivative is known on every schedule."""
+"""Landings of a rigid body under a map whose derivative is known on every schedule."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ SPREAD_S = 0.01
 
 @dataclass(frozen=True)
 class Landings:
-    """Marker states before and after, contact instants, and inputs and outputs as they were."""
+    """Marker states before and after, contact instants, and the true inputs and outputs."""
 
     before: np.ndarray
     after: np.ndarray
@@ -36,10 +36,10 @@ def landings(
 ):
     """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
 
-    `cubic` those of the cube of how much later the first foot comes than the mean. The input of the
-    number `constant` does not vary. The outcome jumps by twice `jump`, times the slopes of a kink,
-    where two feet exchange their order. A part `of_these` is `faster` by so many standard
-    deviations.
+    `cubic` scales a term in the cube of the first foot's instant relative to the mean, with the
+    slopes of a kink. Input number `constant` does not vary. The outcome jumps by twice `jump` times
+    the slopes of a kink where two feet exchange their order. A fraction `of_these` of the landings
+    is faster by `faster` standard deviations.
     """
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(99)  # one map for all seeds
@@ -67,7 +67,7 @@ def landings(
 
 
 def _states(x, y, rng):
-    """Marker states (n, 18) of inputs (n, 8) and outputs (n, 11), anywhere in the plane."""
+    """Return marker states (n, 18) of inputs (n, 8) and outputs (n, 11), anywhere in the plane."""
     yaw = rng.uniform(-0.4, 0.4, len(x))
     place = np.column_stack([rng.uniform(-1, 1, (len(x), 2)), np.full(len(x), 0.5)])
     step = np.column_stack([turned(y[:, :2], -yaw), np.full(len(x), -0.2)])
@@ -87,7 +87,7 @@ def _markers(states, place, yaw, frame):
 
 
 def turned(vectors, angle):
-    """Components of plane vectors in a frame turned by `angle`."""
+    """Return components of plane vectors in a frame rotated by `angle`."""
     c, s = np.cos(angle), np.sin(angle)
     return np.column_stack(
         [c * vectors[:, 0] + s * vectors[:, 1], c * vectors[:, 1] - s * vectors[:, 0]]
@@ -95,7 +95,7 @@ def turned(vectors, angle):
 
 
 def rotations(yaw, pitch, roll):
-    """Rotations Rz(yaw) Ry(pitch) Rx(roll), (n, 3, 3)."""
+    """Return rotations Rz(yaw) Ry(pitch) Rx(roll), (n, 3, 3)."""
     zero, one = np.zeros_like(yaw), np.ones_like(yaw)
 
     def stack(rows):

@@ -1,4 +1,4 @@
-"""Size, interval, bound and what is detectable, where the error of the kinks is known."""
+"""Size, interval, bound and detectable size for kinks with a known error."""
 
 from itertools import permutations
 
@@ -13,8 +13,9 @@ WEIGHTS = 0.02 * np.linspace(0.5, 2.0, KINKS * OUTPUTS)  # errors of the kinks, 
 
 
 def fit(size, seed, largest=False, allowed=LEFT):
-    """Kinks of this size, of random direction or along the `largest` error, seen with
-    an error that the landings' contributions make up.
+    """Return kinks of this size with an error that the landings' contributions make up.
+
+    Their direction is random, or that of the `largest` error.
     """
     rng = np.random.default_rng(seed)
     scores = WEIGHTS * rng.standard_normal((LANDINGS, len(WEIGHTS))) / np.sqrt(LANDINGS)
@@ -49,7 +50,7 @@ def share(holds):
 
 @pytest.mark.parametrize("allowed", [LEFT, 0.3])
 def test_false_alarms_are_as_rare_as_said(allowed):
-    """However smooth terms shift the kinks, up to what they are allowed."""
+    """This holds for any shift of the kinks by smooth terms, up to what is allowed for them."""
     assert share(effect.low > 0 for effect in sizes(0.0, allowed=allowed)) <= 0.01
     found = sizes(allowed, count=300, allowed=allowed)
     assert 0.0 < share(effect.low > 0 for effect in found) <= 0.1
@@ -65,7 +66,7 @@ def test_interval_and_bound_hold_the_size(size, shift):
 
 
 def test_both_ends_hold_what_one_landing_has_beside_the_mean_of_all():
-    """Of large differences a share of theirs, of small ones what smooth terms hide."""
+    """For large differences this is a share of them; for small ones, what smooth terms hide."""
     share_changed = 2 * (0.4 / OF_FOURTH) ** (2 / 3)
     expected = [HIDDEN * 0.4, 10 * (1 + share_changed)]
     assert upper_ends([0.0, 10.0], 0.4) == pytest.approx(expected, rel=1e-3)

@@ -15,7 +15,7 @@ DIRECTIONS = 20
 
 
 def studies(sizes, seed, condition="", left=0.0, conclusion="cannot tell"):
-    """Verdicts on subjects with these sizes: |b|^2 less what noise adds, and a kink in common."""
+    """Return verdicts on subjects of these sizes: |b|^2 minus its noise, and a common kink."""
     rng = np.random.default_rng(seed)
     noise = NOISE / np.sqrt(DIRECTIONS)
     kinks = noise * rng.standard_normal((len(sizes), DIRECTIONS))
@@ -46,7 +46,7 @@ def test_no_difference_is_seldom_called_one():
 
 
 def test_what_all_share_does_not_become_a_difference():
-    """A leftover of smooth terms is as large in each subject: no number of subjects removes it."""
+    """A remainder of smooth terms is equal in each subject, so no number of subjects removes it."""
     assert share("different", 0.0, left=0.09, subjects=30) <= 0.08
 
 
@@ -86,7 +86,7 @@ def test_false_alarms_of_studies_are_seldom_one_of_the_group():
 
 
 def test_what_smooth_terms_leave_in_some_subjects_much_is_no_difference():
-    """The rms of what is left is larger than its mean."""
+    """The rms of the remainder is larger than its mean."""
     left = np.tile([0.1, 1.0], 20)
     table = studies(left, 1).assign(allowed=left, left=left)
     assert judge_group(table).low == 0.0
@@ -102,7 +102,7 @@ def test_heterogeneity_is_told_from_noise():
 
 
 def test_large_differences_do_not_weigh_less_for_their_larger_errors():
-    """Errors grow with the size that chance gave: weighted by them the mean would be too small."""
+    """Errors grow with the size that chance gave, so weighting by them would bias the mean low."""
     table = studies(np.linspace(0.0, 0.4, 9), 3)
     table["squared_error"] = 0.01 + table["squared"].abs()
     assert judge_group(table).combined.mean == pytest.approx(table["squared"].mean())
@@ -118,7 +118,7 @@ def test_conditions_are_compared_within_subjects():
 
 
 def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
-    """Their p-value is that of leaving as much in both."""
+    """The p-value accounts for the same remainder in both."""
     rows = [studies(np.full(30, 0.3), 1, "a"), studies(np.full(30, 0.34), 2, "b")]
     found = compare_conditions(pd.concat(rows)).iloc[0]
     assert found["p_value"] < 0.05

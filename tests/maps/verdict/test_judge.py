@@ -1,4 +1,4 @@
-"""The verdict on maps whose derivative is known to be one, or to differ by a known amount."""
+"""The verdict on maps whose derivative is unique, or differs by a known amount."""
 
 import json
 import tracemalloc
@@ -71,7 +71,7 @@ def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
 @pytest.mark.parametrize("feet", [2, 3])
 @pytest.mark.parametrize("n", [450, 900])
 def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n):
-    """As their power of 1.5, however many landings there are; and so do the upper ends."""
+    """The allowance goes with their power of 1.5 for any number of landings; upper ends follow."""
     near, far, farther = (verdict(landings(n=n, feet=feet, cubic=c)) for c in (0.0, 0.2, 0.4))
     assert near.effect.allowed == LEFT
     assert near.notes == []
@@ -86,7 +86,7 @@ def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n)
 
 @pytest.mark.parametrize("of_these", [0.5, 0.2])
 def test_landings_of_two_speeds_are_told(of_these):
-    """They dilute a difference: it counts against all that varies, also from kind to kind."""
+    """They dilute a difference, which is relative to all variation, also between the two kinds."""
     one, two = (verdict(landings(strength=0.3, faster=f, of_these=of_these)) for f in (0.0, 8.0))
     assert one.notes == []
     assert [(note["what"], note["reason"][:20]) for note in two.notes] == [
@@ -100,7 +100,7 @@ def test_landings_of_two_speeds_are_told(of_these):
 
 
 def test_the_answer_follows_from_the_interval_alone():
-    """Of many studies at the edge none is different with an interval from zero, or the reverse."""
+    """At the edge, no study is different with an interval from zero, or the reverse."""
     for seed in range(6):
         answer = verdict(landings(n=450, strength=0.07, noise=0.3, seed=seed), flips=199)
         assert (answer.conclusion == "different") == (answer.effect.low > 0)
@@ -135,7 +135,7 @@ def _scaled(data, length, time):
 
 
 def _turned(data, angle):
-    """In a home frame that is turned, by an angle (n,) that is another one in each landing."""
+    """Return the landings in home frames rotated by `angle` (n,), different for each landing."""
     c, s, zero, one = np.cos(angle), np.sin(angle), 0 * angle, 1 + 0 * angle
     turn = np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), 2, 0)
 
@@ -153,7 +153,7 @@ def _markers(data, order):
 
 
 def _swapped_axes(data):
-    """x forward becomes y to the left: the coordinates in another order, still right-handed."""
+    """Return the landings with x forward turned into y to the left, still right-handed."""
     return _turned(data, np.full(len(data.before), np.pi / 2))
 
 
@@ -194,7 +194,7 @@ def _one_order():
 
 
 def _marker_by_marker():
-    """Position and velocity of each marker side by side."""
+    """Return the position and velocity of each marker side by side."""
     data = landings(n=300)
     falling = np.r_[np.zeros(9), np.tile([0.0, 0.0, -1.2], 3)]
     columns = np.arange(18).reshape(2, 3, 3).transpose(1, 0, 2).ravel()
@@ -207,13 +207,13 @@ def _two_markers():
 
 
 def _constant():
-    """A body that always falls in the same attitude."""
+    """Return a body that always falls in the same attitude."""
     data = landings(n=600)
     return replace(data, before=np.repeat(data.before[:1], 600, axis=0) + data.before[:, :1] * 0)
 
 
 def _guessed():
-    """Contact instants that have nothing to do with the landing."""
+    """Return contact instants that are unrelated to the landing."""
     data, rng = landings(n=900), np.random.default_rng(7)
     return replace(data, instants=0.01 * rng.standard_normal(data.instants.shape))
 
@@ -229,7 +229,7 @@ def _one_frame():
 
 
 def _still():
-    """An outcome that is always the same."""
+    """Return an outcome that is always the same."""
     data = landings(n=600)
     return replace(data, after=np.repeat(data.after[:1], 600, axis=0))
 
@@ -240,13 +240,13 @@ def _one_foot():
 
 
 def _coarse():
-    """Contact instants in steps that are larger than the feet are apart, but for five landings."""
+    """Return contact instants rounded to more than the feet are apart, except for five landings."""
     data = landings(n=600)
     return replace(data, instants=np.where(np.arange(600)[:, None] < 5, data.instants, 1.0))
 
 
 def _again():
-    """A recording that holds the same landings again, after a pause."""
+    """Return a recording that contains the same landings again, after a pause."""
     data = some(landings(n=300), np.r_[0:300, 0:40])
     rounding = 1e-12 * np.random.default_rng(2).standard_normal(data.before.shape)
     return replace(data, before=data.before + rounding, after=data.after - rounding)
@@ -302,7 +302,7 @@ def test_tables_of_unequal_length_are_refused():
 
 
 def test_landings_that_remember_those_before_are_noted_and_widen_the_interval():
-    """States and errors that both change slowly; the same landings in another order do not."""
+    """States and errors both change slowly; the same landings in another order are not noted."""
     data, slow = landings(n=900), np.sin(np.arange(900) / 25.0)
     data = some(data, np.argsort(data.instants.std(axis=1)))
     data = replace(data, after=data.after + 0.02 * slow[:, None] * np.arange(18))

@@ -1,4 +1,4 @@
-"""The fit of the kinks, each piece against what is known of it."""
+"""The fit of the kinks, with each part checked against known values."""
 
 import numpy as np
 import pytest
@@ -77,7 +77,7 @@ def test_orders_of_enough_landings_are_those_seen():
 
 
 def test_outputs_are_rms_motions_of_the_markers(rng):
-    """What a small turn of the body does to its markers, however they are placed."""
+    """A small rotation of the body gives them, however its markers are placed."""
     shape = rng.standard_normal((4, 3))
     shape -= shape.mean(axis=0)
     turn = rng.standard_normal(3)
@@ -119,7 +119,7 @@ def test_the_window_holds_the_landings_of_least_spread():
 
 
 def test_the_root_of_a_covariance_does_not_hang_on_the_turn_of_its_eigenvectors(rng):
-    """Its spectrum has a double value: eigenvectors there are whatever rounding makes of them."""
+    """Its spectrum has a double value, where rounding determines the eigenvectors."""
     turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     covariance = turn @ np.diag([2.0, 2.0, 1.0, 0.0]) @ turn.T
     nudged = covariance + 1e-15 * np.diag([1.0, -1.0, 1.0, -1.0])

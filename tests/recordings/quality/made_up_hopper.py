@@ -1,4 +1,4 @@
-"""A hopper made up in a few lines: a rigid body, three feet that rest in stance, and a post."""
+"""A simple made-up hopper: a rigid body, three feet that rest in stance, and a post."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ GRAVITY, FLIGHT_S, STANCE_S = 9.81, 0.3, 0.3
 
 
 def hopping(seed, *, n_frames=2000, rate_hz=100.0, noise_m=6e-4):
-    """Time (N,) s and positions (N, 7, 3) m, z up, of hops with random speeds and tilts."""
+    """Return time (N,), s, and positions (N, 7, 3), m, z up, of hops of random speed and tilt."""
     rng = np.random.default_rng(seed)
     time = np.arange(n_frames) / rate_hz
     height, tilt = _height_and_tilt(time, rng)
@@ -29,7 +29,7 @@ def hopping(seed, *, n_frames=2000, rate_hz=100.0, noise_m=6e-4):
 
 
 def _height_and_tilt(time, rng):
-    """Height (N,) above the stance of flights and spring-like stances; tilt (N, 2) a hop."""
+    """Return height (N,) above the stance, in flight and springy stance, and tilt (N, 2)."""
     height, tilt = np.empty(len(time)), np.zeros((len(time), 2))
     start = 0.0
     while start <= time[-1]:

@@ -1,4 +1,4 @@
-"""Jumps made up in a few lines: two feet with heels and toes, shanks, a pelvis and a head."""
+"""Simple made-up jumps: two feet with heels and toes, shanks, a pelvis and a head."""
 
 import numpy as np
 
@@ -52,7 +52,7 @@ GRAVITY = 9.81
 
 
 def jumping(seed, *, jumps=1, rate_hz=100.0, noise_m=5e-4):
-    """Positions (N, 17, 3) m, z up: standing, crouch, flight, landing, as often as told."""
+    """Return positions (N, 17, 3), m, z up: standing, crouch, flight, landing, `jumps` times."""
     rng = np.random.default_rng(seed)
     body, lift, heel = [], [], []
     for _ in range(jumps):
@@ -90,7 +90,7 @@ def jumping(seed, *, jumps=1, rate_hz=100.0, noise_m=5e-4):
 
 
 def _one_jump(rng, step):
-    """Height of the body, of the feet above the floor, and pitch of the feet, part by part."""
+    """Return heights of the body and of the feet, and the pitch of the feet, part by part."""
     depth, flight = rng.uniform(0.2, 0.3), step * round(rng.uniform(0.4, 0.55) / step)
     speed = 0.5 * GRAVITY * flight
 

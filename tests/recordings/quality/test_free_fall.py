@@ -1,4 +1,4 @@
-"""The shares are those of the definition, direction by direction."""
+"""The shares follow the definition, direction by direction."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from hopdata.recordings.quality.orientation import DIRECTIONS, UNITS_IN_M, WITHI
 
 
 def falling(n=400, n_markers=3, seed=0):
-    """Accelerations of markers that fall along -y half the time, in mm/s², some not known."""
+    """Return accelerations of markers that fall along -y half the time, mm/s², some unknown."""
     rng = np.random.default_rng(seed)
     measured = 1000.0 * rng.standard_normal((n, n_markers, 3))
     measured[: n // 2, :, 1] -= 1e3 * GRAVITY_M_S2

@@ -1,4 +1,4 @@
-"""Planted faults are found with their frame, and clean recordings show none."""
+"""Planted faults are found with their frames, and clean recordings show none."""
 
 import tracemalloc
 from dataclasses import replace
@@ -80,7 +80,7 @@ def test_a_swap_is_found_with_markers_and_frames(seed, length):
     ],
 )
 def test_a_swap_that_begins_and_ends_in_gaps(pair, gap):
-    """After a long gap only the distances of a rigid cluster can tell."""
+    """After a long gap, only the distances of a rigid cluster can reveal it."""
     start, stop = 700, 1000
     positions = with_swap(hopping(3)[1], *pair, start, stop)
     for end in (start, stop):
@@ -204,7 +204,7 @@ def test_frames_that_are_held_are_told_one_by_one():
 
 
 def test_repeats_by_rounding_are_no_frozen_marker():
-    """In a file of whole millimetres a resting foot repeats its place again and again."""
+    """In a file of whole millimetres, a resting foot repeats its position again and again."""
     positions = np.round(hopping(9, noise_m=2e-4)[1], 3)
     repeats = np.all(np.diff(positions[:, MARKERS.index("toe1")], axis=0) == 0, axis=1)
     assert repeats.sum() > 200

@@ -40,7 +40,7 @@ def test_the_unit_is_found_by_free_fall(unit, seed, rate_hz):
 
 @pytest.mark.parametrize("up", ["x", "-x", "y", "-y", "z", "-z"])
 def test_the_axis_is_found_and_turned_up(up):
-    """The file's axes are those that `rotate_up` turns back, and it keeps handedness."""
+    """The file's axes are those that `rotate_up` rotates back, and handedness is preserved."""
     positions = hopping(1)[1]
     turn = rotate_up(np.eye(3), up)  # rows: where the file's axes go
     assert np.linalg.det(turn) == pytest.approx(1.0)
@@ -50,7 +50,7 @@ def test_the_axis_is_found_and_turned_up(up):
 
 
 def walking(seed=1, n_frames=2000):
-    """Feet that rest and swing, a body that rocks: nothing falls freely."""
+    """Return feet that rest and swing under a rocking body; nothing falls freely."""
     rng = np.random.default_rng(seed)
     phase = 2 * np.pi * np.arange(n_frames) / 120
     positions = np.zeros((n_frames, len(MARKERS), 3))
@@ -83,7 +83,7 @@ def test_a_unit_that_the_file_does_not_state_is_not_called_its_own():
 @pytest.mark.parametrize("unit", ["cm", "inch"])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_unit_that_hardly_lets_move_is_not_sure(unit, seed):
-    """The file says mm, or nothing, and the numbers are others: a walker would creep."""
+    """The file states mm, or nothing, but the numbers differ: a walker would creep."""
     sound = replace(raw(walking(seed) * 1000, "mm", rate_hz=200), unit_is_stated=False)
     assert guess_unit_and_up(sound)[0].is_sure
     for stated in (True, False):
@@ -145,7 +145,7 @@ def test_what_cannot_be_guessed_is_said_to_be_unsure():
 @pytest.mark.parametrize("turn", [[0, 1, 2], [1, 2, 0], [2, 0, 1]])
 @pytest.mark.parametrize("seed", range(5))
 def test_who_stands_or_takes_one_step_shows_no_floor(seed, turn):
-    """Each marker rests, along every axis, at places of its own."""
+    """Each marker rests at its own places along every axis."""
     rng = np.random.default_rng(seed)
     places = rng.uniform(-0.4, 0.4, (7, 3)) + np.array([0, 0, 1])
     step = np.clip((np.arange(800) - 300) / 60, 0, 1)[:, None, None]
@@ -190,7 +190,7 @@ def c3d(folder, *, scale=1000.0, unit="mm", states=True):
 
 
 def table(folder, *, scale=1000.0):
-    """A table that only looks like an export: no key says who wrote it."""
+    """Write a table that only resembles an export: no key names the program."""
     keys = ("NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY", "NO_OF_ANALOG")
     keys += ("ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED", "MARKER_NAMES")
     bare = dict.fromkeys((*keys, "TRAJECTORY_TYPES"))
@@ -270,7 +270,7 @@ def test_of_joined_files_those_that_are_silent_are_named(tmp_path):
 
 
 def mixed(folder, *, stated, silent):
-    """Two files of one animal, in these units; the second does not say its own."""
+    """Write two files of one animal in these units; the second does not state its own."""
     scale = {"m": 1.0, "mm": 1000.0}
     return [
         trc(folder, name="a.trc", scale=scale[stated], values={"Units": stated}),

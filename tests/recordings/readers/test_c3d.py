@@ -1,4 +1,4 @@
-"""C3D: counts that lie, long recordings, absolute events, residuals; another library beside."""
+"""C3D: false counts, long recordings, absolute events, residuals; compared with another library."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ def changed(path, at, data):
 
 
 def value_at(path, name):
-    """Byte at which the content of a parameter of one number starts."""
+    """Return the byte at which the value of a single-number parameter starts."""
     content = path.read_bytes()
     at = content.index(name) + len(name) + 2  # past the distance to the next record
     return at + 2 + content[at + 1]
@@ -78,7 +78,7 @@ def test_a_residual_may_be_a_16_bit_word_beside_the_cameras(tmp_path):
 
 @pytest.fixture
 def with_parameters(monkeypatch, tmp_path):
-    """Write a recording whose group POINT has some parameters more."""
+    """Return a function that writes a recording whose group POINT has extra parameters."""
     groups = c3d_writing._groups
 
     def write(content, **more):
@@ -184,7 +184,7 @@ def test_a_long_recording_comes_back_whole(tmp_path, n_frames):
 
 
 def counted(path, n_frames_room, **claims):
-    """`count_frames` where only the 16-bit claims are left, of a file with that much room."""
+    """Return `count_frames` for a file with room for these frames and only 16-bit claims."""
     data = path.read_bytes()
     parameters = read_parameters(path, data[512:], 512)
     for group, name in (("TRIAL", "ACTUAL_END_FIELD"), ("POINT", "LONG_FRAMES")):
@@ -297,7 +297,7 @@ def written_c3d_analogs(
     n_points=1,
     **changed,
 ):
-    """One marker (or none) at (1, 2, 3) and three channels of five samples a frame."""
+    """Write one marker (or none) at (1, 2, 3), and three channels of five samples per frame."""
     analog = {
         "USED": 3,
         "LABELS": ["Fx", "Fz", "EMG"],

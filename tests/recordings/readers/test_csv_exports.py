@@ -15,7 +15,7 @@ NAMES = ("hip", "knee", "toe")
 
 
 def track(n=30, seed=0):
-    """Positions (n, 3, 3) in mm; the knee is hidden for two frames."""
+    """Return positions (n, 3, 3), mm, with the knee hidden for two frames."""
     positions = np.random.default_rng(seed).uniform(-500, 900, (n, 3, 3)).round(3)
     positions[4:6, 1] = np.nan
     return positions

@@ -1,4 +1,4 @@
-"""Files that would take far more memory than they hold, or reach for others, are refused."""
+"""Files that would take far more memory than their size, or refer to other files, are refused."""
 
 import tracemalloc
 import zlib

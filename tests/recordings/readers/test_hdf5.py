@@ -1,4 +1,4 @@
-"""Recordings and their truth survive the way through a file; broken files are refused."""
+"""Recordings and their truth survive a round trip through a file; broken files are refused."""
 
 import hashlib
 from dataclasses import fields, replace

@@ -1,4 +1,4 @@
-"""QTM's MAT exports of both kinds, written by scipy and h5py."""
+"""Both kinds of QTM's MAT exports, written by scipy and h5py."""
 
 import numpy as np
 import pandas as pd
@@ -150,7 +150,7 @@ def read(folder, text, **options):
 
 
 def changed(row, column, text):
-    """Rows of `POSITIONS` with one field replaced (columns count Frame and Time)."""
+    """Return rows of `POSITIONS` with one field replaced (columns include Frame and Time)."""
     rows = [line.split("\t") for line in data_rows(POSITIONS)]
     rows[row][column] = text
     return ["\t".join(fields) for fields in rows]

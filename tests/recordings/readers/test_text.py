@@ -1,4 +1,4 @@
-"""Columns of text tables: every delimiter, and mistakes with their place."""
+"""Columns of text tables: every delimiter, and mistakes with their places."""
 
 import numpy as np
 import pytest

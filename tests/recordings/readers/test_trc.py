@@ -1,4 +1,4 @@
-"""TRC files: m and mm, missing as nothing or as zeros."""
+"""TRC files: m and mm, missing values as empty fields or as zeros."""
 
 import numpy as np
 import pytest
@@ -129,7 +129,7 @@ def test_markers_of_one_name_are_numbered_and_those_without_called_unnamed(tmp_p
 
 
 def plainly(path):
-    """Names, and numbers by frame, of a TRC file as a person reads it."""
+    """Return the names, and the numbers by frame, of a TRC file as a person reads it."""
     lines = path.read_text().splitlines()
     names = [name for name in lines[3].split("\t")[2:] if name.strip()]
     rows = [row.split("\t") for row in lines[5:] if row.strip()]

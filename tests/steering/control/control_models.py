@@ -8,7 +8,7 @@ LIMIT = 3 * np.pi / 8
 
 
 class ClosedForm:
-    """Like the plant: it goes forward, turns with the swing, and slows near a boom of pi."""
+    """A model like the plant: moves forward, turns with the swing, slows near a boom of pi."""
 
     def change(self, boom_angle, swing):
         return self.change_and_gradient(boom_angle, swing)[0]
@@ -28,13 +28,13 @@ class ClosedForm:
 
 
 def table(angles=96, swings=33):
-    """The same as a table."""
+    """Return the model as a table."""
     grid = np.meshgrid(turn_nodes(angles), np.linspace(-LIMIT, LIMIT, swings), indexing="ij")
     return TabulatedMap(ClosedForm().change(*grid), LIMIT)
 
 
 def random_states(n, seed, *, reach_m=1.0):
-    """Poses (n, 3) about the origin and boom angles (n,)."""
+    """Return poses (n, 3) about the origin and boom angles (n,)."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     poses = rng.uniform(-1, 1, (n, 3)) * np.array([reach_m, reach_m, np.pi])
     return poses, rng.uniform(0, 2 * np.pi, n)

@@ -1,4 +1,4 @@
-"""Objectives are what they say, and refuse what makes no sense."""
+"""Objectives have the stated meaning, and refuse values that make no sense."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The planner: its cost-to-go satisfies Bellman's equation, and it gets there from any heading."""
+"""The planner: its cost-to-go satisfies Bellman's equation, and it arrives from any heading."""
 
 from dataclasses import replace
 from itertools import product
@@ -46,7 +46,7 @@ def to_heading():
 
 
 def flown(controller, pose, boom, hops):
-    """Poses of the model itself under a controller."""
+    """Return poses of the model itself under a controller."""
     poses = [np.asarray(pose, dtype=float)]
     for _ in range(hops):
         swing = controller.plan(poses[-1], boom).swing_rad
@@ -58,7 +58,7 @@ def flown(controller, pose, boom, hops):
 
 @pytest.fixture(scope="module")
 def certain():
-    """Hops end where they are foretold."""
+    """Return a planner for hops that end exactly where predicted."""
     return planner(TABLE, ToPoint(), grid=replace(COARSE, scatter=(0.0, 0.0, 0.0)))
 
 
@@ -68,7 +68,7 @@ def away(distance_m):
 
 
 def paid_after(cost, goal, boom):
-    """What is paid after stances with the goal at these places (complex), poses in the world."""
+    """Return the cost after stances with the goal at these places (complex), poses in the world."""
     after = []
     for swing in np.linspace(-LIMIT, LIMIT, COARSE.swings):
         x, y, turn = TABLE.change(boom, swing)[0]
@@ -84,7 +84,7 @@ def nodes():
 
 
 def test_the_cost_to_go_satisfies_bellman_s_equation(certain):
-    """At nodes, where hops end as foretold."""
+    """Checked at nodes, for hops that end where predicted."""
     _, goal = nodes()
     for k in (0, 5, 11):
         after = paid_after(certain.cost_to_go, goal, 2 * np.pi * k / COARSE.boom_angles)
@@ -94,7 +94,7 @@ def test_the_cost_to_go_satisfies_bellman_s_equation(certain):
 
 
 def test_the_cost_is_an_average_over_where_a_hop_may_end(to_point):
-    """Against another interpolation: a third of the variance along each axis, both ways."""
+    """Compared with another interpolation: a third of the variance along each axis, both ways."""
     turn, goal = nodes()
     after = paid_after(to_point.cost_to_go, goal, 0.0)
     between = RegularGridInterpolator((np.arange(COARSE.distances), turn), after)
@@ -110,7 +110,7 @@ def test_the_cost_is_an_average_over_where_a_hop_may_end(to_point):
 
 
 def test_the_cost_rises_with_the_distance_of_a_goal_ahead(to_point):
-    """From half a metre on; nearer by, the hopper is best off with the goal still ahead of it."""
+    """This holds from half a metre on; nearer, the hopper does best with the goal still ahead."""
     grid = COARSE
     ahead = to_point.cost_to_go.values[:, grid.bearings // 2].min(axis=-1)
     far = grid.distances_m > 0.5
@@ -126,7 +126,7 @@ def test_the_goal_is_reached_from_any_heading(to_point):
 
 
 def test_the_goal_may_be_anywhere_and_far(to_point):
-    """Beyond the grid, too, and the plan moves with the frame it is told in."""
+    """This includes places beyond the grid, and the plan moves with the frame of the pose."""
     move = np.array([5.0, -3.0, 0.7])
     goal = composed(move, np.zeros(3))
     moved = to_point.towards(ToPoint(point_m=(float(goal[0]), float(goal[1]))))
@@ -145,7 +145,7 @@ SIZES = [
 
 
 class Uneven:
-    """Goes to its side, and turns with the boom in neutral."""
+    """A model that moves sideways, and turns with the boom in neutral."""
 
     def change(self, boom_angle, swing):
         c, s, one = np.cos(boom_angle), np.sin(boom_angle), np.ones_like(boom_angle)
@@ -154,7 +154,7 @@ class Uneven:
 
 
 def test_beyond_the_grid_it_does_not_dawdle():
-    """Forty hops of some 7 cm, the turn at the beginning included, from twice as far."""
+    """Forty hops of about 7 cm, including the turn at the beginning, from twice as far."""
     uneven = planner(tabulated(Uneven(), LIMIT, angles=32, swings=13), grid=COARSE)
     for heading in (0.0, 2.0, 4.0):
         pose, boom = np.array([6.0, 0.0, heading]), 1.0
@@ -171,7 +171,7 @@ def test_a_heading_is_reached_and_kept(to_heading):
 
 
 def test_more_hops_ahead_do_not_cost_more():
-    """What a plan costs with the cost-to-go behind it is near to what the model then pays."""
+    """The cost of a plan, with the cost-to-go behind it, is close to the cost in the model."""
     certain = planner(TABLE, ToPoint(), grid=PointGrid(scatter=(0.0, 0.0, 0.0)))
     two = [certain.plan(*state).objective for state in zip(*random_states(10, 2), strict=True)]
     three = replace(certain, horizon=Horizon(hops=3))
@@ -208,7 +208,7 @@ NOISE, BIAS = np.array([2e-3, 2e-3, 1e-2]), np.array([0.0, 0.01, -0.09])
 
 
 def flown_changed(controller, hops, bias=BIAS, seed=0):
-    """Errors at the stances of the changed plant, and by how much each stance was not foretold."""
+    """Return errors at the stances of the changed plant, and prediction errors of its heading."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     pose, boom, swung, errors, missed = START, 3.0, None, [], []
     for _ in range(hops):
@@ -238,7 +238,7 @@ def test_where_nothing_has_changed_little_is_learned(to_point):
 
 
 def learned(hops, bias, correction=None):
-    """What swings at any boom angle teach of a plant that misses its map by `bias`."""
+    """Return what random swings teach about a plant that deviates from its map by `bias`."""
     rng = np.random.default_rng(np.random.SeedSequence(hops))
     correction = correction or Correction(LIMIT, NOISE)
     for boom, swing in rng.uniform([0.0, -LIMIT], [2 * np.pi, LIMIT], (hops, 2)):

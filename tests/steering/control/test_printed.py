@@ -57,14 +57,14 @@ def test_a_boom_angle_that_is_none_is_refused():
 
 
 def test_a_search_from_several_starts_finds_the_better_of_two_dips():
-    """The goal lies to the left or to the right, and the search cannot cross the ridge between."""
+    """The goal lies to the left or right, and the search cannot cross the ridge between the two."""
     for side in (1.0, -1.0):
         controller = PrintedController(model=Ridge(side), horizon=Horizon(hops=1))
         assert np.sign(controller.plan([-1.0, 0.0, 0.0], 0.0).swing_rad) == side
 
 
 class Ridge:
-    """A hopper that goes ahead if the boom swings to either side, farther if to `side`."""
+    """A hopper that goes ahead if the boom swings to either side, and farther if to `side`."""
 
     def __init__(self, side):
         self.side = side
@@ -75,7 +75,7 @@ class Ridge:
 
 
 def test_the_last_swing_is_a_start_beside_the_three_that_are_fixed():
-    """Both kinds of starts are searched; one that is there already is not searched twice."""
+    """Both kinds of starts are searched; a repeated start is searched only once."""
     controller = PrintedController(model=MODEL)
     limit = controller.horizon.swing_limit_rad
     for none in (None, 0.0, np.nan, limit / 2):

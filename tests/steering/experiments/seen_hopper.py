@@ -1,4 +1,4 @@
-"""A calibrated hopper to steer in tests, without a calibration."""
+"""A calibrated hopper to steer in tests, without running a calibration."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ FLAT = FloorOptions(bowl_depth_m=0.0, waves=0)
 
 
 def sight(**options):
-    """How a hopper with known markers is seen; by default over a flat floor."""
+    """Return how a hopper with known markers is seen; by default over a flat floor."""
     camera = MotionCapture(floor=FLAT, **options)
     body = np.array(camera.markers.body_m)
     boom = np.array([ROBOT.hopper.boom_offset_m, 0.0, ROBOT.hopper.boom_height_m])
@@ -43,7 +43,7 @@ def start(pose=(1.0, 0.0, np.pi), seed=5):
 
 
 class Swings:
-    """A controller that makes the swings it was given, and remembers what it was told."""
+    """A controller that makes the given swings, and records what it was told."""
 
     def __init__(self, *swings):
         self.swings, self.told = swings, []

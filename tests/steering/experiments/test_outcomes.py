@@ -5,7 +5,7 @@ from hopdata.steering.experiments.outcomes import outcome_table
 
 
 def runs(experiment="origin", seed=1, touched=0, **hops):
-    """Runs of controllers by the hops that they took; -1 for one that never arrived."""
+    """Return runs of controllers by the hops that they took; -1 for one that never arrived."""
     rows = [
         {
             "seed": seed, "experiment": experiment, "controller": controller, "run": k,

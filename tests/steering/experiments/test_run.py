@@ -1,4 +1,4 @@
-"""A run through motion capture: what the controller is told, and what is kept of it."""
+"""A run through motion capture: what the controller receives, and what is recorded."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A drive in a process of its own, until it is told to end: port, port of the swings, log."""
+"""A drive in its own process until it is told to end. Arguments: port, port of the swings, log."""
 
 import sys
 import threading

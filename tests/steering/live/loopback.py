@@ -1,4 +1,4 @@
-"""A server and a stream that look at each other, for the tests of this folder."""
+"""A connected server and stream, for the tests of this folder."""
 
 import threading
 import time
@@ -15,7 +15,7 @@ BRISK = Patience(stale_s=0.05, reconnect_s=0.4, retry_s=0.02, longest_retry_s=0.
 
 
 def ramp(n_frames, rate_hz=100.0):
-    """Frames whose markers say which frame it is: x of marker m of frame k is k + m / 10 mm."""
+    """Return frames whose markers show their number: x of marker m in frame k is k + m / 10 mm."""
     for k in range(n_frames):
         markers = np.zeros((len(LABELS), 3))
         markers[:, 0] = 1e-3 * (k + np.arange(len(LABELS)) / 10)
@@ -25,7 +25,7 @@ def ramp(n_frames, rate_hz=100.0):
 
 @contextmanager
 def linked(n_frames=500, *, speed=10.0, labels=LABELS, patience=BRISK, capacity=4096, **server):
-    """A server of so many frames and a stream that reads it; both closed at the end."""
+    """Yield a server of `n_frames` frames and a stream that reads it; close both at the end."""
     with (
         LoopbackServer(ramp(n_frames), LABELS, speed=speed, **server) as served,
         MarkerStream(labels, port=served.port, patience=patience, capacity=capacity) as stream,
@@ -34,7 +34,7 @@ def linked(n_frames=500, *, speed=10.0, labels=LABELS, patience=BRISK, capacity=
 
 
 def wait_until(condition, timeout_s=LONG_S):
-    """Wait until a condition holds; fail if it does not come about."""
+    """Wait until a condition holds; fail if it does not become true."""
     end = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < end, "it did not come about"

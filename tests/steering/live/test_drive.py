@@ -50,7 +50,7 @@ def geometry(boom_name="boom"):
 
 
 class Controller:
-    """Swings to and fro; remembers what it was told."""
+    """A controller that swings to and fro, and records what it was told."""
 
     def __init__(self):
         self.asked = []
@@ -149,7 +149,7 @@ def test_at_the_end_the_boom_is_told_to_stay():
 
 @pytest.fixture
 def interruptible():
-    """SIGINT as in a terminal: tests in the background inherit that it is ignored."""
+    """Enable SIGINT as in a terminal; tests in the background inherit that it is ignored."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)

@@ -13,7 +13,7 @@ from hopdata.steering.live.safety import Rest
 
 
 def logged(path, controller, groups=12):
-    """A loop without threads, on a clock of its own, that takes some frames at a time."""
+    """Log a loop without threads, on a simulated clock, that takes a few frames at a time."""
     log = DriveLog(path, 3, setup={"to": [0, 0]}, files={"a.txt": b"content"})
     buffer, now, fault = FrameBuffer(8), [0.0], [""]
     loop = ControlLoop(
@@ -42,7 +42,7 @@ def logged(path, controller, groups=12):
 
 
 class Learner(Controller):
-    """Its plan depends on all that it was asked so far."""
+    """A controller whose plan depends on all previous requests."""
 
     def plan(self, pose, boom_angle_rad, previous_swing_rad, /):
         super().plan(pose, boom_angle_rad, previous_swing_rad)

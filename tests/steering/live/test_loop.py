@@ -18,7 +18,7 @@ LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, fence_m=1e3)  # a loaded m
 
 
 class Tracker:
-    """The first marker is the pose and the height, x of the second the boom angle."""
+    """Takes pose and height from the first marker, and the boom angle from x of the second."""
 
     def feed(self, _, markers):
         if markers[2, 0] > 0:
@@ -34,7 +34,7 @@ class Tracker:
 
 
 class Detector:
-    """A stance is told by each frame at height 0, as 20 ms before."""
+    """Reports a stance for each frame at height 0, dated 20 ms before it."""
 
     def feed(self, time_s, height_m):
         return SimpleNamespace(time_s=time_s - 0.02) if height_m == 0 else None
@@ -59,7 +59,7 @@ class Boom:
 
 
 class Bench:
-    """A loop with a buffer that the test fills, and with times that it chooses."""
+    """A loop with a buffer that the test fills, and with times that the test chooses."""
 
     def __init__(self, controller=None, boom=None, **options):
         self.buffer, self.controller = FrameBuffer(64), controller or Controller()
@@ -113,7 +113,7 @@ def test_a_stance_is_planned_with_the_newest_pose_and_sent():
 
 
 def batch(**options):
-    """A loop to which a stance and a later frame come at once, as after a hold-up."""
+    """Return a loop that receives a stance and a later frame at once, as after a delay."""
     bench = Bench(**options)
     bench.frame(stance=True, x=1.5, age_s=0.15)
     bench.frame(x=7.0, boom=1.0)
@@ -346,7 +346,7 @@ def test_closing_ends_the_thread_at_once():
 
 
 def rested(bench, cause_s, words, *, over=False):
-    """Wait for the rest, and report its time after the cause."""
+    """Wait for the rest, and return its time after the cause."""
     wait_until(lambda: bench.loop.watch.rests)
     rest = bench.loop.watch.rests[-1]
     print(f"{words}: at rest {1e3 * (rest.sent_s - cause_s):.1f} ms after its cause")
@@ -357,7 +357,7 @@ def rested(bench, cause_s, words, *, over=False):
 
 
 def hopping(**options):
-    """A bench that has swung once, so that there is something to bring to rest."""
+    """Return a bench that has swung once, so that there is something to bring to rest."""
     stop = threading.Event()
     bench = Bench(stop=stop, **options)
     bench.stop = stop

@@ -185,7 +185,7 @@ def test_a_header_that_cannot_be_ends_the_connection(header):
 
 
 def mangled(rng):
-    """A stream of packets with bytes replaced, taken out and put in."""
+    """Return a stream of packets with bytes replaced, removed and inserted."""
     stream = bytearray(b"".join([*SOUND, event(3), *SOUND]))
     for _ in range(rng.integers(1, 6)):
         place, kind = rng.integers(len(stream)), rng.integers(3)
@@ -199,7 +199,7 @@ def mangled(rng):
 
 
 def test_the_real_client_survives_whatever_comes_through():
-    """Mangled streams end in sound packets or an error, never in an exception or for ever."""
+    """Mangled streams end in sound packets or an error, not in an exception or endless loop."""
     rng = np.random.default_rng(np.random.SeedSequence(17))
 
     async def push_all():

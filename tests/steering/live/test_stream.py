@@ -29,7 +29,7 @@ def states(stream):
 
 
 def after_the_end(server, stream):
-    """Each frame that the server has sent stands in the buffer, or was counted as garbled."""
+    """Assert that each sent frame is in the buffer, or was counted as garbled."""
     assert server.ended.wait(LONG_S)
     sent = server.counts.frames - server.counts.dropped
     wait_until(lambda: stream.buffer.written + stream.counts.garbled >= sent)
@@ -111,7 +111,7 @@ def test_garbage_between_packets_is_a_clear_error_and_the_stream_comes_back():
     "garbage", [bytes(64), HEADER.pack(0, 3) * 9, b"HTTP/1.1 400 Bad Request\r\n"]
 )
 def test_a_server_of_something_else_is_a_clear_error(garbage):
-    """Eight zero bytes are a packet of no length, which the client by itself reads for ever."""
+    """Eight zero bytes are a packet of no length, which the client alone would read for ever."""
     with (
         socket.create_server(("127.0.0.1", 0)) as listener,
         MarkerStream(LABELS, port=listener.getsockname()[1], patience=BRISK) as stream,
@@ -294,7 +294,7 @@ def test_frames_that_come_late_twice_or_out_of_order_are_outdated():
 @example(first=1, delays=[(4, True), (4, True), (3, True), (2, True), (0, True)])
 @given(st.integers(1, 60), st.lists(st.tuples(st.integers(0, 4), st.booleans()), max_size=300))
 def test_a_stream_that_is_shuffled_a_little_keeps_its_order_and_its_clock(first, delays):
-    """Four frames late, each twice, are nine outdated in a row: ten would tell of a restart."""
+    """Four frames that are late and sent twice give nine outdated in a row; ten mean a restart."""
     sent = [
         (k + delay, first + k) for k, (delay, twice) in enumerate(delays) for _ in range(1 + twice)
     ]

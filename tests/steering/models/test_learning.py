@@ -1,4 +1,4 @@
-"""Scores: right by hand, the same from the same seed, better with more hops."""
+"""Scores: checked by hand, reproducible by seed, better with more hops."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_standardised_processes_of_every_smoothness_learn_a_smooth_truth():
 
 
 def test_units_that_are_not_standardised_break_the_c2_kernel_on_a_smooth_truth():
-    """The claim of Section 3.4.2 comes out where nothing but the units is wrong."""
+    """The claim of Section 3.4.2 appears if nothing but the units is wrong."""
     name = "printed, length and noise fitted, m"
     hops = smooth_truth(160, LIMIT, 0)
     scores = smoothness_scores(hops, draws=1, seed=0, readings={name: READINGS[name]})

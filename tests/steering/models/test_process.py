@@ -40,7 +40,7 @@ SETUPS = {
 
 @pytest.fixture(scope="module", params=SETUPS)
 def trained(request):
-    """A set-up, its process, and points to ask it about."""
+    """Return a set-up, its process, and points at which to evaluate it."""
     options = SETUPS[request.param]
     hops = chained_hops(30, seed=9)
     points = np.column_stack([hops.boom_angle_rad, hops.swing_rad])

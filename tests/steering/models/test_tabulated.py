@@ -1,4 +1,4 @@
-"""Tables: exact at their nodes and for cubics, smooth between them, periodic."""
+"""Tables: exact at their nodes and for cubics, smooth in between, periodic."""
 
 import numpy as np
 import pytest

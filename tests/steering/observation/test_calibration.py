@@ -47,7 +47,7 @@ def test_heights_tell_stances_from_flights():
 
 
 def without(recording, *names):
-    """A recording with some markers left out."""
+    """Return a recording without some of its markers."""
     kept = [k for k, name in enumerate(recording.markers) if name not in names]
     return replace(
         recording,
@@ -102,7 +102,7 @@ def test_a_boom_that_moves_not_or_too_little_is_refused(reach, told):
 @pytest.mark.parametrize("noise_m", [0.0, 0.0006])
 @pytest.mark.parametrize("seen", [30, 30000])
 def test_noise_about_a_place_is_no_circle(noise_m, seen):
-    """However many the frames, and so however far the farthest are apart."""
+    """This holds for any number of frames, and so however far apart the farthest frames are."""
     rng = np.random.default_rng(np.random.SeedSequence([4, seen]))
     boom = np.array([0.5, 0.0, -0.03]) + noise_m * rng.standard_normal((seen, 3))
     with pytest.raises(AnalysisError, match="boom: expected it to move"):
@@ -110,7 +110,7 @@ def test_noise_about_a_place_is_no_circle(noise_m, seen):
 
 
 def test_a_small_circle_is_known_by_its_own_residual():
-    """One of 20 mm is found among 0.6 mm of noise; among 3 mm its angles would say little."""
+    """One of 20 mm is found in 0.6 mm of noise; in 3 mm its angles would say little."""
     rng = np.random.default_rng(np.random.SeedSequence(5))
     angle = rng.uniform(-1.0, 1.0, 2000)
     places = 0.02 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(2000)])
@@ -178,7 +178,7 @@ def seen(shape, n=600, noise=0.0006, seed=1):
 
 
 def misfit(found, shape):
-    """Largest distance between two shapes, whatever their attitude."""
+    """Return the largest distance between two shapes, whatever their attitudes."""
     centred = shape - shape.mean(axis=0)
     fit = rigid_fit(found[None], centred)
     return np.abs(found - fit.centre[0] - centred @ fit.rotation[0].T).max()

@@ -148,7 +148,7 @@ def test_no_heights_give_no_stances():
 
 
 def holes(hopper, seed, share):
-    """Mark about this share of the frames, in holes of one length."""
+    """Mark about this share of the frames, in gaps of equal length."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     length = int(rng.integers(1, 40))
     gone = np.repeat(rng.random(1 + len(hopper.middle) // length) < share, length)
@@ -229,7 +229,7 @@ def told(time, height, rate_hz=100.0):
 
 
 def delays(stances, hopper):
-    """Delay of each stance, after requiring that there is one for each landing."""
+    """Return the delay of each stance, after checking that each landing has one."""
     instants = np.array([s.time_s for s in stances])
     assert len(instants) == len(hopper.lowest_s)
     assert np.abs(instants - hopper.lowest_s).max() < 0.05
