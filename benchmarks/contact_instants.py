@@ -618,8 +618,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="simulated recordings (default 5)")
     parser.add_argument("--landings", type=int, default=2860, help="landings of each")
     parser.add_argument("--peer-landings", type=int, default=200, help="for scipy (default 200)")
-    parser.add_argument("--seed", type=int, default=1, help="the first one (default 1)")
-    parser.add_argument("--few", action="store_true", help="the rows of few landings alone")
+    parser.add_argument("--seed", type=int, default=1, help="first seed (default 1)")
+    parser.add_argument("--few", action="store_true", help="only the rows of few landings")
     arguments = parser.parse_args()
     few = range(arguments.seed, arguments.seed + arguments.seeds)
     if arguments.few:

@@ -176,9 +176,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="CSV file to write")
     parser.add_argument("--recordings", type=Path, default=ROOT.parent / "shared/recordings")
     parser.add_argument("--seeds", type=int, default=5, help="pieces of each length")
-    parser.add_argument("--seed", type=int, default=SEED, help="of the pieces and the hoppers")
+    parser.add_argument("--seed", type=int, default=SEED, help="seed of pieces and hoppers")
     parser.add_argument("--only", choices=GUESSES, nargs="*", default=list(GUESSES))
-    parser.add_argument("--verbose", action="store_true", help="name what is wrong and sure")
+    parser.add_argument("--verbose", action="store_true", help="name wrong and sure guesses")
     options = parser.parse_args()
     rows = []
     for number, piece in enumerate(pieces(options.recordings, options.seed, options.seeds)):

@@ -410,7 +410,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
     parser.add_argument("--only", nargs="*", help="names of kinds")
     parser.add_argument("--no-check", action="store_true")
-    parser.add_argument("--run", action="store_true", help="the whole workflow")
+    parser.add_argument("--run", action="store_true", help="run the whole workflow")
     arguments = parser.parse_args()
     rows = []
     for name in arguments.only or KINDS:

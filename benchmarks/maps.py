@@ -55,7 +55,7 @@ COLUMNS = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", help="CSV to write; standard output by default")
+    parser.add_argument("--out", help="CSV file to write; standard output by default")
     parser.add_argument("--bootstraps", type=int, default=1000, help="fits of each of nine models")
     parser.add_argument("--pairs", type=int, default=20_000, help="pairs of subspaces")
     options = parser.parse_args()

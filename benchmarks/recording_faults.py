@@ -617,7 +617,7 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=RECORDINGS)
     parser.add_argument("--floor-seeds", type=int, default=5)
     parser.add_argument("--filled-hops", type=int, default=500)
-    parser.add_argument("--moved", action="store_true", help="moved_floors.csv alone, into --out")
+    parser.add_argument("--moved", action="store_true", help="only moved_floors.csv, into --out")
     parser.add_argument("--moved-seeds", type=int, nargs=2, default=(61, 65), help="first, last")
     options = parser.parse_args()
     out: Path = options.out

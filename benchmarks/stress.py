@@ -315,7 +315,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--hops", type=int, default=100_000, help="hops of the long run")
     parser.add_argument("--systems", type=int, default=1000, help="random systems of each kind")
-    parser.add_argument("--seed", type=int, default=0, help="other random systems than those of 0")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random systems")
     arguments = parser.parse_args()
     seed, drawn_before = arguments.seed, arguments.seed * arguments.systems
     cases = [*gap_cases(), *root_cases(), *edge_cases(), *mass_cases()]

@@ -138,7 +138,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--base", type=float, default=1.0, help="length of the first, in studies")
-    parser.add_argument("--frames", type=float, nargs="+", help="of one recording")
+    parser.add_argument("--frames", type=float, nargs="+", help="lengths of one recording")
     parser.add_argument("--cores", type=int, default=2)
     args = parser.parse_args()
     sizes = [(int(n), n / args.frames[0]) for n in args.frames or ()]

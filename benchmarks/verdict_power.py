@@ -780,9 +780,9 @@ def main() -> None:
     parser.add_argument("--studies", type=int, default=40, help="studies of each kind")
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first study")
     parser.add_argument(
-        "--only", default=r"^(?!.*body)", help="kinds whose name holds this expression"
+        "--only", default=r"^(?!.*body)", help="kinds whose name matches this expression"
     )
-    parser.add_argument("--simulated", action="store_true", help="judge what is simulated, no more")
+    parser.add_argument("--simulated", action="store_true", help="judge only existing simulations")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     args = parser.parse_args()
     folder = args.out.parent / "verdict_studies"

@@ -463,10 +463,10 @@ def batches(scene: str, many: Many) -> list[dict[str, object]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--turns", type=int, default=15, help="most timings of each solver")
+    parser.add_argument("--turns", type=int, default=15, help="maximum timings of each solver")
     parser.add_argument("--race-turns", type=int, default=60, help="timings of the best of each")
     parser.add_argument("--scenes", nargs="*", help="names of scenes; all by default")
-    parser.add_argument("--systems", type=int, default=10_000, help="in a batch, a multiple of 8")
+    parser.add_argument("--systems", type=int, default=10_000, help="batch size, a multiple of 8")
     given = parser.parse_args()
     out: Path = given.out
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -250,7 +250,7 @@ def test_a_locked_folder_is_told_with_the_command_that_unlocks_it(group, capfd):
     assert main(["run", "group.yaml"]) == 1
     said = [line for line in capfd.readouterr().err.splitlines() if "--unlock" in line]
     assert len(said) == 1
-    unlock = shlex.split(said[0].split("no other runs: ")[1])
+    unlock = shlex.split(said[0].split("unlock the folder: ")[1])
     assert subprocess.run(unlock, check=False, timeout=120).returncode == 0
     assert not lock.exists()
 

@@ -1,4 +1,4 @@
-"""A group: each subject a study of its own, one job; then all of them on a page.
+"""A group: one job runs the study of each subject, then one page shows them all.
 
 snakemake --cores 2 --snakefile workflow/group.smk --workflow-profile profiles/default --configfile config/group.yaml
 """
@@ -23,7 +23,7 @@ HERE = Path(os.path.relpath(workflow.current_basedir.get_path_or_uri(secret_free
 
 
 def files(member):
-    """Files of a member that are there; what is not is its study's to say."""
+    """Return the existing files of a member; its study reports missing ones."""
     recordings = MEMBERS[member]["config"]["recordings"]
     return [file for one in recordings for file in files_of(one) if os.path.exists(file)]
 
@@ -43,7 +43,7 @@ wildcard_constraints:
 
 
 rule group:
-    """All members on one page."""
+    """Show all members on one page."""
     default_target: True
     input:
         members=expand(f"{RESULTS}/members/{{member}}/member.json", member=MEMBERS),
@@ -63,7 +63,7 @@ rule group:
 
 
 rule member:
-    """The study of one subject in one condition, from its files to its page."""
+    """Run the study of one subject in one condition, from its files to its page."""
     input:
         files=lambda wildcards: files(wildcards.member),
         captions=HERE / "captions",

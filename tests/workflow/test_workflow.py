@@ -367,7 +367,7 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
     run = snakemake(sample, figure)
     assert run.returncode == 1
     said = next(line for line in run.stderr.splitlines() if line.startswith("hopdata: "))
-    unlock = shlex.split(said.split("no other runs: ")[1])
+    unlock = shlex.split(said.split("unlock the folder: ")[1])
     assert unlock[-1] == "--unlock"
     assert subprocess.run(unlock, cwd=sample, check=False, timeout=120).returncode == 0
     assert not lock.exists()
@@ -390,7 +390,7 @@ def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sampl
     os.utime(sample / made, (seconds, time.time() + 86_400))
     run = snakemake(sample, made, "--dry-run")
     assert "rule recording:" in run.stdout + run.stderr
-    assert f"hopdata: {made}: {told}, and times say what" in run.stderr
+    assert f"hopdata: {made}: {told}, and Snakemake decides" in run.stderr
     completed(sample, made, "--forceall")
     assert (sample / made).read_bytes() == before
     assert "hopdata: " not in snakemake(sample, made, "--dry-run").stderr

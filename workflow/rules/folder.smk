@@ -14,8 +14,9 @@ if (
     is_module = sys.argv[0].endswith("__main__.py")
     program = [sys.executable, "-m", "snakemake"] if is_module else sys.argv[:1]
     print(
-        "hopdata: .snakemake/locks: another run is at work in this folder, or one was killed; if "
-        f"Snakemake refuses to start and no other runs: {shlex.join([*program, *sys.argv[1:]])} --unlock",
+        "hopdata: .snakemake/locks: another run is active in this folder, or one was killed; if "
+        "Snakemake refuses to start and no other run is active, unlock the folder: "
+        f"{shlex.join([*program, *sys.argv[1:]])} --unlock",
         file=sys.stderr,
     )
 SKEW_S = 60  # allowed difference between the clocks of two machines, s
@@ -47,8 +48,8 @@ def check_times(files, folder):
         sys.exit(f"hopdata: error: {read[0]}: {told}; touch it and run again")
     if kept:
         print(
-            f"hopdata: {kept[0]}: {told}, and times say what is to be made anew; run once with "
-            "--force, or --forceall",
+            f"hopdata: {kept[0]}: {told}, and Snakemake decides by file times what to run; run "
+            "once with --force, or --forceall",
             file=sys.stderr,
         )
 
