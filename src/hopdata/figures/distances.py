@@ -49,10 +49,9 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 102.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1))
     _draw_study(upper, lower, distances, summary)
-    style.letters((upper, lower))
     compared = (distances["kind"] == "cross_class").any()
     figure.supxlabel(NOT_DECIDED if compared else ONE_ORDER, fontsize=style.pt(7))
-    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    style.lettered(figure, (upper, lower), ncols=2)
     return figure
 
 
@@ -125,6 +124,5 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
         upper.set_title(f"{name}\nverdict: {in_short(verdict)}", loc="left")
     for axes in rows[:, 1:].ravel():
         axes.set_ylabel("")
-    style.letters(rows[0])
-    figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    style.lettered(figure, rows[0], ncols=4)
     return figure

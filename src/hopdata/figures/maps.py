@@ -159,7 +159,7 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
         axes.set_xticks([], minor=True)
         axes.set(xlabel="scale of the deviations", ylabel=label)
         axes.grid(axis="y", which="major")
-    style.letters(panels)
+    style.lettered(figure, panels, ncols=len(cases))
     _draw_guides(panels[0], table)
     for case in cases:
         exact = float(table.loc[table["case"] == case, "exact_difference"].median())
@@ -167,9 +167,6 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
             panels[2].axhline(exact, color=_shown(case)[2], linestyle=(0, (4, 2)), linewidth=0.8)
     panels[2].text(0.97, 0.03, "dashed: exact maps", transform=panels[2].transAxes, ha="right",
                    fontsize=style.pt(6), color=style.GREY)  # fmt: skip
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(cases)
-    )
     return figure
 
 

@@ -141,8 +141,7 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
         axes.xaxis.set_major_locator(ticker.FixedLocator(sorted(table["hops"].unique())))
         style.plain_numbers(axes.xaxis)
     panels[0].set_ylabel("rms error of a hop")
-    style.letters(panels)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    style.lettered(figure, panels, ncols=4)
     return figure
 
 
@@ -204,8 +203,7 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
         lower.set_xlabel("smoothness ν of the kernel")
     panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
     panels[0, 0].set_yticks([0, 0.25, 0.5, 0.75, 1])
-    style.letters(panels.flat)
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    style.lettered(figure, panels.flat, ncols=3)
     return figure
 
 

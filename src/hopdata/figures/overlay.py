@@ -60,8 +60,7 @@ def contact_overlay_figure(
     panels["s"].sharey(panels["e"])
     panels["s"].tick_params(labelleft=False)
     _draw_example(panels, example)
-    style.letters(panels.values())
-    figure.legend(*panels["e"].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    style.lettered(figure, panels.values(), ncols=5)
     return figure
 
 

@@ -212,8 +212,7 @@ def steering_outcomes_figure(
     shares = 100 * horizons["succeeded"] / horizons["runs"]
     ahead.plot(horizons["horizon"], shares, mark + "-", color=colour, ms=4)
     ahead.set(ylim=(-3, 103), xlabel="horizon (hops)", ylabel="to the origin (%)")
-    figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    style.letters((rates, hops, ahead))
+    style.lettered(figure, (rates, hops, ahead), ncols=3)
     return figure
 
 

@@ -333,6 +333,13 @@ def letters(panels: Iterable[Axes]) -> None:
         note(axes, text, (0, 1), (-4, 4), fontsize=8, **look)
 
 
+def lettered(figure: Figure, panels: Iterable[Axes], ncols: int) -> None:
+    """Letter the panels, and put the legend of the first above them all."""
+    panels = list(panels)
+    letters(panels)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=ncols)
+
+
 # Figures to files: the same data give the same bytes, and all formats are written or none.
 
 DECIMALS = 9  # of a place, in parts of the figure
