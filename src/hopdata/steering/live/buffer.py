@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeAlias
 
 from hopdata.arrays import FloatArray
 from hopdata.steering.live.packets import LiveError
@@ -170,10 +170,13 @@ class Worker:
         self.close()
 
 
+Main: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
+
+
 class LoopThread(Worker):
     """Runs `main` in a thread; `failure` is the exception that ended it, if any."""
 
-    def __init__(self, name: str, main: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    def __init__(self, name: str, main: Main) -> None:
         super().__init__(name, self._run)
         self.failure: BaseException | None = None
         self._main, self._begun = main, threading.Event()
@@ -266,9 +269,7 @@ class StatusLog:
 class Stream(LoopThread):
     """Puts frames into a buffer, between `start` and `close` or within a context."""
 
-    def __init__(
-        self, name: str, main: Callable[[], Coroutine[Any, Any, None]], capacity: int
-    ) -> None:
+    def __init__(self, name: str, main: Main, capacity: int) -> None:
         super().__init__(name, main)
         self.buffer, self.counts, self.states = FrameBuffer(capacity), StreamCounts(), StatusLog()
 
