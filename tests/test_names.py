@@ -19,7 +19,7 @@ from hopdata.config.loading import load_config
 from hopdata.errors import ConfigError, RecordingError
 from hopdata.figures.overlay import contact_overlay_figure
 from hopdata.figures.quality import recording_gaps_figure
-from hopdata.figures.schedule import schedule_figure, touchdown_of
+from hopdata.figures.schedule import schedule_figure
 from hopdata.figures.style import label_of, paper_figure, save_figure, style_context, styled
 from hopdata.jobs import read_table, write_table
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
@@ -109,8 +109,7 @@ def is_number(cell):
 
 
 def figures(tables):
-    touchdown = touchdown_of(tables["example"], tables["touchdowns"])
-    yield schedule_figure(tables["example"], touchdown)
+    yield schedule_figure(tables["example"], tables["touchdowns"])
     yield recording_gaps_figure(tables["markers"], tables["gaps"], tables["faults"])
     yield contact_overlay_figure(tables["contacts"], tables["summary"], tables["landing"])
 

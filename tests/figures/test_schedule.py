@@ -7,10 +7,14 @@ from overlaps import text_faults
 from hopdata.figures.schedule import schedule_figure, touchdown_of
 
 
+def drawn(samples, row):
+    return schedule_figure(samples, pd.DataFrame([row]))
+
+
 @pytest.mark.parametrize("n_feet", [2, 3, 4, 6])
 def test_any_number_of_feet(n_feet):
     row = touchdown(n_feet)
-    height, contact, velocity = (figure := schedule_figure(example(row, n_feet), row)).axes
+    height, contact, velocity = (figure := drawn(example(row, n_feet), row)).axes
     assert height.get_ylabel() == "foot height (mm)"
     assert velocity.get_ylabel() == "vertical velocity,\nsmoothed (m/s)"
     assert velocity.get_xlabel() == "time after the pre section (ms)"
@@ -23,7 +27,7 @@ def test_any_number_of_feet(n_feet):
 
 def test_contacts_stand_in_order_with_their_errors():
     row = touchdown(3)
-    contact = schedule_figure(example(row), row).axes[1]
+    contact = drawn(example(row), row).axes[1]
     order = [int(foot) for foot in row["schedule"].split(">")]
     ticks = [label.get_text() for label in contact.get_yticklabels()]
     assert ticks == [f"foot{i} ({i})" for i in order]
@@ -38,17 +42,17 @@ def test_contacts_stand_in_order_with_their_errors():
 
 def test_a_contact_that_is_not_determined_looks_so():
     row = touchdown(3)
-    figure = schedule_figure(example(row), row | {"se_foot2_s": 0.03})
+    figure = drawn(example(row), row | {"se_foot2_s": 0.03})
     contact = figure.axes[1]
-    drawn = [contact.containers[row["schedule"].split(">").index(foot)] for foot in "123"]
-    assert [one[0].get_markerfacecolor() == "white" for one in drawn] == [False, True, False]
+    shown = [contact.containers[row["schedule"].split(">").index(foot)] for foot in "123"]
+    assert [one[0].get_markerfacecolor() == "white" for one in shown] == [False, True, False]
     assert [text.get_text() for text in contact.texts].count("not determined") == 1
     assert text_faults(figure) == []
 
 
 def test_the_transition_is_shaded_from_pre_to_post():
     row = touchdown(3)
-    for axes in schedule_figure(example(row), row).axes[::2]:
+    for axes in drawn(example(row), row).axes[::2]:
         (band,) = axes.patches
         extent = band.get_extents().transformed(axes.transData.inverted())
         assert (extent.x0, extent.x1) == pytest.approx((0, 130))
@@ -57,7 +61,7 @@ def test_the_transition_is_shaded_from_pre_to_post():
 def test_the_plus_lies_on_the_curve():
     row = touchdown(2)
     table = example(row, 2)
-    axes = schedule_figure(table, row).axes[2]
+    axes = drawn(table, row).axes[2]
     pluses = [line for line in axes.lines if line.get_marker() == "+"]
     assert len(pluses) == 2
     for plus, foot in zip(pluses, feet_names(2), strict=True):
@@ -70,7 +74,7 @@ def test_the_plus_lies_on_the_curve():
 
 def test_a_foot_without_a_contact_and_an_unknown_order_are_said():
     row = touchdown(3) | {"contact_foot2_s": np.nan, "se_foot2_s": np.nan, "schedule": np.nan}
-    contact = (figure := schedule_figure(example(touchdown(3)), row)).axes[1]
+    contact = (figure := drawn(example(touchdown(3)), row)).axes[1]
     assert "no contact" in [text.get_text() for text in contact.texts]
     assert contact.get_title(loc="left") == "order not determined"
     assert contact.get_yticklabels()[-1].get_text() == "foot2 (2)"
@@ -81,7 +85,7 @@ def test_gaps_in_the_samples_do_not_move_the_plus_to_nan():
     row = touchdown(2)
     table = example(row, 2)
     table.loc[table["time_s"].between(0.03, 0.08), ["height_m", "velocity_m_s"]] = np.nan
-    axes = schedule_figure(table, row).axes[0]
+    axes = drawn(table, row).axes[0]
     pluses = [line for line in axes.lines if line.get_marker() == "+"]
     assert len(pluses) == 3  # two feet and the legend's own, which is empty
     assert np.isfinite([line.get_ydata()[0] for line in pluses[:2]]).all()
@@ -90,8 +94,8 @@ def test_gaps_in_the_samples_do_not_move_the_plus_to_nan():
 def test_without_an_example_the_figure_says_so():
     row = touchdown(3)
     for figure in (
-        schedule_figure(example(row).iloc[:0], {}),
-        schedule_figure(example(row), {}),
+        drawn(example(row).iloc[:0], row),
+        drawn(example(row), row | {"recording": "other"}),
     ):
         assert "No usable touchdown" in figure.texts[0].get_text()
 

@@ -74,7 +74,7 @@ def draw(name):
         return sections_figure(table, densities(table, limits), limits)
     if name == "schedule":
         row = touchdown()
-        return schedule_figure(example(row), row)
+        return schedule_figure(example(row), pd.DataFrame([row]))
     if name == "prediction":
         return prediction_figure(prediction_summary(), units())
     table = distances()
@@ -207,7 +207,7 @@ def test_last_bits_of_a_place_do_not_show(tmp_path, monkeypatch):
 
 def whole_figures():
     yield lambda **o: prediction_figure(prediction_summary(), units(), **o)
-    yield lambda **o: schedule_figure(example(touchdown()), touchdown(), **o)
+    yield lambda **o: schedule_figure(example(touchdown()), pd.DataFrame([touchdown()]), **o)
     yield lambda **o: sections_figure(frames(), densities(frames(), sections()), sections(), **o)
     yield lambda **o: distances_figure(distances(), distance_summary(distances()), **o)
 
@@ -226,7 +226,7 @@ def test_a_figure_fills_the_users_axes_and_leaves_the_others():
     mine = Figure(figsize=(12, 5), layout="constrained")
     left, right = mine.subplots(1, 2)
     left.plot([0, 1])
-    drawn = schedule_figure(example(touchdown()), touchdown(), ax=right)
+    drawn = schedule_figure(example(touchdown()), pd.DataFrame([touchdown()]), ax=right)
     assert drawn in mine.subfigs
     assert len(drawn.axes) == 3
     assert left in mine.axes

@@ -28,22 +28,16 @@ def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, A
 
 
 @style.styled
-def example_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
-    """Draw Fig. 2.3 of the touchdown of a whole table that `example` shows."""
-    return schedule_figure(example, touchdown_of(example, touchdowns))
-
-
-@style.styled
-def schedule_figure(example: pd.DataFrame, touchdown: Mapping[str, Any]) -> Figure:
+def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
     """Draw Fig. 2.3: heights, vertical velocities and contact instants of one touchdown.
 
     Parameters
     ----------
     example : DataFrame
-        Tidy samples: ``time_s`` (relative to the pre section), ``foot``, ``height_m``,
-        ``velocity_m_s``.
-    touchdown : mapping
-        The touchdown's row of the touchdown table: ``t_pre_s``, ``t_post_s``,
+        Tidy samples of one touchdown: its ``recording, index``; ``time_s`` (relative to the pre
+        section), ``foot``, ``height_m``, ``velocity_m_s``.
+    touchdowns : DataFrame
+        The touchdown table, of whose row are used ``t_pre_s``, ``t_post_s``,
         ``contact_<foot>_s``, ``se_<foot>_s``, ``schedule`` and, if there, ``probability``.
 
     Returns
@@ -52,8 +46,8 @@ def schedule_figure(example: pd.DataFrame, touchdown: Mapping[str, Any]) -> Figu
         (a) heights, (b) velocities with a plus at each contact, (c) the contacts with their
         standard errors, earliest at the top.
     """
-    names = tuple(dict.fromkeys(example["foot"]))
-    if example.empty or not names or not touchdown:
+    names, touchdown = tuple(dict.fromkeys(example["foot"])), touchdown_of(example, touchdowns)
+    if not touchdown:
         return style.message_figure("No usable touchdown to show as an example.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 74.0)
     mosaic: Any = [["height", "contact"], ["velocity", "contact"]]
