@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-# One test process a core; with a BLAS thread a core in each they would only wait for one another.
-# Set before anything imports NumPy, and handed down to the processes that tests start.
+# One test process runs per core. If each had a BLAS thread per core, they would only wait for one
+# another. This is set before anything imports NumPy, and inherited by processes that tests start.
 for library in ("OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 

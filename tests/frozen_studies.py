@@ -34,7 +34,7 @@ STUDIES = {
     "config/runner.yaml": ("all",),
 }
 NOT_KEPT = {"provenance.json"}
-ONE_SEED = "steering: {experiments: {seeds: 1}}"  # others are more of the same
+ONE_SEED = "steering: {experiments: {seeds: 1}}"  # further seeds would add nothing new
 
 
 def make_studies(configs: list[str], cores: int) -> list[Path]:

@@ -18,7 +18,7 @@ MAY_USE = {
     "synthesis": {"hybrid", "scenes", "recordings"},
     "landings": {"recordings"},
     "maps": {"landings"},
-    # The simulated hopper is what the controller drives where there is no robot.
+    # The controller drives the simulated hopper if there is no robot.
     "steering": {"recordings", "scenes", "synthesis"},
     "figures": set(),
     "report": set(),
@@ -115,7 +115,7 @@ def test_the_house_stays_small():
     sizes = [size for room in rooms().values() for size in room]
     lines = sum(size.lines for size in sizes)
     assert len(sizes) <= 208, SMALL
-    # 27,000 were asked, before lanes, groups, the page and the drive.
+    # 27,000 were asked for, before lanes, groups, the page and the drive.
     assert lines <= 29_014, SMALL
     assert sum(size.imports for size in sizes) <= 0.085 * lines
     assert max(size.lines for size in sizes) <= 600

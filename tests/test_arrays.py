@@ -18,7 +18,7 @@ from hopdata.maps.verdict import judge
 
 SCRIPTS = sorted((Path(__file__).parents[1] / "workflow" / "scripts").glob("*.py"))
 ROOMS = ("landings", "maps", "recordings", "steering", "synthesis")
-# Files, tables, and options: no linear algebra worth a thread.
+# Files, tables, and options need no linear algebra worth a thread.
 TABLES = {
     "join_feet",
     *("read_recording", "write_recording", "read_truth", "read_pairs", "write_pairs"),
@@ -34,8 +34,8 @@ TABLES = {
         "section_frames",
     ),
     *("overlay_external_truth", "true_rows", "verdict_errors"),
-    "study_landings",  # integrates, one by one as they are asked for
-    *("touchdown_tables", "horizons_of"),  # call for each what works with one thread
+    "study_landings",  # integrates landings one by one on demand
+    *("touchdown_tables", "horizons_of"),  # calls functions that each use one thread
 }
 
 

@@ -37,8 +37,8 @@ from hopdata.steering import OBSERVATIONS
 from hopdata.steering.experiments import tasks
 from hopdata.steering.models import process as models
 
-answer = import_module("hopdata.maps.verdict.judge")  # the package shows a function of that name
-ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
+answer = import_module("hopdata.maps.verdict.judge")  # the package exports a function of that name
+ANY = SimpleNamespace()  # stands for arguments that are read only after the name
 FORCES = {"unit": "lbf", "inverted": False}
 NONE = np.empty((0, 3))
 
@@ -48,7 +48,7 @@ def heights(name="kink", gravity="learned"):
     return contacts.find_contacts(NONE, NONE, ANY, down_height_m=0.0, method=name, gravity=gravity)
 
 
-# Of each table what asks it for a name that it may not know.
+# For each table, a call with a name that it may not know.
 ASKED = {
     "touchdowns.method": (contacts.METHODS, heights),
     "touchdowns.gravity": (kink_recording.GRAVITIES, lambda name: heights(gravity=name)),
@@ -124,7 +124,7 @@ ASKED = {
     ),
     "mesh": (theorem.MESHES, lambda name: theorem.mesh_ends(ANY, 0.0, 1.0, name)),
 }
-# Choices of the configuration, and the tables that they are made from.
+# Choices of the configuration, and the tables that they come from.
 CONFIGURED = {
     "recordings.contacts.unit": external_contacts.SECONDS_PER_UNIT,
     "recordings.forces.unit": force_signals.NEWTONS_PER_UNIT,

@@ -251,7 +251,7 @@ def run_own_system(folder, command=("own.py",), **options):
     """Run a user's script in a separate process; return its output and all files in its folder."""
     source = str(Path(hopdata.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": source}
-    environment.pop("NUMBA_CACHE_DIR", None)  # the driver's cache stays where it is
+    environment.pop("NUMBA_CACHE_DIR", None)  # keeps the driver's cache in its usual place
     done = subprocess.run(
         [sys.executable, *command], cwd=folder, capture_output=True, text=True, check=True,
         env=environment, **options,
@@ -325,7 +325,7 @@ def test_only_the_process_that_compiles_the_driver_says_so(tmp_path):
         fcntl = pytest.importorskip("fcntl")
         fcntl.flock(lock, fcntl.LOCK_EX)
         both = [subprocess.Popen(command, env=environment, **pipes) for _ in range(2)]
-        time.sleep(3.0)  # now both wait, or one does and the other will find it compiled
+        time.sleep(3.0)  # now both wait, or one waits and the other will find it compiled
     said = [process.communicate(timeout=120) for process in both]
     assert [out for out, _ in said] == ["42\n", "42\n"]
     assert sum("compiling" in error for _, error in said) == 1

@@ -15,7 +15,7 @@ import yaml
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
-SOURCE_ONLY = "connection-pool"  # of Snakemake's: has no wheel, and so is built
+SOURCE_ONLY = "connection-pool"  # a requirement of Snakemake without a wheel, which has to be built
 
 
 def entries(lock):
@@ -47,7 +47,7 @@ def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
     built = entries("requirements.lock")[SOURCE_ONLY]
     (tmp_path / "requirements.lock").write_text(f"{built}\n")
     log = tmp_path / "pip.log"
-    tools = tmp_path / "tools"  # without uv
+    tools = tmp_path / "tools"  # excludes uv
     tools.mkdir()
     for name in ("sh", "touch", "echo", "test"):
         (tools / name).symlink_to(shutil.which(name))

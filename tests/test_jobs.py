@@ -91,7 +91,7 @@ def of_a_recording(path):
     )
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of h5py
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # raised by h5py
 @pytest.mark.parametrize("write", [of_numbers, of_a_recording])
 def test_a_full_disk_is_told_in_a_line_and_nothing_is_left(tmp_path, write):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)

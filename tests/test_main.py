@@ -207,8 +207,8 @@ def test_a_configuration_is_loaded_without_what_is_slow_to_load():
 
 def test_an_interrupt_ends_without_a_traceback(tmp_path):
     pipe = tmp_path / "config.yaml"
-    os.mkfifo(pipe)  # reading it waits for a writer, for ever
-    # A shell's background jobs ignore the signal, and so would their children: take it up again.
+    os.mkfifo(pipe)  # a reader waits for ever for a writer
+    # A shell's background jobs and their children ignore the signal, so this enables it again.
     code = (
         "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"from hopdata.__main__ import main\nraise SystemExit(main(['check', {str(pipe)!r}]))"
@@ -246,7 +246,7 @@ def waiting_reader(pipe, *, seconds=20):
     for _ in range(100 * seconds):
         try:
             return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
-        except OSError:  # nobody there yet
+        except OSError:  # no reader yet
             time.sleep(0.01)
     raise AssertionError("nobody opened the configuration")
 

@@ -25,7 +25,7 @@ from hopdata.recordings.quality.inspection import recording_tables
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 SAMPLE = Path(__file__).parents[1] / "data/sample/hopper.h5"
-#: Bytes a frame, beside the 176 of seven markers: with them 10 million frames take 2.9 GB.
+#: Bytes per frame in addition to the 176 of seven markers: 10 million frames take 2.9 GB.
 BESIDE = 110
 
 
@@ -160,10 +160,10 @@ def test_memory_holds_a_recording_once(levelled, stage, small_blocks, small_samp
         part = ready.part(slice(frames))
         part = replace(part, positions=part.positions.copy())
         own = landings[landings["end_s"] < part.time[-1]]
-        if run > 0:  # the first imports what it needs, and need not be traced
+        if run > 0:  # the first run does the imports, which need not be traced
             tracemalloc.start()
         STAGES[stage](part, own, tmp_path / "x.h5")
         taken.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    held = 176 if stage == "read" else 0  # the others are given what they work on
+    held = 176 if stage == "read" else 0  # the other stages receive the recording
     assert (taken[2] - taken[1]) / (lengths[2] - lengths[1]) < held + BESIDE

@@ -29,4 +29,4 @@ def test_the_example_is_installed_and_found(tmp_path):
     subprocess.run(command, check=True, cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths})
     command[-1] = "import hopdata as hd; hd.synthesize('stiff_quadruped')"
     without = subprocess.run(command, check=False, cwd=tmp_path.parent, capture_output=True)
-    assert b"simulation.scene" in without.stderr  # not without the package
+    assert b"simulation.scene" in without.stderr  # fails without the package

@@ -29,7 +29,7 @@ def test_a_rigid_motion_is_found_exactly(number, seed):
     markers, rotation, centre, _ = moved(shape, 5, seed, tilt=1.5)
     fit = rigid_fit(markers, shape)
     spread = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
-    if spread[1] < LEAST_WIDTH * spread[0]:  # three that happen to lie on a line
+    if spread[1] < LEAST_WIDTH * spread[0]:  # three that happen to be collinear
         assert not fit.known.any()
         return
     np.testing.assert_allclose(fit.rotation, rotation, atol=1e-7)

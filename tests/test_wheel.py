@@ -57,7 +57,7 @@ def test_the_wheel_holds_the_workflow_of_the_checkout(wheel):
 
 
 def test_the_sample_is_planned_from_the_wheel_in_an_empty_folder(installed, tmp_path):
-    result = hopdata_run(installed, tmp_path, "--", "-n")  # all that Snakemake says
+    result = hopdata_run(installed, tmp_path, "--", "-n")  # lets Snakemake say everything
     assert result.returncode == 0, result.stdout + result.stderr
     assert f"{installed.name}/hopdata/_workflow/workflow/captions/verdict.md" in result.stdout
     assert "This was a dry-run" in result.stdout

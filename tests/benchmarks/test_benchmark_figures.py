@@ -240,8 +240,8 @@ def test_a_panel_a_scene_with_one_line_a_solver():
     for axes in figure.axes:
         assert axes.get_xscale() == axes.get_yscale() == "log"
         assert drawn_strongly(axes) == {f"{way}: first" for way in WAYS}
-        assert len(axes.lines) == 2 * len(WAYS) + 1  # and the line at the error compared at
-    assert all("error" in axes.get_xlabel() for axes in figure.axes[-3:])  # the lowest
+        assert len(axes.lines) == 2 * len(WAYS) + 1  # and the line at the error of comparison
+    assert all("error" in axes.get_xlabel() for axes in figure.axes[-3:])  # the lowest panels
     assert "µs" in figure.axes[0].get_ylabel()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(WAYS)
     assert text_faults(figure) == []

@@ -142,7 +142,7 @@ def restarted(plate, state, until):
         contact = np.stack([places[touching], np.full(touching.sum(), np.nan)])
         contact[1] = y[1] + np.tan(y[2]) * (contact[0] - y[0])
         h = plate.rest_length_m - contact[1]
-        # Rate of the line's height above a fixed place.
+        # Rate of the line's height above a fixed point.
         climb = y[4] - np.tan(y[2]) * y[3] + (contact[0] - y[0]) * y[5] / np.cos(y[2]) ** 2
         forces = normal[:, None] * (k * h - c * climb) / normal[1]
         arms = contact - y[:2, None]
@@ -194,7 +194,7 @@ def test_impossible_parameters(name, value):
         Plate(**{name: value})
 
 
-# The sparse plate against the plain one.
+# The sparse form of the plate against the plain one.
 
 N = 12
 PLATE = Plate(N)

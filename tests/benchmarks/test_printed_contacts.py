@@ -127,7 +127,7 @@ def rising_cubics(count, *, stretch=1.0):
 
 
 @each_roots
-@pytest.mark.parametrize("stretch", [1.0, 30.0, 1e4])  # the larger, the nearer to a line
+@pytest.mark.parametrize("stretch", [1.0, 30.0, 1e4])  # larger is closer to a line
 def test_one_root(find, stretch):
     for cubic, root in rising_cubics(200, stretch=stretch):
         found = find(cubic)

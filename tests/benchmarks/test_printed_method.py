@@ -163,7 +163,7 @@ def test_a_solver_that_fails_or_stands_still_is_an_error():
         integrate(region_of(throw(), (np.nan, 9.0)), (0.0, 1.0), [0.0, 4.5])
 
 
-# Regions: locks at a start, orientation, what cannot be done.
+# Regions: locks at a start, orientation, unsupported systems.
 
 
 def test_locks_are_signs():

@@ -23,7 +23,8 @@ def test_the_same_seed_gives_the_same_faults():
 def test_shares_and_bursts_are_those_asked_for(burst):
     n, share = 40_000, 0.05
     dropped, hidden = fates(Faults(dropped=share, burst_frames=burst, hidden=0.02), n)
-    # Frames of a burst go together: the variance of the share grows by about twice its length.
+    # Frames of a burst are dropped together, so the variance of the share grows by about twice its
+    # length.
     assert abs(dropped.mean() - share) < 4 * np.sqrt(2 * burst * share / n)
     assert abs(hidden.mean() - 0.02) < 4 * np.sqrt(0.02 / (4 * n))
     bursts = np.sum(np.diff(dropped.astype(int)) == 1)

@@ -79,7 +79,7 @@ def test_whole_millimetres_are_noted(check, tmp_path):
     assert "coordinates are rounded to 1 mm, which adds noise of 0.29 mm" in note
 
 
-# What `hopdata check` says of forces: where they lie beside the recording.
+# What `hopdata check` says about forces: their place relative to the recording.
 
 
 @pytest.fixture

@@ -40,7 +40,7 @@ def test_a_simulated_drive_says_so_and_its_log_gives_the_same_plans(model, tmp_p
     out = capsys.readouterr().out
     assert "SIMULATED hopper; there is no robot" in out
     assert "hop 1 x" in out
-    assert "\n  the end\n" in out  # among the rests
+    assert "\n  the end\n" in out  # one of the reasons for rest
     assert read_log(log).setup["to"] == [-0.5, 0]
     assert main(["replay", str(log)]) == 0
     out = capsys.readouterr().out

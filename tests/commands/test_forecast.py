@@ -165,7 +165,7 @@ def test_without_a_landing_no_share_of_them_is_timed():
 def test_a_body_marker_that_is_lost_is_named(check):
     _, lines, _ = check(with_gap(hopping(1)[1], "hip3", 1200, 2000))
     (told,) = (x for x in starting(lines, "change") if x.startswith("hip3 is hidden as the body"))
-    assert "take it off" not in told  # three are the least
+    assert "take it off" not in told  # three are the minimum
 
 
 def test_a_study_that_will_stop_is_a_problem_in_its_own_words(check):

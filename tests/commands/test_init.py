@@ -32,7 +32,7 @@ def test_the_sample_gets_the_roles_of_its_own_configuration(sample_path, folder,
     assert drafted["home"] == bundled["home"]
     changed = {key for key in bundled if drafted[key] != bundled[key]}
     assert changed == {"study", "recordings", "input", "report", "simulation"}
-    known = {"expected_noise_m": bundled["report"]["expected_noise_m"]}  # of one's own cameras
+    known = {"expected_noise_m": bundled["report"]["expected_noise_m"]}  # of the user's own cameras
     assert {**drafted["report"], **known} == bundled["report"]
     assert drafted["input"] == {**bundled["input"], "unit": "m"}
     assert main(["check", "config/hopper.yaml"]) == 0
@@ -164,7 +164,7 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     assert main(["init", "monday.tsv"]) == 0
     out = capsys.readouterr().out
     assert "These are guesses: correct in the file what is not so." in out
-    main(["check", "config/monday.yaml"])  # two jumps are too few, and nothing else is wrong
+    main(["check", "config/monday.yaml"])  # two jumps are too few; otherwise the study is sound
     assert capsys.readouterr().err.startswith("hopdata: error: pairs: expected at least 3 usable")
     config = load_config("config/monday.yaml")
     assert len(config["markers"]["feet"]) >= 4

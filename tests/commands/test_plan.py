@@ -32,7 +32,7 @@ def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(tmp_
     rows = dict(map(str.strip, line.split("%")) for line in said.splitlines()[3:])
     assert rows["15"] == "4,000"
     assert rows["20"] == "1,000"
-    assert rows["18"] == "1,600"  # two digits of 1,563
+    assert rows["18"] == "1,600"  # 1,563 to two digits
     assert rows["50"] == "150", "second-order terms take as many"
 
 

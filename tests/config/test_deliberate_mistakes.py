@@ -35,7 +35,7 @@ GRAVITIES = "expected one of 'learned', 'free', 'known'"
 METHODS = f"expected one of {', '.join(map(repr, contacts.METHODS))}"
 SCENE_NAMES = ", ".join(map(repr, SCENES))
 
-# What is wrong: the file's text, the line that the message names, and the message behind it.
+# Mistake: the file's text, the line that the message names, and the rest of the message.
 ADDED = {
     "verdict: a key misspelt": (
         "verdict: {margn: 0.1}",

@@ -164,7 +164,7 @@ def test_files_need_not_exist_if_nobody_asks(folder):
     assert config["recordings"][0]["file"] == "later.tsv"
 
 
-# What is done wrong: text of SOUND and its replacement, and what the message must name.
+# Mistake: text of SOUND and its replacement, and what the message must name.
 MISTAKES = {
     "misspelt section": (
         "sections:",

@@ -34,7 +34,7 @@ def test_two_legs(capsys):
     assert printed[0] == "0.200915337 s  left foot lands"
     assert printed[-1].startswith("Event 'left' ended the integration at t = 0.7355")
     assert len(printed) == len(log) + 1
-    # until the first foot lands the body falls freely, its tilt at rest
+    # Until the first foot lands, the body falls freely without changing its tilt.
     assert log.time[0] == pytest.approx(np.sqrt(2 * (0.7 - 0.002 - 0.5) / 9.81), abs=1e-14)
     assert energy(names["solution"].y_end) == pytest.approx(9.81 * 0.7, abs=1e-7)
 

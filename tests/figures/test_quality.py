@@ -64,7 +64,7 @@ def test_a_whole_recording_without_faults():
     assert text_faults(figure) == []
 
 
-# Figures of the quality of a study: what is in the tables is on the paper, and legible.
+# Figures of the quality of a study: they show what is in the tables, legibly.
 
 
 def stability(recordings=2, missing=False):

@@ -42,7 +42,7 @@ def test_size_on_paper_is_in_millimetres():
 
 
 def test_the_style_holds_within_and_only_there():
-    matplotlib.get_backend()  # chosen when first asked for, whoever asks
+    matplotlib.get_backend()  # chosen at the first request, whoever makes it
     before = matplotlib.rcParams.copy()
     with style_context():
         assert matplotlib.rcParams["svg.hashsalt"] == "hopdata"
@@ -238,7 +238,7 @@ def test_a_figure_with_one_axes_is_drawn_into_the_users_own():
     with matplotlib.rc_context({"font.size": 20}):
         assert plan_figure({0.1: 500, 0.2: 130}, (1000, 0.15), 0.8, ax=axes) is axes
     assert axes.get_ylabel().startswith("landings that show it")
-    assert axes.texts[0].get_fontsize() == pytest.approx(6 * 20 / 7)  # the user's style holds
+    assert axes.texts[0].get_fontsize() == pytest.approx(6 * 20 / 7)  # the user's style is kept
 
 
 EFFECT = {"estimate": 0.0, "low": 0.0, "high": 0.13, "upper_bound": 0.12, "detectable": 0.16}
@@ -277,7 +277,7 @@ def test_text_stays_text(tmp_path):
     save_figure(message_figure("one word"), tmp_path / "a", formats=("svg", "pdf"))
     assert ">one word</text>" in (tmp_path / "a.svg").read_text()
     fonts = (tmp_path / "a.pdf").read_bytes()
-    assert b"/Type0" in fonts  # a font, whose outlines stand in the file once
+    assert b"/Type0" in fonts  # a font, whose outlines are in the file once
 
 
 def test_a_notebook_shows_a_figure_without_pyplot():

@@ -128,7 +128,7 @@ def landing_affine(mode, params, a, b):
     elif mode[0] > 0:
         a[1, 0], a[1, 1] = -params[1], -params[0]
     if mode[1] < 0 and params[3] > 0.0:
-        b[1] = -9.0  # another field than that of `landing_field`
+        b[1] = -9.0  # differs from `landing_field`
 
 
 def affine_landing() -> System:

@@ -11,7 +11,7 @@ from hopdata.hybrid.layout import END, K1, KEND, P1, W1, Y
 
 compiled = numba.njit(error_model="numpy")
 NO_MODE = np.zeros(0, dtype=np.int64)
-NO_ADDRESS = 0  # of a field: it is put in
+NO_ADDRESS = 0  # of a field, which is compiled in
 
 
 @compiled
@@ -45,7 +45,7 @@ class Stepper:
         self.params, self.mode = np.array(params, dtype=float), np.array(mode)
         self.rtol, self.atol = rtol, np.full(n, atol) if np.isscalar(atol) else np.array(atol)
         self.s = np.zeros((W1 + method.work_rows(n), n))
-        self.s[P1:] = np.nan  # whoever reads what it did not write is found out
+        self.s[P1:] = np.nan  # exposes reads of what was never written
 
     def start(self, t, y):
         self.t, self.s[Y] = t, y

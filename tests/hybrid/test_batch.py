@@ -294,10 +294,8 @@ def test_progress(capsys):
 def test_ctrl_c_ends_the_threads():
     """Chunks in progress run to their ends, and no more are started."""
     system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 0.5), "max_step": 1e-4}
-    solve_batch(
-        system, (0, 2.1), [[1.0, 0.0]], **options
-    )  # an interrupt may get lost in a compiler
-    # A process that was begun in the background is told to ignore Ctrl-C; this one shall not.
+    solve_batch(system, (0, 2.1), [[1.0, 0.0]], **options)  # a compiler may lose an interrupt
+    # A process started in the background ignores Ctrl-C by inheritance; this one must not.
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     before = threading.active_count()
     interrupter = threading.Thread(target=interrupt_when_threads_run, args=(before + 1,))
@@ -327,7 +325,7 @@ def interrupt_when_threads_run(others):
     while threading.active_count() <= others and time.monotonic() < give_up:
         time.sleep(0.001)
     time.sleep(0.05)
-    while threading.active_count() > others:  # one that meets a finaliser of Python's is ignored
+    while threading.active_count() > others:  # finalisers of Python ignore an interrupt
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(2.0)
 

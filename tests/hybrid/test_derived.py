@@ -82,8 +82,8 @@ def test_a_body_on_legs_returns_to_its_start(n_legs, rtol):
 
 
 PLATE, HOPPER = Plate(12), hopper_system()
-# What is left of the systems in these tests and in the library; the hopper's handler changes
-# nothing before all of its legs stand, so that it undoes itself.
+# The remaining systems of these tests and of the library. The hopper's handler changes nothing
+# before all its legs stand, so that it undoes itself.
 SCENES = {
     "bent": (bent(3), 2.0, [0.0, 1.2], bent_params(
         [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], sways=[0.0, 0.1, 0.2],

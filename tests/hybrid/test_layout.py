@@ -70,7 +70,7 @@ def test_a_motion_faster_than_time_can_tell_is_reported(rate):
     assert found.n_steps < 100
 
 
-# Every way to fail ends in a clear status, and soon.
+# Every failure ends in a clear status, and soon.
 
 
 def test_nan_in_the_field():

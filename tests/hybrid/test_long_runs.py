@@ -70,7 +70,7 @@ def laborious(t, y, mode, params, dy):
 @pytest.mark.parametrize("work", [0, 100_000])
 def test_an_interrupt_returns_what_was_reached(work):
     system, options = System(laborious, n_states=1), {"max_step": 1e-4, "max_steps": 10**9}
-    solve(system, (0.0, 0.01), [0.0], params=[work], **options)  # compiled, and timed
+    solve(system, (0.0, 0.01), [0.0], params=[work], **options)  # compile, and measure the time
     sent = []
 
     def interrupt():
@@ -93,7 +93,7 @@ def test_an_interrupt_returns_what_was_reached(work):
     assert reached.y_end[0] == pytest.approx(reached.t_end)
     assert reached.t_end > 0.0
     assert reached.n_steps > 0
-    assert late < 2.0  # 0.05 s where nobody else computes
+    assert late < 2.0  # 0.05 s on an idle machine
     assert solve(system, (0.0, 0.01), [0.0], params=[work], **options).success
 
 
@@ -101,7 +101,7 @@ def test_a_long_run_says_how_far_it_is_on_a_terminal(monkeypatch, capsys):
     module = sys.modules[solve_again.__module__]
     monkeypatch.setattr(module, "SILENT_S", 0.0)
     solve(ball(), (0, 300_001), [1.0, 0.0], events="count", **BOUNCES)
-    assert capsys.readouterr().err == ""  # which is no terminal
+    assert capsys.readouterr().err == ""  # stderr is not a terminal here
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     solve(ball(), (0, 300_001), [1.0, 0.0], events="count", **BOUNCES)
     told = capsys.readouterr().err
@@ -210,7 +210,7 @@ def test_a_thousand_wrong_calls_neither_crash_nor_succeed():
             solution = solve(ladder(1), **{**good, name: value})
         except (ValueError, TypeError):
             continue
-        # no modes, no samples, a lock, and a component whose error does not count
+        # These are valid: no modes, no samples, a lock, and a component whose error does not count.
         good_after_all = ("None", "[]", "{}", "[1.0]", "[[1.0]]", "[inf, 0.0]")
         assert name in ("mode", "t_eval", "atol"), (name, value, solution)
         assert repr(value) in good_after_all, (name, value, solution)

@@ -39,7 +39,7 @@ def test_samples_do_not_change_the_steps():
     dense = solve(growth(), (0, 2), [1.0, 0.0], t_eval=np.linspace(0, 2, 401), **options)
     bare = solve(growth(), (0, 2), [1.0, 0.0], **options)
     assert dense.y_end.tobytes() == bare.y_end.tobytes()
-    assert dense.n_steps == bare.n_steps  # its interpolant takes evaluations of its own
+    assert dense.n_steps == bare.n_steps  # its interpolant takes extra evaluations
 
 
 def test_samples_through_events():

@@ -101,7 +101,7 @@ def test_arrays_that_may_not_be_written_to():
 )
 def test_a_state_of_another_shape(state):
     system = ladder(1)
-    for given in (state, np.array(state)):  # the second finds all but the numbers ready
+    for given in (state, np.array(state)):  # the second call finds everything but the numbers ready
         with pytest.raises(ValueError, match=r"y0: expected shape \(2,\)|expected numbers"):
             solve(system, (0, 1), given, params=(5.0, 1.0))
         solve(system, (0, 1), (0.0, 0.0), params=(5.0, 1.0))
@@ -114,7 +114,7 @@ def test_numbers_that_do_not_fit_are_not_written_one_into_the_other(params):
     solve(system, (0, 1), (0.0, 0.0), params=(5.0, 1.0))
     assert outcome(system, np.zeros(2), params) == fresh
     with pytest.raises(ValueError, match="y0: expected shape"):
-        solve(system, (0, 1), (0.0, 0.0, 5.0), params=(1.0,))  # four numbers, all the same
+        solve(system, (0, 1), (0.0, 0.0, 5.0), params=(1.0,))  # four numbers, all equal
 
 
 def test_a_refused_first_call_leaves_no_way_past_the_checks():
@@ -198,9 +198,9 @@ def test_the_tolerance_of_the_last_call_is_forgotten():
 )  # fmt: skip
 def test_numbers_are_refused_in_the_same_words_by_the_driver_and_by_python(wrong):
     system, options = ladder(1), {"t_span": (0.0, 1.0), "params": (5.0, 1.0)}
-    good = solve(system, y0=(0.0, 0.0), **options)  # the driver looks at plain numbers from now on
+    good = solve(system, y0=(0.0, 0.0), **options)  # the driver checks plain numbers from now on
     words = []
-    for unusual in ({}, {"mode": (0,)}):  # of which Python looks at all
+    for unusual in ({}, {"mode": (0,)}):  # which Python checks
         with pytest.raises(ValueError, match="expected") as refused:
             solve(system, y0=(0.0, 0.0), **{**options, **wrong, **unusual})
         words.append(str(refused.value))

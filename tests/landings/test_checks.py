@@ -80,7 +80,7 @@ def judged(tables, noise_m=6e-4, **options):
 
 def test_flights_that_are_continued_to_the_section_are_counted(tables):
     assert "continued" not in judged(tables)[WHAT["used"]].remark
-    tables["touchdowns"].loc[[1, 2, 9], "contact_f2_s"] = [0.996, 1.992, 8.9]  # the last is out
+    tables["touchdowns"].loc[[1, 2, 9], "contact_f2_s"] = [0.996, 1.992, 8.9]  # row 9 is excluded
     told = "in 2 the flight is continued to the pre section, by 8 ms at most"
     assert told in judged(tables)[WHAT["used"]].remark
 
@@ -107,7 +107,7 @@ def test_good_data_are_good(tables):
         ("order", "touchdowns", "probability", 0.8, POOR),
         ("sections", "stability", "post_height_m", [0.3, 0.32], LOOK),
         ("sections", "stability", "pre_height_m", [0.5, 0.6], POOR),
-        ("drift", "drift", "deviation", [0.9, 0.1], GOOD),  # not beyond its errors
+        ("drift", "drift", "deviation", [0.9, 0.1], GOOD),  # within its errors
     ],
 )
 def test_each_fault_is_seen_by_its_own_check(tables, name, table, column, value, status):
@@ -133,7 +133,7 @@ def test_the_worst_foot_is_not_hidden_by_the_others(tables):
 def test_the_feet_of_a_doubtful_order_are_those_that_land_together(tables, error_s, told):
     tables["touchdowns"] = tables["touchdowns"].assign(
         contact_f3_s=tables["touchdowns"]["contact_f2_s"] + 1e-4,
-        se_f1_s=4e-4,  # less sure than the two, and first without doubt
+        se_f1_s=4e-4,  # less certain than the two, and certainly first
         se_f3_s=error_s,
         probability=0.6,
         excluded=False,
@@ -150,7 +150,7 @@ def test_drift_beyond_its_errors_is_named(tables):
 
 def test_faults_are_counted_by_kind(tables):
     rows = [("swap", "a", 1.0), ("swap", "b", 1.0), ("swap", "a", 7.0), ("swap", "b", 7.0)]
-    rows += [("spike", "b", 1.0)]  # a swap has a row for each of its markers
+    rows += [("spike", "b", 1.0)]  # a swap has one row per marker
     tables["faults"] = pd.DataFrame(rows, columns=["kind", "marker", "start_s"])
     found = judged(tables)[WHAT["faults"]]
     assert (found.status, found.value) == (LOOK, 3.0)

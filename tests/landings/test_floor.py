@@ -327,7 +327,7 @@ def test_a_foot_that_hangs_low_for_half_of_the_run_does_no_harm(bent, height_m):
     assert floor.n_outliers > 0.1 * floor.n_points
 
 
-# Two, four and six feet, at 50 to 2000 Hz, whichever axis points up: as the truth has it.
+# Two, four and six feet, at 50 to 2000 Hz, with any axis pointing up, against the truth.
 
 THREE = HopperParameters()
 BODY = [f"body{k + 1}" for k in range(8)]
@@ -436,7 +436,7 @@ def test_feet_that_roll_alike_are_no_floor_that_moves(bent):
 def test_feet_that_are_held_and_let_go_are_no_floor_that_moves():
     rng = np.random.default_rng(np.random.SeedSequence(8))
     second, height = np.linspace(0.0, 1.0, 100, endpoint=False), [np.zeros(100)]
-    for held_m in rng.uniform(0.06, 0.14, 30):  # lifted slowly, held, let go, and stands
+    for held_m in rng.uniform(0.06, 0.14, 30):  # lifted slowly, held, released, then standing
         fall = held_m - 0.5 * 9.81 * second**2
         height += [held_m * second, np.full(100, held_m), np.maximum(fall, 0.0)]
     z = np.concatenate(height)
@@ -544,7 +544,7 @@ def test_any_number_of_body_markers_gives_states(many_markers, markers):
 @pytest.mark.parametrize("axis", ["x", "y", "-x", "-y", "-z"])
 def test_the_vertical_axis_of_the_file_changes_nothing(axis, tmp_path):
     recording, _ = simulate(2, hops=15)
-    turn = rotate_up(np.eye(3), axis)  # rows: where the file's axes go
+    turn = rotate_up(np.eye(3), axis)  # rows: directions of the file's axes
     markers = {"body": recording.names("body"), "feet": recording.names("foot")}
     tables = {}
     for name, file in {

@@ -59,7 +59,7 @@ def force_file(path, scene, clock_s):
 
 def test_truth_as_a_table_with_an_offset_a_loss_and_an_invention(scene, touchdowns, tmp_path):
     known = pd.DataFrame(1000 * (scene.contact_times - 12.5), columns=list(FEET))
-    known.loc[30, "foot2"] = np.nan  # so hopdata's is an invention
+    known.loc[30, "foot2"] = np.nan  # so the contact that hopdata finds there is invented
     extra = pd.DataFrame({"foot3": [1000 * (scene.contact_times[10, 2] + 0.3 - 12.5)]})
     file = tmp_path / "contacts.csv"
     pd.concat([known, extra]).to_csv(file, index=False, float_format="%.12g")
@@ -92,7 +92,7 @@ def test_truth_as_forces_of_each_foot(scene, touchdowns, tmp_path):
     summary = found.summary
     assert (summary["n_matched"] == 60).all()
     assert (summary[["n_missed", "n_invented", "n_other_foot"]] == 0).all(axis=None)
-    # The force crosses its threshold so long after the contact:
+    # The force crosses its threshold this long after the contact.
     np.testing.assert_allclose(summary["bias_s"], -THRESHOLD_N / RISE_N_S, atol=2e-4)
     at = found.thresholds[found.thresholds["column"] == "plate foot1"]
     lag = at["threshold"] / RISE_N_S
@@ -240,7 +240,7 @@ def test_contact_times_carry_column_span_and_other_feet():
     np.testing.assert_allclose(higher.instant, ONSETS + 0.01)
 
 
-# Onsets of a force plate.
+# Onsets of force on a plate.
 
 TIME = np.arange(3000) / 300
 

@@ -71,7 +71,7 @@ def test_the_offset_of_two_clocks_is_found():
     assert likely_offset(true, np.empty(0), window_s=0.02) is None
 
 
-# Contacts found beside known ones: what is matched, missed, invented, another foot's.
+# Contacts found compared with known ones: matched, missed, invented, of another foot.
 
 FEET = ("foot1", "foot2", "foot3")
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
@@ -270,7 +270,7 @@ def test_bias_and_scatter_of_a_normal_with_outliers():
 def test_clocks_that_run_apart_are_told_from_those_that_do_not(seed):
     rng = np.random.default_rng(seed)
     sound = rng.normal(0.003, 0.001, 120)
-    sound[rng.integers(0, 30, 4)] += 0.03  # a few that are wrong, early on
+    sound[rng.integers(0, 30, 4)] += 0.03  # a few that are wrong, early in the recording
     assert summarise_overlay(overlay(sound))["drift_s"][0] == 0.0
     apart = sound - 50e-6 * np.arange(120)  # 50 ppm over 119 s
     assert summarise_overlay(overlay(apart))["drift_s"][0] == pytest.approx(-0.006, abs=5e-4)

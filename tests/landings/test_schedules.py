@@ -89,7 +89,7 @@ def test_the_probabilities_of_all_orders_add_up_to_one():
     each = np.stack([order_probability(mean, sd, np.array(o)) for o in permutations(range(4))])
     np.testing.assert_allclose(each.sum(axis=0), 1.0, atol=1e-9)
     own, ranked = order_probability(mean, sd), np.sort(each, axis=0)
-    sure = ranked[-1] > 0.5  # then it is the order of each two of the estimates
+    sure = ranked[-1] > 0.5  # then it is the order of every two estimates
     assert sure.sum() > 20
     np.testing.assert_array_equal(own[sure], ranked[-1][sure])
     order, second = runner_up(mean, sd)

@@ -143,4 +143,4 @@ def test_a_single_part_is_compared_with_nothing(recordings, sections):
     assert drift_table(recordings, few).empty
 
 
-# The landings to look at: one of each reason, then the least sure.
+# The landings to inspect: one of each reason, then the least sure.

@@ -80,7 +80,7 @@ def test_landings_feet_and_recordings_are_left_out_by_hand(scene, table):
     assert found["excluded"][4:6].all()
     pd.testing.assert_frame_equal(found.drop([4, 5]), table.drop([4, 5]))
     entry = {"from_s": begin, "to_s": end, "markers": [body], "reason": "loose"}
-    pd.testing.assert_frame_equal(left_out(table, [entry]), table)  # the others carry it
+    pd.testing.assert_frame_equal(left_out(table, [entry]), table)  # the other recordings carry it
     gone = table.assign(excluded=table["excluded"] | (table.index == 4))
     assert left_out(gone, [entry])["reason"][4] == f"by hand: {body}: loose"
     whole = left_out(table, [{"reason": "the belt slipped"}])
@@ -414,7 +414,7 @@ def test_a_landing_from_below_the_pre_section_is_listed(scene, table):
     sections = {**SECTIONS, "pre_height_m": float(np.quantile(tops, 0.1))}
     found = touchdown_table(scene.recording, **sections)
     low = found["reason"] == "body stayed below the pre section"
-    assert 5 <= low.sum() <= 13  # 12 of 120; the first top is not recorded if it is one of them
+    assert 5 <= low.sum() <= 13  # 12 of 120; without the first top if it is one of them
     assert found.loc[low, "excluded"].all()
     assert found["index"].tolist() == list(range(len(found)))
     contacts = [f"contact_foot{i}_s" for i in (1, 2, 3)]
@@ -450,7 +450,7 @@ def test_a_contact_known_no_better_than_the_transition_is_left_out():
     ]
 
 
-# Landings that the feet show while the body is hidden, on made-up hops of one second.
+# Landings that the feet show while the body is hidden, in made-up hops of one second.
 
 TIME = np.arange(0.0, 10.0, 0.01)
 PHASE = TIME % 1.0

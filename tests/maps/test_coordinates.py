@@ -169,7 +169,7 @@ def test_outputs_count_by_the_rms_way_of_the_markers(column):
     assert output_weights(SHAPE, unit)[column] == pytest.approx(rms[0] + unit * rms[1], rel=1e-5)
 
 
-# The kinks, and the products of inputs.
+# The kinks, and products of inputs.
 
 
 @pytest.fixture

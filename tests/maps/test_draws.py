@@ -55,7 +55,7 @@ def test_more_than_there_are_is_refused():
         distinct_draws(named_generator(1, "x"), 160, (120, 41), 2)
 
 
-# Schedules with too few landings are named while they are few, and counted where they are many.
+# A few schedules with too few landings are named; many are counted.
 
 
 def test_a_few_are_named():
@@ -76,7 +76,7 @@ def test_many_are_counted():
     ]
 
 
-# Awkward data through the statistics: the right answer, or a clear refusal.
+# Awkward data in the statistics: the right answer, or a clear refusal.
 
 SCHEDULES = np.array(["1>2>3", "1>3>2", "2>1>3", "2>3>1", "3>1>2", "3>2>1"])
 
@@ -188,7 +188,7 @@ def test_no_true_motion_but_noise_and_none_at_all():
     noise = rng.normal(size=(2, 120, 18))
     schedule, spread = np.repeat(SCHEDULES[:2], 60), np.linspace(0, 0.03, 120)
     table = predict(*noise, schedule, spread).summary.set_index("model")
-    assert 1.0 < table.loc["specialised", "median"] < 4.0  # a fit of noise is worse than none
+    assert 1.0 < table.loc["specialised", "median"] < 4.0  # a fit to noise is worse than none
     still = np.zeros((120, 18))
     assert (predict(still, still, schedule, spread).errors["mse"] == 0).all()
     found = bootstrap_subspaces(still, still, schedule, seed=1, bootstraps=5)

@@ -65,7 +65,7 @@ def test_errors_in_millimetres_and_in_metres_per_second():
     units = {"length_unit_m": 0.02913, "time_unit_s": 0.027}
     result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=100, **units)
     row = result.summary.set_index("model").loc["all"]
-    # 0.5 length units of sd in one coordinate; a split's rms over 41 tests scatters by 11 %.
+    # 0.5 length units of sd in one coordinate; the rms of a split over 41 tests scatters by 11 %.
     errors = result.errors[result.errors["model"] == "all"]
     assert errors["worst_position_mm"].median() == pytest.approx(0.5 * 29.13 * 1.1, rel=0.1)
     assert errors["worst_velocity_m_s"].median() == pytest.approx(0.2 * 1.0789 * 1.1, rel=0.1)

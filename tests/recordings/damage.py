@@ -34,7 +34,7 @@ TEXTS = (".tsv", ".txt", ".trc", ".csv", ".mot", ".json")
 EVENTS = (("strike", 0.05), ("toe off", 0.12))
 FORCE = "ground_force_vy"
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
-# Numbers that files lie with.
+# Words that replace fields of text files.
 WORDS = (
     *("", "NULL", "NaN", "inf", "-1", "0", "1e300", "-1e-320", "99999999999999999999", "1,5"),
     *("4294967295", "65536", "2147483648", "0x10", "1_000", "\u0663", "True", '"', "EXT", "\0"),
@@ -192,7 +192,7 @@ def lie_in_words(data, rng):
 def move_line(data, rng):
     lines = data.split(b"\n")
     line = lines.pop(int(rng.integers(len(lines))))
-    for _ in range(rng.integers(3)):  # gone, moved, or there twice
+    for _ in range(rng.integers(3)):  # removed, moved, or duplicated
         lines.insert(int(rng.integers(len(lines) + 1)), line)
     return b"\n".join(lines)
 

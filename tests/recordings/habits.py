@@ -98,7 +98,7 @@ def _anipose(positions, names):
     return anipose(positions, names, SCORES)
 
 
-TEXTS = {  # format: suffix, mark between cells, writer, whether a rate must be given
+TEXTS = {  # format: suffix, delimiter, writer, whether a rate must be given
     "QTM": (".tsv", "\t", tsv, None),
     "table": (".txt", "\t", bare, None),
     "TRC": (".trc", "\t", trc_text, None),
@@ -155,7 +155,7 @@ def decimal_commas(text, mark):
     return changed.replace("Version;1,23", "Version;1.23")
 
 
-HABITS = {  # what is done to the text of any format, whose cells are separated by `m`
+HABITS = {  # changes to the text of any format, with cells separated by `m`
     "as it is": lambda t, _: t,
     "lines end in LF": lambda t, _: t.replace("\r\n", "\n"),
     "lines end in CRLF": lambda t, _: t.replace("\r\n", "\n").replace("\n", "\r\n"),

@@ -22,7 +22,7 @@ def raw_recordings(draw, *, largest=5000.0, unit="mm", stated_up=("", "x", "y", 
     rate = float(draw(st.sampled_from([50, 100, 150, 240, 300, 1000, 2000])))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     positions = rng.uniform(-largest, largest, (n_frames, n_markers, 3))
-    positions[0] = largest / 2  # a first frame that is seen
+    positions[0] = largest / 2  # the first frame is seen
     positions[rng.random((n_frames, n_markers)) < draw(st.sampled_from([0, 0.3]))] = np.nan
     positions[0, 0] = largest / 3
     names = draw(st.lists(NAMES, min_size=n_markers, max_size=n_markers, unique=True))

@@ -29,7 +29,7 @@ def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
 def test_a_damaged_file_gives_a_recording_or_a_message(sound, tmp_path, part):
     names, refused = list(sound), 0
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # nor a warning of another library
+        warnings.simplefilter("error")  # includes warnings of other libraries
         for number in range(part, N_FILES, 5):
             name, data = case(sound, names, SEED, number)
             refused += isinstance(

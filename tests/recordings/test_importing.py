@@ -29,7 +29,7 @@ def imported(path, markers=MARKERS, **options):
 
 
 @pytest.mark.parametrize("first", [0, 1])
-@pytest.mark.parametrize("share", [0.0, 0.5])  # held, or a straight line
+@pytest.mark.parametrize("share", [0.0, 0.5])  # held, or interpolated linearly
 def test_frames_between_those_recorded_are_left_out(tmp_path, share, first):
     at = np.arange(800) / 100.0
     rng = np.random.default_rng(share > 0)
@@ -188,7 +188,7 @@ def with_markers(**changes):
     return {"markers": {**MARKERS, **changes}}
 
 
-# What is done wrong: the file, the options, and what the message must name.
+# Mistake: the file, the options, and what the message must name.
 MISTAKES = {
     "misspelt marker": lambda f: (
         good(f),
@@ -304,7 +304,7 @@ def test_a_file_name_need_not_be_utf_8(tmp_path):
     assert read_recording(tmp_path / "a.h5").source.endswith("l\ufffdpp.tsv")
 
 
-# Several files of one day as one recording.
+# Several files of one day joined into one recording.
 
 JOINING_MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
 NOON = datetime(2021, 1, 1, 12)

@@ -168,7 +168,7 @@ def test_pauses_are_no_missing_frames():
     assert notes(recording(time=time)) == [
         "trial.tsv: 1 pause of 7200.01 s in which nothing was recorded"
     ]
-    time[70:] += PAUSE_S - 0.01  # as between files that do not say when they began
+    time[70:] += PAUSE_S - 0.01  # as between files that do not state when they began
     assert notes(recording(time=time)) == [
         "trial.tsv: 2 pauses of 7201.01 s in all in which nothing was recorded"
     ]

@@ -25,7 +25,7 @@ def test_the_opposite_of_up_is_down(axis):
     assert opposite(opposite(axis)) == axis
 
 
-# Time stamps are put back onto the grid that they were rounded from.
+# Time stamps are restored to the grid from which they were rounded.
 
 
 @pytest.mark.parametrize("rate_hz", [50, 100, 120, 150, 180, 240, 300, 360])

@@ -218,7 +218,7 @@ def test_the_files_are_sound_but_for_the_mistake(tmp_path):
         np.testing.assert_allclose(recording.positions * 1000, standing(), atol=6e-4)
 
 
-# What a writer writes, its reader reads: properties over recordings of any shape.
+# Readers read what writers write: properties over recordings of any shape.
 
 many = settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -30,7 +30,7 @@ def from_floats(processor: Processor, values: Any) -> bytes:
     return halves.reshape(-1, 2)[:, ::-1].tobytes()
 
 
-# The parameter section of a C3D file that is to be written.
+# The parameter section of a C3D file.
 
 
 def parameter_bytes(processor: Processor, groups: dict[str, dict[str, Any]]) -> bytes:

@@ -31,7 +31,7 @@ QUIET = [
         "disable-component-update",
     )
 ]
-#: Told to the page before all else, and asked of it at last.
+#: Added to the page before everything else, and read at the end.
 LISTEN = """<script>
 const told = [];
 for (const kind of ["error", "warn"]) console[kind] = (...words) => told.push(words.join(" "));
@@ -106,6 +106,6 @@ def test_the_page_in_a_browser(width, dark, tmp_path):
     assert found["wide"] <= width, "the page is wider than its window"
     assert (sum(map(int, re.findall(r"\d+", found["dark"])[:3])) < 200) == dark
     assert found["violations"] == []
-    # In the narrow window two panels and their legend stand one below the other.
+    # In the narrow window, two panels and their legend are stacked.
     assert set(found["panels"]) == {3 if width < 700 else 1}
     assert not found["scrolled"]

@@ -39,7 +39,7 @@ def test_three_significant_digits(value, text):
 
 def test_fixed_decimals_and_counts():
     assert fixed(-12345.67, 1) == "−12\u202f345.7"
-    assert fixed(1029.44, 1) == "1029.4"  # four digits stay together
+    assert fixed(1029.44, 1) == "1029.4"  # four digits are not separated
     assert fixed(None, 2) == count(math.nan) == "—"
     assert count(182611) == "182\u202f611"
 
@@ -96,6 +96,6 @@ def test_a_column_of_long_texts_is_prose():
 
 def test_the_style_knows_every_kind_that_it_must_treat_apart():
     style = (TEMPLATES / "report.css").read_text()
-    assert ".picture img { background: #fff;" in style  # figures keep their paper where it is dark
+    assert ".picture img { background: #fff;" in style  # figures stay white in dark mode
     for kind in (".prose", ".number", ".unit"):
         assert kind in style

@@ -74,7 +74,7 @@ def test_the_picture_s_width_is_that_of_the_svg():
     assert picture(b"<svg></svg>").width_pt == 496.0
 
 
-# Tables and section of the contacts known from elsewhere.
+# Tables and section of contacts from other sources.
 
 SUMMARY = pd.DataFrame(
     {

@@ -57,7 +57,7 @@ def test_the_stance_is_the_lowest_point_of_the_markers():
     assert hop.frame_time_s[np.argmin(height)] == pytest.approx(hop.stance.time_s, abs=1e-3)
 
 
-# Stances near 0.35 and 0.41 s: a frame there is not quite 35 or 41 times the step of the search.
+# Stances are near 0.35 and 0.41 s, where a frame is not quite 35 or 41 times the search step.
 @pytest.mark.parametrize("height_m", [0.345, 0.495])
 def test_frames_within_rounding_of_the_search_do_not_move_the_stance(height_m):
     robot = replace(STILL, release_height_m=height_m)

@@ -117,7 +117,7 @@ def test_which_recording_cannot_be_calibrated_is_said(trial):
 
 
 def test_hops_of_a_robot_that_tips_over_are_left_out_and_counted():
-    robot = replace(SteeredHopper(), preload_shares=(0.6, 1.3, 1.1))  # one leg hardly bears
+    robot = replace(SteeredHopper(), preload_shares=(0.6, 1.3, 1.1))  # one leg carries little
     trial = record_trial(robot, [0.5, -0.5] * 12, seed=3)
     seen = observe_recordings([trial.recording], swing_limit_rad=1.2)
     stances, count = seen.stances, seen.counts[0]
@@ -224,7 +224,7 @@ def test_scores_against_the_truth(trial, observed):
     assert entries["invented_pairs"]["value"] == 1
 
 
-# Excitations: each move as often as wanted.
+# Excitations: each move occurs as often as requested.
 
 GRIDS = st.builds(
     ControlGrid,
@@ -320,8 +320,8 @@ def test_the_random_sequence_as_printed_is_near_minimal():
 
 
 def test_the_draw_prefers_angles_with_more_moves_left():
-    # From angle 0 of three, with one repeat and n_steps 1, weights are 3 + 1 each; a move that
-    # leads back to angle 0 finds one fewer there on the second draw: 2 + 1 against 3 + 1.
+    # From angle 0 of three, with one repeat and n_steps 1, weights are 3 + 1 each. A move back to
+    # angle 0 leaves one fewer there for the second draw: 2 + 1 against 3 + 1.
     grid = ControlGrid(n_angles=3, n_steps=1, repeats=1)
     second = []
     for seed in range(2000):

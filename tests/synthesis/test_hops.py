@@ -100,7 +100,7 @@ def test_a_hopper_set_down_on_its_preload_is_stuck_and_one_let_go_above_is_not()
     assert fly_hop(unreleased, level_state(unreleased, 1e-6)).ending == "apex"
 
 
-# Hops of a control keep to the hopper's gait, and the recording stays continuous.
+# Hops of a control stay within the hopper's gait, and the recording stays continuous.
 
 CONTROL_HOPS_HOPPER = HopperParameters()
 FINE = np.arange(20_000) / 10_000

@@ -37,7 +37,7 @@ def test_positions_are_made_again_to_the_last_step_of_the_resolution(sample, mad
     assert recording.roles == again.roles
     np.testing.assert_array_equal(recording.time, again.time)
     steps = np.abs(recording.positions - again.positions) / resolution
-    # Another processor rounds differently, and a value at the edge of a step may then move by one.
+    # Another processor rounds differently, so a value at the edge of a step may move by one step.
     assert steps.max() <= 1
     assert np.mean(steps > 0) < 1e-3
 

@@ -109,7 +109,7 @@ def test_recordings_of_two_scenes_are_no_study(truths):
         common_scene([*truths, other])
 
 
-# True marker states, against a noise-free recording of many frames, and the maps as plain data.
+# True marker states against a noise-free recording of many frames, and the maps as plain data.
 
 CLEAN = {"noise_m": 0.0, "resolution_m": 0.0, "floor": {"bowl_depth_m": 0.0, "waves": 0}}
 RATE_HZ = 1000.0

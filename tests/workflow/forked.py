@@ -19,7 +19,7 @@ from snakemake.benchmark import benchmarked
 from snakemake.cli import get_argument_parser
 from snakemake.script import PythonScript
 
-# What Snakemake, its rules and the scripts import when they run.
+# Imports of Snakemake, its rules and the scripts at run time.
 LIBRARIES = (
     *("h5py", "jinja2", "jsonschema", "numba", "numpy", "pandas", "smart_open"),
     *("matplotlib.backends.backend_svg", "matplotlib.figure"),
@@ -48,7 +48,7 @@ def execute_script(script, file, edit=False):
 
 
 def _code_of(file):
-    # A thread that is not in this fork may have held the old ones.
+    # A thread that does not exist in this fork may have held the locks of the old streams.
     sys.stdout, sys.stderr = (os.fdopen(number, "w", closefd=False) for number in (1, 2))
     try:
         runpy.run_path(file, run_name="__main__")
@@ -63,7 +63,7 @@ def _code_of(file):
     return 0
 
 
-get_argument_parser()  # imports the plugins, too
+get_argument_parser()  # also imports the plugins
 for library in LIBRARIES:
     import_module(library)
 PythonScript.execute_script = execute_script

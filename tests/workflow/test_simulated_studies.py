@@ -22,7 +22,7 @@ from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_re
 
 pytestmark = pytest.mark.workflow
 
-# Draws that no test here looks at; that of the sample has as many as a user's study, and the PNGs.
+# Draws that no test here uses; the sample has as many as a user's study, and the PNGs.
 FEW = {
     "prediction": {"bootstraps": 40, "train": 30, "test": 10, "minimum_class": 15},
     "subspaces": {"bootstraps": 40},
@@ -31,7 +31,7 @@ FEW = {
     "figures": {"formats": ["svg"]},
 }
 
-# Names that other programs read as code, for a study whose markers are free to be called anything.
+# Names that other programs read as code, for a study whose markers may have any name.
 CALLED = {
     "body1": "{x}",
     "body2": "$\\frac{$",
@@ -188,7 +188,7 @@ def steered(checkout):
             },
         }
 
-    own = "config/steered.yaml"  # others write to the place of edited configs, too
+    own = "config/steered.yaml"  # other tests write to the place of edited configurations
     shutil.copy(checkout / edit_config(checkout, shorten), checkout / own)
     completed(checkout, "steering", "--configfile", own)
     return checkout, own

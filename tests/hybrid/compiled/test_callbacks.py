@@ -48,7 +48,7 @@ def test_functions_that_cannot_be_cached_are_compiled_all_the_same(tmp_path, nam
     (tmp_path / "f.py").write_text(source)
     scope = {"FACTOR": 2.0} if name is None else {"FACTOR": 2.0, "__name__": name}
     exec(compile(source, str(tmp_path / "f.py"), "exec"), scope)
-    for _ in range(2):  # the second looks into the cache of the first
+    for _ in range(2):  # the second call uses the cache of the first
         callback = field(scope["f"])
         assert solve(System(callback, n_states=1), (0, 0.1), [0.0]).success
         assert callback.compiled
@@ -186,7 +186,7 @@ def test_exceptions_pass_unchanged(where, error):
     with pytest.raises(error) as caught:
         solve(system, (0, 9), [1.0, 0.0], params=(9.81, 0.0, 0.8))
     assert caught.value is raised
-    assert len(calls) == 1  # nothing is called after it
+    assert len(calls) == 1  # nothing is called after the exception
 
 
 def test_an_integration_within_a_field():
@@ -304,7 +304,7 @@ def test_the_function_from_other_compiled_code(compiled):
     assert dy.tolist() == [3.0, -9.81]
 
 
-# Exceptions reach the thread that catches them; those of others the hook that was there.
+# Exceptions reach the thread that catches them; those of other threads reach the previous hook.
 
 
 @pytest.fixture

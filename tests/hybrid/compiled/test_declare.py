@@ -174,7 +174,7 @@ def test_matrices_reach_python_in_their_shape():
     assert jac.tolist() == [[0.0, 3.0], [2.0, 0.0]]
 
 
-# Numba's long messages in one line, with what to do.
+# Numba's long messages are reduced to one line with a remedy.
 
 TABLE = {"gravity": 9.81}
 HISTORY = [1.0]
@@ -269,7 +269,7 @@ def test_colours_and_length():
     assert len(reason) <= LONGEST + 4
 
 
-# Elements that are named by number are compared with the lengths that the system has.
+# Elements named by number are compared with the system's lengths.
 
 
 def test_reading_writing_and_changing():

@@ -52,7 +52,7 @@ OF_4 = 2 * (TOTAL_OF_4 + 1.0) + TOTAL_OF_8
 
 
 def test_all_is_optimised_once(monkeypatch):
-    made(kernels)  # what Numba compiles for itself
+    made(kernels)  # the part that Numba compiles for itself
     optimised, plainly = [], codegen.CPUCodeLibrary._optimize_final_module
     monkeypatch.setattr(
         codegen.CPUCodeLibrary, "_optimize_final_module",
@@ -111,7 +111,7 @@ def test_with_a_numba_that_lacks_a_name(monkeypatch, owner, name):
     assert ratio(3.0) == float("inf")
 
 
-# Products of blocks of a table: against NumPy's.
+# Products of blocks of a table, against NumPy.
 
 
 @njit

@@ -36,7 +36,7 @@ def test_the_interpolant_meets_the_mesh():
     assert np.abs(sampled.y - bare.y[:, 1:-1]).max() < 1e-14
 
 
-# Samples: as good as the steps, continuous, and of each method, through events and jumps.
+# Samples: as accurate as the steps, continuous, for each method, through events and jumps.
 
 PARAMS = bent_params([0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], gains=[0.4, -0.8, -0.5])
 START = [0.0, 1.2]
@@ -60,7 +60,7 @@ def test_samples_are_as_good_as_the_tolerance(truth, method, tolerance):
     assert found.t.tolist() == TIMES.tolist()
     assert (
         np.abs(found.y - truth).max() < 30 * tolerance
-    )  # interpolants are of lower order than steps
+    )  # interpolants have a lower order than steps
 
 
 @METHODS
@@ -125,7 +125,7 @@ def test_in_a_stiff_mode(method):
         atol=[1e-14, 1e-12], t_eval=times,
     )  # fmt: skip
     fall = np.sqrt(2 / 9.81)
-    rest, rate = -9.81 / stiffness, stiffness / damping  # of the creep, but for 1e-6 of it
+    rest, rate = -9.81 / stiffness, stiffness / damping  # of the creep, to a relative 1e-6
     start = -9.81 * fall / damping
     creep = rest + (start - rest) * np.exp(-rate * (times - fall))
     assert np.abs(found.y[0] - creep).max() < 1e-5 * abs(rest)

@@ -153,7 +153,7 @@ def test_the_order_does_not_matter_where_the_flow_is_c1():
     """The guards depend on the angle alone and torques jump, so no guard feels another's jump."""
     places, sways = np.full(3, 0.5), np.array([0.0, 0.1, -0.1])
     instant = carried(bent(3), (0, 2), START, params=bent_params(places)).events.time[0]
-    places = places - sways * np.sin(instant)  # all at one instant, at different rates
+    places = places - sways * np.sin(instant)  # all at one instant, with different rates
     found = []
     for order in permutations(range(3)):
         at = list(order)
@@ -377,7 +377,7 @@ def test_the_frequency_of_a_drive_after_many_periods(frequency, start):
 @field
 def with_spin(t, y, mode, params, dy):
     dy[0], dy[1] = params[0] * y[1] * y[2], -params[0] * y[0] * y[2]
-    dy[2] = ((0.1 + params[1]) - params[1] - 0.1) * y[0] * y[1]  # nothing but rounding
+    dy[2] = ((0.1 + params[1]) - params[1] - 0.1) * y[0] * y[1]  # only rounding
 
 
 def test_rounding_costs_no_digits():

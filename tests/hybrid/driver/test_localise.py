@@ -94,10 +94,10 @@ def test_root_past_a_top_that_the_search_begins_before():
     assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(0.9, rel=1e-6)
 
 
-# The first flip in a step: a guard that has just flipped does not flip back by rounding.
+# The first flip in a step: a guard that has just flipped does not flip back because of rounding.
 
 ROUNDING = 1e-16
-# Landings where a spring lets go and is met again soon, by number of springs and of the start.
+# Landings where a spring lets go and soon touches again, by number of springs and of the start.
 NEARLY_GRAZING = [(27, 12), (27, 37), (27, 147), (29, 111), (30, 33), (33, 100), (35, 7)]
 
 
@@ -270,7 +270,7 @@ def test_bodies_that_come_to_rest_on_each_other_anywhere_and_on_the_way_are_told
     assert statuses == {0, ZENO}
 
 
-# Which guards are suspect by their cubics: none that comes near is passed over.
+# Suspect guards by their cubics: none that comes near its surface is overlooked.
 
 
 def test_a_guard_that_stays_clear_is_not_suspect():

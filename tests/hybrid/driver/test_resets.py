@@ -12,7 +12,7 @@ from hopdata.hybrid import System, field, guard, guards, on_event, solve, solve_
 from hopdata.hybrid.first_order import bouligand_derivative
 from hopdata.hybrid.layout import GRAZING_IN_JACOBIAN, TIE_IN_JACOBIAN
 
-# Random systems: affine before and after one reset, which is not, at a plane that moves in time.
+# Random systems: affine before and after one nonlinear reset, at a plane that moves with time.
 N = 3
 SIZES = {"A0": (N, N), "b0": (N,), "A1": (N, N), "b1": (N,), "plane": (N,), "wave": (3,),
          "R": (N, N), "by_time": (N,), "by_square": (N,)}  # fmt: skip
@@ -204,7 +204,7 @@ def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
     speed = size * frequency * np.cos(frequency * t)
     changes = np.array(
         [1.0, t, size * t * np.cos(frequency * t)]
-    )  # of the gap, by y0 and frequency
+    )  # of the gap, with respect to y0 and frequency
     changes[2] *= -1.0
     dt = changes / (speed - before[1])
     fall = np.array([0.0, 1.0, 0.0])
@@ -324,7 +324,7 @@ def test_a_handlers_memory_and_mode_are_those_of_the_run():
 
     options = {"n_states": 2, "guard_names": ("floor",), "n_extra_modes": 1, "n_memory": 1}
     system = System(fall_field, ball().guards, note, **options)
-    options = {"params": (2.0, 0.0, 0.5), "method": "dop853"}  # the ball's, which is compiled
+    options = {"params": (2.0, 0.0, 0.5), "method": "dop853"}  # for the ball, which is compiled
     plain = solve(system, (0, 2.6), [1.0, 0.3], **options)
     found = solve(system, (0, 2.6), [1.0, 0.3], jacobian=True, **options)
     assert found.mode.tolist() == plain.mode.tolist() == [-1, 2]

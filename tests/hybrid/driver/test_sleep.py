@@ -207,7 +207,7 @@ def test_a_flat_landing_looks_at_few_guards(tilt):
     assert solution.n_guard_evaluations < 100 * len(events)
 
 
-# The heap of sleeping guards is a heap.
+# The heap of sleeping guards keeps the heap property.
 
 SIZE = 64
 

@@ -116,7 +116,7 @@ def test_taylor_is_exact_to_rounding_where_modes_are_affine(rtol):
     assert found.events.time == pytest.approx(other.events.time, abs=1e-14)
     assert found.y_end == pytest.approx(other.y_end, abs=2e-14)
     assert found.n_steps == 4
-    free = (0.0, 0.0, -1.0, 0.0)  # the spring of the release from the start
+    free = (0.0, 0.0, -1.0, 0.0)  # has the spring after the release from the start
     swing = solve(affine_landing(), (0, 1.0), [1.0, 0.0], params=free, rtol=rtol, atol=rtol)
     rest = -9.81 / 400.0
     amplitude = 1.0 - rest

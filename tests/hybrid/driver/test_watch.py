@@ -9,7 +9,7 @@ from hybrid_systems import ball, ladder, throw
 from hopdata.hybrid import System, affine, field, guards, on_event, solve
 from hopdata.hybrid.driver.watch import flip_time
 
-# params: rate of the slow swing, rate and size of the fast one, level
+# params: rate of the slow oscillation, rate and size of the fast one, level
 
 
 @field
@@ -88,7 +88,7 @@ def test_only_long_steps_have_knots_inside(method, span, inside):
     assert solution.n_guard_evaluations == 3 + solution.n_steps + inside
 
 
-# Steps end soon after the next event, and are not shorter than they must be.
+# Steps end soon after the next event, and are no shorter than necessary.
 
 
 def test_flip_time_of_parabolas():

@@ -237,7 +237,7 @@ def test_shape_is_checked():
         derivative(octant_case())(np.zeros(4))
 
 
-# Orders of crossing: which occur, and what they do.
+# Orders of crossing: which occur, and their effect.
 
 
 @field

@@ -68,7 +68,7 @@ def test_as_good_as_the_driver(rtol):
     assert here.mode.tolist() == best.mode.tolist()
     assert best.n_events.max() == 8
     off, plainly_off = (np.abs(one.y_end - best.y_end).max(axis=1) for one in (here, plain))
-    assert off.max() < 10 * plainly_off.max()  # of one system whose errors grow ten thousandfold
+    assert off.max() < 10 * plainly_off.max()  # errors of one system grow ten thousandfold
     for part in (0.5, 0.95):
         assert np.quantile(off, part) < 3 * np.quantile(plainly_off, part)
 
@@ -77,7 +77,7 @@ def test_as_good_as_the_driver(rtol):
 def test_bytes_depend_on_no_neighbour(workers):
     order = np.random.default_rng(3).permutation(COUNT)
     assert_same(swung(order, workers=workers, lanes=True), in_lanes(), order)
-    assert_same(swung([7, 7], lanes=True), in_lanes(), [7, 7])  # all lanes but two stand empty
+    assert_same(swung([7, 7], lanes=True), in_lanes(), [7, 7])  # all lanes but two are empty
 
 
 def test_wanted_times():
@@ -119,9 +119,9 @@ def test_where_most_steps_end_in_flips(rtol):
         )  # fmt: skip
 
     best, plain, here = ends(1e-13, False), ends(rtol, False), ends(rtol, True)
-    assert here.lanes.mean() > 0.9  # a few swings turn round at a level
+    assert here.lanes.mean() > 0.9  # a few turn round at a level
     assert here.n_events.tolist() == best.n_events.tolist()
-    assert here.nfev.sum() < 20 * here.n_steps.sum()  # 12 of a step, 28 where each is taken again
+    assert here.nfev.sum() < 20 * here.n_steps.sum()  # 12 per step, 28 if each were repeated
     off, plainly_off = (np.abs(one.y - best.y).max(axis=(1, 2)) for one in (here, plain))
     for part in (0.5, 0.95):
         assert np.quantile(off, part) < 3 * np.quantile(plainly_off, part)

@@ -18,7 +18,7 @@ from hopdata.hybrid import guards, solve_batch
 from hopdata.hybrid.layout import ZENO
 
 SMOOTH = [name for name in quick.FAMILIES if name not in ("abs", "max", "table")]
-MEMBERS = 6  # of each family at each tolerance
+MEMBERS = 6  # per family and tolerance
 
 
 @njit(error_model="numpy")
@@ -73,7 +73,7 @@ def test_no_contact_of_a_family_is_missed(family):
         rng = np.random.default_rng([number, *map(ord, family)])
         for _ in range(MEMBERS):
             here.append(judge(quick.quick_member(family, rng, rtol), SYSTEM))
-    # Surfaces on which a guard stands still are often left to the driver.
+    # If a guard stands still on its surface, the driver often has to take over.
     least = {"x^3": 0.1, "x^5": 0.1, "sine of the state, turning": 0.7}
     assert np.mean(here) > least.get(family, 0.8)
 

@@ -132,7 +132,7 @@ def test_the_interpolant_is_fourth_order(given):
         one.step(dt)
         inside = [one.interpolate(x) - exact(params, 0.5 + x * dt) for x in (0.25, 0.5, 0.8)]
         errors.append(np.abs(inside).max())
-    assert fitted_order(sizes, errors) > 4.7  # of one step: order 4 and one
+    assert fitted_order(sizes, errors) > 4.7  # error of one step: the method's order of 4 plus one
 
 
 def test_the_interpolant_meets_both_ends():

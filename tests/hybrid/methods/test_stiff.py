@@ -61,7 +61,7 @@ def test_a_singular_matrix_gives_no_finite_solution():
     assert not np.isfinite(solution(np.ones((3, 3)), np.array([1.0, 2.0, 3.0]))).all()
 
 
-# Derivatives of the field by differences, in any units.
+# Derivatives of the field by differences, in arbitrary units.
 
 JAC, RATE = W1, W1 + 2
 CODES = {}
@@ -161,7 +161,7 @@ def test_late_in_time_the_increment_is_still_felt():
     assert found[0] == pytest.approx(rate * np.cos(t) - np.sin(t), abs=1e-3)
 
 
-# The tests by which the driver changes between explicit and Rosenbrock steps.
+# The criteria by which the driver switches between explicit and Rosenbrock steps.
 
 RTOL = 1e-6
 
@@ -199,7 +199,7 @@ def scores(method, limit, damping, t_end=1.0):
 def test_a_strong_damper_is_found_stiff(method, limit):
     score, t = scores(method, limit, 1e4)
     assert score >= STIFF
-    assert t < 0.2  # after the blow of the landing and a few dozen steps
+    assert t < 0.2  # after the impact of the landing and a few dozen steps
 
 
 @pytest.mark.parametrize(("method", "limit"), [(RK45, DOPRI5_LIMIT), (DOP853, DOP853_LIMIT)])

@@ -49,7 +49,7 @@ def test_an_error_leaves_the_system_usable():
     assert solve(system, (0, 1), [0.0, 0.0], **OPTIONS).y_end[0] == pytest.approx(1.5)
 
 
-# Generic code and a scene's own give the same bytes; which of them runs is a matter of steps.
+# Generic code and a scene's own code give the same bytes; the number of steps decides which runs.
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +58,7 @@ def empty_cache(tmp_path, monkeypatch):
     for name in table.TABLEAUS:
         generic_code(name)
     solve(ring(1), (0.0, 0.1), [1.0])  # the driver comes from the cache of the install
-    compiled_first_order()  # and what carries Jacobians through events
+    compiled_first_order()  # and the code that carries Jacobians through events
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
 
 
@@ -96,7 +96,7 @@ def tiers(system, method):
     return system.methods(method, False).generic
 
 
-SIZES = {"dopri5": (1, 3, 4, 12), "dop853": (2, 5, 8)}  # with and without a rest of vectors
+SIZES = {"dopri5": (1, 3, 4, 12), "dop853": (2, 5, 8)}  # with and without a partial last vector
 
 
 @pytest.mark.parametrize(("method", "n"), [(name, n) for name in SIZES for n in SIZES[name]])
@@ -146,7 +146,7 @@ def test_counts_the_steps_of_all_integrations(monkeypatch):
     steps = outcome(system, "dopri5").n_steps
     monkeypatch.setattr(table, "WORTH_COMPILING", 2 * steps)
     outcome(system, "dopri5")
-    assert tiers(system, "dopri5") == {0}  # still while the second began
+    assert tiers(system, "dopri5") == {0}  # still generic when the second began
     outcome(system, "dopri5")
     assert not tiers(system, "dopri5")
 
@@ -215,7 +215,7 @@ def test_compiled_beforehand(monkeypatch):
     system = ring(2)
     generic = outcome(ring(2), "auto")
     system.compile()
-    monkeypatch.setattr(table.MethodTable, "compile", None)  # nothing is left to compile
+    monkeypatch.setattr(table.MethodTable, "compile", None)  # nothing remains to be compiled
     assert outcome(system, "auto").y.tobytes() == generic.y.tobytes()
     assert solve_batch(system, (0.0, 6.0), np.ones((3, 2)), mode=[1], method="auto").success
     assert not tiers(system, "auto")

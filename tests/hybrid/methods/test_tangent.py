@@ -177,7 +177,7 @@ def test_a_derivative_that_is_not_finite_is_a_failure():
     assert not found.success
 
 
-# The tangent of short steps: its order, what it saves, and that its error is controlled.
+# The tangent of short steps: its order, its saving, and control of its error.
 
 N = 3
 CONSTANT, VARYING = np.random.default_rng(7).normal(size=(2, N, N))

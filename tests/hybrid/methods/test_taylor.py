@@ -173,7 +173,7 @@ def test_step_control_needs_few_rejections():
     end = 40 * np.pi / OMEGA
     taken, rejected = one.run(end, 1e6)
     assert rejected <= 15
-    assert taken <= 50  # 2.5 radians a step, or more
+    assert taken <= 50  # at least 2.5 radians per step
     assert one.s[Y] == pytest.approx(SPRING[2], rel=1e-8, abs=1e-8)
 
 

@@ -28,7 +28,7 @@ class Expected:
     time_tolerance: float
     state_tolerance: Any
     status: int = 0
-    mode: tuple[int, ...] | None = None  # None: not asked for
+    mode: tuple[int, ...] | None = None  # None: not checked
     back: float = 1.0
 
 

@@ -86,7 +86,7 @@ def tiny_span_case(start: float, span: float, share: float) -> Case:
     off = 8 * EPS * max(span, abs(start))
     answer = Expected(events, (span, z_end), off, off, mode=(1,) if within else (-1,))
     early = Expected(((end, 0, 1),), (span, 0.0), off, off, mode=(1,))
-    near = abs(at - span) < 4 * EPS * start  # nearer to the end than times can tell
+    near = abs(at - span) < 4 * EPS * start  # closer to the end than times can resolve
     answers = (answer, early, replace(early, events=(), mode=(-1,))) if near else (answer,)
     return Case("tiny_span", f"{span:g} from {start:g}, event at {share:g}", clock(1), (start, end),
                 (0.0, 0.0), answers, {"params": params})  # fmt: skip

@@ -12,8 +12,8 @@ from hopdata.hybrid import System, field, guards, on_event
 NOWHERE, IN_FIELD, IN_GUARD, IN_HANDLER = range(4)
 IS_NAN, IS_INFINITE, RAISES = range(3)
 
-# params: place (one of the four above), kind, position from which on, lock in which (0: in both),
-# position of the guard
+# params: place (one of the four above), kind, position from which it fails, lock in which it fails
+# (0: in both), position of the guard
 
 
 @field

@@ -18,7 +18,7 @@ from stress_systems import (
 )
 
 GAPS = (1e-3, 1e-6, 1e-9, 1e-12, 1e-13, 1e-14, 1e-15, 1e-16, 0.0)
-RESOLUTION = 16 * EPS  # times nearer than this, at 1 s, may be one instant
+RESOLUTION = 16 * EPS  # times closer than this, at 1 s, may be one instant
 GAINS = {
     "faster": (0.5, 0.75, 1.0, 2.0),
     "slower": (-0.5, -0.2, -0.1, 0.3),
@@ -96,7 +96,7 @@ def pair_case(gap: float) -> Case:
     both = Expected(
         ((1.0, 0, -1), (1.0 + gap, 0, 1)), (3.0, 6.0 - 2 * gap), 0.0, rounding, mode=(1,)
     )
-    # Where h rounds as much as it dips, the times of the roots are as uncertain as that says.
+    # If the rounding of h is as large as the dip, the times of the roots are uncertain accordingly.
     depth, size = gap * gap / 4, 4.0
     blur = min(8 * EPS * size / gap, np.sqrt(8 * EPS * size))
     both = replace(both, time_tolerance=rounding + blur, state_tolerance=rounding + 4 * blur)

@@ -12,7 +12,7 @@ from stress_systems import mass
 
 GRAVITY = 9.81
 RTOL, ATOL = 1e-11, 1e-14
-STEPS_PER_PHASE = 100  # of one flight or one stance, at RTOL: more than the method takes
+STEPS_PER_PHASE = 100  # of one flight or stance, at RTOL: more than the method takes
 STATE = tuple[Any, Any]
 
 
@@ -24,7 +24,7 @@ def flight(y: STATE, t: Any) -> STATE:
 def stance(y: STATE, k: Any, c: Any, t: Any) -> STATE:
     """Return height and velocity after a time on spring and damper (both per mass)."""
     rest, half = -mpmath.mpf(GRAVITY) / k, mpmath.mpf(c) / 2
-    root = mpmath.sqrt(half * half - k)  # imaginary if it swings
+    root = mpmath.sqrt(half * half - k)  # imaginary if the mass oscillates
     x, v = y[0] - rest, y[1]
     one, two = -half + root, -half - root
     a, b = (v - two * x) / (2 * root), (one * x - v) / (2 * root)
@@ -38,7 +38,7 @@ def lift_off(y: STATE, k: Any, c: Any) -> Any:
     if half * half >= k:
         return None
     omega = mpmath.sqrt(k - half * half)
-    # Velocity e^(-half t) (v cos + q sin): it turns at the lowest point and half a period later.
+    # The velocity e^(-half t) (v cos + q sin) is zero at the lowest point and half a period later.
     q = (-GRAVITY - k * y[0] - half * y[1]) / omega
     lowest = mpmath.atan2(y[1], -q) / omega
     lowest = lowest if lowest > 0 else lowest + mpmath.pi / omega

@@ -17,12 +17,12 @@ from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, affine, field, guards, jacobian, on_event
 
 SURFACE, SINE, BUMP, PRODUCT, POWER, ABSOLUTE, LARGER, TABLE, AFTER, PLANE = range(10)
-WIDTH, FIXED = 12, 3  # numbers of a guard (kind, then its own); fall, growth, turn
+WIDTH, FIXED = 12, 3  # length of a guard's row (kind, then its parameters); fall, growth, turn
 KNOTS = 8  # of a table
 SAMPLES = 40_000
-MOST_CONTACTS = 24  # two events a contact: later ones tell of rounding
-CLEAR = 2e-4  # of the guard's range: nearer to a turning point members are left out
-OFF = 10.0  # tolerances by which a path that turns may be off
+MOST_CONTACTS = 24  # two events each; more would only be rounding
+CLEAR = 2e-4  # of the guard's range: members closer to a turning point are left out
+OFF = 10.0  # allowed error of a turning path, in tolerances
 RTOLS = (1e-3, 1e-6, 1e-9, 1e-12)
 METHODS = ("auto", "dopri5", "dop853", "taylor")
 
@@ -47,7 +47,7 @@ def height(q, t, u, v, du, dv, after):
     if kind == LARGER:
         first, second = u - a, b - c * v
         return max(first, second), du if first >= second else -c * dv
-    if kind == TABLE:  # of numbers at equal distances a from d on; level outside
+    if kind == TABLE:  # values at equal distances a from d on; constant outside
         place = (u - d) / a
         k = int(np.floor(place))
         if k < 0 or k >= KNOTS - 2:

@@ -27,7 +27,7 @@ def graze_case(delta: float, speed: float) -> Case:
     answers = (Expected((), y_end, 0.0, off, mode=(-1,)),)
     if over > 0.0:
         half = np.sqrt(2 * over / gravity)
-        # An error of the height moves the crossings by as much over the speed there.
+        # An error of the height shifts the crossings by that error over the speed there.
         moved = min(off / (gravity * half), np.sqrt(2 * off / gravity)) + 16 * EPS * end
         both = ((instant - half, 0, 1), (instant + half, 0, -1))
         answers = (Expected(both, y_end, moved, off, mode=(-1,)),)

@@ -16,10 +16,10 @@ from stress_systems import swinging
 END, GRID = 3.0, 6000
 RTOL, ATOL = 1e-9, 1e-11
 NEAREST, FARTHEST = 1e-3, 0.3  # of the guard's range: from its surface to the turning point
-CLEAR = 3e-4  # of that range: nearer to a turning point the grid cannot tell
+CLEAR = 3e-4  # of that range: the grid cannot resolve levels closer to a turning point
 NEWTON = 6
-DIGITS = 9  # behind the point, of what is drawn
-OFF = 1e-6  # of times and states: what errors of steps may add up to over a few swings
+DIGITS = 9  # decimals of drawn numbers
+OFF = 1e-6  # of times and states: what errors of steps may add up to over a few oscillations
 METHODS = ("taylor", "dop853", "auto")
 
 

@@ -110,7 +110,7 @@ def swinging(n_states: int) -> System:
     )  # fmt: skip
 
 
-# params: (kind, a, b, c) of each guard, gains (K), what the handler adds to x
+# params: (kind, a, b, c) of each guard, gains (K), increment of x by the handler
 
 
 @field

@@ -46,7 +46,7 @@ def test_no_hop_is_lost_and_the_energy_stays():
     verdict = compare(solution, case.answers[0])
     assert verdict.right, verdict
     drift = energy(case.options["params"][1], solution.y) / energy(1e3, solution.y[:, 0]) - 1
-    # Each step's error is about its tolerance; together they are less than if all had one sign.
+    # Each step's error is about its tolerance; their sum is less than if all had one sign.
     assert abs(drift).max() < solution.n_steps * case.options["rtol"]
 
 

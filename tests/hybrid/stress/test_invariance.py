@@ -14,8 +14,8 @@ from hopdata.hybrid import Solution, solve
 POWERS = [(30, 0), (-30, 0), (0, 30), (0, -30), (-30, 30), (30, 30)]
 
 
-# The first step is given: the usual choice of it (Hairer, Norsett, Wanner, section II.4) depends on
-# the unit of time.
+# The first step is given, because its usual choice (Hairer, Norsett, Wanner, section II.4) depends
+# on the unit of time.
 def same(a: Solution, b: Solution, length: float, time: float) -> None:
     """Assert that two runs differ only by their units, to the last bit."""
     unit = np.array([length, length / time])

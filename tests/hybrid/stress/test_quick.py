@@ -21,7 +21,7 @@ from stress_quick import (
 from hopdata.hybrid import System, field, guards, solve, solve_batch
 from hopdata.hybrid.layout import RATE_DIFFERS, ZENO
 
-MEMBERS = 6  # of each family at each tolerance; `benchmarks/stress.py` takes 200
+MEMBERS = 6  # per family and tolerance; `benchmarks/stress.py` takes 200
 
 
 @pytest.mark.parametrize("family", FAMILIES)

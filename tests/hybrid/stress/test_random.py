@@ -19,8 +19,8 @@ def test_piecewise_affine(first):
     assert wrong(first, affine=True) == []
 
 
-# Seeds 437 and 599, and 561 on the way back, have guards crossed at exactly one instant: rounding
-# is taken for chattering, or for a wrong rate, if h is believed to a digit that it does not have.
+# Seeds 437 and 599, and 561 on the way back, have guards crossed at exactly one instant. If h were
+# trusted to a digit that it does not have, rounding would look like chattering or a wrong rate.
 
 
 @pytest.mark.parametrize(("first", "affine"), [(0, False), (550, False), (0, True)])

@@ -63,7 +63,7 @@ def test_a_foot_touches_later_than_it_is_too_high(landings):
     [
         (lambda z: z + 0.05, NOT_LANDED),
         (lambda z: 0.0003 * np.sin(np.arange(len(z))), ALREADY_DOWN),
-        (lambda z: 0.0048 * np.sin(0.11 * np.arange(len(z))), ALREADY_DOWN),  # it settles
+        (lambda z: 0.0048 * np.sin(0.11 * np.arange(len(z))), ALREADY_DOWN),  # the foot settles
         (lambda z: z * np.nan, MISSING),
     ],
 )
@@ -155,7 +155,7 @@ def test_instants_of_a_cosine(rate_hz):
     time, height = wave(rate_hz)
     found = find_transitions(time, height, **SECTIONS)
     expected = np.arange(5)
-    chord = 0.5 * 0.3 * (2 * np.pi) ** 2 / (8 * rate_hz**2)  # sagitta over speed, about
+    chord = 0.5 * 0.3 * (2 * np.pi) ** 2 / (8 * rate_hz**2)  # about the sagitta over the speed
     assert len(found) == 5
     np.testing.assert_allclose(
         found.t_pre, expected + np.arccos(0.3) / (2 * np.pi), atol=chord / 5 + 1e-12
@@ -183,7 +183,7 @@ def test_noise_about_a_section_makes_no_descents_of_its_own():
 
 def test_missing_frames_widen_the_gap():
     time, height = wave()
-    height[18:23] = np.nan  # about the first descent through 0.3
+    height[18:23] = np.nan  # around the first descent through 0.3
     found = find_transitions(time, height, **SECTIONS)
     assert len(found) == 5
     assert found.gap_pre[0] == pytest.approx(0.06)
@@ -206,7 +206,7 @@ def test_where_no_crossing_is_seen_the_gap_is_that_which_may_hide_it():
 
 def test_a_hidden_top_is_told_by_its_gap():
     time, height = hops([1.0, 0.2, 1.0, 1.0])
-    height[(time > 2.06) & (time < 2.46)] = np.nan  # about the third top
+    height[(time > 2.06) & (time < 2.46)] = np.nan  # around the third top
     found = find_transitions(time, height, **SECTIONS)
     gaps = found.gap_pre.round(3).tolist()
     assert gaps == [0.005, 0.005, pytest.approx(0.405, abs=0.006), 0.005]

@@ -126,8 +126,8 @@ def test_feet_that_land_at_once_are_as_hard_as_they_are(seed):
     feet = falls(120, seed=seed, apart_s=2e-4)
     contacts = found(feet)
     error = contacts.instant - feet.contacts
-    assert abs(np.nanmean(error)) < 5e-4  # 2.1 to 2.9 ms before
-    assert np.sqrt(np.nanmean((error / contacts.se) ** 2)) < 1.4  # 4.5 to 6.4
+    assert abs(np.nanmean(error)) < 5e-4  # 2.1 to 2.9 ms before the fix
+    assert np.sqrt(np.nanmean((error / contacts.se) ** 2)) < 1.4  # 4.5 to 6.4 before the fix
 
 
 @pytest.mark.parametrize("seed", range(30, 35))
@@ -264,7 +264,7 @@ def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
     assert np.nanmedian(se[:, 1]) > 3 * np.nanmedian(hard_se[:, 1])
     known = np.isfinite(error[:, 1])
     assert known.mean() > 0.95
-    scatter = (error[:, 1] - np.median(error[known, 1]))[known]  # where it touches is not defined
+    scatter = (error[:, 1] - np.median(error[known, 1]))[known]  # its touchdown is not defined
     assert np.sqrt(np.mean((scatter / se[known, 1]) ** 2)) < 1.25
 
 

@@ -26,8 +26,8 @@ def test_heights_are_those_of_the_body_at_its_turns_and_contacts():
         assert (np.diff(found[:, [0, contact, 3]], axis=1) <= 0).all()
     touches = np.flatnonzero(np.diff(fake.foot_down.any(axis=1).astype(int)) == 1)
     all_down = np.flatnonzero(np.diff(fake.foot_down.all(axis=1).astype(int)) == 1)
-    frame_m = 0.02  # what the body falls from one frame to the next
-    later = np.median(fake.body_height[touches + 1])  # the flight is continued by a frame
+    frame_m = 0.02  # fall of the body per frame
+    later = np.median(fake.body_height[touches + 1])  # the flight is continued by one frame
     assert np.median(found[:, 1]) == pytest.approx(later, abs=frame_m)
     assert np.median(found[:, 2]) == pytest.approx(
         np.median(fake.body_height[all_down]), abs=frame_m

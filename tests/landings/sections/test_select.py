@@ -129,7 +129,7 @@ def test_frames_are_thinned_evenly_and_hold_no_gaps():
     assert list(full.columns) == ["min_foot_m", "max_foot_m", "body_m", "landing"]
     falls = full[full["landing"]]["body_m"].diff()
     assert 0.2 < full["landing"].mean() < 0.8
-    assert (falls < 0).mean() > 0.8  # but for the jumps from one landing to the next
+    assert (falls < 0).mean() > 0.8  # except for jumps between landings
     assert len(full) == -(-(len(fake.recording.time) - 100) // 2)
     few = section_frames([fake.recording, fake.recording], sections, max_rows=500)
     assert 400 < len(few) <= 500
@@ -251,7 +251,7 @@ def test_a_section_that_loses_many_landings_moves_to_their_contacts():
     given = {"pre_height_m": 0.7, "post_height_m": 0.35}
     kept = select_sections([fake.recording], **given)
     assert (kept.pre_height_m, kept.post_height_m) == (0.7, 0.35)
-    assert kept.held["pre"] < 0.1  # few hop as high
+    assert kept.held["pre"] < 0.1  # few hop that high
     loose = select_sections([fake.recording], max_foot_threshold_m=0.03)  # and not down yet
     assert loose.decided["post_height_m"] == "contacts"
     assert loose.held["post"] > 0.98
@@ -305,7 +305,7 @@ def test_landings_use_only_the_descents_to_the_ground(fake, select):
     assert found.pre_height_m == pytest.approx(pre, abs=0.002)
     assert found.post_height_m == pytest.approx(post, abs=0.002)
     assert found.n_used == pytest.approx(inside.sum(), rel=0.05)
-    assert found.pre_height_m < every.pre_height_m - 0.05  # no lift-off with its long legs
+    assert found.pre_height_m < every.pre_height_m - 0.05  # without the lift-off with its long legs
 
 
 def test_landings_see_past_feet_that_are_not_followed():

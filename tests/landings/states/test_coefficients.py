@@ -23,7 +23,7 @@ def seen(bend, seed):
     tracks = speed[:, None] * u + bend[:, None] * u**2
     tracks[..., 0] += [1.0, 0.0, -1.0]  # the first marker is on the x axis of the body
     tracks = (tracks + NOISE_M * rng.standard_normal(tracks.shape)).reshape(-1, 3, 3)
-    start = np.searchsorted(time, near - 0.02)  # most of them after it, as in stance
+    start = np.searchsorted(time, near - 0.02)  # most frames follow it, as in stance
     sums = moments(time, tracks, Windows(near, start, start + 11, WINDOW_S), degree=2)
     return joined(sums), speed
 

@@ -212,7 +212,7 @@ def test_gravity_is_given_up_where_flight_is_not_ballistic(scene):
     body, rng = scene.recording.body.copy(), np.random.default_rng(2)
     cycle = 0.64
     hop = np.floor(scene.recording.time / cycle).astype(int)
-    push = (rng.normal(0, 3.0, (hop.max() + 1, 3)) * [1, 1, 0])[hop]  # m/s^2, another each hop
+    push = (rng.normal(0, 3.0, (hop.max() + 1, 3)) * [1, 1, 0])[hop]  # m/s^2, drawn for each hop
     s = scene.recording.time - hop * cycle
     bent = body + (0.5 * push * s[:, None] ** 2)[:, None]
     truth = replace(scene, velocities=scene.velocities + (push * s[:, None])[:, None])
@@ -242,7 +242,7 @@ def test_standard_errors_are_as_large_as_the_errors(side, rate_hz):
 def test_the_error_of_the_instant_is_in_the_standard_errors(scene):
     found = states(scene, "before")
     up = found.position_covariance[..., 2, 2]
-    # Three markers with equal errors: of each height a third is taken off by the instant.
+    # Three markers with equal errors: the instant removes a third of each height.
     along = found.position_covariance[..., 0, 0] + found.position_covariance[..., 1, 1]
     np.testing.assert_allclose(up.mean() / (along.mean() / 2), 2 / 3, rtol=0.1)
 

@@ -23,7 +23,7 @@ def test_a_linear_map_without_noise_is_found_by_all():
     before, after, instants = landings(800)
     found = estimate_maps(before, after, instants, time_unit_s=TIME_S)
     assert list(found.maps) == list(ESTIMATORS)
-    # The coordinates are those of the mean attitude, some hundredths of a radian off the body's.
+    # The coordinates refer to the mean attitude, some hundredths of a radian from the body's.
     for name, one in found.maps.items():
         assert one.coefficients.shape == (8, 11)
         assert relative(one.coefficients, found) < 0.06, name

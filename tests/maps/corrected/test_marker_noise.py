@@ -63,7 +63,8 @@ def measured_landings(count, noise_m, seed):
 def test_propagated_errors_are_those_of_fitted_states_at_a_noisy_instant():
     """The fit ends at a contact, so errors of positions, velocities and instant are correlated."""
     before, after = measured_landings(6000, 3e-4, seed=3)
-    # Here the markers move on straight lines, not as one body: the spin of this instant is fitted.
+    # Here the markers move on straight lines, not as one body, so the spin at this instant is
+    # fitted.
     noise = marker_noise(before - before.mean(axis=0) + landings(1)[0], ARMS)
     assert noise.shared / np.sqrt(noise.position * noise.velocity) > 0.3
     errors = input_errors(before, after, ARMS, noise)
@@ -79,7 +80,7 @@ def test_propagated_errors_are_those_of_fitted_states_at_a_noisy_instant():
 def test_outputs_share_errors_of_place_and_heading():
     before, after, _ = landings(30)
     errors = input_errors(before, after, ARMS, MarkerNoise(1e-8, 0.5e-8 * 1e2, 1e-4))
-    assert abs(errors.shared[2, 0]) > 1e-8  # speed forward and step forward
+    assert abs(errors.shared[2, 0]) > 1e-8  # covariance of forward speed and forward step
     assert np.linalg.eigvalsh(errors.inputs)[0] > 0
 
 

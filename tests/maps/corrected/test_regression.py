@@ -173,7 +173,7 @@ def test_bad_input_is_refused():
         curved_map(x, y, np.zeros_like(t))
 
 
-# Terms of a curved map, on average over noisy inputs, against drawn inputs.
+# Terms of a curved map, averaged over noisy inputs, against drawn inputs.
 
 
 @pytest.mark.parametrize("middle", [-3.0, -0.4, 0.0, 0.7, 20.0])
@@ -234,7 +234,7 @@ def test_all_feet_are_down_at_once_at_the_simultaneous_point():
     slopes = CONTACTS - CONTACTS.mean(axis=1, keepdims=True)
     point = simultaneous_point(x, middle, slopes)
     np.testing.assert_allclose(middle + (point - x.mean(axis=0)) @ slopes, 0.0, atol=1e-12)
-    # Any other such point is farther from the mean, by the covariance of the inputs.
+    # Any other such point is farther from the mean in the metric of the inputs' covariance.
     away = np.linalg.svd(slopes.T)[2][-1]
     metric = np.linalg.inv(np.cov(x, rowvar=False))
     step = point - x.mean(axis=0)

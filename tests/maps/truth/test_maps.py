@@ -58,7 +58,7 @@ def test_estimates_in_axes_of_their_own_agree_with_it():
     before = marker_states(np.hstack([np.zeros((60, 3)), MIDDLE + dx]), ARMS)
     after = marker_states(END + dx @ coefficients(), ARMS)
     shape = body_shape(split_states(before)[0])
-    assert np.abs(shape - ARMS).max() > 1e-3  # turned by the mean attitude
+    assert np.abs(shape - ARMS).max() > 1e-3  # rotated by the mean attitude
     found = exact_map(EXACT, before, shape=shape, time_unit_s=TIME_S)
     estimates = estimate_maps(before, after, rng.normal(size=(60, 3)), time_unit_s=TIME_S)
     assert found.error(estimates.maps["ols"].coefficients) < 1e-3
@@ -144,7 +144,7 @@ def test_the_largest_of_all_pairs_is_relative_to_the_mean_map():
     assert largest_difference(maps[:1], root=root, units=UNITS) == 0
 
 
-# The true effect of made-up exact maps, and how a verdict is scored against it.
+# The true effect of made-up exact maps, and the score of a verdict against it.
 
 ANSWER = {
     "conclusion": "different",

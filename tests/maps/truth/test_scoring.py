@@ -147,7 +147,7 @@ def test_missed_and_invented_touchdowns_count():
 def test_sections_of_a_known_order():
     item = known(np.random.default_rng(6), landings=20_000)
     found = values(score_sections({"hopper": item}, sections(0.501, 0.302)))
-    # Frames are uniform: the tail of the 75 % (a foot down below 0.5 m) ends 0.3 mm below it.
+    # Frames are uniform: the tail of the 75 % (a foot down below 0.5 m) ends 0.3 mm below 0.5 m.
     assert found["section_pre_true"] == pytest.approx(0.4997, abs=5e-5)
     assert found["section_post_true"] == pytest.approx(0.3003, abs=5e-5)
     assert found["section_pre_error"] == pytest.approx(1.3, abs=0.05)
@@ -155,7 +155,8 @@ def test_sections_of_a_known_order():
 
 
 def test_sections_of_landings_alone_and_those_given():
-    # Up on its toes: one foot stays down until 0.5 m on the way up, none below 0.3 m down.
+    # The body is up on its toes: one foot stays down until 0.5 m on the way up, none below 0.3 m on
+    # the way down.
     phase = np.linspace(0, 40 * np.pi, 40_001)
     height = 0.4 + 0.2 * np.cos(phase)
     rising = np.sin(phase) < 0

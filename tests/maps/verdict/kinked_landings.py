@@ -42,7 +42,7 @@ def landings(
     is faster by `faster` standard deviations.
     """
     rng = np.random.default_rng(seed)
-    fixed = np.random.default_rng(99)  # one map for all seeds
+    fixed = np.random.default_rng(99)  # the same map for all seeds
     linear = fixed.standard_normal((8, 11))
     bends = fixed.standard_normal((kinks(np.zeros((1, feet))).shape[1], 11))
     square = fixed.standard_normal((8, 8, 11)) * curvature / 8

@@ -9,7 +9,7 @@ from hopdata.maps.verdict.effect import contrasts, effect_size, landings_needed,
 from hopdata.maps.verdict.model import HIDDEN, LEFT, OF_FOURTH, KinkFit, upper_ends
 
 KINKS, OUTPUTS, LANDINGS = 2, 4, 150
-WEIGHTS = 0.02 * np.linspace(0.5, 2.0, KINKS * OUTPUTS)  # errors of the kinks, which are not alike
+WEIGHTS = 0.02 * np.linspace(0.5, 2.0, KINKS * OUTPUTS)  # unequal errors of the kinks
 
 
 def fit(size, seed, largest=False, allowed=LEFT):
@@ -93,7 +93,7 @@ def test_the_interval_is_in_order_and_clear_of_zero_with_the_test():
 
 def test_half_the_difference_takes_four_times_the_landings():
     assert landings_needed(1000, 0.4, 0.3, 0.35, 3) == pytest.approx(4000, abs=1)
-    assert landings_needed(1000, 0.2, LEFT, 0.9, 3) == 150  # those of second-order terms
+    assert landings_needed(1000, 0.2, LEFT, 0.9, 3) == 150  # those for second-order terms
 
 
 def test_of_three_feet_each_pair_of_orders_is_compared():

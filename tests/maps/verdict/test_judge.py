@@ -93,7 +93,7 @@ def test_landings_of_two_speeds_are_told(of_these):
         (TWO_KINDS, "by their velocity be")
     ]
     assert two.effect.estimate < 0.85 * one.effect.estimate
-    for seed in range(5):  # even values, and a few that lie far off, are of one kind
+    for seed in range(5):  # uniform values with a few outliers are of one kind
         inputs = np.random.default_rng(seed).uniform(-1, 1, (300, 8))
         inputs[:20, 4] += 30.0
         assert two_kinds(inputs - inputs.mean(axis=0)) == ""
@@ -124,7 +124,7 @@ def test_what_could_have_been_seen_is_said():
     assert "Nothing could have been seen" in outlook(replace(size, detectable=1.2), 144_000, 0.8)
 
 
-# Nothing that nobody chose changes the answer.
+# Arbitrary conventions do not change the answer.
 
 
 def _scaled(data, length, time):
@@ -185,7 +185,7 @@ def test_units_axes_and_names_change_nothing(study, change):
         assert getattr(after.effect, key) == pytest.approx(value, rel=1e-9, abs=1e-12), key
 
 
-# Data that cannot answer: a sentence, and no number.
+# Data that allow no answer give a sentence and no number.
 
 
 def _one_order():

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-# Names of: pelvis (4), then of each side heel, toe, first and fifth metatarsal, ankle, knee; head.
+# Names of the pelvis (4), then for each side heel, toe, first and fifth metatarsal, ankle, knee;
+# then the head.
 STYLES = {
     "plug-in gait": (
         *("LASI", "RASI", "LPSI", "RPSI"),
@@ -37,7 +38,7 @@ STYLES = {
     "numbers": tuple(f"M{k:03d}" for k in range(1, 18)),
 }
 PELVIS = np.array([[0.1, 0.13, 1.0], [0.1, -0.13, 1.0], [-0.1, 0.05, 1.02], [-0.1, -0.05, 1.02]])
-# Of the left side, from the middle of the foot: x forward, y outward, z where it rests.
+# Positions for the left side, from the middle of the foot: x forward, y outward, z at rest.
 FOOT = np.array(
     [
         [-0.1, 0, 0.04],
@@ -47,7 +48,7 @@ FOOT = np.array(
         [-0.05, 0.04, 0.09],
     ]
 )
-PITCH_ABOUT = 0.1  # the ball of the foot, about which heels are lifted
+PITCH_ABOUT = 0.1  # position of the ball of the foot, about which the heel is lifted
 GRAVITY = 9.81
 
 
@@ -69,7 +70,7 @@ def jumping(seed, *, jumps=1, rate_hz=100.0, noise_m=5e-4):
         positions[:, m] = place + sway
         positions[:, m, 0] += forward
         positions[:, m, 2] += body
-    late = rng.integers(0, 3, 2)  # frames by which a foot comes down after the other
+    late = rng.integers(0, 3, 2)  # frames by which one foot lands after the other
     for side, sign in enumerate((1, -1)):
         first = 4 + 6 * side
         up = np.maximum(0, lift - 0.02 * late[side] * (lift > 0))
@@ -101,7 +102,7 @@ def _one_jump(rng, step):
     yield np.zeros(len(stand)), np.zeros(len(stand)), np.zeros(len(stand))
     down = times(rng.uniform(0.4, 0.6))
     yield -depth * np.sin(0.5 * np.pi * down / down[-1]) ** 2, 0 * down, 0 * down
-    toe_off, push = 0.1, 0.3  # the body is higher on the toes than in standing, m; s
+    toe_off, push = 0.1, 0.3  # rise of the body on its toes above standing, m; duration, s
     rise = times(push)
     s = rise / push
     height = -depth + (toe_off + depth) * s ** (speed * push / (toe_off + depth))

@@ -132,7 +132,7 @@ def test_a_spike_is_found_and_nothing_else(marker, n_frames):
 def test_a_short_stance_between_two_bounces_is_no_spike():
     positions = hopping(6)[1]
     fall = 0.1 * np.abs(np.arange(-20, 21) / 10)
-    bounce = np.maximum(fall - 0.02, 0.0)  # it stands for three to five frames
+    bounce = np.maximum(fall - 0.02, 0.0)  # stands for three to five frames
     toe = MARKERS.index("toe1")
     bounce += np.median(positions[:, toe, 2])
     stands = int(np.argmin(positions[500:600, toe, 2])) + 500
@@ -185,7 +185,7 @@ def test_gaps_that_were_filled_with_the_last_position_are_all_frozen():
     for start in range(100, 1900, 60):
         positions = with_frozen(positions, "hip1", start, start + 10)
     found = faults(positions)
-    assert len(found.frozen) == found.count == 29  # one is where it hardly moves
+    assert len(found.frozen) == found.count == 29  # one lies where it hardly moves
 
 
 def test_frames_that_are_held_are_told_one_by_one():
@@ -200,7 +200,7 @@ def test_frames_that_are_held_are_told_one_by_one():
     told = [one.text for one in inspection.suspects() if one.kind == "copy"]
     assert (len(told), told[0]) == (19, "frame 101 stands here 2 times: keep one")
     assert told[2].endswith("3 times: keep one")
-    assert faults(np.repeat(positions, 2, axis=0)).copies == ()  # so was the file made
+    assert faults(np.repeat(positions, 2, axis=0)).copies == ()  # the file was made in this way
 
 
 def test_repeats_by_rounding_are_no_frozen_marker():
@@ -235,7 +235,7 @@ def test_frames_that_no_time_stamp_misses_are_told_with_their_number(seed):
     )
     found = dict(inspection.timing.drops.tolist())
     assert set(found) <= set(after.tolist())
-    assert len(found) >= 10  # of 20: at the top of a hop nothing moves
+    assert len(found) >= 10  # of 20; at the top of a hop nothing moves
     off = np.array([found.get(k, n) - n for k, n in zip(after.tolist(), lost, strict=True)])
     assert np.abs(off).max() <= 3
     assert np.count_nonzero(off) <= 6
@@ -324,7 +324,7 @@ def test_one_frame_of_many_markers_costs_next_to_nothing():
     found = inspect_recording(raw)
     assert process_time() - begin < 2.0
     assert found.faults.count == 0
-    assert found.clusters == ()  # one frame does not tell what keeps its distances
+    assert found.clusters == ()  # one frame does not show which distances are constant
 
 
 def test_a_long_recording_is_inspected_in_little_more_memory_than_its_own():
@@ -336,7 +336,7 @@ def test_a_long_recording_is_inspected_in_little_more_memory_than_its_own():
     found = inspect_recording(raw)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < 4.0 * positions.nbytes  # one is the result; some are of a bounded size
+    assert peak < 4.0 * positions.nbytes  # one is the result; some have a bounded size
     assert len(found.markers) == 21
 
 
@@ -346,14 +346,14 @@ def test_a_swap_among_many_markers_of_one_rigid_body_is_found():
     positions = hops[:, :1] + rng.uniform(-0.3, 0.3, (40, 3)) + rng.normal(0, 3e-4, (2000, 40, 3))
     positions[700:750, [11, 30]] = np.nan
     positions[750:900, [11, 30]] = positions[750:900, [30, 11]]
-    positions[900:980, [11, 30]] = np.nan  # too long for the tracks to tell
+    positions[900:980, [11, 30]] = np.nan  # too long for the tracks to bridge
     time, names = np.arange(2000) / 100.0, tuple(f"m{i}" for i in range(40))
     (swap,) = inspect_recording(RawRecording(names, time, positions, 100.0, "m")).faults.swaps
     assert (swap.markers, swap.start, swap.stop) == (("m11", "m30"), 750, 900)
     assert "pair distances" in swap.found_by
 
 
-# Tables of gaps and faults: what was planted in a recording stands in them, and no more.
+# Tables of gaps and faults: they contain what was planted in a recording, and no more.
 
 
 @pytest.fixture(scope="module")

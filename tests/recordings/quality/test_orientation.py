@@ -42,7 +42,7 @@ def test_the_unit_is_found_by_free_fall(unit, seed, rate_hz):
 def test_the_axis_is_found_and_turned_up(up):
     """The file's axes are those that `rotate_up` rotates back, and handedness is preserved."""
     positions = hopping(1)[1]
-    turn = rotate_up(np.eye(3), up)  # rows: where the file's axes go
+    turn = rotate_up(np.eye(3), up)  # rows: directions of the file's axes
     assert np.linalg.det(turn) == pytest.approx(1.0)
     in_file = positions @ np.linalg.inv(turn)
     assert guess_unit_and_up(raw(in_file))[1].value == up
@@ -121,7 +121,7 @@ def test_of_six_markers_the_two_that_are_pulled_least_speak_for_the_rate():
 
 def test_time_stamps_speak_against_the_rate_that_is_stated():
     sound = raw(walking(), rate_hz=100.0)
-    slow = guess_rate(sound, "m")  # or fast, at another rate: nothing tells
+    slow = guess_rate(sound, "m")  # or fast, at another rate: nothing distinguishes the two
     assert (slow.value, slow.is_sure, slow.other) == ("100", False, "200")
     found = guess_rate(replace(sound, rate_hz=250.0), "m")
     assert (found.value, found.is_sure, found.other) == ("250", False, "100")
@@ -166,7 +166,7 @@ def test_no_frames_no_fall():
     assert not fall.is_clear
 
 
-# The unit of a recording, and what is said where it is a guess.
+# The unit of a recording, and the text where it is a guess.
 
 LENGTH_UNIT_MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
 SILENT = {"Units": None}
@@ -202,7 +202,7 @@ def test_of_two_units_never_both_fit():
         positions = size * UPRIGHT[np.newaxis]
         by_mm = choose_unit(positions, unit="auto", nominal="mm")
         by_m = choose_unit(positions, unit="auto", nominal="m")
-        assert by_mm == by_m or size < 0.1 or size > 10  # outside, the format's own unit stays
+        assert by_mm == by_m or size < 0.1 or size > 10  # else the format's own unit stays
 
 
 @pytest.mark.parametrize(("scale", "unit"), [(1000.0, "mm"), (1.0, "m")])

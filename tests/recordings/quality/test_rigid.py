@@ -22,7 +22,7 @@ def test_the_noise_is_found_from_distances_and_from_frame_to_frame(noise_m):
     positions = hopping(1, n_frames=4000, noise_m=noise_m)[1]
     body = next(c for c in clusters(positions) if 0 in c.markers)
     assert body.noise == pytest.approx(noise_m, rel=0.15)
-    # Contacts and the bend of the flight are in it as well.
+    # This includes contacts and the curvature of the flight.
     np.testing.assert_allclose(frame_noise(positions), noise_m, rtol=0.25)
 
 

@@ -74,7 +74,7 @@ def test_jumps_on_two_feet_with_heels_and_toes(style, jumps):
     found = roles(jumping([jumps, *style.encode()], jumps=jumps), names)
     feet = {names.index(name) for name in found.feet}
     heels_and_toes = {4, 5, 10, 11}
-    if style == "numbers":  # by motion alone: the lowest, of both sides
+    if style == "numbers":  # by motion alone: the lowest markers, on both sides
         assert feet <= {*range(4, 9), *range(10, 15)}
         assert len(feet & {4, 5, 6, 7, 8}) == len(feet) / 2 >= 2
     else:
@@ -284,8 +284,8 @@ def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
     found = roles(positions, (*MARKERS, "hip4"))
     assert found.body == ("hip2", "hip3", "hip4")
     assert "since they are seen less: hip1" in found.reasons["body"]
-    assert roles(positions[:, :7]).body == ("hip1", "hip2", "hip3")  # there is no other
-    positions[140:, 0] = hopping(1)[1][140:, 0]  # by few frames: four fill each other's gaps
+    assert roles(positions[:, :7]).body == ("hip1", "hip2", "hip3")  # there are no others
+    positions[140:, 0] = hopping(1)[1][140:, 0]  # in few frames: four fill each other's gaps
     assert roles(positions, (*MARKERS, "hip4")).body == ("hip1", "hip2", "hip3", "hip4")
 
 

@@ -74,7 +74,7 @@ def test_irregular_stamps_and_those_that_run_back():
     timing = check_stamps(time)
     assert timing.irregular.tolist() == [399]
     assert timing.backward.tolist() == [699]
-    assert timing.drops.tolist() == [[700, 1]]  # the stamp that stands still leaves a hole behind
+    assert timing.drops.tolist() == [[700, 1]]  # the repeated time stamp leaves a gap
 
 
 def test_a_single_frame_has_no_rate():
@@ -95,7 +95,7 @@ def test_a_clock_that_jitters_loses_no_frames():
 def test_a_block_that_is_there_twice_is_found_with_its_frames():
     positions = hopping(4, n_frames=900)[1]
     positions[:, 2] = np.nan  # never seen
-    positions[100:140] = np.nan  # nothing is
+    positions[100:140] = np.nan  # nothing is seen
     positions[300:340, 0] = positions[300, 0]
     assert len(copied_frames(positions)) == 0
     doubled = np.concatenate([positions[:600], positions[520:]])

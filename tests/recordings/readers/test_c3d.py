@@ -203,12 +203,12 @@ def test_a_full_16_bit_count_is_replaced_by_the_size_and_said(tmp_path):
 
 
 def test_a_block_more_than_the_frames_fill_is_no_contradiction(tmp_path):
-    path = written(tmp_path, raw(n_frames=128))  # of whole blocks
+    path = written(tmp_path, raw(n_frames=128))  # exactly whole blocks
     path.write_bytes(path.read_bytes() + bytes(512))
     again = read_c3d(path)
     assert len(again.time) == 128
     assert not again.remarks
-    least = 182_640 - 512 // 48  # that leave no more than a block
+    least = 182_640 - 512 // 48  # leaves no more than a block
     assert counted(path, 182_640, last=least % 65_536)[0] == least
     with pytest.raises(RecordingError, match="found room for 182640"):
         counted(path, 182_640, last=(least - 1) % 65_536)

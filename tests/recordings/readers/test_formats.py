@@ -43,7 +43,7 @@ def hdf5(path, dtype):
     return path.with_suffix(".h5")
 
 
-@pytest.mark.parametrize("dtype", ["f8", "i1"])  # the latter in an eighth of the memory at first
+@pytest.mark.parametrize("dtype", ["f8", "i1"])  # the latter needs an eighth of the memory at first
 @pytest.mark.parametrize("make", [mat5, mat73, hdf5])
 def test_a_small_file_that_unpacks_to_too_much_is_refused_before_memory_is_asked_for(
     tmp_path, make, dtype

@@ -115,7 +115,7 @@ def test_what_is_no_mat_file_is_told(tmp_path, data):
         read_raw(path)
 
 
-CLAIMS = {  # what stands in the file, what takes its place, and what the message says of it
+CLAIMS = {  # text in the file, its replacement, and the message about it
     "cells without end": (
         np.array([1, 0, 5, 8, 1, 5], "<u4"), np.array([1, 0, 5, 8, 1, 2**31 - 1], "<u4"),
         "expected a size for",
@@ -205,7 +205,7 @@ def test_three_zeros_are_missing_and_one_zero_is_a_coordinate(tmp_path):
     positions[2, 1] = 0.0
     positions[4, 3, 2] = 0.0
     positions[5, 0, :2] = 0.0
-    positions[6, 2] = -9999.0  # what other programs write
+    positions[6, 2] = -9999.0  # as other programs write
     positions[7, 2, 1:] = 9999.99
     raw = read(tmp_path, qtm_text(positions))
     assert np.isnan(raw.positions[2, 1]).all()
@@ -285,7 +285,7 @@ def test_without_time_stamps_the_configuration_overrules_the_rate_with_a_remark(
         told = f"{file}: frame rate: 200 Hz as in input.rate_hz; the file states 100"
         assert raw.remarks[-1] == told
         assert read_raw(file, rate_hz=100.0).remarks == read_raw(file).remarks
-    assert [event.time_s for event in raw.events] == [0.02, 0.04]  # those of their frames
+    assert [event.time_s for event in raw.events] == [0.02, 0.04]  # the times of their frames
 
 
 LINES = qtm_text(POSITIONS).split("\r\n")  # 11 header lines, column row, 12 frames
@@ -384,7 +384,7 @@ QTM_TSV_FAULTS = {
 }
 
 
-WRONG_CLAIMS = {  # what stands in a file beside sound rows, and what is said of it
+WRONG_CLAIMS = {  # text in a file with sound rows, and the message about it
     "fewer frames than stated": (
         "\r\n".join(LINES[:-4]),
         ["line 1", "expected 12 frames", "found 9 rows", "cut short"],

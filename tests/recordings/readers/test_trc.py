@@ -63,7 +63,7 @@ def line(text, number, new):
 
 TEXT = trc_text(POSITIONS, NAMES)
 ROWS = TEXT.split("\n")
-# What other programs write and others read, and a word of the remark on it.
+# Forms that other programs write and read, and a word of the remark about them.
 FORMS = {
     "a space after the type": (TEXT.replace("PathFileType\t", "PathFileType \t"), ""),
     "spaces for tabs": (line(TEXT, 1, "PathFileType 4 (X/Y/Z) trial.trc"), ""),

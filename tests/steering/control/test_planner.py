@@ -202,7 +202,7 @@ def test_a_horizon_that_cannot_be_searched_is_refused():
         planner(TABLE, horizon=Horizon(hops=4))
 
 
-# A planner that goes on learning, on a plant that turns by itself since it was learned.
+# A planner that goes on learning, with a plant that has turned by itself since it was learned.
 
 NOISE, BIAS = np.array([2e-3, 2e-3, 1e-2]), np.array([0.0, 0.01, -0.09])
 

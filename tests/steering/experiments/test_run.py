@@ -94,7 +94,7 @@ def test_a_board_is_pushed_and_its_place_is_kept():
 
 
 def test_a_fall_ends_the_run_and_is_told():
-    unsteady = replace(ROBOT, hop_limit_s=0.5)  # no apex in this time: taken for a fall
+    unsteady = replace(ROBOT, hop_limit_s=0.5)  # no apex within this time, which counts as a fall
     made = run_task(WatchedHopper(unsteady, sight(), TASK, start()), Swings(0.0))
     assert made.outcome.reason == FELL
     assert len(made.stances["time_s"]) == 0

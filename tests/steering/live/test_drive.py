@@ -24,11 +24,11 @@ from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
 
 ENDLESS = Path(__file__).with_name("endless_drive.py")
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # where the server is
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # contains the server
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S)
 SPEED = 4.0
 FASTEST_M_S, FASTEST_RAD_S = 0.3, 1.0  # of the hopper when its boom hardly swings
-# Of a machine that pauses nothing is told but what a server that goes away tells at once.
+# Pauses of the machine are not reported; a server that disconnects is reported at once.
 PATIENT = Patience(stale_s=LONG_S, reconnect_s=LONG_S, retry_s=0.02, longest_retry_s=0.1)
 
 
@@ -105,7 +105,7 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     for decision in done.decisions:
         k = int(np.nanargmin(np.abs(true - decision.stance_s)))
         assert abs(true[k] - decision.stance_s) < 0.02
-        # A loaded machine takes several frames at a time, and plans with the newest of them.
+        # A loaded machine takes several frames at a time and plans with the newest of them.
         later_s = SPEED * (decision.since_stance_s - decision.pose_age_s)
         moved_m, turned_rad = FASTEST_M_S * later_s, FASTEST_RAD_S * later_s
         np.testing.assert_allclose(decision.pose[:2], hops[k].stance.pose[:2], atol=0.02 + moved_m)
@@ -114,7 +114,7 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     nearest = [int(np.nanargmin(np.abs(true - d.stance_s))) for d in done.decisions]
     assert nearest == list(range(nearest[0], nearest[0] + len(nearest)))  # none lost, none invented
     commanded = [d.command_rad for d in done.decisions]
-    # On a loaded machine some come too late for their flight; test_simulated has none of it.
+    # On a loaded machine some come too late for their flight; test_simulated has no such delays.
     assert {h.swing_rad for h in hops if h.swing_rad != 0} <= set(commanded)
     written = read_log(tmp_path / "drive.h5")
     assert list(written.decisions.command_rad) == commanded
@@ -160,7 +160,7 @@ def interruptible():
 def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_path, told, code):
     heard = []
     with Robot(faults=Faults(dropped=0.05), seed=3) as robot:
-        robot.hopper._swings = lambda: 0.0  # those of the process are listened to here
+        robot.hopper._swings = lambda: 0.0  # here the test reads the swings of the process
         ports = robot.server.port, robot.swings.port
         process = subprocess.Popen(
             [sys.executable, ENDLESS, *map(str, ports), tmp_path / "drive.h5"],
@@ -168,10 +168,10 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
         )
         try:
             wait_until(lambda: heard.append(robot.swings.newest()) or len(set(heard)) > 2)
-            told_s = time.monotonic()  # the same clock in all processes
+            told_s = time.monotonic()  # all processes share this clock
             process.send_signal(getattr(signal, told))
-            process.send_signal(getattr(signal, told))  # nobody's patience spoils the end
-            # Where the second one comes late, all is written and the handlers are put back.
+            process.send_signal(getattr(signal, told))  # patience does not delay the end
+            # If the second signal comes late, everything is written and the handlers are restored.
             assert process.wait(LONG_S) in {code, -getattr(signal, told)}
         finally:
             process.kill()
@@ -209,7 +209,7 @@ def test_a_process_that_is_killed_leaves_a_log_that_can_be_read(tmp_path):
     assert len(log.decisions) > 2
     assert len(log.frames) > 100
     assert set(log.decisions.told_s) <= set(log.frames["time_s"])
-    assert not len(log.counts)  # which come at the end
+    assert not len(log.counts)  # they come at the end
 
 
 @pytest.mark.usefixtures("interruptible")

@@ -206,7 +206,7 @@ def test_a_plan_that_comes_too_late_is_not_sent():
     with Bench(slow, limits=Limits(LONG_S, command_s=0.25)) as bench:
         bench.frame(stance=True)
         (decision,) = bench.decided()
-    assert bench.boom.swings == [0.0]  # while it was still planned
+    assert bench.boom.swings == [0.0]  # while the plan was still computed
     assert "too late" in decision.reason
 
 
@@ -298,7 +298,7 @@ def test_frames_that_cannot_be_understood_are_counted():
 def test_another_camera_clock_is_observed_anew_but_the_same_one_is_not():
     with Bench() as bench:
         bench.frame(epoch=0)
-        bench.frame(epoch=1)  # a connection anew to the same clock
+        bench.frame(epoch=1)  # a new connection to the same clock
         bench.frame(stance=True, epoch=1)
         bench.decided(1)
         assert bench.observers == 1
@@ -342,7 +342,7 @@ def test_closing_ends_the_thread_at_once():
     Bench().loop.close()
 
 
-# Each cause in the loop: the boom is told to rest, it is said, and how long it took is printed.
+# For each cause, the loop brings the boom to rest, logs it, and the time is printed.
 
 
 def rested(bench, cause_s, words, *, over=False):
@@ -391,7 +391,7 @@ def test_what_a_frame_shows_brings_the_boom_to_rest(words, caplog):
         bench.frame(stance=True)
         last = bench.decided(2)[-1]
     assert words in caplog.text
-    assert (last.outcome == "held") == over  # it goes on with sound frames, if it is not over
+    assert (last.outcome == "held") == over  # unless it is over, it goes on with sound frames
 
 
 def test_frames_that_no_longer_come_or_come_again_bring_it_to_rest_until_they_do():

@@ -36,7 +36,7 @@ def test_the_client_reads_back_a_frame():
     header, markers = packet.get_3d_markers()
     assert header.marker_count == 3
     np.testing.assert_allclose(markers[0], [100, -200, 300], rtol=1e-6)
-    assert np.isnan(markers[1]).all()  # a marker is seen as a whole or not at all
+    assert np.isnan(markers[1]).all()  # a marker is seen completely or not at all
     assert list(markers[2]) == [1250.0, 2500.0, -125.0]
 
 
@@ -102,7 +102,7 @@ def test_our_own_settings_are_sound():
     assert parameters.upwards == "+Z"
     check_settings(parameters, 100.0)
     check_settings(parameters, None)
-    check_settings(StreamParameters(("a",), None), 100.0)  # says nothing
+    check_settings(StreamParameters(("a",), None), 100.0)  # no remark
 
 
 def test_another_axis_or_rate_is_an_error():
@@ -179,7 +179,7 @@ def test_a_damaged_packet_is_left_out_and_those_after_it_come():
 @pytest.mark.parametrize("header", [bytes(8), HEADER.pack(7, 3), HEADER.pack(2**32 - 1, 3)])
 def test_a_header_that_cannot_be_ends_the_connection(header):
     got, _, error, aborted = screened([SOUND[0] + header, SOUND[1]])
-    assert got == SOUND[:1]  # and nothing after it
+    assert got == SOUND[:1]  # nothing follows it
     assert "the stream is not of the protocol: packet of" in str(error)
     assert aborted
 

@@ -94,7 +94,7 @@ def test_the_printed_reading_is_the_printed_set_up():
     assert READINGS["printed, all fixed"] is PRINTED
 
 
-# Tables of maps: three turns, in mm and degrees, with the hops behind them.
+# Tables of maps: three angles, in mm and degrees, with the hops that they come from.
 
 HOPS = chained_hops(40, noise=np.array([2e-3, 2e-3, 1e-2]))
 

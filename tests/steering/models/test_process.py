@@ -73,7 +73,7 @@ def test_gradients_are_those_of_differences(trained):
     gradient = change_and_gradient(process, *points.T)[1]
     for axis in range(points.shape[1]):
         step = np.zeros(points.shape[1])
-        step[axis] = 1e-4  # of shorter ones rounding shows: hops that repeat have large weights
+        step[axis] = 1e-4  # shorter steps show rounding, because repeated hops have large weights
         ahead, behind = process.mean_at(points + step), process.mean_at(points - step)
         np.testing.assert_allclose(gradient[:, :, axis], (ahead - behind) / 2e-4, atol=1e-6)
 
@@ -125,7 +125,7 @@ def test_the_printed_set_up_is_the_printed_formula():
     assert np.all(process.variance == 1)
     assert np.all(process.noise == 0.1)
     assert np.all(process.length_scales == 1)
-    # The formula's Matern kernel of smoothness 3/2, by its Bessel function.
+    # Matern kernel of smoothness 3/2 by the formula with its Bessel function.
     from scipy.special import gamma, kv
 
     distance = np.array([0.3, 1.0, 2.0])

@@ -77,7 +77,7 @@ def test_one_call_does_it_all(hopper, motion, stances):
     np.testing.assert_array_equal(states.pairs, stances.pairs)
 
 
-# As printed.
+# Printed observation.
 
 BODY = np.array(MarkerOptions().body_m)
 

@@ -35,8 +35,9 @@ def test_the_hopper_was_carried_or_the_test_above_is_weak():
 
 
 def test_a_stumble_is_no_part_of_a_hop():
-    # Half a second low, with a bounce at either end: one visit, whose lowest point is at one of
-    # them. The hop that began there 0.4 s before the hopper flew spoiled a model of a hundred.
+    # The hopper stays low for half a second and bounces at either end: one visit, whose lowest
+    # point is at one of the bounces. A hop that began there, 0.4 s before the hopper flew, spoiled
+    # a model learned from a hundred hops.
     hopper = steered()
     z, at = heights(hopper), int(np.round(100 * hopper.lowest_s[20]))
     low = z[at] + 0.04 * np.sin(np.linspace(0, np.pi, 50))
@@ -132,7 +133,7 @@ def test_lying_down_between_hops_is_no_stance():
     hopper = steered()
     time, z = hopper.recording.time, heights(hopper)
     cut = np.searchsorted(time, hopper.lowest_s[20])
-    slow = 0.4 + 0.1 * np.cos(np.linspace(0, 2 * np.pi, 200))  # laid down, picked up by hand
+    slow = 0.4 + 0.1 * np.cos(np.linspace(0, 2 * np.pi, 200))  # laid down and picked up by hand
     both = np.concatenate([z[: cut - 40], slow, z[cut + 40 :]])
     found = find_stances(np.arange(len(both)) / 100, both)
     near = (found.time_s > time[cut - 40]) & (found.time_s < time[cut - 40] + 2.0)
@@ -214,7 +215,7 @@ def test_too_few_frames_give_nothing():
     assert local_fit(t, t, 0.41, 0.59, degree=1) is None
 
 
-# Stances of a stream, told as they come.
+# Stances of a stream, reported as they occur.
 
 
 def detector(rate_hz=100.0):
@@ -309,7 +310,7 @@ def test_single_frames_that_jump_away_are_left_out(size_m):
 @pytest.mark.parametrize("step_m", [0.02, -0.02, 0.05])
 @pytest.mark.parametrize("after_s", [-0.08, -0.02, 0.0, 0.03, 0.1, 0.3])
 def test_a_step_in_the_heights_tells_no_stance_twice(step_m, after_s):
-    # As when a third marker comes back to two that had leaned on an old attitude.
+    # This happens when a third marker returns to two that relied on an old attitude.
     hopper = steered()
     time, z = hopper.recording.time, heights(hopper)
     for instant in hopper.lowest_s:
@@ -321,7 +322,7 @@ def test_a_step_in_the_heights_tells_no_stance_twice(step_m, after_s):
 
 @pytest.mark.parametrize("rate", [100.0, 500.0])
 def test_a_stream_that_begins_in_a_rise_begins_with_no_stance(rate):
-    # The noise of the first two or three heights is no fall.
+    # The noise of the first two or three heights is not a fall.
     hopper = steered(rate_hz=rate)
     time, z = hopper.recording.time, heights(hopper)
     for instant, after in zip(hopper.lowest_s[:-1], hopper.lowest_s[1:], strict=True):
@@ -341,7 +342,7 @@ def test_standing_being_lifted_and_set_down_are_no_stances():
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize("rate", [60.0, 100.0, 250.0])
 def test_shaken_in_the_air_it_makes_no_stance(rate, gaps):
-    # It was told one at each shake, some 0.2 m too high, whether frames were missing or not.
+    # A stance used to be reported at each shake, about 0.2 m too high, with and without gaps.
     rng = np.random.default_rng(np.random.SeedSequence(6))
     time = np.arange(0, 8, 1 / rate)
     for shakes_s, reach_m in ((1.5, 0.08), (2.0, 0.05), (3.0, 0.03)):  # up to 7, 8 and 11 m/s^2
