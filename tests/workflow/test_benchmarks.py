@@ -14,6 +14,7 @@ from live_loop import off_by
 
 from hopdata.figures.catalogue import FIGURES, source_of
 from hopdata.steering.live.simulated import TrueHop
+from hopdata.steering.robot import Stance
 
 pytestmark = pytest.mark.workflow
 
@@ -158,8 +159,9 @@ def test_what_programs_take_from_each_other_is_there(program):
 
 def test_a_swing_under_faults_is_judged_by_its_own_stance():
     """When its pose was seen does not matter; a wrong pose, boom angle or stance is found."""
-    hops = [TrueHop(k - 0.3, 0.5, float(k), (0.1 * k, 0.0, 6.0 + k), 3.0 + k) for k in (1, 2)]
-    hops.append(TrueHop(2.7, 0.5, np.nan, (0.2, 0.0, 8.0), 5.0))  # it fell
+    stances = [Stance(k, np.array([0.1 * k, 0, 6 + k]), 3.0 + k, False, False) for k in (1, 2)]
+    stances.append(Stance(np.nan, np.full(3, np.nan), 5.0, True, False))
+    hops = [TrueHop(k - 0.3, 0.5, stance) for k, stance in enumerate(stances, start=1)]
 
     def off(told_s, **wrong):
         right = {"pose": (0.1, 0.0, 7.0 - 2 * np.pi), "boom_angle_rad": 4.0 - 2 * np.pi}
