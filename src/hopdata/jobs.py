@@ -130,7 +130,7 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
 def as_stored(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table as it would be after `write_table` and `read_table`: rounded as in a file."""
-    return _read(lambda: StringIO(_csv(table)))
+    return read_table(StringIO(_csv(table)))
 
 
 def _csv(table: pd.DataFrame) -> str:
@@ -164,17 +164,13 @@ def _printed(column: pd.Series) -> list[str]:
     return ["" if value != value else f"{value:.{digits}g}" for value in column.tolist()]
 
 
-def read_table(path: str | Path) -> pd.DataFrame:
+def read_table(path: str | Path | StringIO) -> pd.DataFrame:
     """Read a CSV table; `TEXT_COLUMNS` stay text, and their empty cells become empty strings."""
-    return _read(lambda: path)
-
-
-def _read(source: Callable[[], Any]) -> pd.DataFrame:
-    text = [name for name in pd.read_csv(source(), nrows=0).columns if name in TEXT_COLUMNS]
     # A recording may be called NA, so only an empty cell is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
-    table = pd.read_csv(source(), dtype=dict.fromkeys(text, str), **missing)
-    return _changed(table.assign(**{name: table[name].fillna("") for name in text}), _unguarded)
+    table = pd.read_csv(path, dtype=dict.fromkeys(TEXT_COLUMNS, str), **missing)
+    text = table.columns.intersection(TEXT_COLUMNS)
+    return _changed(table.fillna(dict.fromkeys(text, "")), _unguarded)
 
 
 def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
