@@ -35,7 +35,6 @@ SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve(
 #: Differences that `plan` lists, beyond what smooth terms may leave, as shares of the map.
 BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
 Progress = Callable[[str], object]
-Simulate = Callable[..., tuple[Recording, Truth]]
 
 
 @told_call
@@ -234,21 +233,20 @@ def synthesize(
     >>> truth.contact_times.shape  # landings, feet
     (5, 4)
     """
-    from hopdata.synthesis import simulate_recording
-
     options = keys.get("simulation") or {}
     keys["simulation"] = {"scene": scene, **options} if isinstance(options, Mapping) else options
     # The simulation makes all markers, whatever names are given here.
     markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
     content = {"study": name, "recordings": [{"name": name}], "markers": markers, "seed": seed}
-    return _simulated(load_config({**content, **keys}), 0, simulate_recording)
+    return _simulated(load_config({**content, **keys}), 0)
 
 
-def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recording, Truth]:
+def _simulated(config: Contents, number: int) -> tuple[Recording, Truth]:
+    from hopdata.synthesis import simulate_recording
+
     name, seed = config["recordings"][number]["name"], (config["seed"], number)
-    return simulate(
-        consistency.simulation_of(config, name), config["motion_capture"], seed=seed, name=name
-    )
+    scene, cameras = consistency.simulation_of(config, name), config["motion_capture"]
+    return simulate_recording(scene, cameras, seed=seed, name=name)
 
 
 def planned(allowed: float) -> list[float]:
@@ -372,10 +370,8 @@ class Study(Shown):
         with TemporaryDirectory() as folder:
             files: list[str] = consistency.files_of(entry)
             if simulated := not files:
-                from hopdata.synthesis import simulate_recording
-
                 files = [f"{folder}/{name}.h5"]
-                hdf5.write_recording(files[0], *_simulated(config, number, simulate_recording))
+                hdf5.write_recording(files[0], *_simulated(config, number))
             options = {"exclude": entry["exclude"], **config["input"]}
             recording, _ = import_recording(files, name=name, markers=config["markers"], **options)
         return replace(recording, source=f"simulated/{name}.h5") if simulated else recording
@@ -527,10 +523,8 @@ class Study(Shown):
         self.progress("quality")
         inspected = recording_tables(hdf5.as_stored(one) for one in self.imported)
         return {
-            "markers": inspected["markers"],
-            "gap_times": inspected["gaps"],
-            "faults": inspected["faults"],
-            "remarks": inspected["remarks"],
+            "gap_times": inspected.pop("gaps"),
+            **inspected,
             "section_densities": section_densities(
                 recordings, sections, nodes=self.config["sections"]["grid_nodes"]
             ),

@@ -170,10 +170,7 @@ def _candidates(function: Callable[..., Any], chosen_by_user: str) -> Iterator[P
     source = Path(function.__code__.co_filename)
     if not source.exists():  # typed at a prompt, so Numba has no file to check the cache against
         return
-    if chosen_by_user:
-        yield Path(chosen_by_user)
-    else:
-        yield source.parent / "__pycache__"
+    yield Path(chosen_by_user or source.parent / "__pycache__")
     users = _users_cache() / "hopdata"
     if users.is_absolute():  # without a home the path is relative to the working directory
         yield users
