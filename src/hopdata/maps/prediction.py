@@ -14,6 +14,7 @@ proportion for every model of the study, so that all are compared at the same sa
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -226,7 +227,7 @@ def bootstrap_prediction(
     populations, more = large_enough(populations, train, test, needed)
     sizes, scaled = common_split(populations, train, test)
     notes += more + scaled
-    frames = []
+    frames: dict[str, list[pd.DataFrame]] = {model: [] for model in MODELS}
     for population in populations:
         generator = named_generator(seed, "prediction", population.name)
         splits = distinct_draws(generator, len(population.rows), sizes, bootstraps)
@@ -238,8 +239,9 @@ def bootstrap_prediction(
                 errors = mean_test_errors(outputs, *splits)
             else:
                 errors = affine_test_errors(inputs, outputs, *splits)
-            frames.append(_rows(model, population, errors, sizes, units))
-    table = _table(frames)
+            frames[model].append(_rows(model, population, errors, sizes, units))
+    parts = [*chain(*frames.values())] or [pd.DataFrame(columns=list(_COLUMNS))]
+    table = pd.concat(parts, ignore_index=True)
     return PredictionStudy(table, summarise_errors(table), notes)
 
 
@@ -318,11 +320,3 @@ def _rows(
         unit[1] * np.sqrt(velocity.max(axis=1)),
     )
     return pd.DataFrame(dict(zip(_COLUMNS, values, strict=True)))
-
-
-def _table(frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """Concatenate tables in the order of Fig. 2.4."""
-    if not frames:
-        return pd.DataFrame(columns=list(_COLUMNS))
-    frames = sorted(frames, key=lambda frame: list(MODELS).index(frame["model"].iloc[0]))
-    return pd.concat(frames, ignore_index=True)

@@ -189,23 +189,29 @@ def bootstrap_subspaces(
     pairs = np.hstack([x, y]) @ pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
     bases: dict[str, FloatArray] = {}
-    notes, rare = _fewer_components(k, x.shape[1] - 1, components, samples), {}
+    notes, rare = [], {}
+    if not components and k < x.shape[1] - 1:  # the markers need more than a draw's landings span
+        what = f"{k} components instead of {x.shape[1] - 1}"
+        notes.append(_note(what, f"{samples} landings span no more: set subspaces.samples"))
     for name in sorted(set(names.tolist()) - {""}):
         rows = np.flatnonzero(names == name)
         if len(rows) < samples:
             rare[name] = len(rows)
             continue
-        reason = _problem(samples, k, pairs.shape[1])
-        if not reason:
-            generator = named_generator(seed, "subspaces", name)
-            (draws,) = distinct_draws(generator, len(rows), (samples,), bootstraps)
-            found, full = leading_subspaces(pairs[rows], draws, k)
-            if full.any():
-                bases[name] = found[full]
-            if not full.all():
-                reason = f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
-        if reason:
-            notes.append({"what": f"subspaces of schedule {name}", "reason": reason})
+        what = f"subspaces of schedule {name}"
+        if k >= samples or k > pairs.shape[1]:
+            span = f"{samples} landings span at most {samples - 1} of {pairs.shape[1]} dimensions"
+            wanted = f"{k} wanted: set subspaces.samples or subspaces.components"
+            notes.append(_note(what, f"{span}, {wanted}"))
+            continue
+        generator = named_generator(seed, "subspaces", name)
+        (draws,) = distinct_draws(generator, len(rows), (samples,), bootstraps)
+        found, full = leading_subspaces(pairs[rows], draws, k)
+        if full.any():
+            bases[name] = found[full]
+        if not full.all():
+            lacking = f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
+            notes.append(_note(what, lacking))
     notes += rare_notes("subspaces", rare, f"{samples} distinct ones wanted in each draw")
     return SubspaceStudy(bases, (pairs.shape[1], k), notes)
 
@@ -240,24 +246,6 @@ def leading_subspaces(
         bases[some] = right[:, :k].swapaxes(1, 2)
         full[some] = values[:, k - 1] > _RANK_TOLERANCE * values[:, 0]
     return bases, full
-
-
-def _fewer_components(k: int, printed: int, components: int | None, samples: int) -> Notes:
-    """Return a note if the body markers need more components than a draw's landings span."""
-    if components or k == printed:
-        return []
-    reason = f"{samples} landings span no more: set subspaces.samples"
-    return [{"what": f"{k} components instead of {printed}", "reason": reason}]
-
-
-def _problem(samples: int, k: int, dimension: int) -> str:
-    """Return why no class can have subspaces, or an empty string."""
-    if k >= samples or k > dimension:
-        return (
-            f"{samples} landings span at most {samples - 1} of {dimension} dimensions, {k} "
-            "wanted: set subspaces.samples or subspaces.components"
-        )
-    return ""
 
 
 # Arc-length distances between subspaces, and the two baselines of Fig. 2.5.
