@@ -27,15 +27,9 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray, Shown
 from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
-from hopdata.maps.verdict import inputs
+from hopdata.maps.verdict import inputs, model
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, contact_orders, halves
-from hopdata.maps.verdict.model import (
-    KinkFit,
-    err_alike,
-    one_landing,
-    symmetric_root,
-    upper_ends,
-)
+from hopdata.maps.verdict.model import KinkFit, symmetric_root
 
 #: Number of successive landings that share a random sign if successive landings err alike.
 IN_A_ROW = 40
@@ -262,7 +256,7 @@ def effect_size(
     flips
         Number of random sign patterns.
     """
-    if err_alike(fit.scores @ root.T):
+    if model.err_alike(fit.scores @ root.T):
         first = np.arange(0, len(fit.scores), IN_A_ROW)
         runs = [np.add.reduceat(part, first) for part in (fit.scores, fit.null_scores)]
         fit = replace(fit, scores=runs[0], null_scores=runs[1])
@@ -284,11 +278,13 @@ def effect_size(
     p_value = (1 + int(np.sum(left >= statistic))) / (1 + flips)
     floor = below(float(np.median(left)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
-    high, bound = upper_ends([below(typical, one) for one in (level / 2.0, level)], fit.allowed)
+    reach = [below(typical, one) for one in (level / 2.0, level)]
+    high, bound = model.upper_ends(reach, fit.allowed)
+    off = model.one_landing(fit.allowed)
     squared = statistic - float(np.sum((fit.scores @ root.T) ** 2))
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, squared))),
-        low=max(0.0, low - fit.allowed) / (1.0 + one_landing(fit.allowed)) * (p_value < level),
+        low=max(0.0, low - fit.allowed) / (1.0 + off) * (p_value < level),
         high=high,
         upper_bound=bound,
         detectable=_detectable(draws.null, fit.allowed, level, power),
@@ -353,10 +349,7 @@ def _detectable(errors: FloatArray, allowed: float, level: float, power: float) 
     along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
     threshold = float(np.quantile((along + allowed) ** 2 + across, 1.0 - level))
 
-    def too_small(size: float) -> float:
-        return _share((along + size) ** 2 + across <= threshold) - (1.0 - power)
-
-    return _crossing(too_small)
+    return _crossing(lambda e: _share((along + e) ** 2 + across <= threshold) - (1.0 - power))
 
 
 def _share(holds: BoolArray) -> float:
