@@ -92,13 +92,19 @@ def pool_frames(
     for h in heights:
         all_up = clear_of_ground(h.min_foot, threshold_m=min_foot_m, ground_m=ground_m)
         some_up = clear_of_ground(h.max_foot, threshold_m=max_foot_m, ground_m=ground_m)
-        all_down, keep = h.seen & ~some_up, h.seen
-        if landings_only:
-            keep, landed = landing_frames(h.body, all_up, all_down)
-            all_up, all_down = all_up & ~landed, all_down | landed
-        parts.append((h.body[keep], all_up[keep], all_down[keep]))
-    body, up, down = (pooled(part) for part in zip(*parts, strict=True))
-    return Frames(body, up, down)
+        parts.append(kept_frames(h.body, all_up, h.seen & ~some_up, landings_only))
+    return Frames(*map(pooled, zip(*parts, strict=True)))
+
+
+def kept_frames(
+    body: FloatArray, all_up: BoolArray, all_down: BoolArray, landings_only: bool
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Return body height and states of the frames that count: see `pool_frames`."""
+    keep = np.isfinite(body)
+    if landings_only:
+        keep, landed = landing_frames(body, all_up, all_down)
+        all_up, all_down = all_up & ~landed, all_down | landed
+    return body[keep], all_up[keep], all_down[keep]
 
 
 def pooled(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import chosen
+from hopdata.landings.overlay import match_instants
 from hopdata.landings.schedules import AMBIGUOUS, schedule_names
-from hopdata.landings.sections.frames import landing_frames
+from hopdata.landings.sections.frames import kept_frames
 from hopdata.landings.sections.select import FRAMES
 from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth import maps
@@ -46,25 +47,15 @@ def match_landings(found: FloatArray, true: FloatArray) -> IntArray:
     -------
     (m,) array
         Number of the landing for each touchdown, or -1 if there is none. If several touchdowns are
-        near one landing, only the closest is matched.
+        near one landing, only the closest is matched (`match_instants`).
     """
     landing = np.full(len(found), -1)
-    if not (len(found) and len(true)):
-        return landing
-    gaps = np.abs(_mean_instant(found)[:, None] - _mean_instant(true))
-    gaps[np.isnan(gaps)] = np.inf
-    nearest, gap = gaps.argmin(axis=1), gaps.min(axis=1)
-    for row in np.argsort(gap, kind="stable")[::-1]:  # the closest comes last and so keeps it
-        if gap[row] <= MATCH_WITHIN_S:
-            landing[landing == nearest[row]] = -1
-            landing[row] = nearest[row]
+    means = [np.ma.masked_invalid(one).mean(axis=1) for one in (found, true)]
+    timed = [np.flatnonzero(~np.ma.getmaskarray(mean)) for mean in means]
+    own, theirs = (mean.compressed() for mean in means)
+    rows, matched = match_instants(own, theirs, window_s=MATCH_WITHIN_S)
+    landing[timed[0][rows]] = timed[1][matched]
     return landing
-
-
-def _mean_instant(instants: FloatArray) -> FloatArray:
-    count = np.isfinite(instants).sum(axis=1)
-    total = np.nansum(instants, axis=1)
-    return np.divide(total, count, out=np.full(len(instants), np.nan), where=count > 0)
 
 
 def score_contacts(
@@ -121,7 +112,7 @@ def score_sections(known: Mapping[str, Truth], sections: Mapping[str, Any]) -> E
         Content of ``sections.json``. A height set in the configuration gets no error.
     """
     pooled = [_true_frames(item, sections["frames"]) for item in known.values()]
-    height, all_up, all_down = (np.concatenate(part) for part in zip(*pooled, strict=True))
+    height, all_up, all_down = map(np.concatenate, zip(*pooled, strict=True))
     tail = sections["tail_fraction"]
     true = {"pre": quantile(height[~all_up], 1 - tail), "post": quantile(height[~all_down], tail)}
     entries: Entries = {}
@@ -136,13 +127,9 @@ def score_sections(known: Mapping[str, Truth], sections: Mapping[str, Any]) -> E
 
 def _true_frames(item: Truth, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Return body height and foot states of the frames that the section rule uses."""
-    keep = np.isfinite(item.body_height)
-    n_down = item.foot_down.sum(axis=1)
-    all_up, all_down = n_down == 0, n_down == item.foot_down.shape[1]
-    if chosen("sections.frames", frames, FRAMES):
-        keep, landed = landing_frames(item.body_height, all_up, all_down)
-        all_up, all_down = all_up & ~landed, all_down | landed
-    return item.body_height[keep], all_up[keep], all_down[keep]
+    n_down, landings_only = item.foot_down.sum(axis=1), chosen("sections.frames", frames, FRAMES)
+    all_down = n_down == item.foot_down.shape[1]
+    return kept_frames(item.body_height, n_down == 0, all_down, landings_only)
 
 
 def score_floor(known: Mapping[str, Truth], floors: Mapping[str, FloorModel]) -> Entries:
