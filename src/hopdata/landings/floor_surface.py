@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyvander
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray
@@ -259,16 +260,8 @@ class FloorModel:
 
 def design(scaled: FloatArray, terms: Terms) -> FloatArray:
     """Return the columns u^i v^j, (P, T), for places (P, 2) in scaled coordinates."""
-    highest = max((max(term) for term in terms), default=0)
-    u, v = (_powers(np.ascontiguousarray(scaled[:, k]), highest) for k in (0, 1))
+    u, v = polyvander(scaled.T, max(map(max, terms))).transpose(0, 2, 1)
     return np.stack([u[i] * v[j] for i, j in terms]).T
-
-
-def _powers(x: FloatArray, highest: int) -> list[FloatArray]:
-    powers = [np.ones_like(x)]
-    for _ in range(highest):
-        powers.append(powers[-1] * x)
-    return powers
 
 
 def polynomial_terms(degree: int) -> Terms:
