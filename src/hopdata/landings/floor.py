@@ -204,11 +204,10 @@ def fit_floor(
     raised &= n_steps >= LEAST_STEPS * len(first.offsets_m)
     used = (np.abs(first.residuals) <= rest_band_m) & ~raised
     if not used.any():
-        raise AnalysisError(
-            f"{recording.name}: floor: expected feet at rest within {rest_band_m:.3g} m of a "
-            "floor, found them at different heights (on a box, or never still? or does the floor "
-            "move?); raise floor.rest_band_m, or set floor.enabled to false"
-        )
+        found = "them at different heights (on a box, or never still? or does the floor move?)"
+        found += "; raise floor.rest_band_m, or set floor.enabled to false"
+        wanted = f"feet at rest within {rest_band_m:.3g} m of a floor"
+        raise AnalysisError.at(f"{recording.name}: floor", wanted, found)
     fit = floor_surface.regress_floor(rest, scaled, used, **by)
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
@@ -392,7 +391,7 @@ def _columns_of_plane(rest: floor_surface.RestPoints, rows: slice = slice(None))
 def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:
     """Raise an error that names the feet that are hardly ever at rest."""
     if not (names := recording.names("foot")):
-        raise AnalysisError(f"{recording.name}: floor: expected at least one foot, found none")
+        raise AnalysisError.at(f"{recording.name}: floor", "at least one foot", "none")
     moving = [name for name, start in zip(names, rest.start_m, strict=True) if np.isnan(start)]
     if moving:
         raise AnalysisError(

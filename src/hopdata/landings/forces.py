@@ -127,11 +127,9 @@ def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
     above = signal.force[signal.force >= threshold]
     large = float(np.quantile(above, LARGE_QUANTILE)) if len(above) else 0.0
     if not large > 2 * threshold:
-        raise AnalysisError(
-            f"force '{signal.column.name}': expected loads of more than twice the threshold of "
-            f"{threshold:.4g} {signal.unit}, found at most {np.nanmax(signal.force):.4g}; "
-            "do forces.unit and the threshold fit?"
-        )
+        wanted = f"loads of more than twice the threshold of {threshold:.4g} {signal.unit}"
+        most = f"at most {np.nanmax(signal.force):.4g}; do forces.unit and the threshold fit?"
+        raise AnalysisError.at(f"force '{signal.column.name}'", wanted, most)
     return max(2 * threshold, LOADED_SHARE * large)
 
 

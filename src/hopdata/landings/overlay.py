@@ -147,11 +147,9 @@ def compare_contacts(
         shift, hint = likely_offset(ours, instants, window_s=window_s), ""
         if shift is not None:
             hint = f"; they would fit if {external.source}.offset_s were larger by {shift:.3f}"
-        raise AnalysisError(
-            f"{recording.name}: {external.source}, column '{external.column.name}': expected "
-            f"contacts within {window_s:g} s of those found, found none among {len(instants)} and "
-            f"{len(found)}{hint}"
-        )
+        wanted = f"contacts within {window_s:g} s of those found"
+        none = f"none among {len(instants)} and {len(found)}{hint}"
+        raise AnalysisError.at(_place(recording, external), wanted, none)
     partner = dict(zip(judged[at].tolist(), shown[of].tolist(), strict=True))
     rows: list[dict[Any, Any]] = []
     of_ours: list[dict[Any, Any]] = found.to_dict("records")
@@ -229,11 +227,13 @@ def _check_overlap(recording: Recording, external: ContactTimes) -> None:
     start, end = float(recording.time[0]), float(recording.time[-1])
     first, last = external.span_s
     if last < start or first > end:
-        raise AnalysisError(
-            f"{recording.name}: {external.source}, column '{external.column.name}': expected times "
-            f"within the recording ({start:.3f} to {end:.3f} s), found {first:.3f} to {last:.3f} s;"
-            f" check {external.source}.offset_s and the unit"
-        )
+        wanted = f"times within the recording ({start:.3f} to {end:.3f} s)"
+        found = f"{first:.3f} to {last:.3f} s; check {external.source}.offset_s and the unit"
+        raise AnalysisError.at(_place(recording, external), wanted, found)
+
+
+def _place(recording: Recording, external: ContactTimes) -> str:
+    return f"{recording.name}: {external.source}, column '{external.column.name}'"
 
 
 # How well found and external contacts agree: counts, bias and scatter of each column.

@@ -85,10 +85,9 @@ def choose_units(
     length = spread if length_m is None else float(length_m)
     time = position / velocity if time_s is None and velocity > 0 else float(time_s or 0)
     if not (np.isfinite([length, time]).all() and length > 0 and time > 0):
-        raise AnalysisError(
-            "units: expected landings that differ from each other, found a length unit of "
-            f"{length:g} m and a time unit of {time:g} s; set units.length_m and units.time_s"
-        )
+        found = f"a length unit of {length:g} m and a time unit of {time:g} s"
+        found += "; set units.length_m and units.time_s"
+        raise AnalysisError.at("units", "landings that differ from each other", found)
     return Units(
         length_unit_m=length,
         time_unit_s=time,
