@@ -24,6 +24,7 @@ from hopdata.landings.sections.modes import GroundMode, finite, ground_mode, kde
 from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether only frames of landings count
+FEET = ("min_foot", "max_foot")
 LEAST_KNEE_M = 3e-4  # least height of a knee above its mode: no floor is known more accurately
 _LEAST_FRAMES = 5  # fewest frames with all feet up, and with all down, in a hopping gait
 
@@ -171,10 +172,7 @@ def select_sections(
     heights = [heights_of(recording) for recording in recordings]
     scale = float(np.median([recording.scale for recording in recordings]))
     by: Any = {"bandwidth_m": bandwidth_m, "scale": scale}
-    modes = [
-        ground_mode(pooled([getattr(h, foot) for h in heights]), **by)
-        for foot in ("min_foot", "max_foot")
-    ]
+    modes = [ground_mode(pooled([getattr(h, foot) for h in heights]), **by) for foot in FEET]
     every = ground_mode(pooled([r.feet[:, :, 2] for r in recordings]), **by)
     knees = [max(m.knee(threshold_sigmas), m.height_m + LEAST_KNEE_M * scale) for m in modes]
     given = {
@@ -210,12 +208,10 @@ def select_sections(
     moved = {name: held.pop(name) * scale for name in ("pre_height_m", "post_height_m")}
     sections = replace(sections, **held, **moved, n_used=len(frames_used.body))
     if not sections.pre_height_m > sections.post_height_m:
-        raise AnalysisError(
-            "sections: expected the pre section above the post section, found "
-            f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
-            "sections.pre_height_m and sections.post_height_m, or sections.frames to landings if "
-            "the body also stands on feet that are not followed"
-        )
+        found = f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
+        found += "sections.pre_height_m and sections.post_height_m, or sections.frames to landings"
+        found += " if the body also stands on feet that are not followed"
+        raise AnalysisError.at("sections", "the pre section above the post section", found)
     return sections
 
 
@@ -368,12 +364,36 @@ def section_densities(
         that fewer than two frames meet, or that leaves only one height, has no curve.
     """
     heights = [heights_of(recording) for recording in recordings]
-    curves = _foot_curves(heights, sections, nodes) | _body_curves(heights, sections, nodes)
-    tables = [
-        pd.DataFrame({"curve": name, "height_m": grid, "density_per_m": density})
-        for name, (grid, density) in curves.items()
-    ]
+    frames = sections.pooled(heights)
+    bodies = {
+        "body_all": frames.body,
+        "body_given_all_up": frames.body[frames.all_up],
+        "body_given_all_down": frames.body[frames.all_down],
+        "body_given_some_down": frames.body[~frames.all_up],
+        "body_given_some_up": frames.body[~frames.all_down],
+    }
+    bodies = {name: body for name, body in bodies.items() if len(body) > 1 and np.ptp(body) > 0}
+    feet = {foot: finite(pooled([getattr(h, foot) for h in heights])) for foot in FEET}
+    least = _FINEST * float(feet["max_foot"].max() - feet["min_foot"].min())  # without noise
+    sigmas = [getattr(sections, f"{foot}_mode").sigma_m for foot in FEET]
+    tables = _curves(feet, [max(_FOOT_BANDWIDTH * sigma, least) for sigma in sigmas], 4, nodes)
+    tables += _curves(bodies, [*map(normal_bandwidth, bodies.values())], 3, nodes)
     return pd.concat(tables, ignore_index=True)
+
+
+def _curves(
+    groups: Mapping[str, FloatArray], widths: Sequence[float], reach: float, nodes: int
+) -> list[pd.DataFrame]:
+    """Return the densities of groups of heights, on one grid that extends by `reach` widths."""
+    margin = reach * max(widths, default=0.0)
+    low = min(map(np.min, groups.values()), default=0.0) - margin
+    high = max(map(np.max, groups.values()), default=0.0) + margin
+    grid = np.linspace(low, high, nodes)
+    tables = []
+    for (name, heights), width in zip(groups.items(), widths, strict=True):
+        density = kde(heights, bandwidth=width, grid=grid)
+        tables.append(pd.DataFrame({"curve": name, "height_m": grid, "density_per_m": density}))
+    return tables
 
 
 def section_frames(
@@ -399,49 +419,10 @@ def section_frames(
     heights = [heights_of(recording) for recording in recordings]
     columns = {
         f"{name}_m": np.concatenate([getattr(h, name)[h.seen] for h in heights])
-        for name in ("min_foot", "max_foot", "body")
+        for name in (*FEET, "body")
     }
     low, high = sections.min_foot_threshold_m, sections.max_foot_threshold_m
     landing = [landing_frames(h.body, h.min_foot > low, h.max_foot < high)[0] for h in heights]
     columns["landing"] = np.concatenate([m[h.seen] for m, h in zip(landing, heights, strict=True)])
     stride = max(1, -(-len(columns["body_m"]) // max_rows))
     return pd.DataFrame({name: values[::stride] for name, values in columns.items()})
-
-
-def _foot_curves(
-    heights: Sequence[Heights], sections: Sections, nodes: int
-) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the densities of the lowest and the highest foot, on one grid."""
-    lowest = finite(pooled([h.min_foot for h in heights]))
-    highest = finite(pooled([h.max_foot for h in heights]))
-    widths = [_FOOT_BANDWIDTH * m.sigma_m for m in (sections.min_foot_mode, sections.max_foot_mode)]
-    least = _FINEST * float(highest.max() - lowest.min())
-    widths = [max(width, least) for width in widths]  # heights without noise
-    margin = 4 * max(widths)
-    grid = np.linspace(lowest.min() - margin, highest.max() + margin, nodes)
-    both = zip((lowest, highest), widths, strict=True)
-    curves = [(grid, kde(values, bandwidth=width, grid=grid)) for values, width in both]
-    return dict(zip(("min_foot", "max_foot"), curves, strict=True))
-
-
-def _body_curves(
-    heights: Sequence[Heights], sections: Sections, nodes: int
-) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return the densities of body height given the state of the feet, on one grid."""
-    frames = sections.pooled(heights)
-    groups = {
-        "body_all": frames.body,
-        "body_given_all_up": frames.body[frames.all_up],
-        "body_given_all_down": frames.body[frames.all_down],
-        "body_given_some_down": frames.body[~frames.all_up],
-        "body_given_some_up": frames.body[~frames.all_down],
-    }
-    groups = {name: body for name, body in groups.items() if len(body) > 1 and np.ptp(body) > 0}
-    if not groups:
-        return {}
-    widths = {name: normal_bandwidth(body) for name, body in groups.items()}
-    margin = 3 * max(widths.values())
-    grid = np.linspace(frames.body.min() - margin, frames.body.max() + margin, nodes)
-    return {
-        name: (grid, kde(body, bandwidth=widths[name], grid=grid)) for name, body in groups.items()
-    }
