@@ -177,7 +177,6 @@ def build_report(inputs: ReportInputs) -> str:
         verdict_meaning=verdict.MEANING,
         verdict_notes=[_note(note) for note in (inputs.verdict or {}).get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
-        count=show.count,
     )
 
 
