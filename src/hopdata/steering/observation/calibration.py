@@ -54,10 +54,9 @@ def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
     return np.asarray(found[:2]), float(abs(found[2]))
 
 
-def arc_span(points: FloatArray, centre: FloatArray) -> float:
-    """Angle that points (N, 2) span about a centre, rad: a turn less the widest gap."""
-    arms = points - centre
-    angles = np.sort(np.arctan2(arms[:, 1], arms[:, 0]))
+def arc_span(angles: FloatArray) -> float:
+    """Angle that directions (N,) in (-pi, pi] span, rad: a turn less the widest gap."""
+    angles = np.sort(angles)
     return float(2 * np.pi - np.diff(np.append(angles, angles[0] + 2 * np.pi)).max())
 
 
@@ -154,7 +153,7 @@ def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
             f"{1e3 * circle.radius_m:.2g} mm at {1e3 * residual:.2g} mm: does the boom move in "
             "this recording?"
         )
-    span = arc_span((points - circle.centre_m) @ circle.axes.T, np.zeros(2))
+    span = arc_span(circle.angles(points))
     if span < LEAST_ARC_RAD:
         least = f"at least {np.rad2deg(LEAST_ARC_RAD):.0f} degrees to define a circle"
         raise AnalysisError.at("boom", f"it to move through {least}", f"{np.rad2deg(span):.1f}")
