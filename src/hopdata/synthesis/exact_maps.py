@@ -22,7 +22,8 @@ from hopdata.hybrid.first_order import project_onto_section
 from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at, linearise
 from hopdata.hybrid.first_order.saltation import BouligandDerivative
 from hopdata.hybrid.layout import TERMINATED
-from hopdata.scenes.body import N_STATES, flight_mode, rotation_matrices
+from hopdata.rigid import turned
+from hopdata.scenes.body import N_STATES, flight_mode
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import landings
 from hopdata.synthesis.hops import padded
@@ -61,10 +62,8 @@ def flying_system(system: System) -> System:
 def homed(states: FloatArray) -> FloatArray:
     """States (L, 12) moved to the origin and turned to heading zero."""
     moved = states.copy()
-    flat = np.zeros((len(states), 3))
-    flat[:, 0] = states[:, 3]
     moved[:, [0, 1, 3]] = 0.0
-    moved[:, 6:9] = np.einsum("nji,nj->ni", rotation_matrices(flat), states[:, 6:9])
+    moved[:, 6:9] = turned(states[:, 6:9], states[:, 3])
     return moved
 
 

@@ -312,10 +312,8 @@ def run_trial(
 
 def kicked(state: FloatArray, kicks: Kicks, rng: np.random.Generator) -> FloatArray:
     """Return the state after a random kick to velocity and angular velocity, (12,)."""
-    kick = np.zeros(N_STATES)
-    kick[6:9] = kicks.velocity_m_s * rng.standard_normal(3)
-    kick[9:12] = kicks.angular_velocity_rad_s * rng.standard_normal(3)
-    return state + kick
+    spread = np.repeat([kicks.velocity_m_s, kicks.angular_velocity_rad_s], 3)
+    return state + np.append(np.zeros(6), spread * rng.standard_normal(6))
 
 
 def _release_state(
