@@ -201,7 +201,11 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
         if recording.remarks:
             _texts(file, "remarks", recording.remarks)
         if truth is not None:
-            _write_truth(file.create_group("truth"), truth)
+            group = file.create_group("truth")
+            for key in _TRUTH_DATASETS:
+                kind = np.float32 if key == "body_height" else None
+                _dataset(group, key, getattr(truth, key), kind)
+            group.attrs.update({key: getattr(truth, key) for key in _TRUTH_ATTRIBUTES})
 
 
 def as_stored(recording: Recording) -> Recording:
@@ -300,13 +304,6 @@ def _read_events(file: h5py.File) -> tuple[Event, ...]:
     if times.shape != (len(labels),) or not np.isfinite(times).all():
         raise ValueError(f"events: expected {len(labels)} finite times, found {times.shape}")
     return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))
-
-
-def _write_truth(group: h5py.Group, truth: Truth) -> None:
-    for key in _TRUTH_DATASETS:
-        _dataset(group, key, getattr(truth, key), np.float32 if key == "body_height" else None)
-    for key in _TRUTH_ATTRIBUTES:
-        group.attrs[key] = getattr(truth, key)
 
 
 def _dataset(group: h5py.Group, name: str, array: NDArray[Any], dtype: type | None = None) -> None:

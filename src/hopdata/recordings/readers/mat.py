@@ -239,7 +239,13 @@ def read_qtm_mat(
     if len(labels) != len(data):
         raise RecordingError.at(f"{inner}.Labels", f"{len(data)} as in Data", len(labels))
     positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
-    _check_counts(export, labelled, positions, place)
+    n_frames, n_markers = positions.shape[:2]
+    claims = ((export, "Frames", n_frames, place), (labelled, "Count", n_markers, inner))
+    for struct, key, found, where in claims:
+        stated = _number(struct, key, where)
+        if stated is not None and stated != found:
+            cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
+            raise RecordingError.at(f"{where}.{key}", f"{stated:g} as stated", f"{found}{cut}")
     start = _number(export, "StartFrame", place)
     return raw.assembled(
         f"{place}.FrameRate",
@@ -290,17 +296,6 @@ def _labels(labelled: Any, place: str) -> list[str]:
     if not isinstance(labels, list) or not all(isinstance(text, str) for text in labels):
         raise RecordingError.at(f"{place}.Labels", "a cell of texts", _kind(labels))
     return [text.strip(" \0") for text in labels]
-
-
-def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str) -> None:
-    n_frames, n_markers = positions.shape[:2]
-    inner = f"{place}.Trajectories.Labeled"
-    claims = ((export, "Frames", n_frames, place), (labelled, "Count", n_markers, inner))
-    for struct, key, found, where in claims:
-        stated = _number(struct, key, where)
-        if stated is not None and stated != found:
-            cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
-            raise RecordingError.at(f"{where}.{key}", f"{stated:g} as stated", f"{found}{cut}")
 
 
 def _number(struct: dict[str, Any], name: str, place: str) -> float | None:

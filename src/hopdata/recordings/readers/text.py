@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import islice, product, takewhile
 from pathlib import Path
 from typing import BinaryIO
 
@@ -265,30 +265,24 @@ class Rows:
         Empty lines are no rows, but where rows may be short those before another row are.
         """
         file.seek(self.offset)
-        mark, number, idle, ended = self.mark.encode(), self.n_lines + 1, 0, False
-        while not ended and (lines := list(islice(file, ROWS))):
-            if self.is_section:
-                ends = (k for k, line in enumerate(lines) if not line.strip(b" ,;\t\r\n"))
-                if (end := next(ends, None)) is not None:
-                    lines, ended = lines[:end], True
-            n_lines, is_last = len(lines), ended or len(lines) < ROWS
+        mark, number, idle = self.mark.encode(), self.n_lines + 1, 0
+        in_section = takewhile(lambda line: line.strip(b" ,;\t\r\n"), file)
+        while lines := list(islice(in_section if self.is_section else file, ROWS)):
+            n_lines, is_last = len(lines), len(lines) < ROWS
             if idle and (lines := [b"\n"] * idle + lines):
                 number, idle = number - idle, 0
             while lines and self.may_be_short and not lines[-1].strip():
                 lines.pop()
                 idle += 1
             if any(line.count(mark) != self.width - 1 or b'"' in line for line in lines):
-                lines = [
-                    row
-                    for k, line in enumerate(lines)
-                    if (row := self._fitted(line, f"{self.path}, line {number + k}",
-                                            is_last and k == len(lines) - 1))
-                ]  # fmt: skip
+                last = len(lines) - 1 if is_last else -1
+                fitted = (self._fitted(one, number + k, k == last) for k, one in enumerate(lines))
+                lines = list(filter(None, fitted))
             if lines:
                 yield number, lines, is_last
             number += n_lines
 
-    def _fitted(self, line: bytes, place: str, is_last: bool) -> bytes:
+    def _fitted(self, line: bytes, number: int, is_last: bool) -> bytes:
         """Return a row with the right number of marks; nothing for an empty line."""
         mark = self.mark.encode()
         is_row = line.count(mark) == self.width - 1 or self.may_be_short
@@ -296,7 +290,7 @@ class Rows:
             return b""
         fields = [f.replace(self.mark, HELD) for f in fields_of(line.decode("latin-1"), self.mark)]
         if len(fields) > self.width or (len(fields) < self.width and not self.may_be_short):
-            cut = CUT if is_last else ""
+            place, cut = f"{self.path}, line {number}", CUT * is_last
             raise RecordingError.at(place, f"{self.width} columns", f"{len(fields)}{cut}")
         fields += [""] * (self.width - len(fields))
         return (self.mark.join(fields) + "\n").encode("latin-1")
