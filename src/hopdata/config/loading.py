@@ -35,8 +35,7 @@ def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
     if told.startswith(" this key,"):
         return otherwise
     for file in reversed(list(files)):
-        line = key_lines(file).get(key)
-        if line is not None:
+        if line := key_lines(file).get(key):
             return f"{file}, line {line}"
     return otherwise
 

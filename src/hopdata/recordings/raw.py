@@ -158,11 +158,10 @@ def metric(place: str, stated: str) -> tuple[str, float]:
     RecordingError
         If it is no unit of length; it begins with `place`.
     """
-    spelt = stated.strip().lower()
-    found = next(((unit, by) for form, unit, by in _SPELT if re.fullmatch(form, spelt)), None)
-    if found is None:
-        raise RecordingError(f"{place}: expected mm, cm, m or inches, found '{stated[:40]}'")
-    return found
+    for form, unit, factor in _SPELT:
+        if re.fullmatch(form, stated.strip().lower()):
+            return unit, factor
+    raise RecordingError.at(place, "mm, cm, m or inches", f"'{stated[:40]}'")
 
 
 def labelled(place: str, names: Sequence[str]) -> tuple[list[int], tuple[str, ...]]:

@@ -63,9 +63,7 @@ def pair_distances(positions: FloatArray) -> PairDistances:
     n = positions.shape[1]
     most = max(LEAST_SAMPLED, min(SAMPLE_FRAMES, SAMPLE_NUMBERS // max(n, 1) ** 2))
     tracks = np.moveaxis(positions[:: max(1, len(positions) // most)], 1, 0)
-    median, spread = np.full((n, n), np.nan), np.full((n, n), np.nan)
-    np.fill_diagonal(median, 0.0)
-    np.fill_diagonal(spread, 0.0)
+    median, spread = np.zeros((2, n, n))
     for i in range(1, n):
         apart = np.linalg.norm(tracks[:i] - tracks[i], axis=2)
         low, middle, high = quantiles(apart.T, [0.2, 0.5, 0.8])

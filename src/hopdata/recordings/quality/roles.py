@@ -37,10 +37,9 @@ def part_by_name(name: str) -> str:
 
     Case, digits and separators do not matter: ``R_mt1``, ``L.Heel.Top`` and ``FOOT3`` are feet.
     """
-    for part, known in PARTS.items():
-        if any(word in known or _without_side(word) in known for word in _words(name, r"[a-z]+")):
-            return part
-    return ""
+    words = _words(name, r"[a-z]+")
+    plain = {*words, *map(_without_side, words)}
+    return next((part for part, known in PARTS.items() if plain & known), "")
 
 
 def place_by_name(name: str) -> tuple[int, str]:

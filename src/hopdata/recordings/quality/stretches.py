@@ -214,10 +214,8 @@ def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Marker
     markers : tuple of str
         The M names.
     """
-    unseen = ~seen(positions)
-    return tuple(
-        MarkerGaps(name, runs(unseen[:, m]), len(positions)) for m, name in enumerate(markers)
-    )
+    unseen = zip(markers, ~seen(positions).T, strict=True)
+    return tuple(MarkerGaps(name, runs(mask), len(mask)) for name, mask in unseen)
 
 
 BAND_M = 0.02  # above a marker's own lowest height
