@@ -160,9 +160,14 @@ def _ending(solution: Solution, apex: int) -> str:
     return "no apex in time"
 
 
+def place_of(point_m: FloatArray, states: Any) -> Any:
+    """Place of a point (3,) of the body, body frame, in the world, (..., 3), m."""
+    return states[..., :3] + rotation_matrices(states[..., 3:6]) @ point_m
+
+
 def rest_foot(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
     """Place of one leg's foot at rest length, world frame, (..., 3), m."""
-    return states[..., :3] + rotation_matrices(states[..., 3:6]) @ scene.rest_feet()[leg]
+    return np.asarray(place_of(scene.rest_feet()[leg], states))
 
 
 def rest_foot_climb(scene: Scene, states: FloatArray, leg: int) -> FloatArray:

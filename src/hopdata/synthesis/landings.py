@@ -15,7 +15,7 @@ from hopdata.hybrid.layout import TERMINATED
 from hopdata.rigid import turned
 from hopdata.scenes.body import N_STATES, rotation_entries, rotation_matrices, vertical_rate
 from hopdata.scenes.scene import Scene, Variant
-from hopdata.synthesis.hops import padded
+from hopdata.synthesis.hops import padded, place_of
 
 # A landing as the sections cut it out: the scene's system with one guard in the place of that for a
 # fall, the height of a point of the body (the mean of the body markers) over a section, which ends
@@ -262,7 +262,7 @@ def _fall(
     own, centre = scene.system(variant), sections.centre_m
     system, unknown = landing_system(own), np.full(preloads_n.shape, NOT_YET)
     at: dict[str, Any] = {"point_m": centre, "height_m": height_m, "since_apex_s": since_apex_s}
-    above = _centre(states, centre)[:, 2] > height_m
+    above = place_of(centre, states)[:, 2] > height_m
     solution = solve_batch(
         system,
         (0.0, LONGEST_S),
@@ -307,7 +307,7 @@ def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
 def output_coordinates(pre: FloatArray, post: FloatArray, centre_m: FloatArray) -> FloatArray:
     """Outcome of landings, (n, 11), from their states (n, 12) at both sections."""
     yaw = pre[..., 3]
-    step = turned(_centre(post, centre_m) - _centre(pre, centre_m), yaw)[..., :2]
+    step = turned(place_of(centre_m, post) - place_of(centre_m, pre), yaw)[..., :2]
     turn = (post[..., 3] - yaw)[..., None]
     return np.concatenate([step, turn, _intrinsic(post, centre_m, yaw)], axis=-1)
 
@@ -319,7 +319,7 @@ def section_tangents(pre: FloatArray, centre_m: FloatArray) -> FloatArray:
     """
 
     def every(state: Any) -> Any:
-        kept = np.concatenate([_centre(state, centre_m), state[..., 3:4]], axis=-1)
+        kept = np.concatenate([place_of(centre_m, state), state[..., 3:4]], axis=-1)
         return np.concatenate([kept, input_coordinates(state, centre_m)], axis=-1)
 
     return np.asarray(np.linalg.inv(derivative(every, pre))[:, 4:])
@@ -332,7 +332,7 @@ def output_slopes(pre: FloatArray, post: FloatArray, centre_m: FloatArray) -> Fl
 
 def height_slope(state: FloatArray, centre_m: FloatArray) -> FloatArray:
     """Return the derivative of the height of the centre by the state, (12,)."""
-    return derivative(lambda y: _centre(y, centre_m)[..., 2:], state)[0]
+    return derivative(lambda y: place_of(centre_m, y)[..., 2:], state)[0]
 
 
 def derivative(function: Any, state: FloatArray) -> FloatArray:
@@ -346,7 +346,3 @@ def _intrinsic(states: Any, centre_m: FloatArray, yaw: Any) -> Any:
     rotation = rotation_matrices(states[..., 3:6])
     velocity = states[..., 6:9] + np.einsum("...ij,...j->...i", rotation, arm)
     return np.concatenate([states[..., 4:6], turned(velocity, yaw), states[..., 9:12]], axis=-1)
-
-
-def _centre(states: Any, centre_m: FloatArray) -> Any:
-    return states[..., :3] + rotation_matrices(states[..., 3:6]) @ centre_m

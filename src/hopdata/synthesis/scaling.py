@@ -19,10 +19,9 @@ from hopdata.errors import AnalysisError
 from hopdata.recording import Truth
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
 from hopdata.scenes import STANDARD, scene_class
-from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import landings as true
-from hopdata.synthesis.camera import fixed_markers
+from hopdata.synthesis.camera import fixed_markers, in_world
 from hopdata.synthesis.exact_maps import homed, section_jacobians
 from hopdata.synthesis.landings import SectionHeights, true_landings
 
@@ -308,10 +307,9 @@ def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> Tr
 def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:
     """Positions and velocities, (n, 6B), of points (B, 3) of the body, for states (n, 12)."""
     turning = np.cross(states[:, None, 9:12], points_m[None])
-    rotation = rotation_matrices(states[:, 3:6])
-    velocity = states[:, None, 6:9] + np.einsum("nij,nbj->nbi", rotation, turning)
-    positions = fixed_markers(states, points_m)
-    return np.hstack([positions.reshape(len(states), -1), velocity.reshape(len(states), -1)])
+    velocities = in_world(states[:, [6, 7, 8, 3, 4, 5]], turning)  # turned and added as places are
+    both = (fixed_markers(states, points_m), velocities)
+    return np.hstack([one.reshape(len(states), -1) for one in both])
 
 
 @one_blas_thread()
