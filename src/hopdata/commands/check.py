@@ -193,10 +193,9 @@ def _misplaced(span_s: tuple[float, float], recording_s: tuple[float, float]) ->
     inside = overlap / max(span_s[1] - span_s[0], 1e-9)
     if min(covered, inside) >= LEAST_OVERLAP:
         return ""
-    return (
-        f" (covers {100 * covered:.0f} % of the recording, {100 * (1 - inside):.0f} % of it lies "
-        "outside: are rate_hz and offset_s right?)"
-    )
+    beyond = f"{100 * (1 - inside):.0f} % of it lies outside"
+    told = f"covers {100 * covered:.0f} % of the recording, {beyond}"
+    return f" ({told}: are rate_hz and offset_s right?)"
 
 
 def _misjudged(signal: ForceSignal, extent_m: float | None) -> str:
@@ -212,7 +211,5 @@ def _misjudged(signal: ForceSignal, extent_m: float | None) -> str:
     low, high = (GRAVITY_M_S2 * mass * extent_m**3 for mass in PLAUSIBLE_MASS)
     if low <= mean <= high:
         return ""
-    return (
-        f" ({mean:.3g} N on the mean, where a body of {extent_m:.2g} m weighs {low:.2g} to "
-        f"{high:.2g} N: is forces.unit right?)"
-    )
+    weighs = f"where a body of {extent_m:.2g} m weighs {low:.2g} to {high:.2g} N"
+    return f" ({mean:.3g} N on the mean, {weighs}: is forces.unit right?)"

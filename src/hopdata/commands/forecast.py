@@ -236,28 +236,24 @@ def _changes(
             changes.append(f"take {foot} off markers.feet: {left}")
     few = forecast.landings < FEW_LANDINGS * len(recordings)
     if forecast.unsure > MOST_UNSURE and few and len(recordings) > 1:
-        changes.append(
-            "give the files of one day as one recording (file: a list, in the order of time): of a "
-            "few landings contacts are less sure"
-        )
+        joined = "give the files of one day as one recording (file: a list, in the order of time)"
+        changes.append(f"{joined}: of a few landings contacts are less sure")
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
     known = forecast.used, forecast.detectable or 0.0, forecast.allowed, margin, len(feet)
     if margin <= forecast.allowed < 1:
         changes.append(f"ask verdict.margin for more than {forecast.allowed:.2g}: see its notes")
     elif (needed := landings_needed(*known)) > forecast.used and not enough:
-        changes.append(
-            f"record more: at least {needed} landings before anything can be compared; "
-            "verdict.margin typically takes more than 1000"
-            if forecast.detectable is None
-            else f"record some {float(f'{needed:.2g}'):,.0f} landings in all for verdict.margin"
-            + MORE_SPREAD * (needed > MOST_LANDINGS)
-        )
+        more = f"record some {float(f'{needed:.2g}'):,.0f} landings in all for verdict.margin"
+        more += MORE_SPREAD * (needed > MOST_LANDINGS)
+        if forecast.detectable is None:
+            more = f"record more: at least {needed} landings before anything can be compared; "
+            more += "verdict.margin typically takes more than 1000"
+        changes.append(more)
     orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]
     alike = orders.value_counts(normalize=True).max() > MOST_ALIKE
     if ("contact order" in forecast.reason and alike) or "no two feet" in forecast.reason:
-        changes.append(
-            "vary how the body lands (push, tilt, speed) until other feet come first, or name feet "
-            "that do: maps of one contact order cannot be compared"
-        )
+        vary = "vary how the body lands (push, tilt, speed) until other feet come first"
+        single = "maps of one contact order cannot be compared"
+        changes.append(f"{vary}, or name feet that do: {single}")
     return list(dict.fromkeys(changes))

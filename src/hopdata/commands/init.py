@@ -178,16 +178,13 @@ def init(options: argparse.Namespace) -> int:
     inspection = inspected(options)
     check_order(str(options.file), inspection.time)
     roles = guessed_roles(inspection)
-    asked = [
-        f"markers.{key}: {', '.join(getattr(roles, key))}, or {other}?"
-        for key, other in roles.unsure.items()
-    ]
+    guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
+    asked = [f"markers.{key}: {guessed[key]}, or {other}?" for key, other in roles.unsure.items()]
     moves = moving(inspection.recording(roles.feet, roles.body))
     remarks = [*roles.problems, *asked, *_remarks(inspection), *[moves] * bool(moves)]
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
-    guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
     guessed |= {"home": roles.home, "unit": str(draft.settings.get("input", {}).get("unit", ""))}
     for key, found in guessed.items():
         if names := found or "not guessed" * (key in ("body", "feet")):
@@ -252,10 +249,8 @@ def _draft(
     if roles.other_feet:
         settings["sections"] = {"frames": "landings"}
         others = "; ".join(", ".join(group) for group in roles.other_feet)
-        reasons["sections.frames"] = (
-            f"Other feet land in between ({others}), so only the landings of those named above "
-            "tell where the sections should be."
-        )
+        only = "only the landings of those named above tell where the sections should be"
+        reasons["sections.frames"] = f"Other feet land in between ({others}), so {only}."
     return Draft(
         study_name(out.stem),
         _relative(options.file),

@@ -250,10 +250,8 @@ def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
         yield mismatch("markers.feet", f"2 to {MOST_FEET} feet", f"{count}; feet joins markers")
     simulated = [entry["name"] for entry in config["recordings"] if not files_of(entry)]
     if config["feet"] and simulated:
-        yield (
-            f"feet: expected none beside the simulated recording {simulated[0]}, whose feet have "
-            "one marker each"
-        )
+        beside = f"the simulated recording {simulated[0]}, whose feet have one marker each"
+        yield f"feet: expected none beside {beside}"
 
 
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
