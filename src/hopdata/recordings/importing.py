@@ -257,15 +257,12 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
             if marker not in raw.markers:
                 several = set(marker.split()) <= set(raw.markers)
                 near = "; is a comma missing?" if several else did_you_mean(marker, raw.markers)
-                raise RecordingError(
-                    f"{path}: markers.{key}: expected a marker of the file "
-                    f"({listed(raw.markers)}), found {marker!r}{near}"
-                    + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
-                    + ANOTHER_SESSION * set(asked).isdisjoint(raw.markers)
-                )
+                near += "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
+                near += ANOTHER_SESSION * set(asked).isdisjoint(raw.markers)
+                place, there = f"{path}: markers.{key}", f"({listed(raw.markers)})"
+                raise RecordingError.at(place, f"a marker of the file {there}", f"{marker!r}{near}")
             if marker in chosen:
-                once = "expected each marker once"
-                raise RecordingError(f"markers.{key}: {once}, found '{marker}' twice")
+                raise RecordingError.at(f"markers.{key}", "each marker once", f"'{marker}' twice")
             chosen.append(marker)
     order = [raw.markers.index(marker) for marker in chosen]
     return replace(raw, markers=tuple(chosen), positions=_only(raw.positions, order), roles=())

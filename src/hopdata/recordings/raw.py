@@ -409,11 +409,9 @@ def settle(
     if own is None or not near or _fitting_grid(stamps, number, own) is None:
         return stamps, ()
     grid: FloatArray = stamps[0] + (number - number[0]) / rate_hz
-    return grid, (
-        f"{place}: time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but at the "
-        f"rate of {rate_hz:g} Hz they would end at {grid[-1]:.6g} s; all {len(grid)} are taken "
-        "from the rate",
-    )
+    ends = f"at the rate of {rate_hz:g} Hz they would end at {grid[-1]:.6g} s"
+    told = f"time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but {ends}"
+    return grid, (f"{place}: {told}; all {len(grid)} are taken from the rate",)
 
 
 def _fitting_grid(stamps: FloatArray, number: FloatArray, rate_hz: float) -> FloatArray | None:
