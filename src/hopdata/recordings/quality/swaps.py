@@ -441,7 +441,8 @@ def _merged(by_track: list[Swap], by_distance: list[Swap], longest: int) -> list
     for late in by_distance:
         for i, swap in enumerate(merged):
             same = set(swap.markers) == set(late.markers)
-            if same and _undoes(swap, late, longest):
+            follows = late.stop is not None and late.start < swap.start <= late.stop + longest
+            if same and follows and swap.stop is None:
                 both = late.found_by + swap.found_by
                 merged[i] = replace(late, stop=swap.start, found_by=both)
                 break
@@ -455,12 +456,6 @@ def _merged(by_track: list[Swap], by_distance: list[Swap], longest: int) -> list
         else:
             merged.append(late)
     return merged
-
-
-def _undoes(swap: Swap, late: Swap, longest: int) -> bool:
-    if swap.stop is not None or late.stop is None:
-        return False
-    return late.start < swap.start <= late.stop + longest
 
 
 def _overlap(one: Swap, other: Swap) -> bool:

@@ -83,8 +83,7 @@ def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows
     mark = _mark(first)
     fields = text.split_line(path, first, mark)
     width = max(len(fields), 2 + 3 * len(markers))
-    unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
-    if unused or n_axes > 3 * len(markers):
+    if any(fields[2 + 3 * len(markers) :]) or n_axes > 3 * len(markers):
         wanted = f"{3 * len(markers)} columns of {len(markers)} markers"
         found = f"{max(n_axes, len(text.trimmed(fields)) - 2)}; the others are not read"
         remarks += (mismatch(path, wanted, found),)
