@@ -42,19 +42,15 @@ def check(options: argparse.Namespace) -> int:
             cut = "" if cut_s is None else f", cut at {cut_s:g} s"
             print(f"{entry['name']}: simulated, {hops} hops{cut}: see hopdata plan")
             continue
+        asked = {key: entry[key] for key in ("name", "exclude")} | config["input"]
         try:
             with terminal.progress_line(f"reading {', '.join(files)}") as progress:
-                recording, _ = import_recording(
-                    files, name=entry["name"], markers=config["markers"], **config["input"],
-                    exclude=entry["exclude"],
-                )  # fmt: skip
+                recording, _ = import_recording(files, markers=config["markers"], **asked)
                 progress(f"checking {', '.join(files)}")
                 check_plausible(recording, **config["quality"])
             span_s, rate_hz = recording.time[[0, -1]].tolist(), config["input"]["rate_hz"]
-            known = describe_external(
-                entry, feet=feet_of(config), span_s=span_s, rate_hz=rate_hz,
-                extent_m=extent(recording.positions),
-            )  # fmt: skip
+            of: dict[str, Any] = {"feet": feet_of(config), "extent_m": extent(recording.positions)}
+            known = describe_external(entry, span_s=span_s, rate_hz=rate_hz, **of)
         except RecordingError as error:
             key = re.search(r"markers\.\w+: expected .*", str(error))
             place = place_of(key[0], [options.config], "") if key else ""

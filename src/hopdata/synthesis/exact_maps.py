@@ -130,10 +130,8 @@ def _flown(
     system: System, vector: FloatArray, t_span: tuple[float, float], state: FloatArray
 ) -> Solution:
     """Fly with all legs up, with the derivative by the state."""
-    return solve(
-        flying_system(system), t_span, padded(state, system), params=vector,
-        mode=flight_mode(system, -1.0).tolist(), **EXACTLY,
-    )  # fmt: skip
+    start, mode = padded(state, system), flight_mode(system, -1.0).tolist()
+    return solve(flying_system(system), t_span, start, params=vector, mode=mode, **EXACTLY)
 
 
 def _slopes(solution: Solution) -> FloatArray:
@@ -198,9 +196,8 @@ def section_jacobians(
         raise AnalysisError("simultaneous contact: expected impulses or a delay, found both")
     landing = simultaneous_landing(scene, control, apex_states)
     preloads = np.full((1, scene.n_legs), scene.preload_n)
-    fall = landings.true_landings(
-        scene, control, landing.apex_state[None], preloads, sections, rtol=RTOL, workers=1
-    )
+    of = (scene, control, landing.apex_state[None], preloads, sections)
+    fall = landings.true_landings(*of, rtol=RTOL, workers=1)
     if not fall.pre_time_s[0] < landing.contact_time_s:
         wanted = f"a simultaneous contact below the pre section ({sections.pre_m:.4g} m)"
         raise AnalysisError.at("sections", wanted, "it above")
@@ -251,10 +248,8 @@ def _to_post_section(
         scene, control, np.full((1, n), scene.preload_n),
         point_m=sections.centre_m, height_m=sections.post_m,
     )[0]  # fmt: skip
-    stance = solve(
-        system, (start.t, start.t + landings.LONGEST_S), np.append(start.y, np.full(n, start.t)),
-        params=vector, mode=mode.tolist(), **EXACTLY,
-    )  # fmt: skip
+    t_span, begin = (start.t, start.t + landings.LONGEST_S), np.append(start.y, [start.t] * n)
+    stance = solve(system, t_span, begin, params=vector, mode=mode.tolist(), **EXACTLY)
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
         wanted = f"the body to sink to the post section ({sections.post_m:.4g} m)"
         raise AnalysisError.at("sections", wanted, stance.message)

@@ -221,10 +221,9 @@ def scaled_landings(
         middle = exact.landing.apex_state
         deviations = homed(apex_states) - middle
         for scale in scales:
-            found = true_landings(
-                still, control, middle + scale * deviations, scene.preload_n + scale * apart,
-                sections, rtol=RTOL, workers=workers,
-            )  # fmt: skip
+            states, preloads = middle + scale * deviations, scene.preload_n + scale * apart
+            of = (still, control, states, preloads, sections)
+            found = true_landings(*of, rtol=RTOL, workers=workers)
             rows = np.flatnonzero(found.whole)
             pre, post = found.pre_state[rows], found.post_state[rows]
             yield ScaledLandings(
@@ -289,11 +288,8 @@ def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> Tr
     """
     parts = []
     for scene, rows in known.scene.by_hop(len(truth.apex_states)):
-        found = true_landings(
-            scene, known.control, truth.apex_states[rows], truth.preloads_n[rows], sections,
-            rtol=TRUE_SECTIONS_RTOL, workers=1,
-        )  # fmt: skip
-        parts.append((rows, found))
+        of = (scene, known.control, truth.apex_states[rows], truth.preloads_n[rows], sections)
+        parts.append((rows, true_landings(*of, rtol=TRUE_SECTIONS_RTOL, workers=1)))
     index = np.concatenate([rows[found.whole] for rows, found in parts])
     order = np.argsort(index)
 
