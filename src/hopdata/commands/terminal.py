@@ -60,12 +60,11 @@ def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> st
 
 def answer(inspection: Inspection) -> str:
     """Say in one sentence whether there is anything wrong."""
-    n = inspection.n_problems
-    if not n:
-        return "No swapped or frozen markers, spikes, jumps, dropped frames or irregular stamps."
     kinds = Counter(suspect.kind for suspect in inspection.suspects())
+    if not kinds:
+        return "No swapped or frozen markers, spikes, jumps, dropped frames or irregular stamps."
     parts = ", ".join(counted(count, KINDS.get(kind, kind)) for kind, count in kinds.items())
-    return f"{counted(n, 'suspect')}: {parts}."
+    return f"{counted(kinds.total(), 'suspect')}: {parts}."
 
 
 def _facts(inspection: Inspection) -> list[str]:

@@ -144,8 +144,7 @@ def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
     if unit != "auto":
         return unit
     size = extent(positions)
-    fitting = [u for u, metres in METRES_PER_UNIT.items() if _fits(size * metres)]
-    return fitting[0] if fitting else nominal
+    return next((u for u, metres in METRES_PER_UNIT.items() if _fits(size * metres)), nominal)
 
 
 def speak_for_silent(

@@ -30,6 +30,7 @@ _NAMES = {"l": "left", "r": "right"}
 _SIDES = (*_NAMES.values(), *_NAMES)
 _LIMB = re.compile("l|r|left|right|[lr][fh]|[fhb][lr]|front|hind|fore|rear|back")
 PARTS = {part: frozenset(words.split()) for part, words in _WORDS.items()}
+_OF_FEET = PARTS["foot"] | PARTS["ankle"]
 
 
 def part_by_name(name: str) -> str:
@@ -48,8 +49,7 @@ def place_by_name(name: str) -> tuple[int, str]:
     The name is that of both sides: ``L_mt1`` and ``RMT1`` are ``mt1``.
     """
     words = [w for w in _words(name, r"[a-z]+[0-9]*|[0-9]+") if w not in _SIDES]
-    known = PARTS["foot"] | PARTS["ankle"]
-    plain = [_without_side(w) if w.rstrip("0123456789") not in known else w for w in words]
+    plain = [_without_side(w) if w.rstrip("0123456789") not in _OF_FEET else w for w in words]
     letters = {w.rstrip("0123456789") for w in plain}
     return 0 if letters & _HEELS else 1 if letters & _TOES else 2, " ".join(plain)
 
@@ -217,9 +217,8 @@ def _joined(group: list[int], inspection: Inspection) -> dict[str, list[str]]:
 
 def _side(name: str) -> str:
     """Return ``"l"`` or ``"r"`` for the name of a marker on a foot that tells its side."""
-    words, known = _words(name, r"[a-z]+"), PARTS["foot"] | PARTS["ankle"]
-    told = (w[0] for w in words if w in _SIDES or (w not in known and _without_side(w) in known))
-    return next(told, "")
+    words = [w for w in _words(name, r"[a-z]+") if w not in _OF_FEET]
+    return next((w[0] for w in words if w in _SIDES or _without_side(w) in _OF_FEET), "")
 
 
 def _doubt(feet: tuple[str, ...], markers: tuple[str, ...], rested: int) -> str:
