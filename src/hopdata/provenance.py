@@ -13,9 +13,7 @@ from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
 ASSETS = {".css", ".j2", ".mplstyle", ".toml", ".yaml"}
-REPORTED_PACKAGES = [
-    *("hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba", "snakemake")
-]
+REPORTED = ["hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba", "snakemake"]
 MISSING = "not installed"
 # Matches `from hopdata... import ...`, also over several lines, and `import hopdata...`. Parsing
 # all sources instead would take half as long as the shortest study.
@@ -74,15 +72,13 @@ def _imports(source: Path) -> frozenset[Path]:
 
 
 @cache
-def _module_files(name: str) -> tuple[Path, ...]:
-    parts = name.split(".")
-    if parts[0] != PACKAGE.name:
-        return ()
-    bases = [PACKAGE.joinpath(*parts[1:depth]) for depth in range(1, len(parts) + 1)]
-    candidates = [
-        path for base in bases for path in (base / "__init__.py", base.with_suffix(".py"))
-    ]
-    return tuple(path for path in candidates if path in _sources())
+def _module_files(name: str) -> frozenset[Path]:
+    package, *parts = name.split(".")
+    if package != PACKAGE.name:
+        return frozenset()
+    bases = [PACKAGE.joinpath(*parts[:depth]) for depth in range(len(parts) + 1)]
+    packages = {base / "__init__.py" for base in bases}
+    return _sources() & packages.union(base.with_suffix(".py") for base in bases)
 
 
 @cache
@@ -111,7 +107,7 @@ def provenance(
         "config": dict(config),
         "inputs": dict(inputs),
         "code_sha256": package_digest(),
-        "versions": {name: version_of(name) for name in REPORTED_PACKAGES},
+        "versions": {name: version_of(name) for name in REPORTED},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
         "stage_seconds": {path.stem: _seconds(path) for path in sorted(stage_times)},

@@ -18,7 +18,7 @@ from hopdata.analysis import SNAKEFILE, planned
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.errors import ConfigError, counted, require
 from hopdata.jobs import read_json
-from hopdata.provenance import MISSING, REPORTED_PACKAGES, package_digest, version_of
+from hopdata.provenance import MISSING, REPORTED, package_digest, version_of
 from hopdata.report.tables import quality_summary
 
 GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
@@ -229,7 +229,7 @@ def doctor(_options: argparse.Namespace) -> int:
     places.append(Path("~/.cache/hopdata").expanduser())
     compiled = [file for place in places if place for file in Path(place).rglob("*.nbi")]
     lines = [("python", f"{platform.python_version()}, {platform.system()} {platform.machine()}")]
-    lines += [(name, version_of(name)) for name in REPORTED_PACKAGES]
+    lines += [(name, version_of(name)) for name in REPORTED]
     problems = [f"{name}: expected it installed; install hopdata anew" for name, version in lines
                 if version == MISSING]  # fmt: skip
     lines += [(name, f"{version_of(name)} (for {use} alone)") for name, use in OPTIONAL.items()]
