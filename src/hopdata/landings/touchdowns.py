@@ -127,23 +127,21 @@ def touchdown_table(
     printed = chosen("touchdowns.method", method, find.METHODS) is not None
     if landings is None:
         landings = find.find_landings(recording, **options)
-    heights, spans = recording.feet[:, :, 2], landings[["begin_s", "end_s"]].to_numpy(float)
-    transitions = _transitions(
-        recording, spans, landings["hidden"].to_numpy(bool), (pre_height_m, post_height_m)
-    )
+    spans = landings[["begin_s", "end_s"]].to_numpy(float)
+    hidden = landings["hidden"].to_numpy(bool)
+    transitions = _transitions(recording, spans, hidden, (pre_height_m, post_height_m))
     contacts = find.contacts_of(landings)
     if printed:
         down_m = options.get("down_height_m") or find.usual_down_height(recording, spans)
-        contacts = find.find_contacts(
-            recording.time, heights, transitions, down_height_m=down_m, method=method
-        )
+        of = recording.time, recording.feet[:, :, 2], transitions
+        contacts = find.find_contacts(*of, down_height_m=down_m, method=method)
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
     tops = np.interp(spans[:, 0], *_seen(recording))
     low = (tops < pre_height_m) & (table["reason"] != HIDDEN_PRE)
     table.loc[low, ["reason", "excluded"]] = LOW_FLIGHT, True
     # A sway on feet that stay down is not a landing, nor is a descent that ends above the sections.
     through = (tops >= pre_height_m) & np.isfinite(transitions.t_pre)
-    landed = (contacts.status == descents.LANDED).any(axis=1) | landings["hidden"].to_numpy(bool)
+    landed = (contacts.status == descents.LANDED).any(axis=1) | hidden
     table["t_pre_s"] = table["t_pre_s"].where(np.isfinite(transitions.t_pre), spans[:, 0])
     table = table[through | landed].reset_index(drop=True)
     return table.assign(index=np.arange(len(table)))
@@ -202,10 +200,8 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
             of = table["recording"].iloc[0] if len(table) else ""
             wanted = f"numbers of the {len(table)} landings of '{of}'"
             raise AnalysisError.at("recordings[].exclude: landings", wanted, number)
-        begin, end = entry.get("from_s"), entry.get("to_s")
-        inside = (begins <= (np.inf if end is None else end)) & (
-            ends >= (-np.inf if begin is None else begin)
-        )
+        begin, end = np.array([entry.get("from_s"), entry.get("to_s")], float)  # NaN: no limit
+        inside = ~(ends < begin) & ~(begins > end)
         out, markers = table["excluded"].to_numpy(bool), entry.get("markers") or ()
         told = f"by hand: {', '.join(markers)}: {entry['reason']}"
         if named:
