@@ -89,10 +89,8 @@ def _parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         command.set_defaults(run=told["run"])
-        for option in (
-            *TABLE["recording"] * told.get("reads_file", False),
-            *told.get("options", ()),
-        ):
+        of_file = TABLE["recording"] * told.get("reads_file", False)
+        for option in (*of_file, *told.get("options", ())):
             given = {**option, "type": TYPES[option["type"]]} if "type" in option else dict(option)
             command.add_argument(*given.pop("flags"), **given)
     return parser

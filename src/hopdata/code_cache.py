@@ -37,16 +37,17 @@ from numba import NumbaError, config, njit
 DIGITS = 16
 BROUGHT = Path(__file__).parent / "_machine_code"  # included in a wheel
 _LOCK = RLock()  # guards Numba's setting of the cache folder, which all threads share
+Function = Callable[..., Any]
 
 
-def kept_njit(types: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+def kept_njit(types: Any = None, **options: Any) -> Callable[[Function], Any]:
     """Return a `numba.njit` decorator with these options that caches machine code if possible.
 
     With `types` the function is compiled at once instead of at its first call; other threads and
     processes that need it wait meanwhile.
     """
 
-    def decorate(function: Callable[..., Any]) -> Any:
+    def decorate(function: Function) -> Any:
         def compile_it(cached: bool) -> Any:
             return njit(types, cache=cached, **options)(function)
 
@@ -56,7 +57,7 @@ def kept_njit(types: Any = None, **options: Any) -> Callable[[Callable[..., Any]
 
 
 @contextmanager
-def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[Path | None]:
+def cache_directory(function: Function, digest: str) -> Iterator[Path | None]:
     """Point Numba's cache to the folder for `function` while it is being decorated.
 
     Parameters
@@ -83,9 +84,7 @@ def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[Path 
             config.CACHE_DIR = chosen_by_user  # type: ignore[attr-defined]
 
 
-def compiled_in_cache(
-    function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]
-) -> Any:
+def compiled_in_cache(function: Function, digest: str, compile_it: Callable[[bool], Any]) -> Any:
     """Return the compiled function: from the wheel, from the cache, or from ``compile_it(True)``.
 
     Where caching fails (a full disk, a module that cannot be imported by its name), return
@@ -109,7 +108,7 @@ def made_with() -> list[str]:
     return [numba.__version__, llvmlite.__version__, llvm.get_default_triple()]
 
 
-def brought_code(function: Callable[..., Any], digest: str) -> SimpleNamespace | None:
+def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
     """Return the `address` of a C function from the wheel, or None if it does not fit here.
 
     The result also holds the `engine` that keeps the code in memory.
@@ -160,13 +159,13 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def is_in_cache(function: Callable[..., Any], digest: str) -> bool:
+def is_in_cache(function: Function, digest: str) -> bool:
     """Return whether the folder of this digest holds an index of machine code."""
     with cache_directory(function, digest) as folder:
         return folder is not None and any(True for _ in folder.glob("*/*.nbi"))
 
 
-def _candidates(function: Callable[..., Any], chosen_by_user: str) -> Iterator[Path]:
+def _candidates(function: Function, chosen_by_user: str) -> Iterator[Path]:
     source = Path(function.__code__.co_filename)
     if not source.exists():  # typed at a prompt, so Numba has no file to check the cache against
         return
@@ -207,7 +206,7 @@ def _can_be_written(folder: Path) -> bool:
     return True
 
 
-def function_digest(function: Callable[..., Any]) -> str:
+def function_digest(function: Function) -> str:
     """Return a digest of a function and of all functions and constants that it uses.
 
     Parameters

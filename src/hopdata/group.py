@@ -179,9 +179,8 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
         if answered.empty:
             raise AnalysisError(f"no subject has an answer; the first: {rows[0]['reason']}")
         if same := answered.loc[answered.duplicated("squared", keep=False), "subject"].tolist():
-            raise AnalysisError(
-                f"expected different landings, found the same in: {', '.join(same)}"
-            )
+            told = ", ".join(same)
+            raise AnalysisError(f"expected different landings, found the same in: {told}")
         effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
         said = f"These data cannot tell: {error}."

@@ -101,11 +101,8 @@ def twists(rotation: FloatArray) -> FloatArray:
     not depend on which body axis is called x, and differs from the yaw by half the product of pitch
     and roll.
     """
-    return np.asarray(
-        np.arctan2(
-            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
-        )
-    )
+    (xx, xy, _), (yx, yy, _), _ = np.moveaxis(rotation, (-2, -1), (0, 1))
+    return np.asarray(np.arctan2(yx - xy, xx + yy))
 
 
 # Inputs: the eight coordinates of a rigid body on a section, without place and heading. Outputs:
@@ -180,10 +177,8 @@ def body_shape(positions: FloatArray) -> FloatArray:
     AnalysisError
         If there are fewer than three markers, or they lie on a line.
     """
-    if positions.shape[1] < 3:
-        raise AnalysisError(
-            f"rigid body: at least 3 body markers are needed, found {positions.shape[1]}"
-        )
+    if (markers := positions.shape[1]) < 3:
+        raise AnalysisError(f"rigid body: at least 3 body markers are needed, found {markers}")
     centred = positions - positions.mean(axis=1, keepdims=True)
     shape = centred.mean(axis=0)
     for _ in range(_ALIGNMENTS):
