@@ -47,9 +47,8 @@ def _notes(
     plane = np.linalg.lstsq(columns, ground[:, 2], rcond=None)[0]
     slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
     if found > 0 and slope >= NOTED_SLOPE_DEG:
-        notes.append(
-            f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright if it is level"
-        )
+        told = f"the floor slopes by {slope:.1f} degrees"
+        notes.append(f"{told}; turn the file's axes upright if it is level")
     return "; ".join(notes)
 
 

@@ -125,10 +125,9 @@ def common_split(
     sizes = split_sizes(len(smallest.rows), train, test)
     if sizes == (train, test):
         return sizes, []
-    done = (
-        f"trained on {sizes[0]} and tested on {sizes[1]} touchdowns instead of {train} and {test}"
-    )
-    return sizes, [{"what": f"All models were {done}", "reason": _fewest(smallest)}]
+    done = f"All models were trained on {sizes[0]} and tested on {sizes[1]} touchdowns"
+    what = f"{done} instead of {train} and {test}"
+    return sizes, [{"what": what, "reason": _fewest(smallest)}]
 
 
 def _fewest(smallest: Population) -> str:
@@ -220,9 +219,8 @@ def bootstrap_prediction(
     empty table with notes.
     """
     x, y = checked(x, y, schedule, spread)
-    populations, notes = select_populations(
-        np.asarray(schedule, str), np.asarray(spread, float), minimum_class
-    )
+    landings = np.asarray(schedule, str), np.asarray(spread, float)
+    populations, notes = select_populations(*landings, minimum_class)
     needed, units = needed_training(x), np.array([length_unit_m, length_unit_m / time_unit_s])
     populations, more = large_enough(populations, train, test, needed)
     sizes, scaled = common_split(populations, train, test)

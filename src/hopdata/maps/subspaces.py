@@ -428,9 +428,6 @@ def _note(what: str, reason: str) -> dict[str, str]:
 
 
 def _table(blocks: list[tuple[str, str, str, FloatArray]]) -> pd.DataFrame:
-    columns = ("schedule_a", "schedule_b", "distance_rad")
-    frames = [
-        pd.DataFrame({"kind": kind, **dict(zip(columns, block, strict=True))})
-        for kind, *block in blocks
-    ]
+    columns = ("kind", "schedule_a", "schedule_b", "distance_rad")
+    frames = [pd.DataFrame(dict(zip(columns, block, strict=True))) for block in blocks]
     return pd.concat(frames, ignore_index=True)

@@ -400,9 +400,8 @@ def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFit
     instant = np.ma.array([fits.instant[:, foot] for fits in found], mask=~known)
     error = np.ma.array([fits.unit_se[:, foot] for fits in found], mask=~known)
     middle = np.ma.median(instant, axis=0)
-    variance = (
-        np.ma.median(error**2, axis=0) + np.ma.mean((instant - middle) ** 2, axis=0) / noise_m**2
-    )
+    spread = np.ma.mean((instant - middle) ** 2, axis=0) / noise_m**2
+    variance = np.ma.median(error**2, axis=0) + spread
     nearest = np.ma.argmin(np.ma.abs(instant - middle), axis=0, fill_value=np.inf)
     rows = np.arange(len(nearest))
     kept = {k: np.stack([vars(one)[k] for one in found])[nearest, rows] for k in vars(found[0])}

@@ -87,10 +87,8 @@ class Sections(Shown):
 
     def told(self) -> str:
         """Describe the heights of the two sections."""
-        heights = (
-            f"{1e3 * self.pre_height_m:.1f} mm before, {1e3 * self.post_height_m:.1f} mm after"
-        )
-        return f"{heights} the landing"
+        pre_mm, post_mm = 1e3 * self.pre_height_m, 1e3 * self.post_height_m
+        return f"{pre_mm:.1f} mm before, {post_mm:.1f} mm after the landing"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, strings and dictionaries, for JSON."""

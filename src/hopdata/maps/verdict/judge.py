@@ -246,9 +246,8 @@ def judge(
 def _jump_told(jump: sizing.EffectSize, confidence: float) -> str:
     size, low, high, _ = map(percent, jump.sizes())
     sure = f"({100 * confidence:g} % interval {low} to {high})"
-    return (
-        f"where two feet exchange their order, the outcome jumps by {size} of its variation {sure}"
-    )
+    jumps = f"the outcome jumps by {size} of its variation {sure}"
+    return f"where two feet exchange their order, {jumps}"
 
 
 def _left_out(known: BoolArray) -> Notes:
@@ -259,9 +258,7 @@ def _left_out(known: BoolArray) -> Notes:
 
 def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
     far, state = far_off(landings), two_kinds(landings.inputs)
-    apart = (
-        f"a C1 map may look different by up to {percent(allowed)}: smaller sizes are not evidence"
-    )
+    apart = f"a C1 map may look different by up to {percent(allowed)}"
     kinds = (
         f"by their {state} before, such as two speeds or heights: a size is a share of the "
         "variation of both together, and may be larger within one of them: judge each alone, too"
@@ -272,7 +269,7 @@ def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
         "widens the interval; even so, a difference may be false"
     )
     told = [
-        (allowed > LEFT, "contacts far apart", apart),
+        (allowed > LEFT, "contacts far apart", f"{apart}: smaller sizes are not evidence"),
         (state, TWO_KINDS, kinds),
         (far, "landings far from all others", mistakes),
         (alike, "landings are not independent", in_a_row),
