@@ -186,7 +186,7 @@ def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> 
 
 def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
     used = touchdowns[~touchdowns["excluded"].astype(bool)]
-    errors = used[[c for c in used.columns if c.startswith("se_")]].median()
+    errors = used.filter(regex="^se_").median()
     what = "error of a contact over the spread"
     if errors.notna().any():
         worst = int(np.nanargmax(errors.to_numpy(float)))
@@ -206,10 +206,7 @@ def _open_foot(used: pd.DataFrame) -> str:
     """Name the two feet whose order is most often the least certain, and why."""
     doubtful = used[used["probability"] < SURE]
     feet = [name[8:-2] for name in used.columns if name.startswith("contact_")]
-    instant, se = (
-        doubtful[[f"{what}_{foot}_s" for foot in feet]].to_numpy(float)
-        for what in ("contact", "se")
-    )
+    instant, se = (doubtful.filter(regex=k).to_numpy(float) for k in ("^contact_", "^se_"))
     if not len(doubtful) or len(feet) < 2:
         return ""
     pairs = list(combinations(range(len(feet)), 2))

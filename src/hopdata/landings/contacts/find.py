@@ -159,10 +159,8 @@ def usual_down_height(recording: Recording, spans: FloatArray) -> float:
 
 def contacts_of(landings: pd.DataFrame) -> Contacts:
     """Read the contacts from a table made by `find_landings`."""
-    instant, se, status, common = (
-        landings[[name for name in landings if str(name).startswith(kind)]].to_numpy(float)
-        for kind in ("contact_", "se_", "status_", "common_")
-    )
+    kinds = ("^contact_", "^se_", "^status_", "^common_")
+    instant, se, status, common = (landings.filter(regex=k).to_numpy(float) for k in kinds)
     # The errors already contain the noise.
     return Contacts(instant, se, status.astype(np.int64), np.nan, common.max(axis=0, initial=0.0))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.coefficients import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
-from hopdata.landings.states.tracks import turned
+from hopdata.landings.states.tracks import joined, turned
 from hopdata.recording import Recording
 
 # The home frame moves the plane so that the place and heading of a landing do not matter.
@@ -198,7 +198,7 @@ def assemble_pairs(
             parts.append(_pairs_of(recording, used, states, marker))
     n_pairs = sum(len(part) for part in parts)
     if n_pairs < LEAST_PAIRS:
-        rest = exclude_stateless(table, _joined(parts)) if parts else table
+        rest = exclude_stateless(table, joined(parts, DESCRIPTIONS)) if parts else table
         found = "; ".join(_why_few(r, rest[rest["recording"] == r.name]) for r in recordings)
         raise AnalysisError(
             f"pairs: expected at least {LEAST_PAIRS} usable touchdowns, found {n_pairs or 'none'} "
@@ -206,7 +206,7 @@ def assemble_pairs(
             f"{post_height_m:.4g} m ({found}); set sections.pre_height_m and "
             "sections.post_height_m, or sections.frames to landings"
         )
-    return _joined(parts)
+    return joined(parts, DESCRIPTIONS)
 
 
 def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
@@ -214,10 +214,9 @@ def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
     rows = zip(table["recording"], table["index"], strict=True)
     stateless = np.array([row not in paired for row in rows]) & ~table["excluded"].to_numpy(bool)
-    return table.assign(
-        excluded=table["excluded"].to_numpy(bool) | stateless,
-        reason=table["reason"].where(~stateless, STATELESS),
-    )
+    table = table.copy()
+    table.loc[stateless, ["reason", "excluded"]] = STATELESS, True
+    return table
 
 
 def _why_few(recording: Recording, table: pd.DataFrame) -> str:
@@ -273,26 +272,11 @@ def _pairs_of(
     kinds = {"schedule": str, "spread_s": float, "recording": str, "index": np.int64}
     columns: dict[str, Any] = {name: kept[name].to_numpy(dtype) for name, dtype in kinds.items()}
     columns |= {name: states[whole] for name, states in found}
-    return Pairs(
-        **columns,
-        body_markers=recording.names("body"),
-        instants=_columns(kept, "contact_"),
-        instants_se=_columns(kept, "se_"),
-    )
-
-
-def _columns(table: Any, prefix: str) -> FloatArray:
-    """Return the columns of all feet, (L, feet), s."""
-    return table[[name for name in table.columns if name.startswith(prefix)]].to_numpy(float)
+    columns["instants"] = kept.filter(regex="^contact_").to_numpy(float)
+    columns["instants_se"] = kept.filter(regex="^se_").to_numpy(float)
+    return Pairs(**columns, body_markers=recording.names("body"))
 
 
 def _rows(positions: FloatArray, velocities: FloatArray) -> FloatArray:
     """Set positions and velocities (L, B, 3) side by side, (L, 6B)."""
     return np.concatenate([positions, velocities], axis=1).reshape(len(positions), -1)
-
-
-def _joined(parts: Sequence[Pairs]) -> Pairs:
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in DESCRIPTIONS
-    }
-    return replace(parts[0], **arrays)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
@@ -17,6 +17,7 @@ LOOK_AT = 300  # evenly sampled landings, where these show as much as all of the
 
 
 Seen = tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray, FloatArray]
+Part = TypeVar("Part", bound=Any)
 
 
 @dataclass(frozen=True)
@@ -142,10 +143,10 @@ def moments(
         yield _moments(seen, block, marker, powers, fall, windows.scale)
 
 
-def joined(parts: Iterable[Moments]) -> Moments:
-    """Join blocks of moments."""
+def joined(parts: Iterable[Part], names: Iterable[str] = _ARRAYS) -> Part:
+    """Join blocks of moments, or other dataclasses whose arrays have these names."""
     parts = list(parts)
-    arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in _ARRAYS}
+    arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in names}
     return replace(parts[0], **arrays)
 
 
