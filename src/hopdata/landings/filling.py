@@ -223,13 +223,10 @@ def mark_filled(
     total = np.append(0, body.sum(axis=1).cumsum())
     start, stop = (np.searchsorted(recording.time, at) for at in (t_pre - reach_s, t_end))
     share = (total[stop] - total[start]) / np.maximum((stop - start) * body.shape[1], 1)
-    excluded = table["excluded"].to_numpy(bool)
-    too_much = (share > largest_share) & ~excluded
-    return table.assign(
-        excluded=excluded | too_much,
-        reason=table["reason"].where(~too_much, TOO_MUCH_FILLED),
-        filled_share=share,
-    )
+    table = table.assign(filled_share=share)
+    too_much = (share > largest_share) & ~table["excluded"].to_numpy(bool)
+    table.loc[too_much, ["reason", "excluded"]] = TOO_MUCH_FILLED, True
+    return table
 
 
 def _short_gaps(unseen: BoolArray, longest: int) -> BoolArray:
