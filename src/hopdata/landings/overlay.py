@@ -134,16 +134,14 @@ def compare_contacts(
     """
     _check_overlap(recording, external)
     found = _found(touchdowns, external.column.feet)
+    ours = found["found_s"].to_numpy()
     inside = _within(external.instant, recording.time[0], recording.time[-1], -window_s)
     others = inside & _by_others(recording, external)
     judged = np.flatnonzero(inside & ~others)
-    known = _within(found["found_s"].to_numpy(), *external.span_s, window_s)
-    shown = np.flatnonzero(known)
-    at, of = match_instants(
-        external.instant[judged], found["found_s"].to_numpy()[shown], window_s=window_s
-    )
+    known = _within(ours, *external.span_s, window_s)
+    shown, instants = np.flatnonzero(known), external.instant[judged]
+    at, of = match_instants(instants, ours[shown], window_s=window_s)
     if not len(at) and len(judged) and len(found):
-        instants, ours = external.instant[judged], found["found_s"].to_numpy()
         shift, hint = likely_offset(ours, instants, window_s=window_s), ""
         if shift is not None:
             hint = f"; they would fit if {external.source}.offset_s were larger by {shift:.3f}"

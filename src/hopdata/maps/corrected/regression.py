@@ -232,7 +232,7 @@ def curved_map(
     highest = affordable_degree(len(x), x.shape[1], instants.shape[1], LANDINGS_PER_TERM)
     for degree in range(highest + 1):
         curved = mean_terms(moved, delays / unit, degree, doubt)
-        slopes, se = _regress(moved, y - drift, curved, astray)
+        slopes, se = _regress(moved, y - drift, (curved,), astray)
         fits.append(LinearMap(slopes, se, degree, known.removed))
     best = _least_error(fits, y.std(axis=0) if units is None else units)
     return replace(
@@ -268,7 +268,7 @@ def _least_error(fits: list[LinearMap], units: FloatArray) -> LinearMap:
 def _regress(
     linear: FloatArray,
     y: FloatArray,
-    others: FloatArray | None = None,
+    others: tuple[FloatArray, ...] = (),
     astray: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients of the linear terms, (p, q), and their standard errors.
@@ -278,10 +278,7 @@ def _regress(
     measured values, so they include the uncertainty of the moments behind the corrections (Fuller
     1987, sec. 2.2).
     """
-    rest = np.ones((len(linear), 1))
-    if others is not None:
-        rest = np.column_stack([rest, others])
-    basis = np.linalg.qr(rest)[0]
+    basis = np.linalg.qr(np.column_stack([np.ones(len(linear)), *others]))[0]
     linear, y = (part - basis @ (basis.T @ part) for part in (linear, y))
     own, triangle = np.linalg.qr(linear)
     if np.abs(np.diag(triangle)).min() <= 1e-10 * np.abs(np.diag(triangle)).max():
