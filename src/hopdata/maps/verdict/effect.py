@@ -201,28 +201,6 @@ def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> f
     return float(np.sqrt(changes @ halves(np.sum(mean**2, axis=1))))
 
 
-@dataclass(frozen=True)
-class _Draws:
-    """Random errors of the kinks, in axes in which the size of kinks is their Euclidean length.
-
-    `null` and `full` (draws, m) are randomly signed sums of the landings' contributions, computed
-    for no kinks and for the kinks found. For an assumed size in between, they are mixed in
-    proportion to it.
-    """
-
-    null: FloatArray
-    full: FloatArray
-
-    def statistic(self, direction: FloatArray, size: float, found: float) -> FloatArray:
-        """Return draws of T for kinks of this size along a direction (m,).
-
-        `found` is the size of the kinks that were found.
-        """
-        share = min(1.0, size / found)
-        errors = (1.0 - share) * self.null + share * self.full
-        return np.asarray(((errors + size * direction) ** 2).sum(axis=1))
-
-
 def effect_size(
     fit: KinkFit,
     root: FloatArray,
@@ -265,16 +243,21 @@ def effect_size(
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
     along = found / size
-    draws = _draws(fit, root, flips, generator)
-    none = np.sum(draws.null**2, axis=1)
-    left = draws.statistic(along, fit.allowed, size)
-    typical = max(statistic, float(np.median(none)))
-    level = round(1.0 - confidence, 12)  # 0.05, not slightly more
+    null, full = _draws(fit, root, flips, generator)
+
+    def drawn(true: float) -> FloatArray:
+        """Return draws of T for kinks of this size along those found."""
+        share = min(1.0, true / size)
+        errors = (1.0 - share) * null + share * full
+        return np.asarray(((errors + true * along) ** 2).sum(axis=1))
 
     def below(least: float, share: float) -> float:
         """Return the size at which only this share of the draws is at most `least`."""
-        return _crossing(lambda e: _share(draws.statistic(along, e, size) <= least) - share)
+        return _crossing(lambda e: _share(drawn(e) <= least) - share)
 
+    none, left = np.sum(null**2, axis=1), drawn(fit.allowed)
+    typical = max(statistic, float(np.median(none)))
+    level = round(1.0 - confidence, 12)  # 0.05, not slightly more
     p_value = (1 + int(np.sum(left >= statistic))) / (1 + flips)
     floor = below(float(np.median(left)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
@@ -287,11 +270,11 @@ def effect_size(
         low=max(0.0, low - fit.allowed) / (1.0 + off) * (p_value < level),
         high=high,
         upper_bound=bound,
-        detectable=_detectable(draws.null, fit.allowed, level, power),
+        detectable=_detectable(null, fit.allowed, level, power),
         p_value=p_value,
         squared=squared,
         squared_error=float(np.std(none)),
-        along_error=float(np.std(draws.full @ found) / size),
+        along_error=float(np.std(full @ found) / size),
         allowed=fit.allowed,
         left=fit.left,
     )
@@ -331,14 +314,22 @@ def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
     return np.asarray(axes * np.sign(axes @ root @ fit.coefficients.ravel())[:, None])
 
 
-def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator) -> _Draws:
+def _draws(
+    fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return random errors of the kinks, in axes in which their size is their Euclidean length.
+
+    Both (draws, m) are randomly signed sums of the landings' contributions: for no kinks, and for
+    the kinks found. For an assumed size in between, they are mixed in proportion to it.
+    """
     both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
     sums = np.empty((count, both.shape[1]))
     at_once = max(1, _AT_ONCE // len(both))
     for first in range(0, count, at_once):
         some = sums[first : first + at_once]
         some[:] = (2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0) @ both
-    return _Draws(*np.split(sums, 2, axis=1))
+    null, full = np.split(sums, 2, axis=1)
+    return null, full
 
 
 def _detectable(errors: FloatArray, allowed: float, level: float, power: float) -> float:
