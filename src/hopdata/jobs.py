@@ -99,9 +99,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         code = int(told[1]) if told else getattr(error, "errno", None)
         if code is None:
             raise
-        raise StorageError(
-            f"{path}: expected a writable file, found: {os.strerror(code)}; nothing was written"
-        ) from error
+        wrong = f"{path}: expected a writable file, found: {os.strerror(code)}"
+        raise StorageError(f"{wrong}; nothing was written") from error
     finally:
         with suppress(OSError):
             temporary.unlink()

@@ -39,6 +39,10 @@ class Heights:
         """Frames in which everything is seen, (N,)."""
         return np.isfinite(self.body)
 
+    def landing(self, min_foot_m: float, max_foot_m: float) -> BoolArray:
+        """Mark the frames of landings by plain thresholds, (N,): see `landing_frames`."""
+        return landing_frames(self.body, self.min_foot > min_foot_m, self.max_foot < max_foot_m)[0]
+
 
 @dataclass(frozen=True)
 class Frames:

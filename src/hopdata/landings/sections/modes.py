@@ -72,9 +72,8 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     margin = int(np.ceil(_REACH * bandwidth / step)) + 2
     n_inside = (len(nodes) - 1) * refine + 1
     if n_inside + 2 * margin > _MAX_FINE_NODES:
-        raise ValueError(
-            f"bandwidth: {bandwidth:g} is too small for a grid from {nodes[0]:g} to {nodes[-1]:g}"
-        )
+        extent = f"a grid from {nodes[0]:g} to {nodes[-1]:g}"
+        raise ValueError(f"bandwidth: {bandwidth:g} is too small for {extent}")
     n_fine = _fast_length(n_inside + 2 * margin)
     counts, n_finite = np.zeros((4, n_fine)), 0
     for first in range(0, len(values), BLOCK):

@@ -12,14 +12,7 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED
 from hopdata.landings.contacts.find import contacts_of, find_landings
-from hopdata.landings.sections.frames import (
-    Frames,
-    Heights,
-    heights_of,
-    landing_frames,
-    pool_frames,
-    pooled,
-)
+from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames, pooled
 from hopdata.landings.sections.modes import GroundMode, finite, ground_mode, kde, normal_bandwidth
 from hopdata.recording import Recording
 
@@ -420,7 +413,6 @@ def section_frames(
         for name in (*FEET, "body")
     }
     low, high = sections.min_foot_threshold_m, sections.max_foot_threshold_m
-    landing = [landing_frames(h.body, h.min_foot > low, h.max_foot < high)[0] for h in heights]
-    columns["landing"] = np.concatenate([m[h.seen] for m, h in zip(landing, heights, strict=True)])
+    columns["landing"] = np.concatenate([h.landing(low, high)[h.seen] for h in heights])
     stride = max(1, -(-len(columns["body_m"]) // max_rows))
     return pd.DataFrame({name: values[::stride] for name, values in columns.items()})
