@@ -11,6 +11,7 @@ so they stay small and free of singularities for any body that lands on its feet
 """
 
 from dataclasses import dataclass
+from functools import reduce
 from itertools import combinations, combinations_with_replacement
 from math import comb
 
@@ -173,10 +174,7 @@ def monomials(x: FloatArray, degrees: tuple[int, ...]) -> FloatArray:
 def _products_of(x: FloatArray, degree: int) -> FloatArray:
     chosen = list(combinations_with_replacement(range(x.shape[1]), degree))
     factors = np.array(chosen, dtype=np.int64).reshape(-1, degree).T
-    columns = x[:, factors[0]]
-    for factor in factors[1:]:
-        columns *= x[:, factor]
-    return columns
+    return np.asarray(reduce(np.multiply, (x[:, factor] for factor in factors)))
 
 
 def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
