@@ -141,8 +141,7 @@ def score_floor(known: Mapping[str, Truth], floors: Mapping[str, FloorModel]) ->
         difference = difference[np.isfinite(difference)]
         differences.append(difference - mean(difference))
     rms = np.sqrt(mean(np.concatenate(differences) ** 2))
-    what = "Rms of fitted minus true floor height at the contacts, mean difference removed"
-    return {"floor_residual_rms": entry(1e3 * rms, "mm", what)}
+    return {"floor_residual_rms": entry(1e3 * rms, *maps.TOLD["study"]["floor_residual_rms"])}
 
 
 def _landed(item: Truth) -> BoolArray:
@@ -216,10 +215,8 @@ def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
     known = np.flatnonzero(rows >= 0)
     mine = [split_states(states[known]) for states in (pairs.x, pairs.y)]
     truly = [split_states(states[rows[known]]) for states in (true.x, true.y)]
-    turn = _plane_turns(
-        np.concatenate([state[0] for state in truly], axis=1),
-        np.concatenate([state[0] for state in mine], axis=1),
-    )
+    places = (np.concatenate([one[0] for one in states], axis=1) for states in (truly, mine))
+    turn = _plane_turns(*places)
     offset = np.zeros((len(known), 1, 3))
     both = [(m[0] - t[0] @ turn)[..., :2] for m, t in zip(mine, truly, strict=True)]
     offset[..., :2] = np.concatenate(both, axis=1).mean(axis=1, keepdims=True)
@@ -252,14 +249,10 @@ def score_states(errors: pd.DataFrame) -> Entries:
     """Return entries on the errors of positions and velocities at the sections."""
     entries: Entries = {}
     for row in errors.to_dict("records"):
-        where = f"at the {row['section']} section, per coordinate"
-        for kind, unit, plural in (
-            ("position", "mm", "positions"),
-            ("velocity", "mm/s", "velocities"),
-        ):
-            value = row[f"{kind}_rms_{unit.replace('/', '_')}"]
-            what = f"Rms error of the marker {plural} {where}"
-            entries[f"{kind}_rms_{row['section']}"] = entry(value, unit, what)
+        section = row["section"]
+        for name, (unit, what) in maps.TOLD["states"].items():
+            value = row[f"{name}_{unit.replace('/', '_')}"]
+            entries[f"{name}_{section}"] = entry(value, unit, what.format(section=section))
     return entries
 
 
@@ -316,9 +309,8 @@ def score_predictions(summary: pd.DataFrame) -> Entries:
     mse = dict(zip(summary["model"], summary["median"], strict=True))
     if not {"near", "all", "far"} <= mse.keys():
         return {}
-    ordered = bool(mse["near"] < mse["all"] < mse["far"])
-    what = "Whether the unspecialised models order as near < all < far"
-    return {"near_below_all_below_far": entry(ordered, "yes/no", what)}
+    ordered, name = bool(mse["near"] < mse["all"] < mse["far"]), "near_below_all_below_far"
+    return {name: entry(ordered, *maps.TOLD["study"][name])}
 
 
 def score_distances(summary: pd.DataFrame) -> Entries:
@@ -327,5 +319,5 @@ def score_distances(summary: pd.DataFrame) -> Entries:
     others = rows.drop(index="random", errors="ignore")["q95"]
     if "random" not in rows.index or others.empty:
         return {}
-    what = "5 % quantile of the random distances minus the largest 95 % quantile of the others"
-    return {"random_clearance": entry(rows.loc["random", "q05"] - others.max(), "rad", what)}
+    clearance = rows.loc["random", "q05"] - others.max()
+    return {"random_clearance": entry(clearance, *maps.TOLD["study"]["random_clearance"])}
