@@ -23,6 +23,7 @@ from hopdata.hybrid import System
 N_STATES = 12
 
 Vector = tuple[float, float, float]
+Wrench = tuple[Vector, Vector]  # force and torque
 Rotation = tuple[float, float, float, float, float, float, float, float, float]
 
 

@@ -29,6 +29,7 @@ from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.body import (
     Rotation,
     Vector,
+    Wrench,
     after_event,
     cross,
     euler_rates,
@@ -109,7 +110,7 @@ def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatAr
 
 
 @kept_njit(error_model="numpy")
-def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
+def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> Wrench:
     """Force of the floor on one leg and its torque about O, both in body axes; N, N m.
 
     It acts at the floor under the foot; the sliding speed is that of the body there, so that
@@ -134,9 +135,7 @@ def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[V
 
 
 @kept_njit(error_model="numpy")
-def total_wrench(
-    y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray
-) -> tuple[Vector, Vector, int]:
+def total_wrench(y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray) -> tuple[Wrench, int]:
     """Sum of force and torque over the legs in contact, in body axes, and how many these are."""
     fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     for leg in range(int(p[hp.N_LEGS])):
@@ -145,7 +144,7 @@ def total_wrench(
             fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
             tx, ty, tz = tx + torque[0], ty + torque[1], tz + torque[2]
             standing += 1
-    return (fx, fy, fz), (tx, ty, tz), standing
+    return ((fx, fy, fz), (tx, ty, tz)), standing
 
 
 @kept_njit(error_model="numpy")
@@ -185,17 +184,11 @@ def body_accelerations(
 
 @kept_njit(error_model="numpy")
 def fill_rates(
-    t: float,
-    y: FloatArray,
-    rot: Rotation,
-    force: Vector,
-    torque: Vector,
-    p: FloatArray,
-    dy: FloatArray,
+    t: float, y: FloatArray, rot: Rotation, wrench: Wrench, p: FloatArray, dy: FloatArray
 ) -> None:
     """Fill `dy` with the rate of the state under a force and torque in body axes."""
     w = (y[9], y[10], y[11])
-    a, turn = body_accelerations(w, force, torque, boom_motion(t, p), p)
+    a, turn = body_accelerations(w, wrench[0], wrench[1], boom_motion(t, p), p)
     dy[0], dy[1], dy[2] = y[6], y[7], y[8]
     dy[3], dy[4], dy[5] = euler_rates(y[4], y[5], y[9], y[10], y[11])
     dy[6] = rot[0] * a[0] + rot[1] * a[1] + rot[2] * a[2]
@@ -208,8 +201,7 @@ def fill_rates(
 def hopper_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
     """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
     rot = rotation_entries(y[3], y[4], y[5])
-    force, torque, _ = total_wrench(y, mode, rot, p)
-    fill_rates(t, y, rot, force, torque, p, dy)
+    fill_rates(t, y, rot, total_wrench(y, mode, rot, p)[0], p, dy)
 
 
 @guards

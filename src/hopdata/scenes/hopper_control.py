@@ -45,11 +45,11 @@ _event = kept_njit(error_model="numpy")(hopper_event.function)
 def control_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
     """Fill `dy` with the rate of the state; the forces of the legs are coupled."""
     rot = rotation_entries(y[3], y[4], y[5])
-    force, torque, standing = total_wrench(y, mode, rot, p)
+    (force, torque), standing = total_wrench(y, mode, rot, p)
     share = 1.0 + p[COUPLING] * (standing - p[hp.N_LEGS])
     force = (share * force[0], share * force[1], share * force[2])
     torque = (share * torque[0], share * torque[1], share * torque[2])
-    fill_rates(t, y, rot, force, torque, p, dy)
+    fill_rates(t, y, rot, (force, torque), p, dy)
 
 
 @guards
@@ -151,7 +151,7 @@ class HopperDrag:
 def drag_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
     """Fill `dy` with the rate of the state, held back by the board if it is touched."""
     rot = rotation_entries(y[3], y[4], y[5])
-    force, torque, standing = total_wrench(y, mode[1:], rot, p)
+    (force, torque), standing = total_wrench(y, mode[1:], rot, p)
     ux, uy = p[DIRECTION_X], p[DIRECTION_Y]
     into = max(y[6] * ux + y[7] * uy, 0.0) if mode[0] > 0 else 0.0
     size = math.sqrt(into * into + p[hp.SLIP_VELOCITY] ** 2)
@@ -162,7 +162,7 @@ def drag_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: Float
         force[1] + rot[1] * fx + rot[4] * fy,
         force[2] + rot[2] * fx + rot[5] * fy,
     )
-    fill_rates(t, y, rot, held, torque, p, dy)
+    fill_rates(t, y, rot, (held, torque), p, dy)
 
 
 @guards

@@ -18,6 +18,7 @@ landing is continuously differentiable; with a coupling kappa all forces are mul
 
 import math
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -136,6 +137,8 @@ def quadruped_event(
     return int(after_event(mode, N_LEGS, guard, direction))
 
 
+positive = partial(parameter, exclusiveMinimum=0)
+
 SYSTEM = legged_system(
     N_LEGS,
     n_states=N_STATES + 2 * N_LEGS,
@@ -152,19 +155,17 @@ class Quadruped(Scene):
     controls: ClassVar[tuple[str, ...]] = ("coupling",)
     feet_slide: ClassVar[bool] = False
 
-    mass_kg: float = parameter(2.7, "Mass of the body.", "kg", exclusiveMinimum=0)
-    inertia_x_kg_m2: float = parameter(
-        0.06, "Moment of inertia of the body about its long axis.", "kg m²", exclusiveMinimum=0
+    mass_kg: float = positive(2.7, "Mass of the body.", "kg")
+    inertia_x_kg_m2: float = positive(
+        0.06, "Moment of inertia of the body about its long axis.", "kg m²"
     )
-    inertia_y_kg_m2: float = parameter(
-        0.1, "Moment of inertia of the body about its lateral axis.", "kg m²", exclusiveMinimum=0
+    inertia_y_kg_m2: float = positive(
+        0.1, "Moment of inertia of the body about its lateral axis.", "kg m²"
     )
-    inertia_z_kg_m2: float = parameter(
-        0.13, "Moment of inertia of the body about its vertical axis.", "kg m²", exclusiveMinimum=0
+    inertia_z_kg_m2: float = positive(
+        0.13, "Moment of inertia of the body about its vertical axis.", "kg m²"
     )
-    stiffness_n_m: float = parameter(
-        67.5, "Stiffness of a leg along the vertical.", "N/m", exclusiveMinimum=0
-    )
+    stiffness_n_m: float = positive(67.5, "Stiffness of a leg along the vertical.", "N/m")
     damping_n_s_m: float = parameter(
         3.6, "Damping of a leg along the vertical.", "N s/m", minimum=0
     )
@@ -177,14 +178,10 @@ class Quadruped(Scene):
     preload_n: float = parameter(
         16.5, "Force of a leg at its rest length; the contact force jumps to it.", "N", minimum=0
     )
-    half_length_m: float = parameter(
-        0.3, "Distance of the feet ahead of or behind the centre.", "m", exclusiveMinimum=0
-    )
-    half_width_m: float = parameter(
-        0.22, "Distance of the feet to the left or right of it.", "m", exclusiveMinimum=0
-    )
-    leg_length_m: float = parameter(
-        0.27, "Height of the centre of mass above the feet at rest length.", "m", exclusiveMinimum=0
+    half_length_m: float = positive(0.3, "Distance of the feet ahead of or behind the centre.", "m")
+    half_width_m: float = positive(0.22, "Distance of the feet to the left or right of it.", "m")
+    leg_length_m: float = positive(
+        0.27, "Height of the centre of mass above the feet at rest length.", "m"
     )
     release_extension_m: float = parameter(
         0.125, "How far beyond its rest length a leg pushes once all have stood.", "m", minimum=0
