@@ -203,8 +203,8 @@ def mode_fields(
     system: System, start: Instant, guards: Sequence[int], scale: FloatArray, seed: int = 0
 ) -> dict[Combination, Linearisation]:
     """Return field and guards in each combination of locks, by the guards crossed."""
-    after = {
-        crossed: reduce(partial(cross, system), crossed, start)
-        for crossed in lock_combinations(guards, seed)
-    }
-    return {crossed: linearise(system, there, scale) for crossed, there in after.items()}
+
+    def after(crossed: Combination) -> Linearisation:
+        return linearise(system, reduce(partial(cross, system), crossed, start), scale)
+
+    return {crossed: after(crossed) for crossed in lock_combinations(guards, seed)}

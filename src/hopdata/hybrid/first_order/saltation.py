@@ -172,9 +172,15 @@ class BouligandDerivative:
     def node(self, order: tuple[int, ...]) -> Node:
         """Return the node after the crossings in this order; raise if one is not transversal."""
         if order not in self._nodes:
-            before = self.node(order[:-1])
-            self._require_approach(before.here, order[-1])
-            matrix, here = crossing(self.system, before.here, order[-1], self.scale)
+            before, guard = self.node(order[:-1]), order[-1]
+            rate, mode = before.here.guard_rates[guard], before.here.instant.mode
+            if not -mode[guard] * rate > 0:  # it is not approached from the side of its lock
+                name = self.system.guard_names[guard]
+                raise NotTransversalError(
+                    f"guard {name}: expected to be approached, found a rate of {rate:.3g} on the "
+                    f"side {mode[guard]:+d} in mode {mode.tolist()}"
+                )
+            matrix, here = crossing(self.system, before.here, guard, self.scale)
             self._nodes[order] = Node(here, matrix @ before.product)
         return self._nodes[order]
 
@@ -216,16 +222,6 @@ class BouligandDerivative:
         scaled = np.array(delays) * self.scale
         found = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
         return None if found is None else found * self.scale
-
-    def _require_approach(self, here: Linearisation, guard: int) -> None:
-        """Raise unless the guard is approached from the side on which its lock is."""
-        rate = here.guard_rates[guard]
-        if not -here.instant.mode[guard] * rate > 0:
-            name = self.system.guard_names[guard]
-            raise NotTransversalError(
-                f"guard {name}: expected to be approached, found a rate of {rate:.3g} on the side "
-                f"{here.instant.mode[guard]:+d} in mode {here.instant.mode.tolist()}"
-            )
 
 
 def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
