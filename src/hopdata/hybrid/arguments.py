@@ -31,8 +31,7 @@ def check_numbers(
     All of them are plain numbers; `driver.loop.can_be_done` checks the same.
     """
     try:
-        t_start, t_end = t_span
-        t_start, t_end = float(t_start), float(t_end)
+        t_start, t_end = map(float, t_span)
     except (TypeError, ValueError):
         raise ArgumentError(f"t_span: expected two times (start, end), found {t_span!r}") from None
     in_order = -inf < t_start <= t_end < inf
@@ -88,11 +87,6 @@ def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
     return state
 
 
-def check_params(params: ArrayLike, name: str = "params") -> FloatArray:
-    """Return the parameters as a vector."""
-    return numbers_of(name, params).ravel()
-
-
 def check_rows(params: ArrayLike, n_runs: int) -> FloatArray:
     """Return the parameters of all runs, (1, p), or of each, (n_runs, p)."""
     numbers = np.atleast_2d(numbers_of("params", params))
@@ -106,7 +100,7 @@ def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> 
 
     At the start that is zeros, if not given.
     """
-    start = np.zeros(n_memory) if memory is None else check_params(memory, "memory")
+    start = np.zeros(n_memory) if memory is None else numbers_of("memory", memory).ravel()
     expect(len(start) == n_memory, "memory", f"{n_memory} numbers", len(start))
     return np.concatenate([params, np.broadcast_to(start, (*params.shape[:-1], n_memory))], axis=-1)
 
@@ -133,9 +127,6 @@ def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
 
 def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
     """Write the absolute tolerance of each component into `full`."""
-    if type(atol) is float and atol >= 0.0:
-        full.fill(atol)
-        return
     given = numbers_of("atol", atol) if np.ndim(atol) else np.asarray(_number("atol", atol))
     fits = given.shape in ((), full.shape) and (given >= 0).all()
     expect(fits, "atol", f"a number or {len(full)} numbers, >= 0", repr(atol))

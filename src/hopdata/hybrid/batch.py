@@ -16,7 +16,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
-from hopdata.hybrid.derived import derive, goes_back
+from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.driver.loop import END_STATE, many_entry
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
@@ -156,8 +156,7 @@ class BatchSolution:
     @property
     def message(self) -> str:
         """How many ended in which way."""
-        codes, numbers = np.unique(self.status, return_counts=True)
-        places = [int(np.flatnonzero(self.status == code)[0]) for code in codes]
+        _, places, numbers = np.unique(self.status, return_index=True, return_counts=True)
         return "\n".join(
             f"{count} of {len(self)}, such as number {place}: {self._sentence(place)}"
             for count, place in zip(numbers, places, strict=True)
@@ -181,9 +180,7 @@ class _Room:
         self.counts = np.empty((n_runs, at.COUNT_SLOTS), dtype=np.int64)
         self.samples = np.empty((n_runs if n_wanted else 0, n_wanted, n))
         self.jacobians = np.empty((n_runs if jacobian else 0, n, n))
-        self.arrays = (
-            self.status, self.ends, self.modes, self.counts, self.samples, self.jacobians
-        )  # fmt: skip
+        self.arrays = tuple(vars(self).values())  # in this order
 
 
 def solve_batch(
@@ -240,12 +237,9 @@ def solve_batch(
     """
     states = _states(y0, system.n_states)
     if goes_back(t_span) or isinstance(jacobian, str):
-        asked = derive(
-            system, t_span=t_span, y0=states, params=params, t_eval=t_eval, atol=atol,
-            jacobian=jacobian, debug=False,
-        )  # fmt: skip
-        return solve_batch(
-            **asked, mode=mode, rtol=rtol, max_step=max_step, first_step=first_step,
+        return ask_derived(
+            solve_batch, system, t_span=t_span, y0=states, params=params, t_eval=t_eval, atol=atol,
+            jacobian=jacobian, mode=mode, rtol=rtol, max_step=max_step, first_step=first_step,
             max_steps=max_steps, max_events=max_events, method=method, memory=memory,
             workers=workers, progress=progress, lanes=lanes,
         )  # fmt: skip

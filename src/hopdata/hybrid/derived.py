@@ -8,8 +8,8 @@ run by Python, which checks every index.
 """
 
 from collections.abc import Callable
-from dataclasses import fields
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from hopdata.hybrid.methods import tangent
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.system import System
 
+Answer = TypeVar("Answer")
 RATES = ("dy", "hdot", "jac", "a", "b")  # arguments that change their sign with that of time
 WITH_PARAMS = "params"  # the choice of the Jacobian that is by the parameters, too
 
@@ -62,13 +63,13 @@ def _made(
     given_too: dict[str, Any], **seen: Any,
 ) -> System:  # fmt: skip
     """Return the system of derived functions, made once; `seen` are properties that differ."""
-    if key not in system.derived:
-        given = {one.name: getattr(system, one.name) for one in fields(System)}
-        names = [name for name in (*SIGNATURES, "undo") if given[name] is not None]
-        given |= {name: derive(given[name]) for name in names} | given_too
-        system.derived[key] = System(**given)
-        vars(system.derived[key]).update({"way": system.way, "n_shown": system.n_shown, **seen})
-    return system.derived[key]
+    if key not in system.made:
+        names = [name for name in (*SIGNATURES, "undo") if getattr(system, name) is not None]
+        functions: dict[str, Any] = {name: derive(getattr(system, name)) for name in names}
+        system.made[key] = replace(system, **functions, **given_too)
+        vars(system.made[key]).update({"way": system.way, "n_shown": system.n_shown, **seen})
+    derived: System = system.made[key]
+    return derived
 
 
 def _backward(inner: Callback) -> Around:
@@ -103,7 +104,7 @@ def backward(system: System) -> System:
             "undoes it when the same guard is crossed from the other side; or on_event itself, if "
             "it changes nothing that matters"
         )
-    is_new = "backward" not in system.derived
+    is_new = "backward" not in system.made
     turned = _made(system, "backward", _backward, {}, way=-system.way)
     if is_new and system.undo is not None:
         vars(turned).update(on_event=turned.undo, undo=turned.on_event)
@@ -172,11 +173,11 @@ def goes_back(t_span: Any) -> bool:
         return False
 
 
-def derive(
-    system: System, *, t_span: Any, y0: Any, params: Any, t_eval: Any, atol: Any, jacobian: Any,
-    debug: Any,
-) -> dict[str, Any]:  # fmt: skip
-    """Return what is to be asked of a derived system, so that the user gets what is asked for."""
+def ask_derived(
+    ask: Callable[..., Answer], system: System, *, t_span: Any, y0: Any, params: Any, t_eval: Any,
+    atol: Any, jacobian: Any, debug: Any = False, **others: Any,
+) -> Answer:  # fmt: skip
+    """Ask a derived system, so that the user gets what is asked for, and return the answer."""
     if arguments.check_flag("debug", debug):
         system = in_python(system)
     if isinstance(jacobian, str):
@@ -186,9 +187,9 @@ def derive(
         fits = states.shape[-1:] == (system.n_states,)
         arguments.expect(fits, "y0", f"{system.n_states} states", f"shape {states.shape}")
         rows = states.shape[:-1]
-        given = (
-            arguments.check_rows(params, len(states)) if rows else arguments.check_params(params)
-        )
+        given = arguments.numbers_of("params", params).ravel()
+        if rows:
+            given = arguments.check_rows(params, len(states))
         arguments.expect(np.isfinite(given).all(), "params", "finite numbers", given)
         given = np.broadcast_to(given, (*rows, given.shape[-1]))
         full = np.zeros(system.n_states)
@@ -204,7 +205,6 @@ def derive(
                 t_eval = arguments.check_times(-arguments.numbers_of("t_eval", t_eval), *t_span)
             except ValueError:
                 arguments.expect(False, "t_eval", f"decreasing times within {whole}", t_eval)
-    return {
-        "system": system, "t_span": t_span, "y0": y0, "params": params, "t_eval": t_eval,
-        "atol": atol, "jacobian": jacobian,
-    }  # fmt: skip
+    return ask(
+        system, t_span, y0, params=params, t_eval=t_eval, atol=atol, jacobian=jacobian, **others
+    )

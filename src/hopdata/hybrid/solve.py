@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from hopdata.errors import told_call
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.arguments import Limits, expect
+from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.compiled.callbacks import catch, stop_catching
-from hopdata.hybrid.derived import derive, goes_back
+from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Sink, Workspace
@@ -127,20 +127,17 @@ def solve(
         if not usual or not work.ask_again(
             t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method
         ):
-            limits = rtol, max_step, first_step, max_steps, max_events
             if goes_back(t_span) or debug is not False or isinstance(jacobian, str):
-                asked = derive(
-                    system, t_span=t_span, y0=y0, params=params, t_eval=t_eval, atol=atol,
-                    jacobian=jacobian, debug=debug,
-                )  # fmt: skip
-                return solve(
-                    **asked, mode=mode, rtol=rtol, max_step=max_step, first_step=first_step,
-                    max_steps=max_steps, max_events=max_events, method=method, memory=memory,
-                    dense_output=dense_output, events=events,
+                return ask_derived(
+                    solve, system, t_span=t_span, y0=y0, params=params, t_eval=t_eval, atol=atol,
+                    jacobian=jacobian, debug=debug, mode=mode, rtol=rtol, max_step=max_step,
+                    first_step=first_step, max_steps=max_steps, max_events=max_events,
+                    method=method, memory=memory, dense_output=dense_output, events=events,
                 )  # fmt: skip
             sink = _sink(events, dense_output)
-            _ask(
-                system, work, t_span, y0, params, limits, atol, t_eval, method, jacobian, memory,
+            limits = rtol, max_step, first_step, max_steps, max_events
+            work.ask(
+                system, t_span, y0, params, limits, atol, t_eval, method, jacobian, memory,
                 dense_output,
             )  # fmt: skip
         flags = 0
@@ -164,32 +161,14 @@ def solve(
             first = caught[0]
             caught.clear()
             raise _with_what_was_reached(first, work)
-        if status > at.TERMINATED:
-            _refuse(status, work, t_span, (rtol, max_step, first_step, max_steps, max_events))
+        if status > at.TERMINATED:  # it has not begun
+            expect(status != at.BAD_START, "y0", "finite numbers", work.state)
+            arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
         if sink is not None:
             work.hand_over(sink)
         return work.solution(status)
     finally:
         system.idle.append(work)
-
-
-def _ask(
-    system: System, work: Workspace, t_span: tuple[float, float], y0: ArrayLike,
-    params: ArrayLike, limits: Limits, atol: ArrayLike, t_eval: ArrayLike | None, method: str,
-    jacobian: bool | str, memory: ArrayLike | None, dense_output: bool,
-) -> None:  # fmt: skip
-    """Get the workspace ready for an integration of any kind."""
-    options = arguments.check_numbers(t_span, *limits)
-    as_before = type(method) is str and method == work.ready_for
-    dense = arguments.check_flag("dense_output", dense_output)
-    if not as_before or dense or jacobian is not False or t_eval is not None:
-        times = None if t_eval is None else arguments.check_times(t_eval, *options[:2])
-        wanted = arguments.check_flag("jacobian", jacobian)
-        work.begin(system.methods(method, wanted), times, wanted, dense)
-    work.methods.specialise()
-    per_step = work.methods.degree if dense else int(t_eval is None)
-    work.ask(system, y0, params, memory, (*options, per_step))
-    work.set_tolerance(atol)
 
 
 def _sink(events: Any, dense_output: bool) -> Sink | None:
@@ -232,10 +211,3 @@ def _go_on(work: Workspace, flags: int, status: int, sink: Sink | None) -> int:
     if shown > started + SILENT_S:
         print(file=sys.stderr)
     return status
-
-
-def _refuse(status: int, work: Workspace, t_span: tuple[float, float], limits: Limits) -> None:
-    """Raise ValueError for what the driver did not begin with."""
-    expect(status != at.BAD_START, "y0", "finite numbers", work.state)
-    if status == at.BAD_NUMBERS:
-        arguments.check_numbers(t_span, *limits)

@@ -13,7 +13,7 @@ from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
-from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry, many_entry, run_address
+from hopdata.hybrid.driver.loop import compiled_first_order, compiled_run, driver_entry, many_entry
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.workspace import Pool, Workspace
@@ -101,9 +101,8 @@ class System(Told):
             expect(listed, name, "one entry for each guard", repr(values))
             count = self.n_guards if values is None else len(values)
             expect(count == self.n_guards, name, f"{self.n_guards} entries", count)
-        expect(
-            set(self.directions or ()) <= {-1, 0, 1}, "directions", "-1, 0 or +1", self.directions
-        )
+        known = set(self.directions or ()) <= {-1, 0, 1}
+        expect(known, "directions", "-1, 0 or +1", self.directions)
         counts = all(one in (True, False) or int(one) == one > 0 for one in self.terminal or ())
         expect(counts, "terminal", "truths or counts", self.terminal)
         states, guards = self.n_states, self.n_guards
@@ -168,25 +167,26 @@ class System(Told):
     def addresses(self) -> tuple[int, ...]:
         """Addresses of the compiled callbacks (0 where there is none), and of the driver."""
         callbacks = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
-        return (*(0 if one is None else one.address for one in callbacks), run_address())
+        return (*(0 if one is None else one.address for one in callbacks), compiled_run().address)
 
     @cached_property
-    def _method_tables(self) -> dict[tuple[str, bool], MethodTable]:
-        return {}
+    def made(self) -> dict[Any, Any]:
+        """What was made for this system, by a kind and what of it.
 
-    @cached_property
-    def lane_codes(self) -> dict[tuple[int, bool], Any]:
-        """Machine code that integrates many at a time (see `lanes.batch`)."""
+        Tables of methods, machine code that integrates many at a time (see `lanes.batch`), and
+        systems made from this one (see `hybrid.derived`).
+        """
         return {}
 
     def methods(self, choice: str, jacobian: bool) -> MethodTable:
         """Return the methods that a choice leaves to the driver."""
-        key = str(choice), bool(jacobian)
-        if key not in self._method_tables:
+        key = MethodTable, str(choice), bool(jacobian)
+        if key not in self.made:
             guards = self.guards or self.guard
             scene = Scene(self.field, self.n_states, self.jacobian, self.affine, guards)
-            self._method_tables[key] = MethodTable(choice, scene, jacobian)
-        return self._method_tables[key]
+            self.made[key] = MethodTable(choice, scene, jacobian)
+        table: MethodTable = self.made[key]
+        return table
 
     def compile(self, method: str = "auto", *, jacobian: bool = False) -> None:
         """Compile now whatever `solve` and `solve_batch` may need for this system.
@@ -210,11 +210,6 @@ class System(Told):
             compiled_first_order()
         self.methods(method, jacobian).compile_all()
         self.idle.append(self.take_workspace())
-
-    @cached_property
-    def derived(self) -> dict[str, System]:
-        """Systems made from this one (see `hybrid.derived`)."""
-        return {}
 
     @cached_property
     def idle(self) -> Pool:

@@ -16,11 +16,11 @@ from numpy import ndarray
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray
-from hopdata.hybrid import layout
-from hopdata.hybrid.arguments import check_params, check_shape, set_tolerance, with_memory
+from hopdata.hybrid import arguments, layout
+from hopdata.hybrid.arguments import Limits
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
-from hopdata.hybrid.methods.table import MethodTable, tangent_table
+from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
 
 FIRST_ROWS = 256
@@ -153,9 +153,8 @@ class Workspace:
             return False
         y0 = y0.tolist() if type(y0) is ndarray else y0
         params = params.tolist() if type(params) is ndarray else params
-        if not (type(y0) in PLAIN and type(params) in PLAIN):
-            return False
-        if len(y0) != self._n_states or len(params) != self._n_params:
+        plain = type(y0) in PLAIN and type(params) in PLAIN
+        if not plain or len(y0) != self._n_states or len(params) != self._n_params:
             return False
         try:
             if not (isinstance(atol, float) and atol == self._atol_of_all):
@@ -172,22 +171,34 @@ class Workspace:
         return True
 
     def ask(
-        self, system: Any, y0: ArrayLike, params: ArrayLike, memory: ArrayLike | None,
-        options: tuple[Any, ...],
+        self, system: Any, t_span: tuple[float, float], y0: ArrayLike, params: ArrayLike,
+        limits: Limits, atol: ArrayLike, t_eval: ArrayLike | None, method: str,
+        jacobian: bool | str, memory: ArrayLike | None, dense_output: bool,
     ) -> None:  # fmt: skip
-        """Write on the desk what is asked for, whatever it is given as."""
-        state, given = check_shape("y0", y0, self._n_states), check_params(params)
-        full = with_memory(given, memory, self._n_memory)
+        """Get ready for an integration of any kind, and write on the desk what is asked for."""
+        options = arguments.check_numbers(t_span, *limits)
+        as_before = type(method) is str and method == self.ready_for
+        dense = arguments.check_flag("dense_output", dense_output)
+        if not as_before or dense or jacobian is not False or t_eval is not None:
+            times = None if t_eval is None else arguments.check_times(t_eval, *options[:2])
+            wanted = arguments.check_flag("jacobian", jacobian)
+            self.begin(system.methods(method, wanted), times, wanted, dense)
+        self.methods.specialise()
+        state = arguments.check_shape("y0", y0, self._n_states)
+        given = arguments.numbers_of("params", params).ravel()
+        full = arguments.with_memory(given, memory, self._n_memory)
         system.check_params_length(len(full))
         self.make_params_room(len(given))
-        WRITE_OPTIONS(self._block, ASKED_AT, *options)
+        per_step = self.methods.degree if dense else int(t_eval is None)
+        WRITE_OPTIONS(self._block, ASKED_AT, *options, per_step)
         self._start[:], self._params[:] = state, full
+        self.set_tolerance(atol)
 
     def set_tolerance(self, atol: ArrayLike) -> None:
         """Put the absolute tolerance in its place, unless it is there already."""
         if isinstance(atol, float) and atol == self._atol_of_all:
             return
-        set_tolerance(self._atol, atol)
+        arguments.set_tolerance(self._atol, atol)
         self._atol_of_all = float(atol) if isinstance(atol, float) else nan
 
     def begin(
@@ -221,13 +232,13 @@ class Workspace:
 
     def _begin_tangent(self, methods: MethodTable) -> None:
         """Have room for the flow's Jacobian, which begins as the identity."""
+        n = len(self.state)
         if self.tangent is None:
-            self.tangent = tangent_table(methods, len(self.state))
-            self._identity = self.tangent[: len(self.state)].copy()
+            self.tangent = np.zeros((methods.tangent_rows, n))
+            self.tangent[3 * n + layout.RATE_INPUTS, list(methods.scene.rate_inputs)] = 1.0
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
             self.desk[layout.FIRST_ORDER] = compiled_first_order().address
-        else:
-            self.tangent[: len(self.state)] = self._identity
+        self.tangent[:n] = np.eye(n)
 
     def forget_samples(self) -> None:
         """Lay out the workspace's own room for samples again, after another's was used."""

@@ -4,6 +4,7 @@ import hashlib
 import re
 from collections.abc import Callable
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -84,10 +85,10 @@ def lane_runner(
     reason = reason_against(system, method, jacobian)
     if reason:
         return None, reason
-    key = arrays[1].shape[1], len(arrays[1]) > 1 or system.n_memory > 0
-    if key not in system.lane_codes:
-        system.lane_codes[key] = LaneCode(system, *key)
-    code = system.lane_codes[key]
+    key = LaneCode, arrays[1].shape[1], len(arrays[1]) > 1 or system.n_memory > 0
+    if key not in system.made:
+        system.made[key] = LaneCode(system, *key[1:])
+    code = system.made[key]
     if code.run is None:
         return None, code.reason
     handler = 0 if system.on_event is None else system.on_event.address
@@ -140,31 +141,21 @@ class LaneCode:
             "N": n, "N_GUARDS": n_guards, "N_PARAMS": n_params, "PARAMS_IN_LANES": in_lanes,
             "state": part(n), "READ": np.array(read_modes(system), dtype=np.int64),
         }  # fmt: skip
-        first, items = 0, []
-        for name, count in STATE_ROWS.items():
-            names[f"part_{name}"] = part(count * n)
-            items.append(f"part_{name}(table, {first})")
-            first += count * n
-        names["part_aim"] = part(AIMS)
-        items.append(f"part_aim(table, {first})")
-        first += AIMS
-        names["guard_rows"] = part(n_guards)
-        for name in code.Room._fields[len(STATE_ROWS) + 1 : -4]:
-            items.append(f"guard_rows(table, {first})")
-            names["FIRST_LOCK"] = first if name == "lock" else names.get("FIRST_LOCK", 0)
-            first += n_guards
-        names["FIRST_PARAM"], names["part_params"] = first, part(n_params)
-        items.append(f"part_params(table, {first})" if in_lanes else "row(view(params), 0)")
-        self._rows = first + (n_params if in_lanes else 0)
+        lengths = {name: count * n for name, count in STATE_ROWS.items()} | {"aim": AIMS}
+        lengths |= dict.fromkeys(code.Room._fields[len(lengths) : -4], n_guards)
+        lengths["params"] = n_params if in_lanes else 0
+        starts = dict(zip(lengths, accumulate(lengths.values(), initial=0), strict=False))
+        self._rows = sum(lengths.values())
+        names |= {f"part_{name}": part(length) for name, length in lengths.items()}
+        names |= {"FIRST_LOCK": starts["lock"], "FIRST_PARAM": starts["params"]}
+        items = [f"part_{name}(table, {first})" for name, first in starts.items()]
+        items[-1] = items[-1] if in_lanes else "row(view(params), 0)"
         made = ", ".join([*items, "view(table)", "view(modes)", "view(book)"])
         known = {**names, "Room": code.Room, "row": row, "view": view}
         body = [f"return Room({made})"]
         names["room"] = put_in(compose("room", "table, params, modes, book", body, known))
-        read = len(names["READ"]) > 0
-        field = code.field_of_groups if read else code.field_of_one
-        guards = code.guards_of_groups if read else code.guards_of_one
-        names["FIELD"] = put_in(field, CALL=system.field.dispatcher)
-        names["GUARDS"] = put_in(guards, CALL=_guards_of(system))
+        names["FIELD"] = put_in(code.field_of_groups, CALL=system.field.dispatcher)
+        names["GUARDS"] = put_in(code.guards_of_groups, CALL=_guards_of(system))
         known = {**vars(code), **names}
         for name, arguments, lines in (
             ("take_step", "t, h, rtol, atol, r", written.step_code()),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import IntArray
 from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
@@ -187,11 +187,3 @@ class MethodTable:
             if part not in generic and getattr(method, part) is not None:
                 code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
                 self._enter(number, {part: code})
-
-
-def tangent_table(methods: MethodTable, n_states: int) -> FloatArray:
-    """Return room for the flow's Jacobian, which begins as the identity."""
-    table = np.zeros((methods.tangent_rows, n_states))
-    np.fill_diagonal(table[:n_states], 1.0)
-    table[3 * n_states + layout.RATE_INPUTS, list(methods.scene.rate_inputs)] = 1.0
-    return table
