@@ -13,14 +13,13 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic
 
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid.compiled import declare
 from hopdata.hybrid.compiled.declare import place, return_error
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
-from hopdata.hybrid.compiled.memory import lower_call_of_python
+from hopdata.hybrid.compiled.memory import built, lower_call_of_python
 
 # Catch what a user's function raises: machine code has no way to pass it on.
 #
@@ -175,14 +174,11 @@ def trampoline(function: Function, signature: Signature) -> Any:
 
     The object is written into the machine code by its address: the caller keeps it alive.
     """
-    names = ", ".join(signature.arguments)
-    scope = {"lower": lower_call_of_python(function), "returns": signature.native.return_type}
-    exec(
-        f"def call(typing, {names}):\n    return returns({names}), lower\n"
-        f"def trampoline({names}):\n    return call({names})\n",
-        scope,
-    )
-    scope["call"] = intrinsic(scope["call"])
+    names, lower = ", ".join(signature.arguments), lower_call_of_python(function)
+    returns = signature.native.return_type
+    call = built(len(signature.arguments), lambda *kinds: (returns(*kinds), lower))
+    scope = {"call": call}
+    exec(f"def trampoline({names}):\n    return call({names})\n", scope)
     return scope["trampoline"]
 
 
@@ -287,20 +283,18 @@ class Callback:
             advice = "write a function around it"
             declare.warn_slow(self.function, self.signature, f"it is a {kind} object", advice)
             return None
-        try:
-            return self._compile()
-        except Exception as error:  # Numba's own, and whatever it stumbles over
-            declare.raise_if_mistaken(self.function, self.signature, error)
-            declare.warn_slow(self.function, self.signature, *declare.reason_and_advice(error))
-            return None
 
-    def _compile(self) -> Any:
         def compile_it(cached: bool) -> Any:
             native, kept = self.signature.native, cached and self.kept
             compiler = numba.cfunc(native, cache=kept, error_model="numpy")
             return compiler(with_digest(self.function))
 
-        return compiled_in_cache(self.function, function_digest(self.function), compile_it)
+        try:
+            return compiled_in_cache(self.function, function_digest(self.function), compile_it)
+        except Exception as error:  # Numba's own, and whatever it stumbles over
+            declare.raise_if_mistaken(self.function, self.signature, error)
+            declare.warn_slow(self.function, self.signature, *declare.reason_and_advice(error))
+            return None
 
 
 def _declared(kind: str, function: Function | None, compiled: bool) -> Any:

@@ -67,11 +67,10 @@ def _check_arguments(
     function: Function, signature: Signature, parameters: list[inspect.Parameter]
 ) -> None:
     """Look at the number of arguments, and whether they are, by name, another decorator's."""
-    kinds = {one.kind for one in parameters}
     taken = [one for one in parameters if one.kind in _POSITIONAL]
     needed = sum(one.default is one.empty for one in taken)
     n, wanted = len(taken), len(signature.arguments)
-    open_ended = inspect.Parameter.VAR_POSITIONAL in kinds
+    open_ended = any(one.kind == one.VAR_POSITIONAL for one in parameters)
     names = tuple(one.name for one in parameters)
     theirs = [kind.name for kind in SIGNATURES.values() if kind.arguments == names]
     found = ""
@@ -108,9 +107,8 @@ def _first_use(function: FunctionType, name: str) -> str | None:
         return "LOAD"
     for step in dis.get_instructions(function):
         if "_FAST" in step.opname:
-            names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
             actions = re.findall("LOAD|STORE|DELETE", step.opname)
-            for action, used in zip(actions, names, strict=False):
+            for action, used in zip(actions, _names(step), strict=False):
                 if used == name:
                     return str(action)
     return None
@@ -241,12 +239,8 @@ def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
     return [
         (_names(array)[-1], index.argval)
         for array, index, use in zip(steps, steps[1:], steps[2:], strict=False)
-        if _is_literal(index) and _is_subscript(use)
+        if index.opname.startswith("LOAD_") and type(index.argval) is int and _is_subscript(use)
     ]
-
-
-def _is_literal(step: dis.Instruction) -> bool:
-    return step.opname.startswith("LOAD_") and type(step.argval) is int
 
 
 def _is_subscript(step: dis.Instruction) -> bool:

@@ -58,19 +58,11 @@ class _Library(JITCodeLibrary):
         if self._linking_libraries:
             self._link()
             self._shared_module = None
-        return self.own_module()
-
-    def own_module(self) -> Any:
-        """Return the code of this library alone, if it is a kernel's."""
         return super()._get_module_for_linking()
 
     def _link(self) -> None:
         for library in _callers_first(self):
-            own = (
-                library.own_module()
-                if isinstance(library, _Library)
-                else library._get_module_for_linking()
-            )
+            own = CPUCodeLibrary._get_module_for_linking(library)  # its own code alone
             self._final_module.link_in(own, preserve=True)
         self._linking_libraries = []
 

@@ -1,4 +1,4 @@
-# ruff: noqa: ARG001, ARG002, ARG005, PLW0108 (signatures are prescribed by Numba)
+# ruff: noqa: ARG001, ARG002, ARG005 (signatures are prescribed by Numba)
 """Arrays without owners, for compiled code.
 
 Numba counts references whenever it takes an array out of a tuple or makes a row of a table; in the
@@ -89,14 +89,13 @@ class _ViewModel(models.StructModel):
 make_attribute_wrapper(View, "width", "width")
 
 
-def built(count: int, typed: Callable[..., Any], generate: Callable[..., Any]) -> Any:
-    """Return an intrinsic of so many arguments, of the signature that `typed` makes of their types.
+def built(count: int, typed: Callable[..., Any]) -> Any:
+    """Return an intrinsic of so many arguments, which Numba wants to have names.
 
-    What is typed as None has no meaning. Numba wants the arguments to have names.
+    Of their types, `typed` makes the signature, and the function that builds the code, or None.
     """
     names = ", ".join(f"a{k}" for k in range(count))
-    known = {"typed": typed, "generate": generate}
-    return intrinsic(eval(f"lambda typing, {names}: (typed({names}), generate)", known))
+    return intrinsic(eval(f"lambda typing, {names}: typed({names})", {"typed": typed}))
 
 
 def _view_at(kind: View) -> Any:
@@ -108,7 +107,7 @@ def _view_at(kind: View) -> Any:
         proxy.width = values[1]
         return proxy._getvalue()
 
-    return built(2, lambda address, width: kind(INDEX, INDEX), generate)
+    return built(2, lambda address, width: (kind(INDEX, INDEX), generate))
 
 
 def _view(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -120,7 +119,7 @@ def _view(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return proxy._getvalue()
 
 
-view = built(1, lambda array: View(array.dtype, array.ndim)(array), _view)
+view = built(1, lambda array: (View(array.dtype, array.ndim)(array), _view))
 float_vector, float_table = (_view_at(View(types.float64, ndim)) for ndim in (1, 2))
 int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
 
@@ -183,22 +182,24 @@ def lower_array(
 
 def _from_row_on(ndim: int) -> Any:
     """Return a function that makes an array of a row of a table, or a square of that and others."""
-    return built(
-        2, lambda table, index: types.Array(table.dtype, ndim, "C")(table, INDEX),
-        lambda context, builder, sign, values:
-            lower_array(context, builder, sign.args[0], values[0], values[1], ndim),
-    )  # fmt: skip
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return lower_array(context, builder, sign.args[0], values[0], values[1], ndim)
+
+    return built(2, lambda table, i: (types.Array(table.dtype, ndim, "C")(table, INDEX), generate))
+
+
+def _array(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    return lower_array(context, builder, sign.args[0], values[0])
+
+
+def _address(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    return _as_span(context, builder, sign.args[0], values)[0]
 
 
 row, square = _from_row_on(1), _from_row_on(2)
-array_of = built(
-    1, lambda vector: types.Array(vector.dtype, 1, "C")(vector),
-    lambda context, builder, sign, values: lower_array(context, builder, sign.args[0], *values),
-)  # fmt: skip
-address_of = built(
-    1, lambda owner: INDEX(owner),
-    lambda context, builder, sign, values: _as_span(context, builder, sign.args[0], values)[0],
-)  # fmt: skip
+array_of = built(1, lambda vector: (types.Array(vector.dtype, 1, "C")(vector), _array))
+address_of = built(1, lambda owner: (INDEX(owner), _address))
 
 
 # Named tuples that are read from a table of addresses, each item where it is used.
@@ -289,7 +290,7 @@ def reader(
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0]).data
 
-    return built(1, lambda desk: record(desk), generate)  # type: ignore[no-any-return]
+    return built(1, lambda desk: (record(desk), generate))  # type: ignore[no-any-return]
 
 
 # Calls of machine code by its address, and the way it is handed what views show.
@@ -320,8 +321,10 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
     native : Numba signature
         Of the machine code at the address.
     *plan : tuple
-        For each argument its Numba type and the way in which it is handed over.
+        For each argument its Numba type and the way in which it is handed over; by default all are
+        as they are.
     """
+    plan = plan or tuple((kind, VALUE) for kind in native.args)
     kinds = [k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))]
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -337,7 +340,7 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
         return context.get_dummy_value() if native.return_type == types.void else result
 
     sign = native.return_type(INDEX, *kinds)
-    return built(1 + len(kinds), lambda *_: sign, generate)  # type: ignore[no-any-return]
+    return built(1 + len(kinds), lambda *_: (sign, generate))  # type: ignore[no-any-return]
 
 
 # A product and a sum, rounded once.
@@ -348,11 +351,12 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
 FLOAT = types.float64
 
 
+def _fma(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    return builder.fma(*values)
+
+
 # fma(a, b, c) is a b + c: one instruction, if the processor has it.
-fma = built(
-    3, lambda *_: FLOAT(FLOAT, FLOAT, FLOAT),
-    lambda context, builder, sign, values: builder.fma(*values),
-)  # fmt: skip
+fma = built(3, lambda *_: (FLOAT(FLOAT, FLOAT, FLOAT), _fma))
 
 
 # A call of a Python function, with the interpreter's lock: the caller keeps the function alive.
@@ -410,10 +414,3 @@ def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) ->
                 builder.store(python.long_as_longlong(result), slot)
             python.decref(result)
     return context.get_dummy_value() if kind == types.none else builder.load(slot)
-
-
-def entry_point(compiled: Any) -> Callable[..., int]:
-    """Return the only code of a dispatcher, to be called without a search for what fits."""
-    (one,) = compiled.overloads.values()
-    entry: Callable[..., int] = one.entry_point
-    return entry

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import call_interpolant, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma
-from hopdata.hybrid.driver.problem import Problem
+from hopdata.hybrid.driver.problem import Problem, copy_row
 from hopdata.hybrid.layout import Memory
 
 # Where events are dense a step costs little more than its interpolant: with this number as a
@@ -31,33 +31,24 @@ def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
 
 
 @kernel
-def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
-    """Write the state at the fraction `theta` of the step into a row of the states."""
-    s, last = m.states, m.counts[at.DEGREE] - 1
-    rest = theta if p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0 else 1.0 - theta
-    top, square = last | 1, theta * rest
-    full = last == top
-    for i in range(s.width):
-        value = fma(rest, s[at.P1 + top, i] if full else 0.0, s[at.P1 + top - 1, i])
-        for j in range(top - 2, 0, -2):
-            value = fma(square, value, fma(rest, s[at.P1 + j, i], s[at.P1 + j - 1, i]))
-        s[target, i] = fma(theta, value, s[at.Y, i])
+def interpolate(p: Problem, m: Memory, theta: float, target: int, per_s: float) -> None:
+    """Write the state at the fraction `theta` of the step into a row of the states.
 
-
-@kernel
-def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> None:
-    """Write the state at `theta` into SCRATCH, and its time derivative into SLOPE."""
+    And its time derivative into SLOPE, if `per_s` is one over the length of the step, not 0.
+    """
     last = m.counts[at.DEGREE] - 1
     if p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
-        sum_with_slope(m, theta, theta, 1.0, 1.0 / dt, last)
+        sum_up(m, theta, theta, 1.0, per_s, last, target)
     elif last == LAST_OF_DOPRI5:
-        sum_with_slope(m, theta, 1.0 - theta, -1.0, 1.0 / dt, LAST_OF_DOPRI5)
+        sum_up(m, theta, 1.0 - theta, -1.0, per_s, LAST_OF_DOPRI5, target)
     else:
-        sum_with_slope(m, theta, 1.0 - theta, -1.0, 1.0 / dt, last)
+        sum_up(m, theta, 1.0 - theta, -1.0, per_s, last, target)
 
 
 @kernel_in_loop
-def sum_with_slope(m: Memory, x: float, r: float, turn: float, per_s: float, last: int) -> None:
+def sum_up(
+    m: Memory, x: float, r: float, turn: float, per_s: float, last: int, target: int
+) -> None:
     """Sum an interpolant and its derivative, for r = x or 1 - x, whose derivative is `turn`.
 
     It is Y + x V, where V is a sum of pairs (of a coefficient and r times the next) in powers of
@@ -73,8 +64,9 @@ def sum_with_slope(m: Memory, x: float, r: float, turn: float, per_s: float, las
             value = fma(square, value, fma(r, s[at.P1 + j, i], s[at.P1 + j - 1, i]))
             odd = fma(square, odd, s[at.P1 + j, i])
         slope = fma(bend, value_slope, turn * odd)
-        s[at.SCRATCH, i] = fma(x, value, s[at.Y, i])
-        s[at.SLOPE, i] = fma(x, slope, value) * per_s
+        s[target, i] = fma(x, value, s[at.Y, i])
+        if per_s != 0.0:
+            s[at.SLOPE, i] = fma(x, slope, value) * per_s
 
 
 # The trajectory's rows: samples at wanted times, or else one row for each step.
@@ -91,25 +83,12 @@ class Output(NamedTuple):
 
 
 @kernel
-def put(m: Memory, source: int, table: FloatTable, row: int, first: int) -> None:
-    """Copy row `source` of the states to a row of another table, from a column on."""
-    for i in range(m.states.width):
-        table[row, first + i] = m.states[source, i]
-
-
-@kernel
-def write_row(m: Memory, out: Output) -> None:
-    """Write the present state as the row of a new step."""
+def write_row(m: Memory, out: Output, t: float, source: int) -> None:
+    """Write a time and a row of the states as the next row, if rows are wanted."""
     if out.per_step > 0:
-        put_row(m, out, m.clock[at.T], at.Y)
-
-
-@kernel
-def put_row(m: Memory, out: Output, t: float, source: int) -> None:
-    """Write a time and a row of the states as the next row."""
-    out.rows[m.counts[at.ROWS], 0] = t
-    put(m, source, out.rows, m.counts[at.ROWS], 1)
-    m.counts[at.ROWS] += 1
+        out.rows[m.counts[at.ROWS], 0] = t
+        copy_row(m.states, source, out.rows, m.counts[at.ROWS], 1)
+        m.counts[at.ROWS] += 1
 
 
 @kernel_apart
@@ -118,25 +97,25 @@ def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> None:
     prepare_interpolant(p, m, dt)
     for j in range(1, out.per_step):
         part = 0.5 - 0.5 * cos(pi * j / out.per_step) if 2 * j != out.per_step else 0.5
-        interpolate(p, m, part * dt / m.clock[at.SPAN], at.SCRATCH)
-        put_row(m, out, m.clock[at.T] + part * dt, at.SCRATCH)
+        interpolate(p, m, part * dt / m.clock[at.SPAN], at.SCRATCH, 0.0)
+        write_row(m, out, m.clock[at.T] + part * dt, at.SCRATCH)
 
 
 @kernel
 def rewrite_row(m: Memory, out: Output) -> None:
     """Write the state after an event over the one before it."""
     if out.per_step > 0 and m.counts[at.ROWS] > 0:
-        put(m, at.Y, out.rows, m.counts[at.ROWS] - 1, 1)
+        copy_row(m.states, at.Y, out.rows, m.counts[at.ROWS] - 1, 1)
     last = m.counts[at.SAMPLES] - 1
     if last >= 0 and out.wanted[last] == m.clock[at.T]:
-        put(m, at.Y, out.samples, last, 0)
+        copy_row(m.states, at.Y, out.samples, last)
 
 
 @kernel
 def sample_start(m: Memory, out: Output) -> None:
     """Write the initial state, if it is wanted."""
     if out.wanted.width > 0 and out.wanted[0] == m.clock[at.T]:
-        put(m, at.Y, out.samples, 0, 0)
+        copy_row(m.states, at.Y, out.samples, 0)
         m.counts[at.SAMPLES] = 1
 
 
@@ -148,10 +127,10 @@ def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> 
         return
     prepare_interpolant(p, m, dt)
     while j < n and out.wanted[j] < t_new:
-        interpolate(p, m, (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN], at.SCRATCH)
-        put(m, at.SCRATCH, out.samples, j, 0)
+        interpolate(p, m, (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN], at.SCRATCH, 0.0)
+        copy_row(m.states, at.SCRATCH, out.samples, j)
         j += 1
     if j < n and out.wanted[j] == t_new:
-        put(m, at.END, out.samples, j, 0)
+        copy_row(m.states, at.END, out.samples, j)
         j += 1
     m.counts[at.SAMPLES] = j

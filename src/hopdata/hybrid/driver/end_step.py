@@ -56,7 +56,7 @@ def move_end(p: problem.Problem, m: Memory, t: float, shift: float) -> None:
 def take_part(p: problem.Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
     """Take the first part of the step: anew, or on its interpolant."""
     if on_interpolant:
-        interpolate(p, m, span / m.clock[at.SPAN], at.END)
+        interpolate(p, m, span / m.clock[at.SPAN], at.END, 0.0)
         problem.eval_field(p, m, t + span, at.END, at.KEND)
     else:
         take_step(p, m, t, span)

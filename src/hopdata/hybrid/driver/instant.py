@@ -67,8 +67,7 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
     if p.rules[at.DIRECTION, k] != 0 and p.rules[at.DIRECTION, k] != direction:
         return at.RUNNING
     row, n = m.counts[at.EVENT_ROWS], m.states.width
-    for i in range(n):
-        log.floats[row, at.LOG_STATES + i] = m.states[at.Y, i]
+    problem.copy_row(m.states, at.Y, log.floats, row, at.LOG_STATES)
     m.flags[at.FIRED, k] += 1
     stop = 1 if 0 < p.rules[at.TERMINAL, k] <= m.flags[at.FIRED, k] else 0
     if p.on_event != 0:
@@ -234,8 +233,7 @@ def decide_locks(p: problem.Problem, m: Memory) -> bool:
 @kernel
 def lock_by_side(p: problem.Problem, m: Memory) -> None:
     """Set open locks by the sign of h alone: the field may exist on its own side only."""
-    for i in range(m.states.width):
-        m.states[at.K1, i] = 0.0
+    problem.fill_row(m.states, at.K1, 0.0)
     problem.guards_at_start(p, m, m.clock[at.T])
     for k in range(m.guards.width):
         if m.flags[at.OPEN, k] != 0 and m.guards[at.H0, k] > 0.0:

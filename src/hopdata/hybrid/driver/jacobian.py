@@ -16,7 +16,7 @@ from numba import types
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
-from hopdata.hybrid.compiled.memory import FloatTable
+from hopdata.hybrid.compiled.memory import FloatTable, square
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, next_due
 from hopdata.hybrid.driver.problem import way as some_way
@@ -29,9 +29,7 @@ CARRY, RESET, SALTATE, HANDLERS = range(4)
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
 )
-call_first_order = code.caller(
-    FIRST_ORDER_NATIVE, *((kind, code.VALUE) for kind in FIRST_ORDER_NATIVE.args)
-)
+call_first_order = code.caller(FIRST_ORDER_NATIVE)
 
 
 @kernel
@@ -70,8 +68,8 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
     if m.clock[at.SPAN] > dt or has_short_tangent(p, m, dt):
         which, evaluations = at.SHORT_TANGENT, p.methods[method, at.SHORT_EVALUATIONS]
         prepare_interpolant(p, m, dt)
-        interpolate(p, m, at.GAUSS_1 * dt / m.clock[at.SPAN], at.SCRATCH)
-        interpolate(p, m, at.GAUSS_2 * dt / m.clock[at.SPAN], at.SLOPE)
+        interpolate(p, m, at.GAUSS_1 * dt / m.clock[at.SPAN], at.SCRATCH, 0.0)
+        interpolate(p, m, at.GAUSS_2 * dt / m.clock[at.SPAN], at.SLOPE, 0.0)
     m.counts[at.NFEV] += evaluations
     return code.call_tangent(
         p.methods[method, which], t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent,
@@ -241,8 +239,7 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
     Those that are `pushed` across are passed when the reset is.
     """
     phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
-    for i in range(m.states.width):
-        phi[before, i] = m.states[at.K1, i]
+    copy_row(m.states, at.K1, phi, before)
     if pushed:
         return at.RUNNING
     k = next_due(p, m, -1)
@@ -337,8 +334,7 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
     if not resets(p, m, log, row, k, way):
         bring_back(p, 1)
         return False
-    for e in range(n * n):
-        phi[n, e] = 0.0
+    square(phi, n)[:] = 0.0
     fill_row(phi, after, 0.0)
     for j in range(n + 1):
         reset_by(p, m, log, row, j, k, way)
@@ -347,9 +343,8 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
             phi[after, i] += slope * (phi[before, j] if j < n else 1.0)
             for c in range(n if j < n and slope != 0.0 else 0):
                 phi[n + i, c] += slope * phi[j, c]
-    for e in range(n * n):
-        phi[0, e] = phi[n, e]
-    copy_row(phi, after, before)
+    square(phi, 0)[:] = square(phi, n)
+    copy_row(phi, after, phi, before)
     bring_back(p, 1)
     return True
 

@@ -7,7 +7,7 @@ from math import inf, sqrt
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
-from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
+from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import (
     EPS,
     Problem,
@@ -186,7 +186,7 @@ MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 @kernel_apart
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
-    interpolate_with_slope(p, m, theta, dt)
+    interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
     eval_listed(p, m, at.NEAR, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 

@@ -60,9 +60,9 @@ def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None
     carry_guards(p, m, dt)
     travel_on(p, m, dt)
     m.clock[at.T] = t_new
-    problem.copy_row(m.states, at.END, at.Y)
-    problem.copy_row(m.states, at.KEND, at.K1)
-    dense.write_row(m, out)
+    problem.copy_row(m.states, at.END, m.states, at.Y)
+    problem.copy_row(m.states, at.KEND, m.states, at.K1)
+    dense.write_row(m, out, t_new, at.Y)
 
 
 @kernel_apart
@@ -72,15 +72,6 @@ def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     dense.rewrite_row(m, out)
     stepping.choose_after_event(p, m)
     return status
-
-
-@kernel
-def retry(m: Memory, shrink: float) -> int:
-    """Return how it goes on, if the Jacobian asks for a shorter step."""
-    if not shrink > 0.0:
-        return at.JACOBIAN_NOT_FINITE
-    too_short = m.clock[at.NEXT_DT] <= stepping.STEP_FLOOR * abs(m.clock[at.T])
-    return at.STEP_UNDERFLOW if too_short else at.RUNNING
 
 
 @kernel_in_loop
@@ -96,10 +87,13 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     if dt > 0.0:
         if p.first_order:
             shrink = jacobian.first_order(p, jacobian.CARRY, dt, 0, 0, 0)
-            if not shrink >= 1.0:
+            if not shrink >= 1.0:  # the Jacobian asks for a shorter step
                 m.clock[at.NEXT_DT] = shrink * dt
                 m.counts[at.REJECTED] += 1
-                return retry(m, shrink)
+                if not shrink > 0.0:
+                    return at.JACOBIAN_NOT_FINITE
+                too_short = shrink * dt <= stepping.STEP_FLOOR * abs(m.clock[at.T])
+                return at.STEP_UNDERFLOW if too_short else at.RUNNING
         move_on(p, m, out, dt)
     if n_due > 0:
         return fire(p, m, out, log)
@@ -115,11 +109,9 @@ def clear(p: problem.Problem, m: Memory) -> bool:
     for k in range(m.flags.width):
         m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k], m.flags[at.FIRED, k] = 0, 0, 0
         m.lists[at.AWAKE, k] = k
-    for slot in range(at.COUNT_SLOTS):
-        m.counts[slot] = 0
+    memory.array_of(m.counts)[:] = 0
     m.counts[at.CULPRIT], m.counts[at.N_AWAKE] = -1, m.flags.width
-    for slot in range(at.CLOCK_SLOTS):
-        m.clock[slot] = 0.0
+    memory.array_of(m.clock)[:] = 0.0
     m.clock[at.T], m.clock[at.SEGMENT], m.clock[at.INSTANT] = p.t_start, p.t_start, -np.inf
     m.clock[at.MOTION], m.clock[at.WINDOW] = np.inf, LONGEST * (p.t_end - p.t_start)
     m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = p.first_step, stepping.LOG_ERROR_FLOOR
@@ -141,7 +133,7 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
         m.clock[at.NEXT_DT] = stepping.first_step(p, m)
     measure(p, m)
     dense.sample_start(m, out)
-    dense.write_row(m, out)
+    dense.write_row(m, out, m.clock[at.T], at.Y)
     for k in range(m.guards.width):
         m.guards[at.SIZE, k] = abs(m.guards[at.H0, k])
     resolution = problem.time_resolution(m.clock[at.T], 0.0)
@@ -149,13 +141,6 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     if problem.mark_due(p, m, at.H0, at.RATE0, resolution) > 0:
         status = fire(p, m, out, log)
     return status
-
-
-@kernel
-def lacks_room(m: Memory, out: dense.Output, log: Log) -> bool:
-    """Tell whether the next step might not find room for its output."""
-    events = m.counts[at.EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
-    return events > log.n_rows or m.counts[at.ROWS] + out.per_step > out.n_rows
 
 
 @kernel
@@ -171,7 +156,8 @@ def run(desk: IntVector, flags: int) -> int:
     while status == at.RUNNING:
         if m.clock[at.T] >= p.t_end:
             return at.FINISHED
-        if lacks_room(m, out, log):
+        events = m.counts[at.EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
+        if events > log.n_rows or m.counts[at.ROWS] + out.per_step > out.n_rows:
             return at.NEEDS_ROOM
         if p.methods[m.counts[at.METHOD], at.STEP] == 0:
             return at.NEEDS_METHOD
@@ -194,7 +180,7 @@ _INT, _FLOAT = types.int64, types.float64
 RUN_NATIVE = _INT(_INT, _INT)
 NOT_KEPT = "no folder to keep it in can be written to: set NUMBA_CACHE_DIR to one that can"
 
-call_run = code.caller(RUN_NATIVE, *((kind, code.VALUE) for kind in RUN_NATIVE.args))
+call_run = code.caller(RUN_NATIVE)
 
 
 @kernel
@@ -258,20 +244,10 @@ def _say(what: str) -> None:
     print(f"hopdata: {what}", file=sys.stderr, flush=True)
 
 
-def run_address() -> int:
-    """Return the address of the driver."""
-    return int(compiled_run().address)
-
-
 @cache
 def compiled_first_order() -> Any:
     """Return the machine code that carries Jacobians: the driver calls it by its address."""
     return _compiled(_first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY))
-
-
-def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
-    """Return a small compiled function which releases the interpreter's lock."""
-    return _compiled(function, partial(njit, native, nogil=True, **code.ENTRY))
 
 
 def _compiled(function: Callable[..., Any], make: Callable[..., Any]) -> Any:
@@ -279,9 +255,20 @@ def _compiled(function: Callable[..., Any], make: Callable[..., Any]) -> Any:
 
 
 @cache
+def entry(function: Callable[..., Any], native: Any) -> Callable[..., int]:
+    """Return a small compiled function which releases the interpreter's lock.
+
+    It is called without the search for a signature that fits: arguments must be exact.
+    """
+    compiled = _compiled(function, partial(njit, native, nogil=True, **code.ENTRY))
+    (one,) = compiled.overloads.values()
+    found: Callable[..., int] = one.entry_point
+    return found
+
+
 def driver_entry() -> Callable[..., int]:
-    """Return `_enter` without the search for a signature that fits: arguments must be exact."""
-    return memory.entry_point(compiled_entry(_enter, RUN_NATIVE))
+    """Return `_enter` in machine code."""
+    return entry(_enter, RUN_NATIVE)
 
 
 # Many integrations in a row, without Python in between.
@@ -310,29 +297,28 @@ def _enter_many(
     receives time, rates and state, `counts` the driver's counters, `samples` and `jacobians`, if
     they have any room, the states at the wanted times and the flow's Jacobians.
     """
-    n, n_modes, n_params = y0.shape[1], modes.shape[1], params.shape[1]
-    mode, clock = memory.int_vector(desk[at.MODE], n_modes), memory.float_vector(desk[at.CLOCK], 0)
-    count = memory.int_vector(desk[at.COUNTS], 0)
-    state = memory.float_table(desk[at.STATE_TABLE], n)
-    start, room = memory.float_vector(desk[at.START_STATE], n), address_of(view(samples))
-    phi, n_wanted = memory.float_table(desk[at.TANGENT_TABLE], n), desk[at.WANTED + 1]
-    here, own = address_of(view(desk)), memory.float_vector(desk[at.PARAMS], n_params)
+    n, n_wanted = y0.shape[1], desk[at.WANTED + 1]
+    clock = memory.float_vector(desk[at.CLOCK], 0)
+    mode = memory.array_of(memory.int_vector(desk[at.MODE], modes.shape[1]))
+    count = memory.array_of(memory.int_vector(desk[at.COUNTS], counts.shape[1]))
+    state = memory.row(memory.float_table(desk[at.STATE_TABLE], n), at.Y)
+    start = memory.array_of(memory.float_vector(desk[at.START_STATE], n))
+    phi = memory.square(memory.float_table(desk[at.TANGENT_TABLE], n), 0)
+    own = memory.array_of(memory.float_vector(desk[at.PARAMS], params.shape[1]))
+    here, room = address_of(view(desk)), address_of(view(samples))
+    no_change = np.eye(n if len(jacobians) > 0 else 0)
     numbers = memory.float_vector(here, len(desk))
     numbers[at.T_START], numbers[at.T_END], numbers[at.RTOL] = t_start, t_end, rtol
     numbers[at.MAX_STEP], numbers[at.FIRST_STEP] = max_step, step
     desk[at.MAX_STEPS], desk[at.MAX_EVENTS], desk[at.ROWS_PER_STEP] = max_steps, max_events, 0
     for b in range(first, last):
-        for i in range(n_params):
-            own[i] = params[b % len(params), i]
-        for i in range(n_modes):
-            mode[i] = modes[b % len(modes), i]
+        own[:] = params[b % len(params)]
+        mode[:] = modes[b % len(modes)]
+        start[:] = y0[b]
         if n_wanted > 0:
             desk[at.SAMPLE_TABLE] = room + b * n_wanted * n * BYTES
-        for i in range(n if len(jacobians) > 0 else 0):
-            for j in range(n):
-                phi[i, j] = 1.0 if i == j else 0.0
-        for i in range(n):
-            start[i] = y0[b, i]
+        if len(jacobians) > 0:
+            phi[:] = no_change
         ended = call_run(desk[at.RUN], here, at.GIVEN_MODE)
         while ended in (at.NEEDS_ROOM, at.PAUSED):
             count[at.EVENT_ROWS] = 0 if ended == at.NEEDS_ROOM else count[at.EVENT_ROWS]
@@ -341,19 +327,14 @@ def _enter_many(
             return b
         status[b, 0], ends[b, 0] = ended, clock[at.T]
         ends[b, 1], ends[b, 2] = clock[at.RATE_BELOW], clock[at.RATE_ABOVE]
-        for i in range(n):
-            ends[b, END_STATE + i] = state[at.Y, i]
-        for i in range(n_modes):
-            end_modes[b, i] = mode[i]
-        for i in range(counts.shape[1]):
-            counts[b, i] = count[i]
-        for i in range(n if len(jacobians) > 0 else 0):
-            for j in range(n):
-                jacobians[b, i, j] = phi[i, j]
+        ends[b, END_STATE:] = state
+        end_modes[b] = mode
+        counts[b] = count
+        if len(jacobians) > 0:
+            jacobians[b] = phi
     return last
 
 
-@cache
 def many_entry() -> Callable[..., int]:
-    """Return `_enter_many` without the search for a signature: arguments must be exact."""
-    return memory.entry_point(compiled_entry(_enter_many, MANY_NATIVE))
+    """Return `_enter_many` in machine code."""
+    return entry(_enter_many, MANY_NATIVE)

@@ -7,7 +7,7 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
+from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector, row
 from hopdata.hybrid.layout import Memory
 
 
@@ -112,14 +112,12 @@ def guards_are_finite(p: Problem, m: Memory, h: int, rate: int) -> bool:
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         wrong += 0 if (abs(g[h, k]) < np.inf) & (abs(g[rate, k]) < np.inf) else 1
-    if wrong == 0:
-        return True
-    for a in range(m.counts[at.N_AWAKE]):
+    for a in range(m.counts[at.N_AWAKE] if wrong > 0 else 0):
         k = awake(p, m, a)
         if not (np.isfinite(g[h, k]) and np.isfinite(g[rate, k])):
             m.counts[at.CULPRIT] = k
             break
-    return False
+    return wrong == 0
 
 
 @kernel
@@ -132,17 +130,16 @@ def first_not_finite(table: FloatTable, row: int) -> int:
 
 
 @kernel
-def copy_row(table: FloatTable, source: int, target: int) -> None:
-    """Copy row `source` of a table to row `target`."""
-    for i in range(table.width):
-        table[target, i] = table[source, i]
+def copy_row(source: FloatTable, which: int, into: FloatTable, target: int, first: int = 0) -> None:
+    """Copy a row of a table to row `target` of this or another one, from column `first` on."""
+    for i in range(source.width):
+        into[target, first + i] = source[which, i]
 
 
 @kernel
-def fill_row(table: FloatTable, row: int, value: float) -> None:
+def fill_row(table: FloatTable, target: int, value: float) -> None:
     """Set a whole row of a table to one value."""
-    for i in range(table.width):
-        table[row, i] = value
+    row(table, target)[:] = value
 
 
 # When does a guard flip? Signs, locks and rounding.

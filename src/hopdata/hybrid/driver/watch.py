@@ -11,7 +11,7 @@ import numpy as np
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
+from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, awake, blur, eval_guards, time_resolution
 from hopdata.hybrid.driver.sleep import wake_for
 from hopdata.hybrid.layout import Memory
@@ -57,7 +57,7 @@ def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
 @kernel
 def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
     """Evaluate the guards on the interpolant at `theta` into a row, their rates into the next."""
-    interpolate_with_slope(p, m, theta, dt)
+    interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
     eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
 
 

@@ -9,7 +9,7 @@ before the first in which a guard that bends may flip, and the next step is that
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
+from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.localise import cubic, just_left, turning_points
 from hopdata.hybrid.driver.problem import (
     Problem,
@@ -75,8 +75,11 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
 
 
 @kernel_in_loop
-def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int:
-    """Count the guards that were straight and are not there; `mark` them as bent if so."""
+def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool, by_rate: bool) -> int:
+    """Count the guards that were straight and are not there; `mark` them as bent if so.
+
+    By their rates along the way of `measure` and, unless `by_rate` alone, by their values.
+    """
     g, found, resolution = m.guards, 0, INSTANTS * time_resolution(m.clock[at.T], dt)
     state = 0.0  # whose rounding is more than that of time soon after time zero
     for i in range(m.states.width):
@@ -88,7 +91,8 @@ def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int
         off = abs(g[at.H, k] - cubic(g[at.H0, k], d0, g[at.H1, k], d1, theta))
         size = abs(g[at.H0, k]) + abs(g[at.H1, k]) + abs(d0) + abs(d1)
         noise = blur(max(size, g[at.SIZE, k], 8.0 * state * abs(along)), g[at.RATE1, k], resolution)
-        new = 0 if (same & (off <= AFFINE * size + noise)) | (m.flags[at.BENT, k] != 0) else 1
+        straight = same & (by_rate | (off <= AFFINE * size + noise))
+        new = 0 if straight | (m.flags[at.BENT, k] != 0) else 1
         found += new
         m.flags[at.BENT, k] += new if mark else 0
     return found
@@ -101,16 +105,10 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
     prepare_interpolant(p, m, dt)
     for part in range(parts):
         theta = (part + 0.5) / parts
-        interpolate_with_slope(p, m, theta, dt)
+        interpolate(p, m, theta, at.SCRATCH, 0.0)
         set_way(m)
         eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
-        for a in range(m.counts[at.N_AWAKE]):
-            k = awake(p, m, a)
-            along = m.guards[at.RATE_ALONG, k]
-            straight = abs(m.guards[at.RATE, k] - along) <= AFFINE * abs(along)
-            if m.flags[at.BENT, k] == 0 and not straight:
-                m.flags[at.BENT, k] = 1
-                found += 1
+        found += mark_bent(p, m, dt, theta, True, True)
     return found
 
 
@@ -125,7 +123,7 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
         theta = (part + 0.5) / parts
         look_on_cubic(p, m, dt, theta, True)
         new = m.counts[at.MEASURED] == m.counts[at.INSTANTS]
-        count = mark_bent(p, m, dt, theta, new)
+        count = mark_bent(p, m, dt, theta, new, False)
         if count > 0 and not new:
             measure(p, m)  # in another mode a guard may be another plane: look again
         else:

@@ -18,11 +18,10 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import MODE, ON_EVENT, STATE, VALUE, caller, kernel
+from hopdata.hybrid.compiled.kernel import ON_EVENT, caller, kernel
 from hopdata.hybrid.compiled.memory import row
 from hopdata.hybrid.driver import windows
 from hopdata.hybrid.driver.end_step import SPARED
@@ -91,11 +90,6 @@ Room = namedtuple(
 )
 
 
-def field_of_one(t: Any, y: Any, r: Any, dy: Any) -> None:
-    """Evaluate a field that does not look at the mode."""
-    CALL(t, y, row(r.modes, 0), r.params, dy)
-
-
 def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
     """Evaluate the field for each group of lanes."""
     CALL(t, y, row(r.modes, r.book[LEAD, 0]), r.params, dy)
@@ -104,11 +98,6 @@ def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
         mine = mask_of(r.book[MEMBERS, group])
         for i in range(len(dy)):
             dy[i] = where(mine, r.other[i], dy[i])
-
-
-def guards_of_one(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
-    """Evaluate guards that do not look at the mode."""
-    CALL(t, y, dy, row(r.modes, 0), r.params, h, rate)
 
 
 def guards_of_groups(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
@@ -133,11 +122,12 @@ def no_guards(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any
 
 
 @kernel
-def mark(lanes: int, g: int, r: Any) -> int:
-    """Note that a guard flips now in these lanes, which are returned."""
-    for j in range(WIDTH if lanes != 0 else 0):
-        r.book[DUE, j] |= 1 << g if lanes >> j & 1 else 0
-    return lanes
+def mark(lanes: int, g: int, margin: Any, rate: Any, noise: Any, r: Any) -> int:
+    """Note in which of these lanes a guard flips now; return them."""
+    due = bits((margin < -noise) | ((margin <= noise) & (rate < 0.0))) & lanes
+    for j in range(WIDTH if due != 0 else 0):
+        r.book[DUE, j] |= 1 << g if due >> j & 1 else 0
+    return due
 
 
 def group(r: Any) -> None:
@@ -235,10 +225,7 @@ IN_VAIN, MOST_IDLE = 1.5, 8.5  # of these in a row: a guard flips where it is, a
 STIFF_STEPS = 15.0  # too near to the limit of stability, more than those that are not
 SAFETY, SHRINK_MOST, GROW_MOST = 0.8, 0.2, 6.0
 
-call_on_event = caller(
-    ON_EVENT.native, (types.float64, VALUE), (STATE, VALUE), (MODE, VALUE), (STATE, VALUE),
-    (types.int64, VALUE), (types.int64, VALUE),
-)  # fmt: skip
+call_on_event = caller(ON_EVENT.native)
 
 
 def take_systems(
@@ -254,13 +241,11 @@ def take_systems(
             r.table[i, j] = y0[first, i]
         for i in range(N_PARAMS if PARAMS_IN_LANES else 0):
             r.table[FIRST_PARAM + i, j] = params[first % len(params), i]
-        for i in range(r.modes.width):
-            r.modes[j, i] = modes[first % len(modes), i]
+        row(r.modes, j)[:] = modes[first % len(modes)]
         r.book[INDEX, j], r.book[CULPRIT, j], r.book[STATUS, j] = first, -1, at.FINISHED
         r.book[EVENTS, j], r.book[SAMPLES, j], r.book[DUE, j], r.book[OPEN, j] = 0, 0, 0, 0
         if len(times) > 0 and times[0] == t_start:
-            for i in range(N):
-                samples[first, 0, i] = y0[first, i]
+            samples[first, 0] = y0[first]
             r.book[SAMPLES, j] = 1
         first += 1
         started |= 1 << j
@@ -378,10 +363,8 @@ def refresh(fresh: int, t: Any, r: Any) -> int:
         r.h0[g], r.rate0[g] = where(mine, r.h[g], r.h0[g]), where(mine, r.rate[g], r.rate0[g])
         margin, rate = r.lock[g] * r.h0[g], r.lock[g] * r.rate0[g]
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
-        left = margin <= noise
-        r.leaving[g] = where(mine, where(left, 1.0, 0.0), r.leaving[g])
-        due = bits((margin < -noise) | (left & (rate < 0.0))) & fresh
-        flipping |= mark(due, g, r)
+        r.leaving[g] = where(mine, where(margin <= noise, 1.0, 0.0), r.leaving[g])
+        flipping |= mark(fresh, g, margin, rate, noise, r)
     return flipping
 
 
@@ -554,8 +537,7 @@ def land(
         size = where(stuck, largest(size, 2.0 / ROUNDING * absolute(margin)), size)
         r.size[g] = where(mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g])
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
-        due = bits((margin < -noise) | ((margin <= noise) & (rate < 0.0))) & landing
-        flipping |= mark(due, g, r)
+        flipping |= mark(landing, g, margin, rate, noise, r)
         r.h1[g], r.rate1[g] = where(mine, r.h[g], r.h1[g]), where(mine, r.rate[g], r.rate1[g])
     return shift, flipping
 
@@ -615,10 +597,8 @@ def leave(
         status[b, 0], ends[b, 0], ends[b, 1], ends[b, 2] = r.book[STATUS, j], lane(t, j), 0.0, 0.0
         for i in range(N):
             ends[b, END_STATE + i] = r.table[i, j]
-        for i in range(r.modes.width):
-            end_modes[b, i] = r.modes[j, i]
-        for i in range(counts.shape[1]):
-            counts[b, i] = 0
+        end_modes[b] = row(r.modes, j)
+        counts[b] = 0
         steps, tries = int(lane(taken, j)), int(lane(tried, j))
         further = (1 + FURTHER) * int(lane(cuts, j))
         counts[b, at.NFEV] = STAGES * tries + further + r.book[EVENTS, j] + 2

@@ -26,9 +26,9 @@ from numba.core.datamodel import models
 from numba.core.imputils import lower_cast
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import infer_global, signature
-from numba.extending import intrinsic, lower_builtin, overload, overload_attribute, register_model
+from numba.extending import lower_builtin, overload, overload_attribute, register_model
 
-from hopdata.hybrid.compiled.memory import FirstTried
+from hopdata.hybrid.compiled.memory import FirstTried, built
 
 Function = Callable[..., Any]
 
@@ -110,12 +110,12 @@ def _spread(builder: Any, kind: Any, value: Any) -> Any:
     return builder.shuffle_vector(builder.insert_element(none, value, first), none, places)
 
 
-@lower_cast(types.Float, _Lanes)
-@lower_cast(types.Integer, _Lanes)
-@lower_cast(types.IntegerLiteral, _Lanes)
-@lower_cast(types.Boolean, _Lanes)
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
     return _spread(builder, types.unliteral(given), value)
+
+
+for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean):
+    lower_cast(_number, _Lanes)(_cast)
 
 
 # Operators.
@@ -232,18 +232,14 @@ def part(length: int) -> Any:
     `WIDTH` long, or of other `Rows`.
     """
 
-    @intrinsic
-    def made(typing: Any, owner: Any, first: Any) -> Any:
-        def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-            address = values[0]
-            if not isinstance(sign.args[0], Rows):
-                array = context.make_array(sign.args[0])(context, builder, address)
-                address = builder.bitcast(array.data, VECTOR.as_pointer())
-            return builder.gep(address, [values[1]], inbounds=True)
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        address = values[0]
+        if not isinstance(sign.args[0], Rows):
+            array = context.make_array(sign.args[0])(context, builder, address)
+            address = builder.bitcast(array.data, VECTOR.as_pointer())
+        return builder.gep(address, [values[1]], inbounds=True)
 
-        return Rows(length)(owner, INDEX), generate
-
-    return made
+    return built(2, lambda owner, first: (Rows(length)(owner, INDEX), generate))
 
 
 def aligned(count: int) -> Any:
@@ -263,15 +259,13 @@ def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
         triples = zip(taken, sign.args, values, strict=True)
         return emit(builder, *(_spread(builder, k, v) if w == lanes else v for w, k, v in triples))
 
-    names = ", ".join(f"x{i}" for i in range(len(taken)))
-
     def typed(*kinds: Any) -> Any:
         plain = tuple(map(types.unliteral, kinds))
         same = (w == k or (w == lanes and _is_number(k)) for w, k in zip(taken, plain, strict=True))
         given = tuple(k if w == lanes else w for w, k in zip(taken, plain, strict=True))
         return (result(*given), generate) if all(same) or not {lanes, mask} & set(plain) else None
 
-    return intrinsic(eval(f"lambda typing, {names}: typed({names})", {"typed": typed}))
+    return built(len(taken), typed)
 
 
 def _llvm(name: str, count: int) -> Any:

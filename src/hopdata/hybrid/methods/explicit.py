@@ -66,11 +66,6 @@ class Tableau:
     dense_stages: tuple[tuple[float, ...], ...] = ()
 
     @property
-    def evaluations(self) -> int:
-        """Field evaluations of a step: the first slope is known, the last one is wanted."""
-        return len(self.weights)
-
-    @property
     def degree(self) -> int:
         """Degree of the interpolant."""
         return STANDARD_ROWS + len(self.dense)
@@ -79,7 +74,7 @@ class Tableau:
     def slope_rows(self) -> tuple[int, ...]:
         """Rows of the slopes, in the order of the weights, of the end's, and of the dense ones."""
         inner = len(self.weights) - 1
-        work = [int(W1) + k for k in range(inner + len(self.dense_nodes))]
+        work = [int(W1) + k for k in range(self.work_rows)]
         return (int(K1), *work[:inner], int(KEND), *work[inner:])
 
     @property
@@ -88,7 +83,7 @@ class Tableau:
         return len(self.weights) - 1 + len(self.dense_nodes)
 
 
-def combination(weights: Sequence[float], rows: Sequence[int]) -> str:
+def combination(weights: Sequence[float], rows: Sequence[int | str]) -> str:
     """Return the weighted sum of rows at column i, as code: a balanced tree of additions."""
     terms = [f"{w!r} * s[{r}, i]" for w, r in zip(weights, rows, strict=False) if w != 0.0]
     while len(terms) > 1:
@@ -152,11 +147,9 @@ def step_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
 def interpolant_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
     """Return the body of the function that prepares the interpolant of a method."""
     rows, code = tableau.slope_rows, []
-    first = len(tableau.weights) + 1
-    for k, (node, weights) in enumerate(
-        zip(tableau.dense_nodes, tableau.dense_stages, strict=True)
-    ):
-        code += _stage(evaluation, node, weights, rows, rows[first + k])
+    stages = zip(tableau.dense_nodes, tableau.dense_stages, strict=True)
+    for k, (node, weights) in enumerate(stages, start=len(tableau.weights) + 1):
+        code += _stage(evaluation, node, weights, rows, rows[k])
     code += _loop(
         f"rise = s[{END}, i] - s[{Y}, i]",
         f"bend = dt * s[{K1}, i] - rise",

@@ -85,9 +85,7 @@ def jacobian_by_user(
     t: float, dt: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector, first: int
 ) -> int:
     """Fetch the user's derivative (entries left alone are zero); return field evaluations, 0."""
-    for i in range(N):
-        for j in range(N):
-            s[first + i, j] = 0.0
+    square(s, first)[:] = 0.0
     JACOBIAN(t, row(s, Y), mode, params, square(s, first))
     return 0
 
@@ -101,8 +99,7 @@ def jacobian_by_differences(
     within the step if that is larger: no unit of length or time enters. A state that is smaller
     than its absolute tolerance counts as zero, and is changed by that tolerance.
     """
-    for i in range(N):
-        s[SCRATCH, i] = s[Y, i]
+    row(s, SCRATCH)[:] = row(s, Y)
     for j in range(N):
         size = max(abs(s[Y, j]), dt * abs(s[K1, j]))
         increment = CUBE_ROOT_OF_EPS * size if size > atol[j] else max(atol[j], TINY)
@@ -217,8 +214,7 @@ def step(
             s[SCRATCH, i] = state
             s[U + k, i] = bend / dt + D[k] * dt * s[KEND, i]
         if k == 0:
-            for i in range(N):
-                s[SLOPE, i] = s[K1, i]
+            row(s, SLOPE)[:] = row(s, K1)
         else:
             FIELD(t + TIME[k] * dt, row(s, SCRATCH), mode, params, row(s, SLOPE))
         for i in range(N):
@@ -228,8 +224,7 @@ def step(
     for i in range(N):
         error = s[U + STAGES - 1, i]
         s[END, i] = s[SCRATCH, i] + error
-        size = max(abs(s[Y, i]), abs(s[END, i]))
-        total += (error / max(atol[i] + rtol * size, SMALLEST)) ** 2
+        total += (error / tolerance(s, i, rtol, atol)) ** 2
     FIELD(t + dt, row(s, END), mode, params, row(s, KEND))
     return (total / N) ** 0.5
 

@@ -10,7 +10,6 @@ new Jacobian) and M, some single rows, and one block dK for each stage (see `dri
 
 from collections.abc import Sequence
 from math import factorial, nan, sqrt
-from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.memory import FloatTable, fma, square
-from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose_part
+from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination
 from hopdata.hybrid.methods.taylor import fastest_motion
 
 # Products of the blocks of a tangent's table, named by their first rows. Sums are taken in order,
@@ -124,8 +123,7 @@ def stage_jacobian(
     """
     n = phi.width
     if jacobian != 0:
-        for e in range(n * n):
-            phi[n, e] = 0.0
+        square(phi, n)[:] = 0.0
         code.call_jacobian(jacobian, t, s, at.SCRATCH, mode, params, square(phi, n))
         return
     shifted, values, per_s = 3 * n, 3 * n + at.PHI_VALUES, 1.0 / dt
@@ -147,18 +145,10 @@ def stage_jacobian(
         phi[shifted, j] = s[at.SCRATCH, j]
 
 
-def _block(stage: int) -> str:
-    return f"3 * N + {at.PHI_ROWS} + {stage} * N"
-
-
-def _sum(weights: Sequence[float], rows: Sequence[Any], table: str) -> str:
-    return combination(weights, rows).replace("s[", f"{table}[")
-
-
 def _matrices(target: str, weights: Sequence[float]) -> list[str]:
     """Return code for a whole block at a time, entry by entry, which makes vector instructions."""
-    blocks = [_block(stage) for stage in range(len(weights))]
-    terms = _sum(weights, blocks, "phi").replace(", i]", ", e]")
+    blocks = [f"3 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(len(weights))]
+    terms = combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
     return ["for e in range(N * N):", INDENT + f"phi[{target}, e] = phi[0, e] + dt * ({terms})"]
 
 
@@ -189,7 +179,7 @@ def _error(tableau: Tableau) -> list[str]:
 
 
 def tangent_code(tableau: Tableau) -> list[str]:
-    """Return the body of the tangent function of a method."""
+    """Return the body of ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)``."""
     slopes = tableau.slope_rows
     lines = ["N = phi.width"]
     for k in range(len(tableau.weights)):
@@ -203,11 +193,6 @@ def tangent_code(tableau: Tableau) -> list[str]:
             f"multiply(phi, 3 * N + {at.PHI_ROWS} + {k} * N, N, 2 * N)",
         ]
     return [*lines, *_error(tableau)]
-
-
-def tangent_template(tableau: Tableau) -> FunctionType:
-    """Return ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` of a method."""
-    return compose_part("tangent", tangent_code(tableau), globals())
 
 
 # The flow's Jacobian over a short step, along the interpolant of the state: of order four.

@@ -60,8 +60,9 @@ B, WEIGHT, INFO, LONGEST, A = W1, W1 + 1, W1 + 2, W1 + 3, W1 + 4
 
 EPS = 2.0**-52
 SHARP = 64 * EPS  # relative tolerance to which looser ones are tightened
-EARLY = 8  # terms, after which a step that is
-FAR_TOO_LONG = 1e15  # times as wrong as allowed shows it
+# Terms after which a step that is so many times as wrong as allowed shows it: they still grow, and
+# the rest tells nothing.
+EARLY, FAR_TOO_LONG = 8, 1e15
 TINY = 1e-300
 FACTORIALS = np.array([float(factorial(k)) for k in range(ORDER + 1)])
 SHARES = 1.0 / FACTORIALS
@@ -73,15 +74,6 @@ MOST_WRITTEN_OUT = 4  # states: of more, matrix and term no longer fit into the 
 def weight(s: FloatTable, i: int, term: float, rtol: float, atol: FloatVector) -> float:
     """Return one over the tolerance of state `i`, by the state and the first term."""
     return 1.0 / max(rtol * max(abs(s[Y, i]), abs(term)) + atol[i], TINY)
-
-
-@kernel
-def may_end_early(last: float, before: float, older: float, sharper: float) -> bool:
-    """Tell whether a step, after its first terms, is so much too long that the rest tells nothing.
-
-    Of one that is, the terms still grow.
-    """
-    return last > older and left_out(EARLY, last, before, older) * sharper > FAR_TOO_LONG
 
 
 @kernel
@@ -135,13 +127,6 @@ def _each(n: int, *lines: str) -> list[str]:
     return ["for i in range(N):", *(INDENT + line.format(**names) for line in lines)]
 
 
-def _matrix(n: int) -> list[str]:
-    """Return lines that take A dt out of the table, if it is written out."""
-    if n > MOST_WRITTEN_OUT:
-        return []
-    return [f"a{i}_{j} = dt * s[A + {i}, {j}]" for i in range(n) for j in range(n)]
-
-
 def _product(n: int) -> list[str]:
     """Return lines that put the product of A dt and each x into y."""
     if n > MOST_WRITTEN_OUT:
@@ -162,9 +147,11 @@ def _product(n: int) -> list[str]:
 
 
 def _step_code(n: int) -> list[str]:
+    written_out = range(n if n <= MOST_WRITTEN_OUT else 0)
     # Sums, not maxima, as NaN survives in them; and two terms, as one kind of state may rest.
     one_more = [
-        "if k == EARLY and may_end_early(last, before, older, sharper):",
+        "wrong = left_out(k, last, before, older) * sharper if k == EARLY else 0.0",
+        "if wrong > FAR_TOO_LONG and last > older:",
         INDENT + "break",
         "share, older, before, last = SHARES[k + 1], before, last, 0.0",
         *_product(n),
@@ -187,7 +174,7 @@ def _step_code(n: int) -> list[str]:
             "{w} = weight(s, {i}, {x}, rtol, atol)",
             "last = fma(abs({x}), {w}, last)",
         ),
-        *_matrix(n),
+        *(f"a{i}_{j} = dt * s[A + {i}, {j}]" for i in written_out for j in written_out),
         "while k < DEGREE and last != 0.0 and not (last + before <= negligible):",
         *(INDENT + line for line in one_more),
         "s[INFO, 0] = k",
@@ -221,10 +208,8 @@ def refresh(s: FloatTable, mode: Any, params: Any) -> float:
     differs from A Y + b, relative to the terms of these: more than rounding means that the user's
     two functions are not the same field.
     """
-    for i in range(N):
-        s[B, i] = 0.0
-        for j in range(N):
-            s[A + i, j] = 0.0
+    square(s, A)[:] = 0.0
+    row(s, B)[:] = 0.0
     AFFINE(mode, params, square(s, A), row(s, B))
     fastest = fastest_motion(s, A)
     s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest) if 0.0 < fastest < inf else inf
@@ -252,10 +237,8 @@ def tangent(
 
     NaN if the series does not end: the step is too long for it.
     """
-    for i in range(N):
-        for j in range(N):
-            phi[N + i, j] = phi[i, j]
-            phi[2 * N + i, j] = phi[i, j]
+    square(phi, N)[:] = square(phi, 0)
+    square(phi, 2 * N)[:] = square(phi, 0)
     for k in range(1, 2 * DEGREE):
         largest, size = 0.0, 0.0
         for j in range(N):
