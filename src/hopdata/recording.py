@@ -92,10 +92,8 @@ class Recording(Shown):
     def told(self) -> str:
         """Return the name, the size and the share of positions seen."""
         seen = 100 * fraction_seen(self).mean() if self.positions.size else 0.0
-        return (
-            f"'{self.name}': {len(self.markers)} markers, {len(self.time):,} frames at "
-            f"{self.rate_hz:g} Hz, {seen:.3g} % seen"
-        )
+        size = f"{len(self.markers)} markers, {len(self.time):,} frames at {self.rate_hz:g} Hz"
+        return f"'{self.name}': {size}, {seen:.3g} % seen"
 
     def rows(self) -> dict[str, Any]:
         """Return each marker, its role and the percentage of frames in which it was seen."""
@@ -118,9 +116,8 @@ class Recording(Shown):
         try:
             from xarray import DataArray
         except ImportError:
-            raise RecordingError.at(
-                "to_xarray", "the package xarray", "none: pip install xarray"
-            ) from None
+            found = "none: pip install xarray"
+            raise RecordingError.at("to_xarray", "the package xarray", found) from None
         roles = ("marker", list(self.roles))
         axes: Any = {"time": self.time, "marker": list(self.markers), "axis": list("xyz")}
         attributes = {"units": "m", "rate_hz": self.rate_hz, "source": self.source}
@@ -169,22 +166,18 @@ class Recording(Shown):
         from hopdata.recordings.raw import rate_of, settle
 
         stamps, places = numbers("time", time), numbers("positions", positions)
-        known, of_foot, of_body = (
-            marker_names(*named) for named in (("markers", markers), ("feet", feet), ("body", body))
-        )
-        wanted = (*stamps.shape, len(known), 3)
+        known = marker_names("markers", markers)
+        of_foot, of_body = marker_names("feet", feet), marker_names("body", body)
+        size = (*stamps.shape, len(known), 3)
         steps = np.diff(stamps) if stamps.ndim == 1 and len(stamps) > 1 else np.empty(0)
         if not len(steps) or not (steps > 0).all() or np.median(steps) > SLOWEST_S:
             wrong = 1 + int(np.argmin(steps > 0)) if len(steps) else 0
             here = f"{stamps.flat[max(wrong - 1, 0) : wrong + 1]} at frame {wrong}"
-            raise RecordingError(
-                "time: expected two frames or more, (N,), s, each later than the one before by at "
-                f"most {SLOWEST_S} s, found shape {stamps.shape}, {here}"
-            )
-        if places.shape != wanted:
-            raise RecordingError.at(
-                "positions", f"shape {wanted} (frames, markers, 3)", places.shape
-            )
+            later = f"each later than the one before by at most {SLOWEST_S} s"
+            found = f"shape {stamps.shape}, {here}"
+            raise RecordingError.at("time", f"two frames or more, (N,), s, {later}", found)
+        if places.shape != size:
+            raise RecordingError.at("positions", f"shape {size} (frames, markers, 3)", places.shape)
         marker_names("feet and body", (*of_foot, *of_body))
         for key, chosen in (("feet", of_foot), ("body", of_body)):
             for one in chosen:

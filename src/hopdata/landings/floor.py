@@ -320,10 +320,9 @@ def turning(rest: floor_surface.RestPoints) -> str:
     turned = np.rad2deg(np.hypot(*fits[1][-2:]))
     if turned < _TURNED_DEG or left[0] < _TURN_SHOWS * left[1]:
         return ""
-    return (
-        f"the floor is tilted by {turned:.1f} degrees in the second half: it or the cameras "
-        "turned, which is not followed, or a foot's marker moved; split the recording in two"
-    )
+    told = f"the floor is tilted by {turned:.1f} degrees in the second half"
+    why = "it or the cameras turned, which is not followed, or a foot's marker moved"
+    return f"{told}: {why}; split the recording in two"
 
 
 def _told_motion(moved_m: FloatArray) -> str:

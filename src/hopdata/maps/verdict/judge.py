@@ -112,14 +112,11 @@ def sentence(
         interval = f"({sure} interval {low} to {high})"
         return f"The maps of {compared} are different: by {size} of the map {interval}."
     if conclusion == NO_DIFFERENCE:
-        return (
-            f"No difference between the maps of {compared} larger than {bound} of the map, "
-            f"at {sure} confidence."
-        )
-    return (
-        f"These data cannot tell: no difference between the maps of {compared} was found, but one "
-        f"of up to {more}{bound} of the map cannot be excluded, and {wanted} was wanted."
-    )
+        larger = f"larger than {bound} of the map, at {sure} confidence"
+        return f"No difference between the maps of {compared} {larger}."
+    none = f"no difference between the maps of {compared} was found"
+    open_ = f"one of up to {more}{bound} of the map cannot be excluded, and {wanted} was wanted"
+    return f"These data cannot tell: {none}, but {open_}."
 
 
 def outlook(effect: sizing.EffectSize, needed: int | None, power: float) -> str:
