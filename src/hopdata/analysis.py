@@ -494,11 +494,9 @@ class Study(Shown):
         units: Contents = {"time_unit_s": pairs.time_unit_s}
         x, y = pairs.normalised()
         instants: Any = pairs.instants
-        lengths: Contents = {"length_unit_m": pairs.length_unit_m, **units}
+        how: Any = {"length_unit_m": pairs.length_unit_m, **units, **seed, **config["prediction"]}
         self.progress("linear maps")
-        errors = bootstrap_prediction(
-            x, y, pairs.schedule, pairs.spread_s, **lengths, **seed, **config["prediction"]
-        )
+        errors = bootstrap_prediction(x, y, pairs.schedule, pairs.spread_s, **how)
         estimates = estimate_maps(pairs.x, pairs.y, instants, **units)
         self.progress("constraint subspaces")
         spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])

@@ -229,10 +229,9 @@ def _why_few(recording: Recording, table: pd.DataFrame) -> str:
     heights = recording.body_height[np.isfinite(recording.body_height)]
     if not len(heights):
         return f"{recording.name}: no frame shows the whole body"
-    return (
-        f"{recording.name}: the body never sinks through the pre section, with heights from "
-        f"{heights.min():.4g} to {heights.max():.4g} m"
-    )
+    never = "the body never sinks through the pre section"
+    between = f"{heights.min():.4g} to {heights.max():.4g} m"
+    return f"{recording.name}: {never}, with heights from {between}"
 
 
 def _states(
@@ -260,10 +259,8 @@ def _pairs_of(
     of, pace = (recording.time, recording.body), recording.pace
     home = home_frames(*of, t_pre, t_post, marker=marker, pace=pace)
     x, y = (_rows(home.points(s.position), home.vectors(s.velocity)) for s in states)
-    x_se, y_se = (
-        _rows(*(home.standard_errors(c) for c in (s.position_covariance, s.velocity_covariance)))
-        for s in states
-    )
+    both = [(s.position_covariance, s.velocity_covariance) for s in states]
+    x_se, y_se = (_rows(*map(home.standard_errors, covariances)) for covariances in both)
     whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
     if not whole.all():
         lost = ", ".join(f"{t:.2f}" for t in t_pre[~whole])

@@ -285,10 +285,8 @@ def _cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) 
         for order in range(3)
     )
     errors = _errors(fit.covariance, u, sums.scale)
-    covariances = (
-        _with_instant(errors, motion, speed[..., 2].mean(axis=1), of)
-        for of, motion in ((0, speed), (1, bend))
-    )
+    sinking = speed[..., 2].mean(axis=1)
+    covariances = (_with_instant(errors, m, sinking, of) for of, m in enumerate((speed, bend)))
     return SectionStates(
         near[sums.rows] + u * sums.scale,
         turned(place, sums.direction, back=True),

@@ -209,10 +209,8 @@ def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
     if len(whole) < LEAST_LANDINGS:
         return None
     more = more.some(whole)
-    noise, left = (
-        coefficients.least_squares(more).noise_m ** 2,
-        coefficients.least_squares(more.lower(degree)).noise_m ** 2,
-    )
+    both = more, more.lower(degree)
+    noise, left = (coefficients.least_squares(sums).noise_m ** 2 for sums in both)
     freedom = float(more.frames.mean()) - more.terms
     found = []
     for axes in (coefficients.HORIZONTAL, coefficients.VERTICAL):

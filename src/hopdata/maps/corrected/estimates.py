@@ -80,13 +80,11 @@ class MapEstimates:
         """
         sd = np.sqrt(np.diag(self.input_covariance))
         columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
-        tables = [
-            coefficient_table(one.coefficients, sd, self.output_weights).assign(
-                estimator=name, standard_error=one.standard_errors.ravel()
-            )
-            for name, one in self.maps.items()
-        ]
-        return pd.concat(tables or [pd.DataFrame(columns=columns)], ignore_index=True)[columns]
+        tables = [pd.DataFrame(columns=columns)] if not self.maps else []
+        for name, one in self.maps.items():
+            table = coefficient_table(one.coefficients, sd, self.output_weights)
+            tables.append(table.assign(estimator=name, standard_error=one.standard_errors.ravel()))
+        return pd.concat(tables, ignore_index=True)[columns]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain data, for ``map_estimates.json``."""

@@ -235,11 +235,8 @@ def curved_map(
         slopes, se = _regress(moved, y - drift, (curved,), astray)
         fits.append(LinearMap(slopes, se, degree, known.removed))
     best = _least_error(fits, y.std(axis=0) if units is None else units)
-    return replace(
-        best,
-        coefficients=best.coefficients / scale[:, None],
-        standard_errors=best.standard_errors / scale[:, None],
-    )
+    found, se = (one / scale[:, None] for one in (best.coefficients, best.standard_errors))
+    return replace(best, coefficients=found, standard_errors=se)
 
 
 def _least_error(fits: list[LinearMap], units: FloatArray) -> LinearMap:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -84,12 +85,8 @@ def relative_difference(
 def largest_difference(maps: FloatArray, *, root: FloatArray, units: FloatArray) -> float:
     """Return the largest difference between maps (S, q, p), relative to the mean map."""
     mean = maps.mean(axis=0)
-    pairs = (
-        relative_difference(mean + a - b, mean, root=root, units=units)
-        for i, a in enumerate(maps)
-        for b in maps[:i]
-    )
-    return max(pairs, default=0.0)
+    pairs = ((mean + b - a, mean) for a, b in combinations(maps, 2))
+    return max((relative_difference(*pair, root=root, units=units) for pair in pairs), default=0.0)
 
 
 # Steps of tilts, rad, velocities, m/s, and spins, rad/s. Central differences err by their squares.
@@ -260,11 +257,9 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
         rows if the verdict has no answer.
     """
     columns = ["true_effect", "estimate", "low", "high", "upper_bound", "detectable", "p_value"]
-    effect = verdict["effect"]
-    if effect is None:
-        return pd.DataFrame(columns=[*columns, "conclusion"])
-    row = {"true_effect": true, **effect, "conclusion": verdict["conclusion"]}
-    return pd.DataFrame([row])[[*columns, "conclusion"]]
+    row = {"true_effect": true, "conclusion": verdict["conclusion"], **(verdict["effect"] or {})}
+    rows = [row] if verdict["effect"] else []
+    return pd.DataFrame(rows, columns=[*columns, "conclusion"])
 
 
 def score_verdict(errors: pd.DataFrame) -> Entries:
