@@ -2,15 +2,16 @@
 
 import numpy as np
 
-# How an excitation is drawn and observed: by the dissertation's Algorithms 1 to 4, or as put right.
+# How an excitation is drawn and observed: corrected, or by the dissertation's Algorithms 1 to 4 as
+# printed.
 OBSERVATIONS = CORRECTED, PRINTED = ("corrected", "printed")
 
-# Streams of chance under the seed of an excitation: first number of the key.
+# Random streams under the seed of an excitation: the first number of the key.
 
-START = 0  # then the experiment's place and the number of the start
+START = 0  # followed by the place of the experiment and the number of the start
 FLOOR, EXCITATION, TRIAL, TRAINING = 1, 10, 11, 12
 
 
 def child(seed: np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
-    """Return the stream of a seed that this key names, the same at every call."""
+    """Return the stream of a seed that this key names; it is the same at every call."""
     return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))

@@ -1,4 +1,4 @@
-"""Frame changes: what a hop does to the pose, given boom angle and swing (dissertation, 3.4.2)."""
+"""Frame changes: how a hop changes the pose, given boom angle and swing (dissertation, 3.4.2)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ FAR_SWING = "swing beyond the limit"
 TILTED = "tilted in a stance"
 
 SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
-# The simulated hopper leans by less than 5 degrees in its stances. Kicked until 3 to 12 % of them
-# are not on all feet, it leans by more than this in 82 % of these, in at most 0.8 % of the others.
+# The simulated hopper leans by less than 5 degrees in its stances. If it is kicked until 3 to 12 %
+# of its stances are not on all feet, it leans by more than 20 degrees in 82 % of those, and in at
+# most 0.8 % of the others.
 UPRIGHT_RAD = np.deg2rad(20)
 
 
@@ -35,13 +36,13 @@ class StanceStates:
     ----------
     time_s : (K,) array
     pose : (K, 3) array
-        x m, y m, heading rad, which is not wrapped; NaN where unknown.
+        x m, y m, unwrapped heading rad; NaN where unknown.
     boom_angle_rad : (K,) array
-        rad, not wrapped; NaN where unknown.
+        Unwrapped, rad; NaN where unknown.
     pairs : (P, 2) array of int
-        Stances that are a hop apart.
+        Pairs of stances that are one hop apart.
     tilt_rad : (K,) array
-        Tilt in the frame of the stance, rad; NaN where unknown.
+        Tilt of the body at the stance, rad; NaN where unknown.
     """
 
     time_s: FloatArray
@@ -53,12 +54,12 @@ class StanceStates:
 
 @dataclass(frozen=True)
 class FrameChanges:
-    """Hops between consecutive stances, one a row.
+    """Hops between consecutive stances, one hop per row.
 
     Parameters
     ----------
     recording : (n,) str array
-        Recording of the hop.
+        Recording the hop belongs to.
     time_s : (n,) array
         Time of the first stance.
     boom_angle_rad : (n,) array
@@ -66,7 +67,7 @@ class FrameChanges:
     swing_rad : (n,) array
         Swing from the first stance to the second.
     change : (n, 3) array
-        Pose at the second stance in the frame of the first: x, y, heading; m, m, rad.
+        Pose at the second stance in the frame of the first: x m, y m, heading rad.
     reason : (n,) str array
         Why the hop is not used; empty if it is.
     """
@@ -82,7 +83,7 @@ class FrameChanges:
         return len(self.time_s)
 
     def rows(self, chosen: ArrayLike) -> FrameChanges:
-        """Return some of the hops: their numbers, or a bool for each."""
+        """Return some of the hops, chosen by number or by a boolean for each."""
         picked = np.asarray(chosen)
         return FrameChanges(*(column[picked] for column in vars(self).values()))
 
@@ -103,11 +104,11 @@ def frame_changes(
     Parameters
     ----------
     stances : StanceStates
-        A hop from or to a stance tilted by more than `UPRIGHT_RAD` is not used: the robot tips
-        over.
+        A hop from or to a stance tilted by more than `UPRIGHT_RAD` is not used, since the robot is
+        tipping over.
     swing_limit_rad : float
-        Largest swing that was commanded, below pi. A swing that seems larger by more than
-        `SWING_MARGIN_RAD` is taken for a mistake of the boom angle, and its hop is not used.
+        Largest commanded swing, below pi. A swing that exceeds it by more than
+        `SWING_MARGIN_RAD` is taken for an error of the boom angle, and its hop is not used.
     recording : str
         Name of the recording.
 
@@ -141,14 +142,14 @@ def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
     return FrameChanges(*map(np.concatenate, columns))
 
 
-# Tables of frame changes: one hop a row, a unit in the name of each column.
+# Tables of frame changes: one hop per row, with the unit in the name of each column.
 
 CHANGE = ["dx_m", "dy_m", "dtheta_rad"]
 COLUMNS = ["recording", "time_s", "boom_angle_rad", "swing_rad", *CHANGE, "reason"]
 
 
 def to_table(changes: FrameChanges) -> pd.DataFrame:
-    """Return the hops as a table with a unit in each column's name."""
+    """Return the hops as a table with the unit in each column's name."""
     columns = {**vars(changes), **dict(zip(CHANGE, changes.change.T, strict=True))}
     return pd.DataFrame({name: columns[name] for name in COLUMNS})
 

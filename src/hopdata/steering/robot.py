@@ -1,7 +1,7 @@
-"""The steered hopper, hop by hop: a swing of the boom goes in, a stance comes out.
+"""The steered hopper, hop by hop: the input is a swing of the boom, the output a stance.
 
-A hop runs from apex to apex. Its swing begins at the apex and is over before the feet touch; its
-stance is the instant at which the body markers are lowest on the mean.
+A hop runs from apex to apex. Its swing begins at the apex and ends before the feet touch down. Its
+stance is the instant at which the mean height of the body markers is lowest.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hopdata.synthesis.camera import MotionCapture, fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
 
-STANCE_SEARCH_S = 0.01  # step at which the lowest point is sought, before a parabola through it
+STANCE_SEARCH_S = 0.01  # time step of the search for the lowest point, before a parabola refines it
 
 
 LIGHT_BOOM = HopperParameters(
@@ -33,26 +33,26 @@ SOFT_KICKS = Kicks(velocity_m_s=0.02, angular_velocity_rad_s=0.1, preload_fracti
 
 @dataclass(frozen=True, kw_only=True)
 class SteeredHopper:
-    """What is steered, and what disturbs it.
+    """The steered robot, and what disturbs it.
 
     Parameters
     ----------
     hopper : HopperParameters
-        The body; its boom angle is where the boom begins.
+        The body; its boom angle is the boom's initial angle.
     preload_shares : tuple of float
-        Preload of each leg as a share of the hopper's. No robot is built evenly: the default drifts
-        to the right with the boom in neutral, and clockwise, as the dissertation's did (Sec.
-        3.4.3).
+        Preload of each leg as a fraction of the hopper's. No real robot is built evenly: with the
+        boom in neutral, the default drifts to the right and turns clockwise, as the
+        dissertation's robot did (Sec. 3.4.3).
     kicks : Kicks
-        Chance at each apex.
+        Random disturbances at each apex.
     markers : MarkerOptions
-        Where the markers are.
+        Positions of the markers.
     swing_limit_rad : float
         Largest swing per hop; the dissertation's robot tips over beyond 90 degrees (Sec. 3.3).
     release_height_m : float
-        Height of the feet above the floor when it is let go.
+        Height of the feet above the floor when the hopper is released.
     hop_limit_s : float
-        Time without an apex after which it has fallen.
+        A hop without an apex after this time counts as a fall.
     """
 
     hopper: HopperParameters = LIGHT_BOOM
@@ -70,17 +70,17 @@ class SteeredHopper:
 
     @property
     def preloads_n(self) -> FloatArray:
-        """Preload of each leg but for chance, (n,), N."""
+        """Preload of each leg without random disturbances, (n,), N."""
         return self.hopper.preload_n * np.array(self.preload_shares)
 
     def still(self) -> SteeredHopper:
-        """Return the same hopper that nothing disturbs."""
+        """Return the same hopper without disturbances."""
         return replace(self, kicks=Kicks(**dict.fromkeys(Kicks.__dataclass_fields__, 0.0)))
 
 
 @dataclass(frozen=True)
 class Apex:
-    """Where a hop begins: the time, s, the state (12,) and the angle of the resting boom, rad."""
+    """Start of a hop: the time, s, the state (12,) and the angle of the resting boom, rad."""
 
     time_s: float
     state: FloatArray
@@ -89,11 +89,11 @@ class Apex:
 
 @dataclass(frozen=True)
 class Stance:
-    """A stance as it truly was.
+    """The true stance of a hop.
 
-    `time_s` of the lowest point, s; `pose` (3,): mean of the body markers on the floor, m, and yaw,
-    rad, not wrapped; `boom_angle_rad`; whether the hop `fell`, which then has neither time nor
-    pose (NaN), and whether a board was `touched` in it.
+    `time_s` is the time of the lowest point, s. `pose` (3,) is the mean of the body markers
+    projected on the floor, m, and the unwrapped yaw, rad. Time and pose are NaN if the hop `fell`.
+    `touched` says whether the hopper touched a board.
     """
 
     time_s: float
@@ -107,9 +107,9 @@ class Stance:
 class SteeredHop:
     """One hop of a steered hopper.
 
-    `start` and `end` are its apexes, `swing_rad` the swing that was executed (within the limit),
-    `stance` where it landed. At the frames asked for: `frame_time_s` (K,), true positions
-    of the markers `markers` (K, B + 1, 3) m, body markers first, the boom's last.
+    `start` and `end` are its apexes, `swing_rad` the executed swing (within the limit) and `stance`
+    its landing. `frame_time_s` (K,) are the requested frames, and `markers` (K, B + 1, 3) the true
+    positions of the markers in them, m: the body markers first, the boom's last.
     """
 
     start: Apex
@@ -122,7 +122,7 @@ class SteeredHop:
 
 
 def released(robot: SteeredHopper, pose: ArrayLike, boom_angle_rad: float = np.pi) -> Apex:
-    """Apex at which an operator lets the hopper go, at rest; `pose` (3,) is that of its markers."""
+    """Return the apex at which an operator releases the hopper at rest, markers at `pose` (3,)."""
     x, y, yaw = np.asarray(pose, dtype=float)
     state = level_state(robot.hopper, robot.release_height_m)
     state[3] = yaw
@@ -132,7 +132,7 @@ def released(robot: SteeredHopper, pose: ArrayLike, boom_angle_rad: float = np.p
 
 
 def marker_poses(robot: SteeredHopper, states: FloatArray) -> FloatArray:
-    """Poses (N, 3) of states (N, 12): mean of the body markers on the floor, and yaw; m, rad."""
+    """Return poses (N, 3) of states (N, 12): horizontal mean of the body markers, yaw; m, rad."""
     body = fixed_markers(states, np.array(robot.markers.body_m))
     return np.column_stack([body[..., :2].mean(axis=1), states[:, 3]])
 
@@ -146,22 +146,22 @@ def steer_hop(
     rate_hz: float = 0.0,
     board: Board | None = None,
 ) -> SteeredHop:
-    """Fly one hop with a swing of the boom.
+    """Simulate one hop with a swing of the boom.
 
     Parameters
     ----------
     robot : SteeredHopper
     apex : Apex
-        Where the hop begins.
+        Start of the hop.
     swing_rad : float
-        Swing, rad; cut to the limit of the robot.
+        Swing, rad; clipped to the limit of the robot.
     rng : numpy Generator
-        Source of the kicks.
+        Source of the random kicks.
     rate_hz : float
-        Frame rate at which markers are wanted, Hz; frame k is at k / rate_hz on the clock of the
-        apex. None by default.
+        Frame rate of the markers, Hz; frame k is at k / rate_hz on the clock of the apex. No
+        frames by default.
     board : Board, optional
-        What stands in the hopper's way; see `Board.pushed` for where it is left.
+        Board in the hopper's way; `Board.pushed` returns where the hop leaves it.
     """
     swing = float(np.clip(swing_rad, -robot.swing_limit_rad, robot.swing_limit_rad))
     parameters = replace(
@@ -182,7 +182,7 @@ def steer_hop(
     shown = np.isin(times, frames)
     boom = parameters.after(hop.end_time_s).boom_angle_rad
     end = Apex(apex.time_s + hop.end_time_s, hop.end_state, boom)
-    on = np.isin(times, searched)  # no parabola goes through a frame that is as good as there
+    on = np.isin(times, searched)  # nearly coincident frames would spoil the parabola
     stance = _stance(robot, replace(hop, states=hop.states[on]), times[on], apex.time_s, boom)
     frame_time_s, markers = apex.time_s + times[shown], _markers(robot, hop, shown)
     return SteeredHop(apex, swing, stance, end, frame_time_s, markers, hop)
@@ -191,7 +191,7 @@ def steer_hop(
 def _stance(
     robot: SteeredHopper, hop: Hop, times: FloatArray, start_s: float, boom_angle_rad: float
 ) -> Stance:
-    """Stance of a hop: the vertex of the parabola through the lowest three heights."""
+    """Return the stance of a hop: the vertex of the parabola through the three lowest heights."""
     height = fixed_markers(hop.states, np.array(robot.markers.body_m))[..., 2].mean(axis=1)
     k, touched = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2))), hop.touched_s < np.inf
     if hop.fell or len(times) < 3:
@@ -211,23 +211,23 @@ def _markers(robot: SteeredHopper, hop: Hop, shown: BoolArray) -> FloatArray:
     return in_world(states, np.concatenate([body, boom[:, None]], axis=1))
 
 
-# A board in the hopper's way that it pushes along (dissertation, Sec. 3.5, Fig. 3.7).
+# A board that the hopper pushes along (dissertation, Sec. 3.5, Fig. 3.7).
 
 
 @dataclass(frozen=True, kw_only=True)
 class Board:
-    """A board across the floor, pushed along its normal and left where it was pushed to.
+    """A board across the floor that is pushed along its normal and stays where it was pushed to.
 
-    It is touched while the hopper stands beyond it: in flight the hopper is above it.
+    The hopper touches it only while it stands beyond the board's front: in flight it is above it.
 
     Parameters
     ----------
     direction : (x, y)
-        Unit vector, world frame: the way into the board.
+        Unit vector into the board, world frame.
     place_m : float
-        Where the board is along this direction, from the world's origin, m.
+        Position of the board along this direction, from the world's origin, m.
     reach_m : float
-        How far ahead of its centre the hopper touches the board, m.
+        Distance from the hopper's centre ahead to where it touches the board, m.
     drag_n : float
         Friction of the board on the floor, N.
     """
@@ -243,19 +243,19 @@ class Board:
 
     @property
     def drag(self) -> HopperDrag:
-        """What the hopper meets."""
+        """Drag that the hopper meets at the board."""
         front = self.place_m - self.reach_m
         return HopperDrag(drag_n=self.drag_n, direction=self.direction, front_m=front)
 
     def pushed(self, hop: SteeredHop) -> Board:
-        """Return the board as the hop left it: where the hopper was when it lifted off."""
+        """Return the board where the hop left it, ahead of the hopper's farthest contact."""
         if not np.isfinite(hop.hop.touched_s):
             return self
         front = float((hop.hop.event_state[:, :2] @ self.direction).max()) + self.reach_m
         return replace(self, place_m=max(self.place_m, front))
 
 
-# From the blocks of the configuration to the robot, the camera and the excitation.
+# From the configuration's blocks to the robot and the camera.
 
 Options = Mapping[str, Any]
 
@@ -263,7 +263,7 @@ Options = Mapping[str, Any]
 def robot_and_camera(
     options: Options, motion_capture: Options
 ) -> tuple[SteeredHopper, MotionCapture]:
-    """Return what ``steering.robot`` and ``motion_capture`` say, with the same markers."""
+    """Return the robot of ``steering.robot`` and the camera, with the same markers."""
     camera = from_mapping(MotionCapture, motion_capture)
     given = {
         **options,

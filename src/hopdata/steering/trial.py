@@ -1,4 +1,4 @@
-"""A recorded trial in which the boom is told where to go, with the stances as they truly were."""
+"""A recorded trial with commanded boom swings, and its true stances."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ class ControlGrid:
     Parameters
     ----------
     n_angles : int
-        Number of equally spaced boom angles (printed N_p).
+        Number of equally spaced boom angles (N_p in print).
     n_steps : int
-        Largest number of grid steps that the boom moves in one hop, either way (printed N_v).
+        Largest number of grid steps that the boom moves in one hop, either way (N_v in print).
     repeats : int
-        How often each move is wanted (printed N_c).
+        How often each move is to be made (N_c in print).
 
     Raises
     ------
     ConfigError
-        If one of them is no whole number or below 1.
+        If one of them is not a whole number of at least 1.
     """
 
     n_angles: int = 16
@@ -63,24 +63,24 @@ class ControlGrid:
 
 
 def eulerian_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> FloatArray:
-    """Draw a sequence that makes every move exactly as often as wanted, and ends where it began.
+    """Draw a sequence that makes every move exactly `repeats` times and ends where it began.
 
-    It goes in laps, each of which makes every move once, so that the first lap covers the grid
-    already. Each is drawn with equal probability from all Eulerian circuits: a uniform random tree
-    of last moves to the start (Wilson 1996), the other moves in random order (the BEST theorem of
-    van Aardenne-Ehrenfest and de Bruijn).
+    It consists of laps that make every move once, so the first lap already covers the grid. Each
+    lap is drawn uniformly from all Eulerian circuits: the last moves from the angles form a uniform
+    random tree towards the start (Wilson 1996), and the other moves are in random order (the BEST
+    theorem of van Aardenne-Ehrenfest and de Bruijn).
 
     Returns
     -------
     (n,) array
-        Swing in the flight after each stance but the last, rad.
+        Swing in the flight after each stance except the last, rad.
     """
     rng = np.random.default_rng(rng)
     return grid.step_rad * np.concatenate([_random_lap(grid, rng) for _ in range(grid.repeats)])
 
 
 def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
-    """Return an Eulerian circuit that makes every move once, as steps."""
+    """Return an Eulerian circuit that makes every move once, as grid steps."""
     last = _random_tree(grid, rng)
     orders = [rng.permutation(grid.steps).tolist() for _ in range(grid.n_angles)]
     for k in range(1, grid.n_angles):
@@ -94,9 +94,9 @@ def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
 
 
 def _random_tree(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
-    """Step from each angle towards the first along a uniform random spanning tree, (n_angles,).
+    """Draw a uniform random spanning tree: a step from each angle towards the first, (n_angles,).
 
-    By loop-erased random walks: a walk's last exit from each angle is what remains of it.
+    Drawn by loop-erased random walks, of which the last exit from each angle remains.
     """
     step = np.zeros(grid.n_angles, dtype=int)
     in_tree = np.zeros(grid.n_angles, dtype=bool)
@@ -114,17 +114,17 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
 
 
 def random_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> FloatArray:
-    """Draw moves at random until all are made (Algorithm 1).
+    """Draw moves at random until all have been made (Algorithm 1).
 
     The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
-    among those to which a move is still wanted, or among all in reach if there are none. Put right
-    are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
-    the matrix, and the last angle, without which the last move would not be commanded.
+    from those to which a move is still to be made, or from all in reach if there are none. This
+    corrects what the printed algorithm omits or mistakes: the size of its matrix, the draw itself,
+    the copy of the matrix, and the last angle, without which the last move would not be commanded.
 
     Returns
     -------
     (n,) array
-        Swing in the flight after each stance but the last, rad.
+        Swing in the flight after each stance except the last, rad.
     """
     rng = np.random.default_rng(rng)
     wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
@@ -139,25 +139,25 @@ def random_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> Floa
     return grid.step_rad * np.array(made)
 
 
-# The trial: the hopper hops with these swings, and is recorded.
+# The trial: the hopper makes these swings, and is recorded.
 
 POSE = ["x_m", "y_m", "heading_rad"]
 
 
 @dataclass(frozen=True)
 class SteeredTrial:
-    """A recording of a steered hopper, and its truth.
+    """A recording of a steered hopper, with the truth.
 
     Parameters
     ----------
     recording : Recording
     stances : DataFrame
-        One row a stance, one a hop: ``frame`` in which the body markers are lowest on the mean, its
-        ``time_s``, the pose in it (mean of the body markers on the floor, m, and yaw, rad; `POSE`),
-        ``boom_angle_rad``, not wrapped, and ``follows``: whether the stance before is that of the
-        hop before, with no handling between.
+        One row per hop with a stance: the ``frame`` in which the mean height of the body markers is
+        lowest, its ``time_s``, the pose in it (`POSE`: floor position of the body markers' mean, m,
+        and yaw, rad), the unwrapped ``boom_angle_rad``, and ``follows``: whether the previous row
+        is the previous hop, with no handling in between.
     motion : DataFrame
-        One row a frame: ``time_s``, the pose, ``boom_angle_rad, tilt_rad``.
+        One row per frame: ``time_s``, the pose, ``boom_angle_rad, tilt_rad``.
     """
 
     recording: Recording
@@ -173,24 +173,24 @@ def record_trial(
     camera: MotionCapture | None = None,
     name: str = "steered",
 ) -> SteeredTrial:
-    """Let the hopper hop with these swings, and record it.
+    """Record a hopper that makes these swings.
 
     Parameters
     ----------
     robot : SteeredHopper
     swings_rad : iterable of float
-        Swing in the flight of each hop, rad, cut to the limit of the robot; one hop each.
+        Swing in the flight of each hop, rad, clipped to the limit of the robot.
     seed : int or sequence of int
-        Seed of kicks, floor, noise and gaps, which have streams of their own.
+        Seed of kicks, floor, noise and gaps, each of which has its own stream.
     camera : MotionCapture, optional
-        How the hopper is seen.
+        How the hopper is recorded.
     name : str
         Name of the recording.
 
     Raises
     ------
     ConfigError
-        If a swing is not a finite number, or there is none.
+        If there are no swings, or one is not a finite number.
     """
     camera = camera or MotionCapture()
     operator = Operator(release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s)
@@ -239,19 +239,20 @@ def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame)
 
 
 def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
-    """Angle of the boom at every frame, (N,), from the places of the counterweight."""
+    """Return the boom angle at every frame, (N,), from the positions of the counterweight."""
     angle = np.unwrap(np.arctan2(trial.boom[:, 1], trial.boom[:, 0] - robot.hopper.boom_offset_m))
     turns = np.round((robot.hopper.boom_angle_rad - angle[0]) / (2 * np.pi))
     return np.asarray(angle + 2 * np.pi * turns)
 
 
-# The true frame change of the simulated hopper, on a grid, without chance.
+# The true frame change of the simulated hopper on a grid, without disturbances.
 #
-# A hop depends on more than boom angle and swing: what is left of the last hop's motion goes on.
-# So the map is that of a hopper that has settled with the boom at rest, has made one swing since,
-# and makes the next; averaged over that one swing it is a function of boom angle and swing alone.
+# A hop depends on more than boom angle and swing, since motion left over from the last hop
+# continues. So the map is measured on a hopper that has settled with the boom at rest, has since
+# made one swing, and makes the next. Averaged over that one swing, it is a function of boom angle
+# and swing alone.
 
-SETTLING_HOPS = 10  # with the boom at rest
+SETTLING_HOPS = 10  # with the boom at rest, before the first swing
 
 
 @dataclass(frozen=True)
@@ -261,11 +262,11 @@ class TrueFrameChanges:
     Parameters
     ----------
     boom_angle_rad : (A,) array
-        Boom angle at the first stance, evenly spaced over a turn, 2 pi left out.
+        Boom angle at the first stance, evenly spaced over a turn without its end.
     swing_rad, previous_swing_rad : (S,) and (P,) arrays
-        Swing between the stances, and the one before.
+        Swing between the stances, and the swing before it.
     change : (A, S, P, 3) array
-        Frame change from stance to stance, in the frame of the first; m, m, rad.
+        Frame change between the stances, in the frame of the first; m, m, rad.
     """
 
     boom_angle_rad: FloatArray
@@ -282,15 +283,14 @@ class TrueFrameChanges:
 def true_frame_changes(
     robot: plant.SteeredHopper, *, boom_angles: int = 24, swings: int = 7
 ) -> TrueFrameChanges:
-    """Measure the frame changes of a hopper that nothing disturbs.
+    """Measure the frame changes of an undisturbed hopper.
 
     Parameters
     ----------
     robot : SteeredHopper
-        Its kicks are left out.
+        Its kicks are ignored.
     boom_angles, swings : int
-        Number of boom angles over a turn, and of swings from limit to limit (also of previous
-        ones).
+        Number of boom angles over a turn, and of swings (and previous swings) from limit to limit.
 
     Raises
     ------
@@ -325,7 +325,7 @@ def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> pl
     return hop
 
 
-# The trial that a model is learned from, where nobody has recorded one.
+# The trial that a model is learned from if there is no recording.
 
 NAME = "excitation"
 
@@ -335,16 +335,16 @@ def simulate_excitation(
     steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *,
     seed: np.random.SeedSequence, observation: str = CORRECTED,
 ) -> SteeredTrial:  # fmt: skip
-    """Let the simulated robot execute an excitation, seen by motion capture.
+    """Simulate a robot that executes an excitation and is recorded by motion capture.
 
     Parameters
     ----------
     steering, motion_capture : mapping
-        These blocks of the configuration.
+        Blocks ``steering`` and ``motion_capture`` of the configuration.
     seed : SeedSequence
-        Of all its chance.
+        Seed of everything random.
     observation : {"corrected", "printed"}
-        Whether the swings are a tour of all, or drawn at random.
+        Whether the swings are an Eulerian tour of all moves, or drawn at random.
     """
     robot, camera = plant.robot_and_camera(steering["robot"], motion_capture)
     rng = np.random.default_rng(child(seed, EXCITATION))
@@ -360,7 +360,7 @@ INPUTS = ["boom_angle_rad", "swing_rad", "previous_swing_rad"]
 
 
 def true_map_table(true: TrueFrameChanges) -> pd.DataFrame:
-    """Return one row for each boom angle, swing and previous swing, in this order."""
+    """Return one row for each boom angle, swing and previous swing, sorted in this order."""
     axes = (true.boom_angle_rad, true.swing_rad, true.previous_swing_rad)
     rows = pd.MultiIndex.from_product(axes, names=INPUTS)
     return pd.DataFrame(true.change.reshape(-1, 3), rows, CHANGE).reset_index()
@@ -372,7 +372,7 @@ def true_map_of(table: pd.DataFrame) -> TrueFrameChanges:
     Raises
     ------
     RecordingError
-        If its rows are not those of a grid.
+        If its rows do not form a grid.
     """
     axes = [table[name].drop_duplicates().to_numpy(dtype=float) for name in INPUTS]
     shape = tuple(len(axis) for axis in axes)
