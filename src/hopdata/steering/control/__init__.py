@@ -1,1 +1,1 @@
-"""Control: which swings bring the hopper to a point, or turn it to a heading."""
+"""Control: the swings that bring the hopper to a point, or turn it to a heading."""

@@ -1,4 +1,4 @@
-"""What a controller is to reach, and how far it looks ahead."""
+"""Objectives of a controller, how far it looks ahead, and the interface of all controllers."""
 
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
@@ -13,7 +13,7 @@ from hopdata.rigid import wrapped
 
 @dataclass(frozen=True, kw_only=True)
 class ToPoint:
-    """Come near a point (x, y) of the floor, world frame, m (dissertation, Sec. 3.4.3)."""
+    """Reach a point (x, y) on the floor, world frame, m (dissertation, Sec. 3.4.3)."""
 
     point_m: tuple[float, float] = (0.0, 0.0)
 
@@ -23,7 +23,7 @@ class ToPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class ToHeading:
-    """Turn to a heading of the world frame, rad; the error is wrapped (Sec. 3.4.3, footnote 8)."""
+    """Turn to a heading in the world frame, rad; the error is wrapped (Sec. 3.4.3, footnote 8)."""
 
     heading_rad: float = 0.0
 
@@ -37,12 +37,12 @@ Objective: TypeAlias = ToPoint | ToHeading
 
 @dataclass(frozen=True, kw_only=True)
 class Horizon:
-    """How far a controller looks ahead, and how far the boom may swing in a hop.
+    """How many hops a controller looks ahead, and how far the boom may swing in a hop.
 
     Parameters
     ----------
     hops : int
-        Hops ahead; three in the dissertation (Sec. 3.4.3).
+        Number of hops ahead; three in the dissertation (Sec. 3.4.3).
     swing_limit_rad : float
         Largest swing of a hop, rad.
     """
@@ -58,7 +58,7 @@ class Horizon:
 
 
 def errors_left(objective: Objective, poses: ArrayLike) -> FloatArray:
-    """Distance from the point, m, or size of the heading error, rad, at poses (..., 3)."""
+    """Return the distance to the point, m, or absolute heading error, rad, at poses (..., 3)."""
     poses = np.asarray(poses, dtype=float)
     if isinstance(objective, ToPoint):
         away = poses[..., :2] - np.array(objective.point_m)
@@ -67,7 +67,7 @@ def errors_left(objective: Objective, poses: ArrayLike) -> FloatArray:
 
 
 def is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
-    """Whether a value is so many numbers, and all are finite."""
+    """Return whether a value consists of finite numbers in this shape."""
     try:
         numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
@@ -75,28 +75,28 @@ def is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
     return numbers.shape == shape and bool(np.isfinite(numbers).all())
 
 
-# What every controller takes and gives.
+# What every controller takes and returns.
 
-#: Largest coordinate of a pose, m or rad: what lies beyond is a mistake of the measurement.
+#: Largest coordinate of a pose, m or rad; anything larger is a measurement error.
 FARTHEST = 1e4
 
 
 class PlanningError(HopdataError):
-    """No plan can be made from this state; a loop that meets it holds the boom still."""
+    """No plan can be made from this state; the loop then holds the boom still."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Swings that a controller means to make, of which the first is executed.
+    """Swings that a controller plans; only the first is executed.
 
     Parameters
     ----------
     swings_rad : (H,) array
         Swings of the next hops, rad.
     poses : (H + 1, 3) array
-        The present pose, and those that the model predicts; m, m, rad.
+        The present pose, and the predicted poses; m, m, rad.
     objective : float
-        What was minimised, at these swings.
+        Value of the minimised objective at these swings.
     """
 
     swings_rad: FloatArray
@@ -110,14 +110,14 @@ class Plan:
 
 
 class Controller(Protocol):
-    """Chooses the next swing from what is known at a stance."""
+    """Chooses the next swing from the state at a stance."""
 
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> Plan:
         """Plan from a pose (3,) and a boom angle.
 
-        `previous_swing_rad` is that of the hop before, as measured, if it is known.
+        `previous_swing_rad` is the measured swing of the previous hop, if known.
 
         Raises
         ------
@@ -128,12 +128,12 @@ class Controller(Protocol):
 
 
 def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, float]:
-    """Return the pose as an array of its own and the boom angle in [0, 2 pi).
+    """Return the pose as a new array, and the boom angle in [0, 2 pi).
 
     Raises
     ------
     PlanningError
-        Unless there are three finite coordinates, not absurdly large, and a finite angle.
+        If the pose is not three finite numbers of plausible size, or the angle is not finite.
     """
     if not is_finite(pose, (3,)):
         raise PlanningError(f"plan: expected a pose of three finite numbers, found {pose!r}")

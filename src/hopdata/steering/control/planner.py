@@ -1,15 +1,16 @@
-"""A planner that gets to a point from any heading: a short look ahead, then the cost-to-go.
+"""A planner that reaches a point from any heading: a short look ahead, then the cost-to-go.
 
-Three hops are fewer than a turn takes, so the printed controller, facing away, sees no way that
-brings it nearer, and hops on the spot. The cost-to-go knows the way round: it is what going on from
-a state costs as well as can be, by value iteration on a grid.
+A turn takes more than three hops. The printed controller, facing away from the point, therefore
+sees no swings that bring it nearer, and hops on the spot. The cost-to-go knows the way round: it is
+the cost of continuing optimally from a state, computed by policy iteration on a grid.
 
-Seen from the hopper, "go to a point" depends on three numbers: the distance of the point, its
-bearing, and the boom angle. "Turn to a heading" depends on two: the heading error and the boom
-angle. What is minimised is the number of hops until the first arrival, of which later ones count
-less. No hop ends quite where it is foretold: the cost-to-go is an average over where it may end,
-so that the planner aims at the goal and not at the edge of what is near enough. What comes after a
-stance counts by as much as it is no arrival, so that nothing is gained by lingering beside it.
+Relative to the hopper, "go to a point" depends on three numbers: the distance and the bearing of
+the point, and the boom angle. "Turn to a heading" depends on two: the heading error and the boom
+angle. The planner minimises the discounted number of hops until the first arrival. Hops do not end
+exactly where they are predicted to, so the cost-to-go averages over where they may end, and the
+planner aims at the goal rather than at the edge of the goal region. Costs after a stance are
+weighted by how far it is from being an arrival, so there is nothing to gain by lingering just
+outside.
 """
 
 from __future__ import annotations
@@ -31,48 +32,48 @@ from hopdata.steering.control.printed import predicted_poses
 from hopdata.steering.models import tabulated as tables
 from hopdata.steering.models.process import TURN
 
-DISCOUNT = 0.98  # what the next stance counts beside this one
+DISCOUNT = 0.98  # weight of the next stance relative to this one
 TOLERANCE = 1e-3  # largest change of the cost-to-go in the last sweep
 MOST_SWEEPS = 200
-SWEEPS_BETWEEN = 24  # under the policy chosen last
+SWEEPS_BETWEEN = 24  # evaluations of the current policy before it is improved again
 
-# How much closer the distances lie near the goal than at the far end: exp(STRETCH).
+# Distances are closer together near the goal than at the far end by the factor exp(STRETCH).
 STRETCH = 3.5
-SHARPNESS = 8  # of the edge of what is near enough: most of it from 0.8 to 1.3 times that error
-BEYOND = 5.0  # cost per metre beyond the last distance: as at that, where hops make 4 to 9 cm
+SHARPNESS = 8  # of the goal region's edge, which is mostly within 0.8 to 1.3 times its width
+BEYOND = 5.0  # cost per metre beyond the last distance: as just before it, where hops cover 4 to 9 cm
 
-#: Swings of each hop that are tried before refinement, by the number of hops.
+#: Number of swings tried in each hop before refinement, by the number of hops.
 SWINGS_TRIED = {1: 101, 2: 31, 3: 13}
-FINEST_RAD = 5e-3  # of the refinement: swings beside the best are a third of it away
+FINEST_RAD = 5e-3  # smallest step of the refinement, which tries swings a third of a step apart
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Grid:
-    """What both grids share; what is left of the way is the pose (..., 3) of the goal."""
+    """Common part of both grids; `left` is the goal's pose (..., 3) relative to the hopper."""
 
     scatter: tuple[float, float, float] = (0.022, 0.022, 0.036)
 
     def perhaps(self, left: FloatArray) -> FloatArray:
-        """Return what may be left (..., 6, 3), each as likely, where this is foretold (..., 3)."""
+        """Return six equally likely values (..., 6, 3) of `left`, given its prediction (..., 3)."""
         one = np.sqrt(3.0) * np.diag(self.scatter)
         return relative(np.concatenate([one, -one]), left[..., None, :])
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointGrid(_Grid):
-    """Grid of states and swings on which the cost-to-go to a point is computed.
+    """Grid of states and swings for the cost-to-go to a point.
 
     Parameters
     ----------
     distances, bearings, boom_angles, swings : int
-        Number of nodes of each. Distances lie closer near the goal.
+        Number of nodes of each. Distances are closer together near the goal.
     farthest_m : float
-        Largest distance, m; beyond it each metre costs as much as the last one before.
+        Largest distance, m; beyond it the cost increases by `BEYOND` per metre.
     width : float
-        Distance that is near enough, m.
+        Radius of the goal region, m.
     scatter : tuple of float
-        Standard deviation of a hop's end about where it is foretold, m, m, rad; by default what a
-        model of 100 hops errs by (``model_scores.csv``).
+        Standard deviation of a hop's end about its prediction, m, m, rad. The default is the error
+        of a model learned from 100 hops (``model_scores.csv``).
     """
 
     distances: int = 40
@@ -89,30 +90,30 @@ class PointGrid(_Grid):
         return np.asarray(self.farthest_m * np.expm1(STRETCH * place) / np.expm1(STRETCH))
 
     def nodes(self) -> FloatArray:
-        """Return what is left at the nodes, (D, B, 3)."""
+        """Return the point's relative pose at the nodes, (D, B, 3)."""
         distance, bearing = self.distances_m[:, None], tables.turn_nodes(self.bearings) - np.pi
         x, y = distance * np.cos(bearing), distance * np.sin(bearing)
         return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
     def errors(self, left: FloatArray) -> FloatArray:
-        """Return the distances of the goal, m."""
+        """Return the distances to the goal, m."""
         return np.hypot(left[..., 0], left[..., 1])
 
     def places(self, left: FloatArray) -> tuple[FloatArray, ...]:
-        """Return places between the nodes of distance and of bearing, counted in nodes."""
+        """Return fractional node indices of distance and of bearing."""
         inner = np.minimum(self.errors(left), self.farthest_m)
         stretched = np.log1p(inner * (np.expm1(STRETCH) / self.farthest_m)) / STRETCH
         bearing = np.arctan2(left[..., 1], left[..., 0]) + np.pi
         return stretched * (self.distances - 1), bearing * (self.bearings / TURN)
 
     def beyond(self, left: FloatArray) -> FloatArray:
-        """Return what the way to the last distance costs."""
+        """Return the cost of the way to the last distance."""
         return BEYOND * np.maximum(self.errors(left) - self.farthest_m, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeadingGrid(_Grid):
-    """The same for a heading; `width` is the heading error that is small enough, rad."""
+    """Grid for turning to a heading; `width` is the half-width of the goal region, rad."""
 
     heading_errors: int = 180
     boom_angles: int = 72
@@ -120,20 +121,20 @@ class HeadingGrid(_Grid):
     width: float = np.pi / 12
 
     def nodes(self) -> FloatArray:
-        """Return what is left at the nodes, (E, 3)."""
+        """Return the heading's relative pose at the nodes, (E, 3)."""
         turn = tables.turn_nodes(self.heading_errors) - np.pi
         return np.stack([np.zeros_like(turn), np.zeros_like(turn), turn], axis=-1)
 
     def errors(self, left: FloatArray) -> FloatArray:
-        """Return the sizes of the heading errors, rad."""
+        """Return the absolute heading errors, rad."""
         return np.abs(left[..., 2])
 
     def places(self, left: FloatArray) -> tuple[FloatArray, ...]:
-        """Return places between the nodes, counted in nodes."""
+        """Return fractional node indices of the heading error."""
         return ((left[..., 2] + np.pi) * (self.heading_errors / TURN),)
 
     def beyond(self, left: FloatArray) -> FloatArray:
-        """Return nothing: all heading errors are on the grid."""
+        """Return zeros: all heading errors are on the grid."""
         return np.zeros(left.shape[:-1])
 
 
@@ -141,7 +142,7 @@ Grid: TypeAlias = PointGrid | HeadingGrid
 
 
 def _away(grid: Grid, left: FloatArray) -> FloatArray:
-    """Return by how much stances from which this is left are no arrivals, from 0 to 1."""
+    """Return how far stances are from being arrivals, from 0 (arrived) to 1."""
     return np.asarray(1.0 - 1.0 / (1.0 + (grid.errors(left) / grid.width) ** SHARPNESS))
 
 
@@ -152,9 +153,9 @@ class CostToGo:
     Parameters
     ----------
     values : (D, B, A) or (E, A) array
-        What is paid on average for a stance that is foretold there, and from it on; by distance,
-        bearing and boom angle, or by heading error and boom angle. Bearings and errors are spaced
-        evenly from -pi on, boom angles from 0 on.
+        Expected cost of a stance predicted there, including all later ones; by distance, bearing
+        and boom angle, or by heading error and boom angle. Bearings and errors are evenly spaced
+        from -pi, boom angles from 0.
     grid : PointGrid or HeadingGrid
     """
 
@@ -166,7 +167,7 @@ class CostToGo:
         return _closed(self.values)
 
     def ahead(self, left: FloatArray, boom_angle_rad: ArrayLike) -> FloatArray:
-        """Cost of stances foretold where this is left (..., 3); linear between the nodes."""
+        """Return the cost of stances predicted at `left` (..., 3); linear between the nodes."""
         places = (*self.grid.places(left), _boom_places(boom_angle_rad, self.grid.boom_angles))
         return _between(self._closed, np.stack(places)) + self.grid.beyond(left)
 
@@ -176,7 +177,7 @@ def _boom_places(boom_angle_rad: ArrayLike, boom_angles: int) -> FloatArray:
 
 
 def _closed(values: FloatArray) -> FloatArray:
-    """Values with the first of each angle once more behind the last; all axes but the distance."""
+    """Repeat the first value of each angle after the last, on all axes except the distance."""
     return np.pad(values, [(0, 0), (0, 1), (0, 1)][-values.ndim :], mode="wrap")
 
 
@@ -189,9 +190,9 @@ def _between(closed: FloatArray, places: FloatArray) -> FloatArray:
 
 @cache
 def _averages(grid: Grid) -> tuple[FloatArray, Any]:
-    """Return a (N, 1) and B (N, N), sparse: a + B v is paid on average from N foretold nodes on.
+    """Return a (N, 1) and sparse B (N, N): a + B v is the expected cost at predicted nodes.
 
-    Here v (N, ...) is what goes on to be paid from stances at the nodes.
+    Here v (N, ...) is the cost after a stance at each node.
     """
     from scipy.sparse import csr_array
 
@@ -212,23 +213,23 @@ def _averages(grid: Grid) -> tuple[FloatArray, Any]:
 def cost_to_go(
     model: tables.TabulatedMap, grid: Grid, *, begin: CostToGo | None = None
 ) -> CostToGo:
-    """Return the cost-to-go on a grid by policy iteration.
+    """Compute the cost-to-go on a grid by policy iteration.
 
-    The best swings are chosen, what they cost is followed over some hops, and they are chosen
-    again. Where each swing leads does not change, so that it is worked out once.
+    The best swings are chosen, their cost is evaluated over several hops, and they are chosen
+    again. Where each swing leads is computed only once, since it does not change.
 
     Parameters
     ----------
     model : TabulatedMap
     grid : PointGrid or HeadingGrid
     begin : CostToGo, optional
-        On the same grid, for a map that was nearly the same: what one choice of the swings makes of
-        it is returned, whether or not it has settled.
+        Cost-to-go on the same grid for a slightly different map. One policy improvement of it is
+        returned, whether or not it has converged.
 
     Raises
     ------
     AnalysisError
-        If it does not settle, and began with nothing.
+        If it does not converge, unless `begin` is given.
     """
     boom = tables.turn_nodes(grid.boom_angles)[:, None]
     swing = np.linspace(-model.swing_limit_rad, model.swing_limit_rad, grid.swings)
@@ -242,7 +243,7 @@ def cost_to_go(
     mean, average = _averages(grid)
 
     def foretold(after: FloatArray) -> FloatArray:
-        """Return what is paid on average where this is paid after a stance."""
+        """Return the expected cost at predicted nodes, given the cost after a stance."""
         return np.asarray(mean + average @ after.reshape(len(mean), -1)).reshape(after.shape)
 
     for _ in range(MOST_SWEEPS if begin is None else 1):
@@ -264,7 +265,7 @@ def cost_to_go(
 
 @dataclass(frozen=True)
 class Planner:
-    """Predictive control with a cost-to-go behind the horizon; made by `planner`.
+    """Predictive control with the cost-to-go beyond the horizon; made by `planner`.
 
     Parameters
     ----------
@@ -272,7 +273,7 @@ class Planner:
     objective : ToPoint or ToHeading
     horizon : Horizon
     cost_to_go : CostToGo
-        Of the kind of the objective; the same for all points, and for all headings.
+        Of the same kind as the objective; one serves all points, or all headings.
     """
 
     model: tables.TabulatedMap
@@ -281,7 +282,7 @@ class Planner:
     cost_to_go: CostToGo
 
     def towards(self, objective: objectives.Objective) -> Planner:
-        """Return a planner with another objective; of the other kind, it is computed anew."""
+        """Return a planner with another objective; one of the other kind needs a new cost-to-go."""
         if isinstance(objective, type(self.objective)):
             return replace(self, objective=objective)
         return planner(self.model, objective, horizon=self.horizon)
@@ -289,7 +290,7 @@ class Planner:
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> objectives.Plan:
-        """Plan from a pose and a boom angle; the previous swing is not used."""
+        """Plan from a pose and a boom angle; the previous swing is ignored."""
         del previous_swing_rad
         start, boom = objectives.checked_state(pose, boom_angle_rad)
         if isinstance(self.objective, objectives.ToHeading):
@@ -309,10 +310,10 @@ class Planner:
     def _best(
         self, left: FloatArray, boom: float, tried: Iterable[FloatArray]
     ) -> tuple[float, FloatArray]:
-        """Return the least cost over all sequences of the swings tried at each hop, and those."""
+        """Return the least cost over all sequences of the swings tried, and its swings."""
         grid, total, weight, booms = self.cost_to_go.grid, np.zeros(()), np.ones(()), np.array(boom)
         for hop, swing in enumerate(tried):
-            if hop:  # the stance before is foretold, and perhaps an arrival
+            if hop:  # the previous stance is only predicted, and may be an arrival
                 away = weight * _away(grid, grid.perhaps(left)).mean(axis=-1)
                 total, weight = total + away, DISCOUNT * away
             shape = (*booms.shape, len(swing))
@@ -332,7 +333,7 @@ def planner(
     horizon: objectives.Horizon | None = None,
     grid: Grid | None = None,
 ) -> Planner:
-    """Compute the cost-to-go, which takes a few seconds, and return the planner that uses it."""
+    """Return a planner after computing its cost-to-go, which takes a few seconds."""
     objective, horizon = objective or objectives.ToPoint(), horizon or objectives.Horizon(hops=2)
     require(horizon.hops in SWINGS_TRIED, "hops", f"one of {sorted(SWINGS_TRIED)}", horizon.hops)
     limit = horizon.swing_limit_rad
@@ -342,27 +343,27 @@ def planner(
     return Planner(model, objective, horizon, cost_to_go(model, grid or usual()))
 
 
-# A planner that goes on learning.
+# A planner that keeps learning.
 
 COARSE: dict[type, Grid] = {
     PointGrid: PointGrid(distances=20, bearings=24, boom_angles=16, swings=9),
     HeadingGrid: HeadingGrid(heading_errors=90, boom_angles=32, swings=17),
 }
-COARSE_TABLE = {"angles": 64, "swings": 17}  # of the corrected map
+COARSE_TABLE = {"angles": 64, "swings": 17}  # size of the table of the corrected map
 
 
 class AdaptivePlanner:
-    """Plans with a map that it corrects at each stance by the hop that has just been made.
+    """Plans with a map that it corrects at each stance by the hop just made.
 
-    The cost-to-go follows the map by one choice of all swings a hop, on a coarse grid. Each run
-    needs a planner of its own, since it remembers.
+    At each hop, one policy improvement on a coarse grid adapts the cost-to-go to the map. A planner
+    remembers what it has learned, so each run needs its own.
 
     Parameters
     ----------
     known : Planner
-        What it begins with.
+        Planner to start from.
     noise : (3,) array
-        Standard deviation of the chance of a hop, m, m, rad.
+        Standard deviation of a hop's random part, m, m, rad.
     """
 
     def __init__(self, known: Planner, noise: FloatArray) -> None:
@@ -376,14 +377,14 @@ class AdaptivePlanner:
         self._before: tuple[FloatArray, float] | None = None
 
     def towards(self, objective: objectives.Objective) -> AdaptivePlanner:
-        """Go on towards another objective of the same kind, with what has been learned."""
+        """Switch to another objective of the same kind, keeping what has been learned."""
         self._planner = self._planner.towards(objective)
         return self
 
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> objectives.Plan:
-        """Learn from the hop before, if its swing is known, and plan."""
+        """Learn from the previous hop, if its swing is known, then plan."""
         here, boom = objectives.checked_state(pose, boom_angle_rad)
         if self._before is not None and previous_swing_rad is not None:
             self._learn(*self._before, previous_swing_rad, here)
@@ -392,7 +393,7 @@ class AdaptivePlanner:
 
     @one_blas_thread()
     def _learn(self, start: FloatArray, boom: float, swing: float, here: FloatArray) -> None:
-        """Correct map and cost-to-go by what a hop has shown."""
+        """Correct the map and the cost-to-go from an observed hop."""
         known, limit = self._known, self._known.swing_limit_rad
         swing = float(np.clip(swing, -limit, limit))
         missed = relative(start, here) - known.change(boom, swing)[0]

@@ -11,16 +11,16 @@ from hopdata.rigid import turned
 from hopdata.steering.control import objectives
 from hopdata.steering.models.tabulated import FrameChangeMap
 
-DIFFERENCE_RAD = 1e-8  # as scipy takes it by itself, but all differences at once
+DIFFERENCE_RAD = 1e-8  # scipy's own step, but with all differences evaluated at once
 
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedController:
-    """Predictive control by scipy's L-BFGS-B, with differences of the objective.
+    """Predictive control by scipy's L-BFGS-B with finite differences of the objective.
 
-    Where the search begins the text does not say. It descends, and does not find the other way
-    round by itself, so it begins at several places, of which the best end counts: half the limit to
-    the left, none, half the limit to the right, and the last swing made again and again.
+    The text does not say where the search begins. A single descent does not find the other way
+    round, so four are made and the best is kept. They begin with the same swing in all hops: half
+    the limit to the left, none, half the limit to the right, or the previous swing.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class PrintedController:
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> objectives.Plan:
-        """Plan from a pose and a boom angle; the search may begin with the previous swing."""
+        """Plan from a pose and a boom angle; one search begins with the previous swing."""
         start, boom = objectives.checked_state(pose, boom_angle_rad)
         ends = [self.descended(start, boom, one) for one in self.first_swings(previous_swing_rad)]
         solved = min(ends, key=lambda end: end.fun)
@@ -49,7 +49,7 @@ class PrintedController:
         return objectives.Plan(solved.x, poses, float(solved.fun))
 
     def first_swings(self, previous_swing_rad: float | None) -> tuple[float, ...]:
-        """Return the swings of all hops at which the searches begin, each once."""
+        """Return the swings at which the searches begin, without repeats."""
         limit = self.horizon.swing_limit_rad
         again = limit / 2
         if previous_swing_rad and np.isfinite(previous_swing_rad):
@@ -57,13 +57,13 @@ class PrintedController:
         return tuple(dict.fromkeys((limit / 2, 0.0, -limit / 2, again)))
 
     def descended(self, pose: FloatArray, boom_angle_rad: float, first_rad: float) -> Any:
-        """Search from the same swing in all hops."""
+        """Search from the same initial swing in all hops."""
         from scipy.optimize import minimize
 
         limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
 
         def value_and_slope(swings: FloatArray) -> tuple[float, FloatArray]:
-            """Value at the swings, and its slope by differences of swings within the limit."""
+            """Return the objective, and its slope by differences that stay within the limit."""
             steps = np.where(swings + DIFFERENCE_RAD > limit, -DIFFERENCE_RAD, DIFFERENCE_RAD)
             tried = swings + np.vstack([np.zeros(hops), np.diag(steps)])
             poses = predicted_poses(self.model, pose, boom_angle_rad, tried)
@@ -77,10 +77,10 @@ class PrintedController:
 def predicted_poses(
     model: FrameChangeMap, pose: ArrayLike, boom_angle_rad: float, swings_rad: ArrayLike
 ) -> FloatArray:
-    """Poses (H + 1, ..., 3) of rollouts by swings (..., H), the present one first (Sec. 3.4.1)."""
+    """Return poses (H + 1, ..., 3) after swings (..., H), from the present one on (Sec. 3.4.1)."""
     swings = np.moveaxis(np.asarray(swings_rad, dtype=float), -1, 0)
     booms = boom_angle_rad + np.cumsum(swings, axis=0) - swings
     change = model.change(booms.ravel(), swings.ravel()).reshape(*swings.shape, 3)
-    poses = np.concatenate([np.broadcast_to(pose, change[:1].shape), change])  # to be added up
+    poses = np.concatenate([np.broadcast_to(pose, change[:1].shape), change])  # to be summed
     poses[1:] = turned(change, -np.cumsum(poses[:-1, ..., 2], axis=0))
     return np.cumsum(poses, axis=0)

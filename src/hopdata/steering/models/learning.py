@@ -1,4 +1,4 @@
-"""How well frame changes are predicted, and how many hops that takes."""
+"""How well frame changes are predicted, and how many hops it takes to learn them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
 def prediction_score(process: gp.FrameChangeProcess, hops: FrameChanges) -> pd.DataFrame:
-    """Score predictions of the frame changes of hops.
+    """Score the predicted frame changes of hops.
 
     Returns
     -------
     DataFrame
-        A row for each ``component``, with its ``unit``: ``r2``, 1 less the mean square error over
-        the variance of what was to be predicted; ``rmse``, root mean square error in that unit;
-        ``coverage``, the share of the hops within the central 95 % of their prediction.
+        One row per ``component``, with its ``unit``: ``r2``, 1 minus the mean square error divided
+        by the variance of the observed values; ``rmse``, the root mean square error in that unit;
+        ``coverage``, the fraction of the hops within the central 95 % of their prediction.
     """
     error = process.change(hops.boom_angle_rad, hops.swing_rad) - hops.change
     sd = process.sd(hops.boom_angle_rad, hops.swing_rad, observed=True)
@@ -47,13 +47,13 @@ def prediction_score(process: gp.FrameChangeProcess, hops: FrameChanges) -> pd.D
 def tested(
     hops: FrameChanges, train: FloatArray, test: FloatArray, options: gp.ProcessOptions, seed: int
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
-    """Train on some rows of a table of hops, and score on others."""
+    """Train on some rows of a table of hops, and score on other rows."""
     process = gp.trained_process(hops.rows(train), options, seed=seed)
     return process, prediction_score(process, hops.rows(test))
 
 
 def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Draw which hops to train on; return them and the rest, as row numbers."""
+    """Draw hops to train on; return their row numbers, and those of the rest."""
     order = rng.permutation(hops)
     return np.sort(order[:train]), np.sort(order[train:])
 
@@ -69,27 +69,27 @@ def learning_scores(
 ) -> pd.DataFrame:
     """Train on random hops and test on the rest, for several set-ups and numbers of hops.
 
-    All set-ups have the same draws, so that they can be compared.
+    All set-ups use the same draws, so they can be compared.
 
     Parameters
     ----------
     changes : FrameChanges
     options : mapping
-        Set-ups by name, or by several.
+        Set-ups by name, or by a tuple of names.
     sizes : sequence of int
         Numbers of hops to train on.
     draws : int
-        Random sets of each size.
+        Number of random sets of each size.
     seed : int
-        Of the draws.
+        Seed of the draws.
     names : sequence of str
-        Of the columns for the names of the set-ups.
+        Columns for the names of the set-ups.
 
     Returns
     -------
     DataFrame
-        Columns ``model, hops, draw, component, unit, r2, rmse, coverage``; a row for each component
-        of each draw.
+        Columns ``model, hops, draw, component, unit, r2, rmse, coverage``; one row for each
+        component of each draw.
     """
     hops = changes.used()
     rows = []
@@ -104,16 +104,16 @@ def learning_scores(
 
 
 def with_intervals(scores: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd.DataFrame:
-    """Return means over the draws, their standard errors, and 5 and 95 % quantiles of the draws.
+    """Return the mean over the draws, its standard error, and the 5 and 95 % quantiles.
 
     Parameters
     ----------
     scores : DataFrame
-        One row a draw.
+        One row per draw.
     by : sequence of str
-        Columns that tell settings apart.
+        Columns that identify a setting.
     values : sequence of str
-        Columns to average; each gives four, ``<value>, <value>_se, <value>_q05, <value>_q95``.
+        Columns to average. Each yields ``<value>, <value>_se, <value>_q05, <value>_q95``.
     """
     groups = scores.groupby(list(by), sort=False)
     table = groups.size().rename("draws").reset_index()
@@ -126,7 +126,7 @@ def with_intervals(scores: pd.DataFrame, by: Sequence[str], values: Sequence[str
     return table
 
 
-# A process over its inputs as a table: what Figure 3.3 shows.
+# The process as a table over its inputs, as Figure 3.3 shows it.
 
 COLUMNS = ("dx_mm", "dy_mm", "dtheta_deg")
 CELLS_PER_TURN = 48
@@ -138,13 +138,13 @@ def map_table(
 ) -> pd.DataFrame:
     """Tabulate mean and standard deviation over three turns of the boom and all swings.
 
-    Angles are not brought back into one turn, so that a process that is not periodic shows it.
+    The boom angle is not wrapped, so that a process that is not periodic can be seen as such.
 
     Parameters
     ----------
     process : FrameChangeProcess
     swing_limit_rad : float
-        Swings go from minus to plus this.
+        Swings range from minus to plus this.
     swings : int
         Number of swings.
 
@@ -152,7 +152,7 @@ def map_table(
     -------
     DataFrame
         Columns ``boom_angle_rad`` (from -2 pi to 4 pi), ``swing_rad``, the mean ``dx_mm, dy_mm,
-        dtheta_deg`` and the same with ``_sd``: standard deviation of the mean, without noise.
+        dtheta_deg`` and the same with ``_sd``: the standard deviation of the mean, without noise.
     """
     angle = np.linspace(-gp.TURN, 2 * gp.TURN, 3 * CELLS_PER_TURN + 1)
     swing = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
@@ -164,7 +164,7 @@ def map_table(
 
 
 def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
-    """Return the training hops of a process, each once: inputs and outputs as in `map_table`."""
+    """Return the training hops of a process without copies, with the columns of `map_table`."""
     angle = process.inputs[:, 0]
     once = (angle >= 0) & (angle < gp.TURN)
     table = pd.DataFrame(process.inputs[once, :2], columns=["boom_angle_rad", "swing_rad"])
@@ -174,21 +174,21 @@ def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
 
 # Whether a kernel of C2 functions fails to model frame changes, as the dissertation reports.
 #
-# Section 3.4.2 says so of the Matern kernel of smoothness 5/2, and concludes that the dynamics are
-# measurably only C1. What is fitted and what is held fixed is not said, so the smoothnesses are
-# compared in several readings of the set-up: see `READINGS`.
+# Section 3.4.2 reports this of the Matern kernel of smoothness 5/2, and concludes that the dynamics
+# are measurably only C1. It does not say which parameters are fitted and which are fixed, so the
+# smoothnesses are compared in several readings of the set-up: see `READINGS`.
 #
-# The mean of a process of which no hyper-parameter is fitted depends on the ratio of noise to
-# variance alone, not on the units. Once the length scale is fitted and the variance is not, the
-# units decide.
+# If no hyper-parameter is fitted, the mean of a process depends only on the ratio of noise to
+# variance, not on the units. Once the length scale is fitted and the variance is not, the units
+# matter.
 
 _FITTED = replace(gp.PRINTED, length_scale=None, noise=None)
 READINGS: Mapping[str, gp.ProcessOptions] = {
-    # The formula: variance and length scale 1, noise 0.1; mm and rad.
+    # As in the formula: variance and length scale 1, noise 0.1; in mm and rad.
     "printed, all fixed": gp.PRINTED,
-    # The length scale fitted, the rest as before.
+    # The length scale is fitted, the rest as before.
     "printed, length fitted": replace(gp.PRINTED, length_scale=None),
-    # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: the noise is only where the search begins.
+    # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: 0.1 is only the initial value of the noise.
     "printed, length and noise fitted, mm": _FITTED,
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
     "standardised, all fitted": gp.RECOMMENDED,
@@ -203,7 +203,7 @@ def smoothness_scores(
     seed: int,
     readings: Mapping[str, gp.ProcessOptions] = READINGS,
 ) -> pd.DataFrame:
-    """Score the four smoothnesses in each reading of the set-up, on the same random hops.
+    """Score the four smoothnesses in each reading of the set-up on the same random hops.
 
     Returns
     -------
@@ -219,7 +219,7 @@ def smoothness_scores(
     return learning_scores(changes, options, [train], draws=draws, seed=seed, names=names)
 
 
-# From the table of frame changes to a model, and how well it predicts the other hops.
+# From the table of frame changes to a model, and its score on the other hops.
 
 LEFT_TO_TEST = 2  # hops: the fewest that have a variance
 
@@ -228,20 +228,19 @@ LEFT_TO_TEST = 2  # hops: the fewest that have a variance
 def learn(
     changes: FrameChanges, options: Mapping[str, Any], *, seed: np.random.SeedSequence
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
-    """Learn from as many random hops as the block ``steering.model`` says.
+    """Learn from a random selection of ``steering.model.training_hops`` hops.
 
     Parameters
     ----------
     changes : FrameChanges
     options : mapping
-    seed : SeedSequence
+        Block ``steering.model`` of the configuration.
 
     Returns
     -------
     process : FrameChangeProcess
     scores : DataFrame
-        On the hops that were not learned from: ``component, unit, r2, rmse, coverage,
-        training_hops, test_hops``.
+        On the other hops: ``component, unit, r2, rmse, coverage, training_hops, test_hops``.
 
     Raises
     ------
@@ -255,12 +254,12 @@ def learn(
 
 
 def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChanges:
-    """Return the hops that are used, if they suffice to learn from so many and to test on two.
+    """Return the used hops, if they suffice to learn from `training_hops` and to test on two more.
 
     Raises
     ------
     AnalysisError
-        With the number of hops that there are, and how many were left out for what.
+        If there are too few; the message counts the hops, and those left out by reason.
     """
     hops = changes.used()
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
@@ -279,7 +278,7 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
 
 MODELS = {"printed": gp.PRINTED, "recommended": gp.RECOMMENDED}
 SIZES = (20, 35, 60, 100, 170)
-LEAST_TESTED = 30  # hops left to test on
+LEAST_TESTED = 30  # fewest hops left to test on
 SCORES = ("r2", "rmse", "coverage")
 
 
@@ -287,24 +286,24 @@ SCORES = ("r2", "rmse", "coverage")
 def learning_tables(
     changes: FrameChanges, *, training_hops: int, draws: int, seed: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Learn from random sets of hops of several sizes, and with kernels of several smoothnesses.
+    """Learn from random sets of hops: of several sizes, and with kernels of several smoothnesses.
 
-    Both tables hold means over random sets of hops with their spread.
+    Both tables hold means over the random sets, with their spread.
 
     Parameters
     ----------
     changes : FrameChanges
     training_hops : int
-        Number of hops with which kernels are compared.
+        Number of hops for comparing kernels.
     draws : int
-        Random sets of each size.
+        Number of random sets of each size.
     seed : int
 
     Returns
     -------
     curve : DataFrame
-        ``model, hops, component, unit`` and of ``r2, rmse, coverage`` the mean, its standard error
-        (``_se``) and the 5 and 95 % quantiles over the sets (``_q05``, ``_q95``).
+        ``model, hops, component, unit``, and for each of ``r2, rmse, coverage`` the mean, its
+        standard error (``_se``) and the 5 and 95 % quantiles over the sets (``_q05``, ``_q95``).
     kernels : DataFrame
         The same by ``data, reading, smoothness, component, unit``.
 
@@ -312,7 +311,7 @@ def learning_tables(
     ------
     AnalysisError
         If there are too few hops for the smallest size or for `training_hops`; nothing has been
-        learned then.
+        learned by then.
     """
     used = hops_to_learn_from(changes, training_hops)
     sizes = [size for size in SIZES if size <= len(used) - LEAST_TESTED]

@@ -20,12 +20,12 @@ from hopdata.steering.frame_changes import FrameChanges
 
 
 def input_rows(boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-    """Return the arguments of a map as rows (2, n); a single number holds for all hops.
+    """Return the arguments of a map as rows (2, n); a single number applies to all hops.
 
     Raises
     ------
     AnalysisError
-        If they are of different lengths.
+        If their lengths differ.
     """
     arrays = [np.asarray(values, dtype=float).ravel() for values in (boom_angle, swing)]
     sizes = {array.size for array in arrays} - {1}
@@ -37,9 +37,9 @@ def input_rows(boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
 # Covariance functions of boom angle and swing.
 #
 # A kernel is a function of the scaled squared distance between two hops, ``s = sum of (difference /
-# length scale)^2``. In the boom angle the difference is that of the angles themselves, or the chord
-# between their points on the unit circle, which makes all predictions periodic without any copies
-# of the data.
+# length scale)^2``. The difference in boom angle is either that of the angles themselves, or the
+# chord between their points on the unit circle. The chord makes all predictions periodic without
+# copies of the data.
 #
 # The Matern family (Rasmussen and Williams 2006, Sec. 4.2) is here for smoothness 1/2, 3/2, 5/2
 # and, as its limit, the Gaussian kernel ("rbf", infinity).
@@ -48,7 +48,7 @@ SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
 
 
 def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
-    """Return inputs (n, 2), if `periodic` with the boom angle as a point on the circle: (n, 3)."""
+    """Return inputs (n, 2), or (n, 3) if `periodic`: the boom angle as a point on the circle."""
     inputs = np.asarray(inputs, dtype=float)
     if not periodic:
         return inputs
@@ -57,13 +57,13 @@ def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
 
 
 def embedded_scales(length_scales: ArrayLike, periodic: bool) -> FloatArray:
-    """Return the length scales (..., 2) of the embedded inputs: cosine and sine share theirs."""
+    """Return the length scales (..., 2) for the embedded inputs: cosine and sine share one."""
     scales = np.asarray(length_scales, dtype=float)
     return np.concatenate([scales[..., :1], scales], axis=-1) if periodic else scales
 
 
 def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
-    """Return the kernel, 1 at distance zero, of scaled squared distances."""
+    """Return the kernel at scaled squared distances; it is 1 at distance zero."""
     if smoothness == np.inf:
         return np.asarray(np.exp(-squared / 2))
     r = np.sqrt(2 * smoothness * squared)
@@ -83,17 +83,17 @@ class FrameChangeProcess:
     smoothness : float
         See `hopdata.steering.models.process`.
     periodic : bool
-        Whether boom angles are compared by points on the circle.
+        Whether boom angles are compared as points on the circle.
     inputs : (m, 2) array
-        Training inputs, copies included: boom angle and swing.
+        Training inputs, including copies: boom angle and swing.
     outputs : (m, 3) array
         Training frame changes, m, m, rad.
     offset, unit : (3,) arrays
         Output j is modelled as ``(output - offset) / unit``.
     variance, noise : (3,) arrays
-        Of the process and of the white noise, in squared units of the modelled output.
+        Variances of the process and of the white noise, in squared units of the modelled output.
     length_scales : (3, 2) array
-        Of each input for each output, rad.
+        Length scale of each input for each output, rad.
     """
 
     smoothness: float
@@ -117,7 +117,7 @@ class FrameChangeProcess:
 
     @property
     def chance(self) -> FloatArray:
-        """Standard deviation of a hop about its expectation, (3,), m, m, rad."""
+        """Standard deviation of a hop about its expected frame change, (3,), m, m, rad."""
         return np.asarray(np.sqrt(self.noise) * self.unit)
 
     @cached_property
@@ -139,27 +139,27 @@ class FrameChangeProcess:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weight of each training point in the mean, (3, m), in units of the output."""
+        """Weight of each training point in the mean, (3, m), in the output's units."""
         targets = ((self.outputs - self.offset) / self.unit).T
         whitened = np.einsum("jab,jb->ja", self.inverse_factors, targets)
         solved = np.einsum("jab,ja->jb", self.inverse_factors, whitened)
         return np.asarray(solved * (self.variance * self.unit)[:, None])
 
     def change(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-        """Return the expected frame changes (n, 3) of hops with these inputs, (n,) each."""
+        """Return the expected frame changes (n, 3) of hops with these inputs, each (n,)."""
         return self.mean_at(self._points(boom_angle, swing))
 
     def sd(self, boom_angle: ArrayLike, swing: ArrayLike, *, observed: bool = False) -> FloatArray:
         """Return predictive standard deviations (n, 3) of the frame change, m, m, rad.
 
-        Of its expectation, or, if `observed`, of a hop: with the white noise.
+        Of the expected frame change or, if `observed`, of a single hop, including the white noise.
         """
         return self.sd_at(self._points(boom_angle, swing), observed=observed)
 
     def mean_at(self, points: ArrayLike) -> FloatArray:
-        """Return expected frame changes (n, 3) at inputs (n, 2), whose boom angle is not wrapped.
+        """Return expected frame changes (n, 3) at inputs (n, 2), without wrapping the boom angle.
 
-        It matters only for processes that are not periodic.
+        This matters only for processes that are not periodic.
         """
         means = np.einsum("jna,ja->nj", self._correlations(points), self.weights)
         return np.asarray(self.offset + means)
@@ -180,7 +180,7 @@ class FrameChangeProcess:
         return [(one, train / one) for one in embedded_scales(self.length_scales, self.periodic)]
 
     def _correlations(self, points: ArrayLike) -> FloatArray:
-        """Kernels between points (n, 2) and the training inputs, (3, n, m)."""
+        """Return the kernels between points (n, 2) and the training inputs, (3, n, m)."""
         from scipy.spatial.distance import cdist
 
         at = embedded(points, self.periodic)
@@ -196,12 +196,12 @@ class FrameChangeProcess:
 
 # Trained processes on disk: one `.npz` file, written whole or not at all.
 
-# What reading a folder, a text, a picture, a single array or an archive of others ends in.
+# Errors raised on reading a folder, text, picture, single array or an archive of something else.
 FOREIGN = (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, BadZipFile)
 
 
 def save_process(path: str | Path, process: FrameChangeProcess) -> None:
-    """Write a process; its fields are the arrays of the file."""
+    """Write a process; its fields are the file's arrays."""
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **{field.name: getattr(process, field.name) for field in fields(process)})
 
@@ -230,7 +230,7 @@ def load_process(path: str | Path) -> FrameChangeProcess:
 
 # From a table of frame changes to a trained process.
 
-# How the processes are set up: the printed way, the recommended one, and others between them.
+# Set-ups of the processes: the printed one, the recommended one, and others in between.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,26 +240,26 @@ class ProcessOptions:
     Parameters
     ----------
     smoothness : float
-        Of the Matern kernel, 0.5, 1.5 or 2.5, or infinity for the Gaussian one.
+        Smoothness of the Matern kernel: 0.5, 1.5, 2.5, or infinity for the Gaussian kernel.
     periodic : bool
-        Compare boom angles by points on the circle. Otherwise the training set is copied a turn
-        before and a turn after, as printed.
+        Compare boom angles as points on the circle. Otherwise copies of the training set are added
+        one turn before and one turn after, as printed.
     standardised : bool
-        Centre each component of the frame change and divide it by its standard deviation, and
-        divide the inputs but the boom angle by theirs. Otherwise frame changes are modelled as they
-        are, about zero.
+        Centre each component of the frame change and divide it by its standard deviation; divide
+        the swing by its standard deviation. Otherwise frame changes are modelled as they are, about
+        zero.
     length_unit_m : float
-        Unit of length in which they are modelled if not standardised, m; turns are in rad.
+        Unit of length of the modelled frame changes if not standardised, m; headings are in rad.
     own_scales : bool
-        A length scale for each input. Otherwise one for all.
+        Use a length scale for each input. Otherwise all share one.
     variance : float, optional
-        Variance of the process, in squared units of the output; fitted if not given.
+        Variance of the process, in squared units of the output; fitted by default.
     noise : float, optional
         Variance of the white noise, likewise.
     length_scale : float, optional
-        Length scale of all inputs, in rad or, if standardised, their units; fitted if not given.
+        Length scale of all inputs, in rad or, if standardised, in their units; fitted by default.
     restarts : int
-        Further random starts of the search for hyper-parameters.
+        Number of further random starts of the search for hyper-parameters.
     """
 
     smoothness: float = 1.5
@@ -282,8 +282,8 @@ class ProcessOptions:
 
 RECOMMENDED = ProcessOptions()
 
-# The formula of Section 3.4.2 has no variance and no length scale, so both are 1; motion capture
-# gives mm.
+# The formula in Section 3.4.2 has neither a variance nor a length scale, so both are 1. Motion
+# capture yields mm.
 PRINTED = ProcessOptions(
     periodic=False, standardised=False, own_scales=False,
     variance=1.0, noise=0.1, length_scale=1.0, restarts=0,
@@ -292,29 +292,29 @@ PRINTED = ProcessOptions(
 
 # Hyper-parameters of largest marginal likelihood, by scikit-learn.
 
-# Bounds of the search, for standardised inputs and outputs. What is finer than a third of the
-# spread of an input, about a step of the printed grid of boom angles, 100 hops cannot show.
+# Bounds of the search, for standardised inputs and outputs. 100 hops cannot resolve anything finer
+# than a third of the spread of an input, which is about a step of the printed grid of boom angles.
 VARIANCES = (1e-4, 1e4)
 NOISES = (1e-6, 1e2)
 LENGTHS = (0.3, 1e3)
-UNSCALED = (1e-5, 1e5)  # of all where units are not standardised: scikit-learn's own
+UNSCALED = (1e-5, 1e5)  # of all parameters if not standardised: scikit-learn's own
 FIRST_NOISE = 0.1
 
 
 def fitted_regressor(
     inputs: FloatArray, target: FloatArray, options: ProcessOptions, seed: int
 ) -> Any:
-    """Return scikit-learn's regressor of one modelled output.
+    """Fit scikit-learn's regressor to one modelled output.
 
     Parameters
     ----------
     inputs : (m, 2) array
-        Boom angle and swing, in the units of the length scales.
+        Boom angle and swing, in units of the length scales.
     target : (m,) array
-        The output as modelled.
+        The modelled output.
     options : ProcessOptions
     seed : int
-        Of the random restarts.
+        Seed of the random restarts.
     """
     import warnings
 
@@ -325,7 +325,7 @@ def fitted_regressor(
         _kernel(options), alpha=0.0, n_restarts_optimizer=options.restarts, random_state=seed
     )
     with one_blas_thread(), warnings.catch_warnings():
-        # A length scale at its bound means that the input does not matter: no reason to warn.
+        # A length scale at its bound means that the input does not matter: no need to warn.
         warnings.simplefilter("ignore", ConvergenceWarning)
         return regressor.fit(embedded(inputs, options.periodic), target)
 
@@ -354,11 +354,11 @@ def _kernel(options: ProcessOptions) -> Any:
 
 @cache
 def _embedded_matern() -> Any:
-    """Return scikit-learn's Matern kernel on embedded inputs: one length for cosine and sine."""
+    """Return scikit-learn's Matern kernel for embedded inputs: cosine and sine share a length."""
     from sklearn.gaussian_process.kernels import Matern
 
     class EmbeddedMatern(Matern):  # type: ignore[misc]
-        """Its length scales are those of the inputs, the boom angle first."""
+        """Matern kernel with one length scale per input, the boom angle first."""
 
         def __call__(self, X: FloatArray, Y: Any = None, eval_gradient: bool = False) -> Any:
             if not np.ndim(self.length_scale):
@@ -387,12 +387,12 @@ def trained_process(
     changes : FrameChanges
     options : ProcessOptions
     seed : int
-        Of the random restarts of the search for hyper-parameters.
+        Seed of the random restarts of the search for hyper-parameters.
 
     Raises
     ------
     AnalysisError
-        If fewer than `LEAST_HOPS` hops remain.
+        If there are fewer than `LEAST_HOPS` used hops.
     """
     inputs, outputs = training_set(changes)
     offset, unit = _modelled(outputs, options)
@@ -420,7 +420,7 @@ def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:
 
 
 def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray, FloatArray]:
-    """Offset and unit of the modelled outputs."""
+    """Return the offset and unit of the modelled outputs."""
     if not options.standardised:
         return np.zeros(3), np.array([options.length_unit_m, options.length_unit_m, 1.0])
     unit = outputs.std(axis=0)
@@ -428,7 +428,7 @@ def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray,
 
 
 def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
-    """Units of the inputs, (2,): 1 rad for the boom angle, its standard deviation for the swing."""
+    """Return the units of the inputs, (2,): 1 rad, and the swing's standard deviation."""
     swing = float(inputs[:, 1].std()) if options.standardised else 1.0
     return np.array([1.0, swing or 1.0])
 
@@ -437,5 +437,5 @@ KERNELS = {"recommended": RECOMMENDED, "printed": PRINTED}
 
 
 def process_of(options: Mapping[str, Any]) -> ProcessOptions:
-    """Return the set-up of the processes that the block ``steering.model`` names."""
+    """Return the set-up of the processes named by the block ``steering.model``."""
     return chosen("steering.model.kernel", options["kernel"], KERNELS)

@@ -1,6 +1,6 @@
-"""Maps as tables, with cubic splines between the nodes: any map at the price of a look-up.
+"""Maps as tables with cubic splines between the nodes, so that any map is as fast as a look-up.
 
-Models and the plant's true map both become tables.
+Both models and the robot's true map are tabulated.
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.process import TURN, input_rows
 
-# What a controller asks of a model: frame changes of many hops at once.
+# What a controller needs of a model: frame changes of many hops at once.
 #
-# Conventions of all models: the frame change is (x, y, heading) in the frame of the first stance;
-# m, m, rad. Angles in rad. The boom angle is periodic: a whole turn more gives the same frame
-# change.
+# Conventions of all models: the frame change is (x, y, heading) in the frame of the first stance,
+# in m, m, rad. Angles are in rad. The boom angle is periodic: adding a whole turn gives the same
+# frame change.
 
 COMPONENTS = ("dx", "dy", "dtheta")
 
@@ -31,7 +31,7 @@ class FrameChangeMap(Protocol):
         ...
 
 
-BEYOND = 1e-3  # of the limit: room for differences at the bounds
+BEYOND = 1e-3  # fraction of the limit: margin for finite differences at the bounds
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class TabulatedMap:
     Parameters
     ----------
     values : (A, S, 3) array
-        Frame changes, m, m, rad; boom angles evenly spaced over a turn from 0, swings from minus to
-        plus the limit.
+        Frame changes, m, m, rad; boom angles are evenly spaced over a turn from 0, swings from
+        minus to plus the limit.
     swing_limit_rad : float
-        The limit.
+        Largest swing.
     """
 
     values: FloatArray
@@ -72,7 +72,7 @@ class TabulatedMap:
         return np.linspace(-self.swing_limit_rad, self.swing_limit_rad, self.values.shape[1])
 
     def change(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-        """Return the frame changes (n, 3) of hops with these inputs, (n,) each.
+        """Return the frame changes (n, 3) of hops with these inputs, each (n,).
 
         Raises
         ------
@@ -100,30 +100,30 @@ def tabulated(
 
 
 def turn_nodes(number: int) -> FloatArray:
-    """Angles evenly spaced over a turn from 0, its end left out, rad."""
+    """Return angles evenly spaced over a turn from 0, without its end, rad."""
     return TURN * np.arange(number) / number
 
 
-# What a map misses, learned as it shows: a recursive regression, which forgets.
+# Errors of a map, learned as they appear: a recursive regression with forgetting.
 
-HARMONICS, DEGREE = 2, 2  # of the boom angle and of the swing, in the correction
-FIRST_SD = 3.0  # of the constant of the correction, in standard deviations of a hop's chance
-FALL_OFF = 0.5  # of that, with each harmonic and each degree
-MEMORY_HOPS = 60.0  # in which a correction that is not seen again is forgotten
-FARTHEST_SD = 8.0  # a hop that misses by more was disturbed, and counts as one that misses by this
+HARMONICS, DEGREE = 2, 2  # of the correction: in the boom angle, and in the swing
+FIRST_SD = 3.0  # prior of the correction's constant, in standard deviations of a hop
+FALL_OFF = 0.5  # factor of the prior with each harmonic and each degree
+MEMORY_HOPS = 60.0  # number of hops after which an unconfirmed correction is forgotten
+FARTHEST_SD = 8.0  # larger misses come from disturbances, and are clipped to this
 
 
 class Correction:
-    """What is added to a map: a Bayesian linear model, updated hop by hop (a Kalman filter).
+    """Correction added to a map: a Bayesian linear model, updated hop by hop (a Kalman filter).
 
-    Its coefficients go back to zero, and their covariance to the first one, over `MEMORY_HOPS`
-    hops: an Ornstein-Uhlenbeck prior. Memory and time of a hop are the same for ever.
+    Over `MEMORY_HOPS` hops its coefficients decay to zero and their covariance returns to its
+    initial value (an Ornstein-Uhlenbeck prior). Memory and time per hop stay constant.
 
     Parameters
     ----------
     swing_limit_rad : float
     noise : (3,) array
-        Standard deviation of the chance of a hop, m, m, rad.
+        Standard deviation of a hop's random part, m, m, rad.
     """
 
     def __init__(self, swing_limit_rad: float, noise: FloatArray) -> None:
@@ -134,7 +134,7 @@ class Correction:
         self.coefficients = np.zeros((len(self._first), 3))  # in units of the noise
 
     def functions(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
-        """Return the functions at boom angles and swings (...), (..., k): waves times powers."""
+        """Return basis functions (..., k) at boom angles and swings (...): waves times powers."""
         boom = np.asarray(boom_angle, dtype=float)
         turns = [wave(h * boom) for h in range(1, HARMONICS + 1) for wave in (np.cos, np.sin)]
         waves = np.stack([np.ones_like(boom), *turns], axis=-1)
@@ -142,11 +142,11 @@ class Correction:
         return np.asarray((powers[..., :, None] * waves[..., None, :]).reshape(*boom.shape, -1))
 
     def added(self, functions: FloatArray) -> FloatArray:
-        """Return what is added, (..., 3), m, m, rad, where the functions (..., k) are these."""
+        """Return the correction, (..., 3), m, m, rad, given the basis functions (..., k)."""
         return np.asarray(functions @ self.coefficients * self.noise)
 
     def learn(self, boom_angle: float, swing: float, missed: FloatArray) -> None:
-        """Take in by how much the map itself missed a hop, (3,)."""
+        """Update the correction with the error (3,) of the uncorrected map in a hop."""
         kept = np.exp(-1.0 / MEMORY_HOPS)
         self.coefficients *= kept
         self.covariance = kept**2 * self.covariance + (1 - kept**2) * self._first
