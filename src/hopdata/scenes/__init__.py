@@ -1,4 +1,4 @@
-"""Scenes: bodies that land on several feet, and can be studied (`hopdata.scenes.scene`)."""
+"""Scenes: studied bodies that land on several feet (`hopdata.scenes.scene`)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from hopdata.errors import require_choice
 if TYPE_CHECKING:
     from hopdata.scenes.scene import Scene
 
-#: Name in the configuration -> class of the parameters. Loaded when asked for: compilers are slow.
-#: Those of installed packages (``hopdata.scenes``) are found by their entry points.
+#: Maps each name in the configuration to its parameter class. Classes are imported on demand,
+#: because they load a compiler. Installed packages add theirs by entry points (``hopdata.scenes``).
 SCENES = {
     "hopper": "hopdata.scenes.hopper_parameters:HopperParameters",
     "quadruped": "hopdata.scenes.quadruped:Quadruped",
@@ -22,12 +22,12 @@ STANDARD = "hopper"
 
 
 def scene_class(name: str) -> type[Scene]:
-    """Return the class of a scene's parameters.
+    """Return the parameter class of a scene.
 
     Raises
     ------
     ConfigError
-        If there is no scene of this name.
+        If no scene has this name.
     """
     require_choice("simulation.scene", name, SCENES)
     found: type[Scene] = resolve_name(SCENES[name])

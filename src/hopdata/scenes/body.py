@@ -1,14 +1,15 @@
-"""A rigid body on legs: its twelve states, its attitude by yaw, pitch and roll, and its events.
+"""A rigid body on legs: its twelve states, its yaw-pitch-roll attitude and its events.
 
-State: position of the origin O (world, m), yaw, pitch, roll (rad), velocity of O (world, m/s),
-angular velocity (body axes, rad/s). Rotations (z-y'-x'') take body to world coordinates,
-``R = Rz(yaw) Ry(pitch) Rx(roll)``.
+The state holds the position of the origin O (world, m), yaw, pitch and roll (rad), the velocity of
+O (world, m/s) and the angular velocity (body axes, rad/s). Rotations (z-y'-x'') map body
+coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch) Rx(roll)``.
 
-Modes on n legs, as int64: for each leg +1 while in contact and -1 else, one for the apex, one for a
-fall; then for each leg 1 once released; then 1 once any foot has touched.
+The mode of a body with n legs is int64: one lock per leg (+1 in contact, otherwise -1), one for the
+apex and one for a fall; then one integer per leg, 1 once it is released; then one that is 1 once
+any foot has touched.
 
-The compiled helpers work on scalars, so that they allocate nothing inside a vector field, and are
-compiled with the field that calls them, in whose cache they are kept.
+The compiled helpers take scalars so that a vector field allocates no memory. They are compiled
+together with the field that calls them and are cached with it.
 """
 
 import math
@@ -42,9 +43,9 @@ def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
 
 @kept_njit(error_model="numpy")
 def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> Vector:
-    """Rates of yaw, pitch and roll, rad/s, of a body turning at (wx, wy, wz) in its own axes.
+    """Return the rates of yaw, pitch and roll (rad/s) at the body-axes rate (wx, wy, wz).
 
-    Singular at a pitch of +-pi/2.
+    The rates are singular at a pitch of +-pi/2.
     """
     cr, sr = math.cos(roll), math.sin(roll)
     yaw_rate = (wy * sr + wz * cr) / math.cos(pitch)
@@ -53,13 +54,13 @@ def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> V
 
 @kept_njit(error_model="numpy")
 def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
-    """Cross product a x b of two vectors given by their components."""
+    """Return the cross product a x b of two vectors given by their components."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @kept_njit(error_model="numpy")
 def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
-    """Rate of the vertical in body axes (last row of R), when the angles change as `dy` says."""
+    """Return the rate of the vertical in body axes (last row of R) for the state's rate `dy`."""
     by_pitch, by_roll = dy[4], dy[5]
     return (
         -math.cos(y[4]) * by_pitch,
@@ -70,9 +71,10 @@ def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
 
 @kept_njit(error_model="numpy")
 def after_event(mode: IntArray, n: int, guard: int, direction: int) -> int:
-    """Release the n legs once all stand, re-arm one that lifts; 1 at an apex or a fall, which stop.
+    """Update the mode after an event and return 1 if the event ends the integration, else 0.
 
-    An apex counts in flight, once a foot has touched.
+    The n legs are released once all of them stand; a leg that lifts off is re-armed. A fall always
+    ends the integration. An apex ends it in flight, once a foot has touched.
     """
     standing = 0
     for leg in range(n):
@@ -92,10 +94,10 @@ def after_event(mode: IntArray, n: int, guard: int, direction: int) -> int:
 
 
 def legged_system(n_legs: int, *, n_states: int = N_STATES, **functions: Any) -> System:
-    """Return a body on legs as a hybrid system, by its field, guards and handler.
+    """Return the hybrid system of a body on legs with the given field, guards and handler.
 
-    The guards are ``foot1`` ... ``foot<n>`` (two-way), ``apex`` (climb rate falling through zero)
-    and ``fallen`` (angle between body z-axis and the vertical rising through its limit; stops).
+    The guards are ``foot1`` ... ``foot<n>`` (two-way), ``apex`` (the climb rate falls through zero)
+    and ``fallen`` (the angle between the body z-axis and the vertical exceeds its limit; terminal).
     """
     return System(
         **functions,
@@ -108,7 +110,7 @@ def legged_system(n_legs: int, *, n_states: int = N_STATES, **functions: Any) ->
 
 
 def flight_mode(system: System, climb_rate_m_s: float) -> IntArray:
-    """Mode of an upright body in flight that has not touched the floor yet."""
+    """Return the mode of an upright body in flight that has not touched the floor yet."""
     mode = np.zeros(system.n_modes, dtype=np.int64)
     mode[: system.n_guards] = -1
     mode[system.guard_names.index("apex")] = 1 if climb_rate_m_s > 0 else -1
@@ -116,7 +118,7 @@ def flight_mode(system: System, climb_rate_m_s: float) -> IntArray:
 
 
 def rotation_matrices(angles: FloatArray) -> FloatArray:
-    """Rotation matrices, body to world, of many attitudes.
+    """Return the body-to-world rotation matrices of many attitudes.
 
     Parameters
     ----------

@@ -1,19 +1,20 @@
 """Hopper on preloaded springy legs with a counterweight boom: field, guards and events.
 
-The robot of the dissertation's chapters II and III, as a rigid chassis of mass M and inertia I
-with a point mass m at c(t) in the body, m_t = M + m. With f and tau the force of the floor and
-its torque about the chassis' centre of mass O in body axes, beta = w x (w x c) + 2 w x c' + c''
-and mu = m (1 - m / m_t), the momenta of both give
+The robot of the dissertation's chapters II and III is modelled as a rigid chassis of mass M and
+inertia I with a point mass m at c(t) in the body; m_t = M + m. Let f be the force of the floor and
+tau its torque about the chassis' centre of mass O, both in body axes. With
+beta = w x (w x c) + 2 w x c' + c'' and mu = m (1 - m / m_t), the two momentum balances give
 
     [I + mu (|c|^2 1 - c c^T)] w' = tau - w x I w - (m / m_t) c x f - mu c x beta
     v' = g + R [f / m_t - (m / m_t) (w' x c + beta)].
 
 State and modes are those of the chassis on its legs (`hopdata.scenes.body`).
 
-Gap: height of a foot at rest length above the floor, the plane z = 0. A leg in contact pushes with
-F0 - k gap - c dgap/dt, from gap = 0 at touchdown until gap = e at lift-off if all legs have stood
-meanwhile, which puts energy back. Each leg adds its own force, whatever the others do, and contact
-depends on position alone: these two make the flow through a landing continuously differentiable.
+The gap of a foot is its height at rest length above the floor, the plane z = 0. A leg in contact
+pushes with F0 - k gap - c dgap/dt. Contact begins at touchdown, gap = 0, and ends at lift-off: at
+gap = e if all legs have stood in the meantime, which restores energy. Each leg adds its own force
+independently of the others, and contact depends on position alone. These two properties make the
+flow through a landing continuously differentiable.
 """
 
 import math
@@ -45,7 +46,7 @@ def solve_with_point_mass(
 ) -> Vector:
     """Solve ``[diag(ix, iy, iz) + mass (|c|^2 1 - c c^T)] u = b`` for u.
 
-    The matrix is a diagonal one less a dyad, so the Sherman-Morrison formula gives the answer.
+    The matrix is a diagonal matrix minus a dyad, so the Sherman-Morrison formula applies.
     """
     cx, cy, cz = c
     swing = mass * (cx * cx + cy * cy + cz * cz)
@@ -56,14 +57,14 @@ def solve_with_point_mass(
     return ux + factor * gx, uy + factor * gy, uz + factor * gz
 
 
-# The counterweight on its boom: a prescribed swing about a vertical axis of the body.
+# The counterweight on its boom: a prescribed swing about a vertical body axis.
 
 
 @kept_njit(error_model="numpy")
 def boom_angle(t: float | FloatArray, p: FloatArray) -> tuple[Any, Any, Any]:
-    """Angle of the boom, rad, with its first and second derivative, at a time or an array of times.
+    """Return the boom angle (rad) and its first two time derivatives at one or many times.
 
-    The boom follows a cycloid, whose acceleration is continuous where the move begins and ends.
+    The boom moves along a cycloid, so its acceleration is continuous at the start and the end.
     """
     s = np.minimum(np.maximum((t - p[hp.BOOM_START]) / p[hp.BOOM_DURATION], 0.0), 1.0)
     swing, turn = p[hp.BOOM_SWING], 2.0 * np.pi
@@ -74,7 +75,7 @@ def boom_angle(t: float | FloatArray, p: FloatArray) -> tuple[Any, Any, Any]:
 
 @kept_njit(error_model="numpy")
 def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
-    """Place, velocity and acceleration of the counterweight in the body frame; m, s."""
+    """Return position, velocity and acceleration of the counterweight in the body frame (m, s)."""
     angle, rate, growth = boom_angle(t, p)
     x, y = p[hp.BOOM_RADIUS] * np.cos(angle), p[hp.BOOM_RADIUS] * np.sin(angle)
     return (
@@ -84,12 +85,12 @@ def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
     )
 
 
-# Springy legs: their gaps, and the force of the floor on those in contact.
+# Springy legs: their gaps, and the floor's force on the legs in contact.
 
 
 @kept_njit(error_model="numpy")
 def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[float, float]:
-    """Gap of a leg, m, and its rate, m/s."""
+    """Return the gap of a leg, m, and its rate, m/s."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
     px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
     sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
@@ -99,7 +100,7 @@ def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[flo
 
 @kept_njit(error_model="numpy")
 def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
-    """Acceleration of a leg's gap, m/s^2, when the state changes at the rate `dy`."""
+    """Return the acceleration of a leg's gap, m/s^2, for the state's rate `dy`."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
     px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
     sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
@@ -111,15 +112,15 @@ def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatAr
 
 @kept_njit(error_model="numpy")
 def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> Wrench:
-    """Force of the floor on one leg and its torque about O, both in body axes; N, N m.
+    """Return the floor's force on one leg (N) and its torque about O (N m), both in body axes.
 
-    It acts at the floor under the foot; the sliding speed is that of the body there, so that
-    friction takes power from the body whatever its motion.
+    The force acts at the floor beneath the foot. The sliding speed is that of the body at this
+    point, so friction dissipates energy for any motion of the body.
     """
     gap, gap_rate = foot_gap(leg, y, rot, p)
     k = hp.LEGS + hp.LEG_STRIDE * leg
     normal = p[k] - p[hp.STIFFNESS] * gap - p[hp.DAMPING] * gap_rate
-    # Arm from O to the floor under the foot, in body axes: rest foot less the gap along world z.
+    # Arm from O to the floor beneath the foot, body axes: rest foot minus the gap along world z.
     qx = p[k + 1] - gap * rot[6]
     qy = p[k + 2] - gap * rot[7]
     qz = -p[hp.LEG_LENGTH] - gap * rot[8]
@@ -136,7 +137,7 @@ def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> Wrench:
 
 @kept_njit(error_model="numpy")
 def total_wrench(y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray) -> tuple[Wrench, int]:
-    """Sum of force and torque over the legs in contact, in body axes, and how many these are."""
+    """Return total force and torque of the legs in contact (body axes) and the number of legs."""
     fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     for leg in range(int(p[hp.N_LEGS])):
         if mode[leg] > 0:
@@ -149,7 +150,7 @@ def total_wrench(y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray) ->
 
 @kept_njit(error_model="numpy")
 def swing_acceleration(w: Vector, c: Vector, c1: Vector, c2: Vector) -> Vector:
-    """Acceleration of the counterweight in the turning body: w x (w x c) + 2 w x c' + c''."""
+    """Return the counterweight's acceleration in the turning body: w x (w x c) + 2 w x c' + c''."""
     ax, ay, az = cross(w[0], w[1], w[2], c[0], c[1], c[2])
     nx, ny, nz = cross(w[0], w[1], w[2], ax + 2.0 * c1[0], ay + 2.0 * c1[1], az + 2.0 * c1[2])
     return nx + c2[0], ny + c2[1], nz + c2[2]
@@ -159,7 +160,7 @@ def swing_acceleration(w: Vector, c: Vector, c1: Vector, c2: Vector) -> Vector:
 def body_accelerations(
     w: Vector, force: Vector, torque: Vector, swing: tuple[Vector, Vector, Vector], p: FloatArray
 ) -> tuple[Vector, Vector]:
-    """Specific force on O and angular acceleration, both in body axes, of body and point mass."""
+    """Return specific force on O and angular acceleration of body and point mass, in body axes."""
     total = p[hp.MASS] + p[hp.COUNTERWEIGHT]
     share = p[hp.COUNTERWEIGHT] / total
     c = swing[0]
@@ -186,7 +187,7 @@ def body_accelerations(
 def fill_rates(
     t: float, y: FloatArray, rot: Rotation, wrench: Wrench, p: FloatArray, dy: FloatArray
 ) -> None:
-    """Fill `dy` with the rate of the state under a force and torque in body axes."""
+    """Fill `dy` with the state's rate under a force and a torque in body axes."""
     w = (y[9], y[10], y[11])
     a, turn = body_accelerations(w, wrench[0], wrench[1], boom_motion(t, p), p)
     dy[0], dy[1], dy[2] = y[6], y[7], y[8]
@@ -199,7 +200,7 @@ def fill_rates(
 
 @field
 def hopper_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
-    """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
+    """Fill `dy` with the state's rate (Newton-Euler equations, see the module docstring)."""
     rot = rotation_entries(y[3], y[4], y[5])
     fill_rates(t, y, rot, total_wrench(y, mode, rot, p)[0], p, dy)
 
@@ -214,7 +215,7 @@ def hopper_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot`: reach of each leg less its gap, climb rate, tilt beyond its limit."""
+    """Fill `h` and `hdot`: each leg's reach minus its gap, climb rate, tilt beyond its limit."""
     n = int(p[hp.N_LEGS])
     rot = rotation_entries(y[3], y[4], y[5])
     tx, ty, tz = vertical_rate(y, dy, rot)
@@ -231,11 +232,11 @@ def hopper_guards(
 def hopper_event(
     _t: float, _y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Release the legs once all stand, re-arm a leg when it lifts, stop at an apex or a fall."""
+    """Release the legs once all stand, re-arm a leg that lifts off, stop at an apex or a fall."""
     return int(after_event(mode, int(p[hp.N_LEGS]), guard, direction))
 
 
 @cache
 def hopper_system(n_legs: int = 3) -> System:
-    """Return the hopper as a hybrid system with this number of legs: see `legged_system`."""
+    """Return the hybrid system of a hopper with `n_legs` legs; see `legged_system`."""
     return legged_system(n_legs, field=hopper_field, guards=hopper_guards, on_event=hopper_event)

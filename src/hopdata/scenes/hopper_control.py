@@ -1,15 +1,15 @@
 """Variants of the hopper: controls, and a board that it pushes.
 
-A control breaks what makes the landing continuously differentiable in one of three ways
+A control breaks the conditions for a continuously differentiable landing in one of three ways
 (`hopdata.scenes.scene.Control`).
 
-- Coupling: the force of each leg is multiplied by 1 + kappa (s - n), with s of the n legs in
+- Coupling: the force of each leg is multiplied by 1 + kappa (s - n) while s of the n legs are in
   contact. Forces are no longer additive.
-- Impulse: at touchdown an impulse at the foot, along the vertical, takes the fraction eps of the
-  foot's normal velocity. The state jumps. An impulse at one foot also moves the others, so that the
-  state after a simultaneous contact depends on the order, unless the feet are orthogonal in the
+- Impulse: at touchdown a vertical impulse at the foot removes the fraction eps of the foot's normal
+  velocity. The state jumps. An impulse at one foot also moves the other feet, so the state after a
+  simultaneous contact depends on the order, unless the feet are orthogonal with respect to the
   inertia (Pace and Burden 2017).
-- Delay: contact is at gap + tau dgap/dt = 0. Guards depend on velocity.
+- Delay: contact occurs at gap + tau dgap/dt = 0. The guards depend on velocity.
 """
 
 import math
@@ -34,7 +34,7 @@ from hopdata.scenes.hopper import (
 )
 from hopdata.scenes.scene import Variant
 
-# The strengths follow the legs' numbers at the end of the parameters.
+# Indices of the strengths, which follow the legs' entries at the end of the parameter vector.
 COUPLING, IMPULSE, DELAY = -3, -2, -1
 
 _guards = kept_njit(error_model="numpy")(hopper_guards.function)
@@ -43,7 +43,7 @@ _event = kept_njit(error_model="numpy")(hopper_event.function)
 
 @field
 def control_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
-    """Fill `dy` with the rate of the state; the forces of the legs are coupled."""
+    """Fill `dy` with the state's rate; the legs' forces are coupled."""
     rot = rotation_entries(y[3], y[4], y[5])
     (force, torque), standing = total_wrench(y, mode, rot, p)
     share = 1.0 + p[COUPLING] * (standing - p[hp.N_LEGS])
@@ -62,7 +62,7 @@ def control_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot` as the hopper does, the legs' guards ahead in time."""
+    """Fill `h` and `hdot` as for the hopper, but with the legs' guards ahead in time."""
     _guards(t, y, dy, mode, p, h, hdot)
     rot = rotation_entries(y[3], y[4], y[5])
     for leg in range(int(p[hp.N_LEGS])):
@@ -72,10 +72,11 @@ def control_guards(
 
 @kept_njit(error_model="numpy")
 def take_normal_velocity(t: float, y: FloatArray, leg: int, fraction: float, p: FloatArray) -> None:
-    """Change the velocities in `y` by a vertical impulse at a foot that slows it by a fraction.
+    """Apply a vertical impulse at a foot to `y` that reduces its normal velocity by `fraction`.
 
-    An impulse changes the momenta as a force changes their rates; forces that depend on velocity
-    are finite and have no share. So the equations of motion at rest give the change.
+    An impulse changes the momenta as a force changes their rates, and velocity-dependent forces are
+    finite and contribute nothing. The change therefore follows from the equations of motion at
+    rest.
     """
     rot = rotation_entries(y[3], y[4], y[5])
     rest = (0.0, 0.0, 0.0)
@@ -100,7 +101,7 @@ def take_normal_velocity(t: float, y: FloatArray, leg: int, fraction: float, p: 
 def control_event(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Do as the hopper does; at touchdown a foot loses part of its normal velocity."""
+    """Handle events as the hopper does; at touchdown a foot loses part of its normal velocity."""
     if guard < int(p[hp.N_LEGS]) and direction > 0 and p[IMPULSE] > 0.0:
         take_normal_velocity(t, y, guard, p[IMPULSE], p)
     return int(_event(t, y, mode, p, guard, direction))
@@ -108,33 +109,33 @@ def control_event(
 
 @cache
 def control_system(n_legs: int = 3) -> System:
-    """Return the control as a hybrid system: guards and modes are those of `hopper_system`."""
+    """Return the hybrid system of the control; its guards and modes are as in `hopper_system`."""
     return replace(
         hopper_system(n_legs), field=control_field, guards=control_guards, on_event=control_event
     )
 
 
-# The board of the dissertation's Sec. 3.5 (Fig. 3.7), pushed along the floor. It has no inertia:
-# while a leg is in contact, it holds the chassis back at its centre of mass with a force that is
-# constant but for slow motion, and only against motion into the board. Each leg in contact brings
-# its share of the force, so that forces stay additive over the legs.
+# The board of the dissertation's Sec. 3.5 (Fig. 3.7) is pushed along the floor. It has no inertia.
+# While a leg is in contact, the board holds the chassis back at its centre of mass with a force
+# that is constant except at low speed and that opposes only motion into the board. Each leg in
+# contact contributes its share of the force, so forces stay additive over the legs.
 
-# They follow the legs' numbers at the end of the parameters.
+# Indices of the board's numbers, which follow the legs' entries at the end of the parameter vector.
 DRAG, DIRECTION_X, DIRECTION_Y, FRONT = -4, -3, -2, -1
 
 
 @dataclass(frozen=True, kw_only=True)
 class HopperDrag:
-    """A board that is pushed by who stands beyond it: the hopper's first guard, ``board``.
+    """A board pushed by a hopper that is past its front; the first guard of the system, ``board``.
 
     Parameters
     ----------
     drag_n : float
-        Force of its friction, N, when all legs are in contact.
+        Friction force of the board when all legs are in contact, N.
     direction : (x, y)
-        Unit vector, world frame: the way into the board.
+        Unit vector into the board, world frame.
     front_m : float
-        How far along it the chassis' centre of mass is when it touches the board, m.
+        Position along `direction` at which the chassis' centre of mass touches the board, m.
     """
 
     drag_n: float
@@ -143,13 +144,13 @@ class HopperDrag:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Force, direction and place."""
+        """Force, direction and front, in the order of the parameter vector."""
         return self.drag_n, *self.direction, self.front_m
 
 
 @field
 def drag_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
-    """Fill `dy` with the rate of the state, held back by the board if it is touched."""
+    """Fill `dy` with the state's rate, including the board's drag while it is touched."""
     rot = rotation_entries(y[3], y[4], y[5])
     (force, torque), standing = total_wrench(y, mode[1:], rot, p)
     ux, uy = p[DIRECTION_X], p[DIRECTION_Y]
@@ -175,7 +176,7 @@ def drag_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot` with the way beyond the board, then as the hopper does."""
+    """Fill `h` and `hdot` with the distance past the board's front, then as the hopper does."""
     h[0] = y[0] * p[DIRECTION_X] + y[1] * p[DIRECTION_Y] - p[FRONT]
     hdot[0] = dy[0] * p[DIRECTION_X] + dy[1] * p[DIRECTION_Y]
     _guards(t, y, dy, mode[1:], p, h[1:], hdot[1:])
@@ -185,13 +186,13 @@ def drag_guards(
 def drag_event(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Do as the hopper does; the board is no business of its legs."""
+    """Handle events as the hopper does; the board does not affect the state of the legs."""
     return 0 if guard == 0 else int(_event(t, y, mode[1:], p, guard - 1, direction))
 
 
 @cache
 def drag_system(n_legs: int = 3) -> System:
-    """Return the hopper with a board as a hybrid system: as `hopper_system`, a guard before it."""
+    """Return the hybrid system of a hopper with a board: `hopper_system` with one guard before."""
     plain = hopper_system(n_legs)
     return replace(
         plain, field=drag_field, guards=drag_guards, on_event=drag_event,
@@ -201,7 +202,7 @@ def drag_system(n_legs: int = 3) -> System:
 
 
 def system_of(n_legs: int, variant: Variant | None) -> System:
-    """Return the hopper with this number of legs, or what lands in its place."""
+    """Return the hybrid system of a hopper with `n_legs` legs, or of its variant if given."""
     if variant is None:
         return hopper_system(n_legs)
     return drag_system(n_legs) if isinstance(variant, HopperDrag) else control_system(n_legs)

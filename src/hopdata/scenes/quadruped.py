@@ -1,19 +1,20 @@
 """Quadruped that pronks: a rigid body on four compliant legs whose feet stay where they touch.
 
-With r the place of a leg's rest foot, v its velocity, and d how far it has moved since the foot
-touched, the floor pushes a leg in contact, at r, with
+Let r be the position of a leg's rest foot, v its velocity, and d its displacement since the foot
+touched. The floor pushes a leg in contact, at r, with the force
 
-    (-k_s d_x - c_s v_x,  -k_s d_y - c_s v_y,  F0 - k r_z - c v_z),
+    (-k_s d_x - c_s v_x,  -k_s d_y - c_s v_y,  F0 - k r_z - c v_z).
 
-from r_z = 0 at touchdown until r_z = e at lift-off, if all legs have stood meanwhile, which puts
-energy back. Newton and Euler: m v' = sum F - m g, I w' = R^T sum (r - O) x F - w x I w.
+Contact begins at touchdown, r_z = 0, and ends at lift-off: at r_z = e if all legs have stood in the
+meantime, which restores energy. The Newton-Euler equations are m v' = sum F - m g and
+I w' = R^T sum (r - O) x F - w x I w.
 
-State (20): that of the body (`hopdata.scenes.body`), then (d_x, d_y) of each leg, which follow it
-in contact; lift-off resets them to zero. Modes as there.
+The state has 20 entries: the body's (`hopdata.scenes.body`), then (d_x, d_y) of each leg, which are
+integrated in contact and reset to zero at lift-off. The modes are those of `hopdata.scenes.body`.
 
-Each leg adds its own force and contact depends on position alone, so that the flow through a
-landing is continuously differentiable; with a coupling kappa all forces are multiplied by
-1 + kappa (s - 4), s legs down, and it is not.
+Each leg adds its own force and contact depends on position alone, so the flow through a landing is
+continuously differentiable. A coupling kappa multiplies all forces by 1 + kappa (s - 4) while s
+legs are in contact, and makes the flow non-differentiable.
 """
 
 import math
@@ -42,7 +43,7 @@ from hopdata.scenes.scene import Scene, Variant, parameter
 N_LEGS = 4
 APEX, FALLEN, RELEASED = N_LEGS, N_LEGS + 1, N_LEGS + 2
 
-# Places in the flat vector: the fields of `Quadruped` in their order, preloads, and kappa.
+# Indices into the flat vector: the fields of `Quadruped` in order, then the preloads and kappa.
 MASS, INERTIA_X, INERTIA_Y, INERTIA_Z, STIFFNESS, DAMPING, SIDE_STIFFNESS, SIDE_DAMPING = range(8)
 HALF_LENGTH, HALF_WIDTH, LEG_LENGTH, RELEASE_EXTENSION, TILT_LIMIT, GRAVITY = range(9, 15)
 PRELOADS, COUPLING = 15, 15 + N_LEGS
@@ -50,14 +51,14 @@ PRELOADS, COUPLING = 15, 15 + N_LEGS
 
 @kept_njit(error_model="numpy")
 def rest_place(leg: int, p: FloatArray) -> Vector:
-    """Foot of a leg at rest length, body frame, m: left and right in front, then behind."""
+    """Return a leg's foot at rest length, body frame, m: left and right in front, then behind."""
     x = p[HALF_LENGTH] if leg < 2 else -p[HALF_LENGTH]
     return x, p[HALF_WIDTH] if leg % 2 == 0 else -p[HALF_WIDTH], -p[LEG_LENGTH]
 
 
 @kept_njit(error_model="numpy")
 def turned(rot: Rotation, x: float, y: float, z: float) -> Vector:
-    """Return R (x, y, z)."""
+    """Return the vector R (x, y, z)."""
     return (
         rot[0] * x + rot[1] * y + rot[2] * z,
         rot[3] * x + rot[4] * y + rot[5] * z,
@@ -67,7 +68,7 @@ def turned(rot: Rotation, x: float, y: float, z: float) -> Vector:
 
 @kept_njit(error_model="numpy")
 def rest_motion(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
-    """Place of a leg's rest foot from O, m, and its velocity, m/s, both in world axes."""
+    """Return a rest foot's position relative to O, m, and its velocity, m/s, in world axes."""
     bx, by, bz = rest_place(leg, p)
     sx, sy, sz = cross(y[9], y[10], y[11], bx, by, bz)
     ux, uy, uz = turned(rot, sx, sy, sz)
@@ -78,7 +79,7 @@ def rest_motion(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[
 def quadruped_field(
     _t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
 ) -> None:
-    """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
+    """Fill `dy` with the state's rate (Newton-Euler equations, see the module docstring)."""
     rot = rotation_entries(y[3], y[4], y[5])
     fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     dy[N_STATES:] = 0.0
@@ -115,7 +116,7 @@ def quadruped_guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot`: reach of each leg less its foot's height, climb rate, tilt."""
+    """Fill `h` and `hdot`: each leg's reach minus its foot's height, climb rate, tilt."""
     rot = rotation_entries(y[3], y[4], y[5])
     tx, ty, tz = vertical_rate(y, dy, rot)
     for leg in range(N_LEGS):
@@ -131,7 +132,7 @@ def quadruped_guards(
 def quadruped_event(
     _t: float, y: FloatArray, mode: IntArray, _p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Release the legs once all stand, free a foot that lifts, stop at an apex or a fall."""
+    """Release the legs once all stand, free a foot that lifts off, stop at an apex or a fall."""
     if guard < N_LEGS and direction < 0:
         y[N_STATES + 2 * guard], y[N_STATES + 2 * guard + 1] = 0.0, 0.0
     return int(after_event(mode, N_LEGS, guard, direction))
@@ -150,7 +151,7 @@ SYSTEM = legged_system(
 
 @dataclass(frozen=True, kw_only=True)
 class Quadruped(Scene):
-    """Parameters of the quadruped, in SI units. Its feet 1 and 2 are in front, 1 and 3 left."""
+    """Parameters of the quadruped, in SI units. Feet 1 and 2 are in front, 1 and 3 on the left."""
 
     controls: ClassVar[tuple[str, ...]] = ("coupling",)
     feet_slide: ClassVar[bool] = False
@@ -192,18 +193,18 @@ class Quadruped(Scene):
     gravity_m_s2: float = parameter(9.81, "Acceleration due to gravity.", "m/s²", minimum=0)
 
     def rest_feet(self) -> FloatArray:
-        """Feet at rest length, (4, 3), body frame, m."""
+        """Return the feet at rest length, (4, 3), body frame, m."""
         vector = self.vector()
         return np.array([rest_place.py_func(leg, vector) for leg in range(N_LEGS)])
 
     def system(self, _variant: Variant | None = None) -> System:
-        """Return the system, which is that of its control as well."""
+        """Return the hybrid system, which serves the control as well."""
         return SYSTEM
 
     def vector(
         self, preloads_n: FloatArray | None = None, variant: Variant | None = None
     ) -> FloatArray:
-        """Flat parameter vector, which ends with the coupling."""
+        """Return the flat parameter vector; its last entry is the coupling."""
         scalars = [getattr(self, one.name) for one in fields(self)]
         preloads = np.broadcast_to(self.preload_n if preloads_n is None else preloads_n, N_LEGS)
         return np.array([*scalars, *preloads, variant.numbers[0] if variant else 0.0])

@@ -1,12 +1,12 @@
-"""What synthesis asks of a scene: a rigid body that lands on compliant feet.
+"""The interface of a scene: a rigid body that lands on compliant feet.
 
-A scene is one file: a frozen dataclass of parameters that derives from `Scene`, and the compiled
-field, guards and handler of its system. A line in `hopdata.scenes.SCENES` gives it its name.
+A scene is one file with a frozen dataclass of parameters, derived from `Scene`, and the compiled
+field, guards and handler of its system. It is registered by name in `hopdata.scenes.SCENES`.
 
-Its state begins with the body's twelve (`hopdata.scenes.body`). What follows is memory of feet that
-stand, is zero in flight, and never leaves the integrator. Its guards are ``foot1`` ... ``foot<n>``
-(two-way, +1 in contact), ``apex`` (falling; ends a hop, in flight after a landing) and ``fallen``
-(ends it at any time). Further modes begin at 0.
+The state begins with the twelve states of the body (`hopdata.scenes.body`). Any further states are
+the memory of feet in contact: they are zero in flight and never leave the integrator. The guards
+are ``foot1`` ... ``foot<n>`` (two-way, +1 in contact), ``apex`` (falling; ends a hop, in flight
+after a landing) and ``fallen`` (terminal at any time). Further modes start at 0.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ if TYPE_CHECKING:
 
 
 class Variant(Protocol):
-    """What lands in place of the plain scene: it has a few numbers more, after the parameters."""
+    """A body that replaces the plain scene; its numbers follow the scene's parameters."""
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Its numbers."""
+        """Numbers that are appended to the parameter vector."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """Strengths of three ways to break what makes a landing continuously differentiable.
+    """Strengths of three effects that break the continuous differentiability of a landing.
 
-    With all of them zero it is the scene itself.
+    With all strengths zero, the control equals the scene itself.
 
     Parameters
     ----------
     coupling : float
-        kappa: change of each leg's force for every leg more in contact, as a fraction.
+        kappa: relative change of each leg's force for every additional leg in contact.
     impulse : float
-        eps: fraction of a foot's normal velocity that touchdown takes by an impulse.
+        eps: fraction of a foot's normal velocity that an impulse removes at touchdown.
     delay_s : float
         tau: time by which contact runs ahead of the gap (positive: before the foot is down), s.
     """
@@ -56,7 +56,7 @@ class Control:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The strengths."""
+        """Strengths in the order of the fields."""
         return self.coupling, self.impulse, self.delay_s
 
     @property
@@ -66,13 +66,13 @@ class Control:
 
 
 class Scene(ABC):
-    """Parameters of a rigid body on n feet, and what it does with them."""
+    """Parameters of a rigid body on n feet, and the system that they define."""
 
-    #: Strengths of `Control` that the scene knows.
+    #: Strengths of `Control` that the scene supports.
     controls: ClassVar[tuple[str, ...]] = ()
-    #: Whether a boom moves in the body, with a marker on it.
+    #: Whether the body has a moving boom, with a marker on it.
     has_boom: ClassVar[bool] = False
-    #: Whether a foot in contact stays under its rest place; else it stays where it touched.
+    #: True if a foot in contact stays under its rest position, False if it stays where it touched.
     feet_slide: ClassVar[bool] = True
 
     mass_kg: float
@@ -84,7 +84,7 @@ class Scene(ABC):
 
     @property
     def total_mass_kg(self) -> float:
-        """Mass of all that the legs carry."""
+        """Total mass that the legs carry, kg."""
         return self.mass_kg
 
     @property
@@ -94,85 +94,85 @@ class Scene(ABC):
 
     @property
     def leg_length_m(self) -> float:
-        """Height of the level body's origin at which the first foot is on the floor."""
+        """Height of the level body's origin when the first foot touches the floor, m."""
         return -float(self.rest_feet()[:, 2].min())
 
     @abstractmethod
     def rest_feet(self) -> FloatArray:
-        """Feet at rest length, (n, 3), body frame, m; at a gap of zero they touch."""
+        """Return the feet at rest length, (n, 3), body frame, m; they touch at a gap of zero."""
 
     @abstractmethod
     def system(self, variant: Variant | None = None, /) -> System:
-        """Return the hybrid system, always the same object for the same variant."""
+        """Return the hybrid system; the same variant always yields the same object."""
 
     @abstractmethod
     def vector(
         self, preloads_n: FloatArray | None = None, variant: Variant | None = None, /
     ) -> FloatArray:
-        """Flat parameter vector for the compiled functions.
+        """Return the flat parameter vector for the compiled functions.
 
         Parameters
         ----------
         preloads_n : (n,) array, optional
             Preload of each leg, N; `preload_n` for all legs if absent.
         variant : optional
-            What lands in the scene's place.
+            Body that replaces the plain scene.
         """
 
     def vectors(
         self, preloads_n: FloatArray, variant: Variant | None, _since_apex_s: FloatArray | float
     ) -> FloatArray:
-        """Parameter vectors (L, p) of L landings that are integrated from so long after the apex.
+        """Return the parameter vectors (L, p) of L landings that start after the apex.
 
         Parameters
         ----------
         preloads_n : (L, n) array
             Preload of each leg, N.
         variant : optional
-            What lands in the scene's place.
+            Body that replaces the plain scene.
         since_apex_s : float or (L,) array
-            Time at the beginning since the apex, s; only a moving boom asks for it.
+            Time from the apex to the start, s; only a moving boom depends on it.
         """
         return np.array([self.vector(row, variant) for row in preloads_n])
 
     def require_take_off(self, key: str) -> None:
-        """Raise a `ConfigError` that begins with `key` if extended legs do not carry the weight."""
+        """Raise a `ConfigError` about `key` if extended legs do not carry the weight."""
         push = self.preload_n - self.stiffness_n_m * self.release_extension_m
         share = self.total_mass_kg * self.gravity_m_s2 / self.n_legs
         wanted = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"
         found = f"{push:.2f} N: it cannot lift off"
         require(push > share, key, f"{wanted}, the weight per leg", found)
 
-    # What a boom does from hop to hop; by default there is none.
+    # Motion of a boom from hop to hop; by default there is no boom.
 
     def boom_places(self, times_s: FloatArray) -> FloatArray:
-        """Places of the boom, body frame, (N, 3) m, at times since the apex; (N, 0) without."""
+        """Return boom positions (N, 3), body frame, m, at times since the apex; else (N, 0)."""
         return np.empty((len(times_s), 0))
 
     def after(self, _time_s: float) -> Self:
-        """Return the scene as the next hop begins, so long after this hop's apex."""
+        """Return the scene as it is when the next hop begins, a given time after this apex."""
         return self
 
     def still(self) -> Self:
-        """Return the scene with a boom that rests where it is."""
+        """Return the scene with a boom that rests at its present angle."""
         return self
 
     def by_hop(self, count: int) -> Iterator[tuple[Self, IntArray]]:
-        """Yield the scene and the numbers of its hops, for each place of a boom that swings."""
+        """Yield, for each starting angle of a swinging boom, the scene and the indices of hops."""
         yield self, np.arange(count)
 
 
 def parameter(default: float, description: str, unit: str = "", **bounds: float) -> Any:
-    """Declare a parameter of a scene, which makes its key of the configuration.
+    """Declare a parameter of a scene, and with it a key of the configuration.
 
     Parameters
     ----------
     default : float or int
-        Its kind is that of the key.
+        Default value; its type is the type of the key.
     description, unit : str
-        For the page on the configuration.
+        Text and unit for the configuration page.
     bounds
-        As in JSON schema: ``minimum``, ``exclusiveMinimum``, ``maximum``, ``exclusiveMaximum``.
+        JSON schema bounds: ``minimum``, ``exclusiveMinimum``, ``maximum``, ``exclusiveMaximum``.
     """
     told = {"description": description} | ({"x-unit": unit} if unit else {})
     return field(default=default, metadata={**told, **bounds})
