@@ -1,4 +1,4 @@
-"""Event-selected hybrid systems: stepping, event localisation and mode bookkeeping."""
+"""Event-selected hybrid systems: stepping, event localisation and bookkeeping of modes."""
 
 from hopdata.hybrid.batch import BatchSolution, solve_batch
 from hopdata.hybrid.compiled.callbacks import (

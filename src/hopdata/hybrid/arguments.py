@@ -1,4 +1,4 @@
-"""Check what the caller asks for: quickly where all is well, in words where it is not."""
+"""Checks of a caller's arguments: fast if they are valid, with a clear message if not."""
 
 from math import inf
 from typing import Any
@@ -12,12 +12,12 @@ from hopdata.errors import ArgumentError
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
 
-SMALLEST_RTOL = 10 * 2.0**-52  # below it, rounding is taken for error
+SMALLEST_RTOL = 10 * 2.0**-52  # at a smaller rtol the controller mistakes rounding for error
 _LOCKS = frozenset((-1, 0, 1))
 
 
 def expect(holds: object, name: str, wanted: str, found: object, hint: str = "") -> None:
-    """Raise an `ArgumentError` that names the argument unless what was found is as wanted."""
+    """Raise an `ArgumentError` that names the argument unless `holds` is true."""
     if not holds:
         raise ArgumentError(f"{name}: expected {wanted}, found {found}{hint}")
 
@@ -26,9 +26,9 @@ def check_numbers(
     t_span: tuple[float, float], rtol: float, max_step: float, first_step: float | None,
     max_steps: int, max_events: int,
 ) -> tuple[float, float, float, float, float, int, int]:  # fmt: skip
-    """Return start, end, relative tolerance, largest and first step (0: to be chosen), and counts.
+    """Return start, end, rtol, largest and first step (0: to be chosen), and the two counts.
 
-    All of them are plain numbers; `driver.loop.can_be_done` checks the same.
+    All of them are plain numbers. `driver.loop.can_be_done` makes the same checks.
     """
     try:
         t_start, t_end = map(float, t_span)
@@ -47,7 +47,7 @@ def check_numbers(
 
 
 def _number(name: str, value: Any) -> float:
-    """Return a plain number."""
+    """Return the value as a float."""
     try:
         return float(value)
     except (TypeError, ValueError):
@@ -55,40 +55,40 @@ def _number(name: str, value: Any) -> float:
 
 
 def check_count(name: str, value: Any) -> int:
-    """Return a whole number from 1 to the largest that 8 bytes hold."""
+    """Return a whole number from 1 to the largest 64-bit integer."""
     number = _number(name, value)
     expect(1 <= number < 2**63 and number == int(number), name, "a whole number > 0", repr(value))
     return int(value)
 
 
 def check_flag(name: str, value: Any) -> bool:
-    """Return a truth, given as True or False, of Python or of NumPy, or as 0 or 1."""
+    """Return a bool, given as True or False (Python or NumPy) or as 0 or 1."""
     is_truth = isinstance(value, bool | int | np.bool_ | np.integer) and value in (0, 1)
     expect(is_truth, name, "True or False", repr(value))
     return bool(value)
 
 
 def numbers_of(name: str, value: ArrayLike) -> FloatArray:
-    """Return an array of numbers, one row behind the other in memory."""
+    """Return a C-contiguous array of floats."""
     try:
         given = np.asarray(value)
         kind = given.dtype.kind
         if kind in "USc" or (kind == "O" and None in given.ravel().tolist()):
-            raise TypeError  # of text or None, NumPy would make numbers
+            raise TypeError  # NumPy would convert text and None to numbers
         return np.ascontiguousarray(given, dtype=np.float64)
     except (TypeError, ValueError):
         raise ArgumentError(f"{name}: expected numbers, found {value!r}") from None
 
 
 def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
-    """Return a state as an array; whether it is finite, the driver looks up."""
+    """Return a state as an array; the driver checks that it is finite."""
     state = numbers_of(name, value)
     expect(state.shape == (length,), name, f"shape ({length},)", state.shape)
     return state
 
 
 def check_rows(params: ArrayLike, n_runs: int) -> FloatArray:
-    """Return the parameters of all runs, (1, p), or of each, (n_runs, p)."""
+    """Return the parameters shared by all runs, (1, p), or those of each run, (n_runs, p)."""
     numbers = np.atleast_2d(numbers_of("params", params))
     fits = numbers.ndim == 2 and len(numbers) in (1, n_runs)
     expect(fits, "params", f"shape (p,) or ({n_runs}, p)", np.shape(params))
@@ -96,9 +96,9 @@ def check_rows(params: ArrayLike, n_runs: int) -> FloatArray:
 
 
 def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
-    """Return the parameters, one or a row for each integration, with the memory behind them.
+    """Return the parameters (one row, or one per integration) with the memory appended.
 
-    At the start that is zeros, if not given.
+    The memory starts at zero if it is not given.
     """
     start = np.zeros(n_memory) if memory is None else numbers_of("memory", memory).ravel()
     expect(len(start) == n_memory, "memory", f"{n_memory} numbers", len(start))
@@ -106,7 +106,7 @@ def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> 
 
 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
-    """Write the initial mode into `full`: all of it, or the scene's own integers behind locks 0."""
+    """Write the initial mode into `full`: all of it, or the scene's integers after locks of 0."""
     full.fill(0)
     given = np.asarray(mode)
     if given.dtype.kind not in "iub":
@@ -134,7 +134,7 @@ def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
 
 
 def check_times(t_eval: ArrayLike, t_start: float, t_end: float) -> FloatArray:
-    """Return the wanted times."""
+    """Return the requested times as an array."""
     times = np.array(numbers_of("t_eval", t_eval), ndmin=1)
     inside = (times >= t_start) & (times <= t_end)
     fits = times.ndim == 1 and inside.all() and (np.diff(times) > 0).all()

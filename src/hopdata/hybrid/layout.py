@@ -1,7 +1,7 @@
-"""The driver's memory: which row or slot of its arrays holds what.
+"""Layout of the driver's memory: the meaning of each row and slot of its arrays.
 
-All of it lives in arrays, so that the driver can return for more room and go on as if nothing had
-happened.
+All state is kept in arrays, so the driver can return to ask for more room and then resume where it
+was.
 """
 
 from typing import Any, NamedTuple
@@ -13,99 +13,99 @@ from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, In
 
 
 def numbers(count: int, first: int = 0) -> Any:
-    """Return NumPy integers in a row: for literal ones, Numba compiles a function once each."""
+    """Return consecutive NumPy integers: Numba would recompile a function for each literal one."""
     return np.arange(first, first + count, dtype=np.int64)
 
 
-# Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients
-# of its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
+# Rows of `states`: the step from Y to END with its slopes, scratch space, the coefficients of the
+# interpolant, and rows that belong to the method (the slopes of its stages, for instance).
 # A method reads Y and K1 and fills END and KEND; its interpolant fills P1 and the rows after it.
 Y, K1, END, KEND, SCRATCH, SLOPE, P1 = numbers(7)
-LARGEST_DEGREE = 32  # of an interpolant
+LARGEST_DEGREE = 32  # largest degree of an interpolant
 W1 = P1 + LARGEST_DEGREE
 
-# Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
-# blocks of n rows for the method, these single rows, and what the method has of its own.
+# Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows), two blocks
+# of n rows for the method, the single rows below, and the method's own rows.
 PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = numbers(6)
-# PHI_MOTION begins with the fastest motion squared, by which the method has judged its error;
-# RATE_INPUTS is 1 where the rates of the guards may depend on that component of the state's rate.
+# PHI_MOTION begins with the square of the fastest motion by which the method judged its error.
+# RATE_INPUTS is 1 where the guards' rates may depend on that component of the state's rate.
 PHI_MOTION, RATE_INPUTS = numbers(2, 6)
-# For differences: four rows of values, which are good, by how much they may err, and what part of
-# an increment was small enough lately.
+# For finite differences: four rows of values, flags of the valid ones, their possible errors, and
+# the fraction of an increment that was small enough recently.
 PHI_VALUES, PHI_PART, PHI_ROWS = 8, 14, 15
-GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
+GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # Gauss nodes of the short tangent
 
-# Rows of `guards`: event functions and their rates at the start of a step, at up to two knots in
-# its inside, at its end, and wherever else; the largest |h| over the step, which is the scale of
-# its rounding error, second derivatives, how far a guard stays from its surface over the step, and
-# its rate along one way, by which those that bend are known (see `watch`), and how large the parts
-# were that h is the sum of when it flipped last.
+# Rows of `guards`: event functions and their rates at the start of a step, at up to two knots
+# inside it, at its end, and at any other place. Then: the largest |h| over the step, which is the
+# scale of its rounding error; second derivatives; a bound on how far a guard stays from its surface
+# over the step; its rate along one direction, which reveals guards that bend (see `watch`); and the
+# size of the terms that h was the sum of at its last flip.
 H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(15)
 GUARD_ROWS = 15
 
-# Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
-# then, whether its lock was left open at the start, whether it is known to bend, and its events.
+# Rows of `flags`: number of the instant at which a guard last flipped, its flips at that instant,
+# whether its lock was left open at the start, whether it is known to bend, and its event count.
 LAST_FLIP, FLIPS, OPEN, BENT, FIRED = numbers(5)
 FLAG_ROWS = 5
 
-# Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
-# the step may concern (see `watch`), and those that flip now.
+# Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the few that
+# the step may concern (see `watch`), and the guards that flip now.
 AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 
-# Rows of `rules`: which crossings are events, how many of these end the integration (0: none), and
-# the way of time, -1 for backward.
+# Rows of `rules`: which crossings are events, the number of events after which the integration ends
+# (0: none), and the direction of time, -1 for backward.
 DIRECTION, TERMINAL, WAY = numbers(3)
 
-# Columns of `methods`. Addresses (0: there is none); the short tangent is that for short steps, the
-# derivative the user's.
+# Columns of `methods`. Addresses first (0: none). The short tangent is the one for short steps, the
+# derivative is the user's.
 STEP, INTERPOLANT, TANGENT, SHORT_TANGENT, REFRESH, DERIVATIVE = numbers(6)
-# Evaluations that each of them takes.
+# Number of evaluations of each of them.
 EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS, SHORT_EVALUATIONS = numbers(4, 6)
-# The order by which the step is controlled, the interpolant's error in units of the estimated one
-# of the step, and whether it is in powers of theta.
+# Order of the step control, error of the interpolant in units of the step's estimated error, and
+# whether the interpolant is in powers of theta.
 ORDER, INTERPOLANT_ERROR, IN_POWERS = numbers(3, 10)
-# The methods to change to where events are sparser or denser, where the field is stiff and where it
-# is not (-1: none).
+# Methods to change to where events are sparser or denser and where the field becomes stiff or
+# non-stiff (-1: none).
 SPARSER, DENSER, STIFFER, RELAXED = numbers(4, 13)
-LAST_SLOPE, STIFF_TENTHS = numbers(2, 17)  # row of the last stage's slope, limit of stability
+LAST_SLOPE, STIFF_TENTHS = numbers(2, 17)  # row of the last stage's slope; stability limit x 10
 METHOD_SLOTS = 19
 
-# Slots of `clock`: the time, the next step, the error of the last one (a logarithm), and its error
-# in units of the tolerance.
+# Slots of `clock`: time, next step, logarithm of the last step's error, and its error in units of
+# the tolerance.
 T, NEXT_DT, LAST_LOG_ERROR, ERROR = numbers(4)
-# The last instant of an event, the start of the smooth piece of the trajectory, the length of the
-# one before it, and rates of a guard below and above its surface.
+# Instant of the last event, start of the current smooth piece of the trajectory, length of the
+# previous piece, and rates of a guard below and above its surface.
 INSTANT, SEGMENT, GAP, RATE_BELOW, RATE_ABOVE = numbers(5, 4)
-# The length of the step that the interpolant belongs to (0: there is none), the part of the step
-# between two of its knots, and the length, s, within which guards that bend were resolved last.
+# Length of the step that the interpolant belongs to (0: none), fraction of the step between two of
+# its knots, and length, s, of the window in which guards that bend were last resolved.
 SPAN, PIECE, WINDOW = numbers(3, 9)
-# What no event function can have changed by more than since the start; the bound of their rates.
+# Bound on the change of any event function since the start, and the bound on their rates.
 TRAVEL, SPEED = numbers(2, 12)
-# How many steps stability has limited, and the fastest motion squared in the last step's Jacobian.
+# Number of steps limited by stability, and squared fastest motion in the last step's Jacobian.
 STIFF_SCORE, MOTION = numbers(2, 14)
 CLOCK_SLOTS = 16
 
-# Slots of `counts`: evaluations, steps, events, and what has been written of them.
+# Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
-# The method, the degree of its interpolant, if there is one, how many pieces the knots make of a
+# Method, degree of its interpolant if it has one, number of pieces into which the knots divide a
 # step, and what is known of the step (see `watch`).
 METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
-# How many guards stand in each of the lists, in their order, how many are known to bend, and which
-# one to report.
+# Number of guards in each of the lists, in their order; number of guards known to bend; guard to
+# report.
 N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
-# Instants, those too near to each other, how often a handler has changed the state, and had before
-# this instant, the instant at which rates along one way were taken, how often the rates of guards
-# that bend were not those of their values, and whether a guard was back before it could be clear.
+# Instants; instants too close to each other; changes of the state by handlers, and those before
+# this instant; instant at which the rates along one direction were measured; how often the rates of
+# bending guards disagreed with their values; whether a guard was back before it could be clear.
 INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
 COUNT_SLOTS = 25
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
-# until Python may look up, addresses of the code for Jacobians (0 if none is wanted) and of the
-# desk itself, address and width of each array, then what is asked for (numbers with a fraction in
-# the memory of integers; how many rows each step is written down in). Behind it stand the initial
-# state and the parameters: a caller writes all that it asks for in one go.
+# until control returns to Python, addresses of the code for Jacobians (0: not wanted) and of the
+# desk itself, address and width of each array, then the request (floats stored in the memory of
+# integers; the last entry is the number of rows written per step). The initial state and the
+# parameters follow, so a caller writes its whole request at once.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(9)
 FIRST_ORDER, HERE = numbers(2, 9)
 DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 11, 19, 8
@@ -118,34 +118,34 @@ PARAMS, MODE, RULES, ATOL, STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = DE
 WAKE_AT, CLOCK, COUNTS, METHOD_TABLE, TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[8:15]
 ROW_TABLE, LOG_TABLE, START_STATE, KEPT = DESK_PLACES[15:]
 
-# Columns of the log: one row holds an event, as time, guard, direction, state before and after its
-# handler, and mode; integers stand in the memory of floats.
+# Columns of the log. Each row is an event: time, guard, direction, state before and after the
+# handler, and mode. Integers are stored in the memory of floats.
 LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = numbers(4)
 
-# How a run is asked for: that it goes on where it was, that the mode is given (else it is zeros).
+# Flags of a run: it resumes where it was; the mode is given (zeros otherwise).
 RESUMED, GIVEN_MODE = 1, 2
 
 
 class Memory(NamedTuple):
-    """All that changes during an integration, but for the mode and the output."""
+    """All memory that changes during an integration, except the mode and the output."""
 
     states: FloatTable
     guards: FloatTable
     flags: IntTable
     lists: IntTable
-    wake_at: FloatVector  # travel at which each guard in the heap must be looked at
+    wake_at: FloatVector  # travel at which each guard in the heap must be checked
     clock: FloatVector
     counts: IntVector
 
 
-# How an integration ended: codes as in SciPy (0 end, 1 event, negative failure) and words.
+# How an integration ended: codes as in SciPy (0 end, 1 event, negative failure), and their texts.
 
 FINISHED, TERMINATED = 0, 1
 STEP_UNDERFLOW, FIELD_NOT_FINITE, GUARD_NOT_FINITE, TOO_MANY_STEPS = -1, -2, -3, -4
 TOO_MANY_EVENTS, SLIDING, ZENO, GRAZING_IN_JACOBIAN = -5, -6, -7, -8
 AFFINE_DIFFERS, JACOBIAN_NOT_FINITE, TIE_IN_JACOBIAN, RATE_DIFFERS = -9, -10, -11, -12
 RAISED, NO_LOCK = -13, -14
-RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(2, 8)  # in the driver
+RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(2, 8)  # inside the driver
 
 SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",
@@ -180,16 +180,16 @@ SENTENCES = {
 def describe(
     status: int, *, time: float, culprit: int, names: tuple[str, ...], rates: FloatArray
 ) -> str:
-    """Say in a sentence how an integration ended.
+    """Return a sentence that says how an integration ended.
 
     Parameters
     ----------
     status : int
         One of the codes of this module.
     time : float
-        Where it ended, s.
+        Time at which it ended, s.
     culprit : int
-        Number of the guard concerned, -1 if there is none.
+        Index of the guard concerned, -1 if none.
     names : tuple of str
         Names of all guards.
     rates : (2,) array

@@ -1,4 +1,4 @@
-"""`solve`: integrate an event-selected system, as `scipy.integrate.solve_ivp` would be called."""
+"""`solve`: integrate an event-selected system, with a call like `scipy.integrate.solve_ivp`."""
 
 import sys
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Sink, Workspace
 
-SILENT_S, EVERY_S = 5.0, 0.5  # before, and between, words on stderr, if it is a terminal
+SILENT_S, EVERY_S = 5.0, 0.5  # first progress message on a terminal's stderr, and interval
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
@@ -47,63 +47,64 @@ def solve(
 ) -> Solution:
     """Integrate an event-selected system from t_span[0] to t_span[1].
 
-    One-step methods with error control. Events are localised on the interpolant, and the step
-    is then taken again to the event's instant, so that time and state have the method's order.
-    Guards that flip at one instant do so together; the field is evaluated anew after each instant.
+    One-step methods with error control are used. Events are localised on the interpolant, and the
+    step is then repeated up to the event's instant, so that time and state have the method's order.
+    Guards that flip at one instant flip together; the field is evaluated again after each instant.
 
     Parameters
     ----------
     system : System
         Vector field, guards and handler.
     t_span : tuple of float
-        Start and end, s. If the end is before the start, time runs backward: locks, and the
-        directions of events, are then those that are met on the way.
+        Start and end, s. If the end is before the start, time runs backward; locks and event
+        directions then refer to the crossings as they occur along the way.
     y0 : (n,) array_like
         Initial state.
     params : (p,) array_like
         Numbers handed to the system's functions.
     mode : sequence of int, optional
-        Initial mode: the scene's own integers, or locks and the scene's own. A lock that is 0 or
-        not given is decided by the sign of h, on the surface by its rate. By default zeros.
+        Initial mode: the scene's integers, or the locks followed by the scene's integers. A lock
+        that is 0 or not given is decided by the sign of h and, on the surface, by its rate. By
+        default all are zero.
     rtol, atol : float, (n,) array_like
         Relative and absolute tolerance of a step's error, as in `solve_ivp`.
     max_step, first_step : float
-        Largest step and first step, s. By default not limited, and chosen.
+        Largest step and first step, s. By default unlimited, and chosen automatically.
     t_eval : (N,) array_like, optional
-        Times to report, s, increasing, within `t_span`. By default each step and each event.
+        Times to report, s, increasing, within `t_span`. By default every step and every event.
     max_steps, max_events : int
-        Give up, with a status, after so many.
+        Largest number of steps and events; beyond it the integration stops with a status.
     method : str
-        "dopri5" (best where events limit the steps), "dop853" (where they are sparse), "taylor"
+        "dopri5" (best where events limit the steps), "dop853" (where events are sparse), "taylor"
         (affine modes, to rounding), "rosenbrock" (stiff fields), or "auto": Taylor series if the
-        system has an affine form, else each of the others where it is best.
+        system has an affine form, otherwise each of the other methods where it is best.
     jacobian : bool or "params"
-        Whether to carry the derivative of the state by the initial state along, through events by
-        saltation matrices (not with "rosenbrock"). With "params", that by the parameters, too (not
-        with "taylor", and not with `n_memory`).
+        Whether to propagate the derivative of the state with respect to the initial state, through
+        events by saltation matrices (not with "rosenbrock"). With "params", the derivative with
+        respect to the parameters is included (not with "taylor", and not with `n_memory`).
     memory : (n_memory,) array_like, optional
         Initial value of the scene's memory; by default zeros.
     dense_output : bool
-        Whether to keep what `solution(t)` needs, with some points within each step.
+        Whether to store what `solution(t)` needs, including some points within each step.
     events : str or callable
-        What to keep of events: "all", only their number ("count"), or nothing, as they are handed
-        in an `EventLog` to this function whenever some thousands have come.
+        What to keep of the events: "all", or only their number ("count"). A function receives them
+        in an `EventLog` whenever some thousands have accumulated, and none are kept.
     debug : bool
-        Whether to run all functions as plain Python, which checks every index and can be stopped
-        by a debugger; many times slower, with the same results.
+        Whether to run all functions as plain Python, which checks every index and allows
+        breakpoints in a debugger. This is many times slower and gives the same results.
 
     Returns
     -------
     Solution
-        Trajectory, events, and the way it ended.
+        Trajectory, events, and how the integration ended.
 
     Raises
     ------
     ValueError
         If an argument is out of range or of the wrong shape.
     Exception
-        Whatever the system's functions raise, and KeyboardInterrupt: what was reached is its
-        attribute `solution`.
+        Whatever the system's functions raise, and KeyboardInterrupt. The attribute `solution` of
+        the exception holds the result up to that point.
 
     Examples
     --------
@@ -161,7 +162,7 @@ def solve(
             first = caught[0]
             caught.clear()
             raise _with_what_was_reached(first, work)
-        if status > at.TERMINATED:  # it has not begun
+        if status > at.TERMINATED:  # it has not started
             expect(status != at.BAD_START, "y0", "finite numbers", work.state)
             arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
         if sink is not None:
@@ -172,7 +173,7 @@ def solve(
 
 
 def _sink(events: Any, dense_output: bool) -> Sink | None:
-    """Return who takes the events; None if they are all kept."""
+    """Return the consumer of the events; None if all events are kept."""
     if isinstance(events, str) and events == "all":
         return None
     expect(not dense_output, "events", "'all' with dense_output", repr(events))
@@ -182,7 +183,7 @@ def _sink(events: Any, dense_output: bool) -> Sink | None:
 
 
 def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseException:
-    """Return an exception that has ended the integration, with what was reached."""
+    """Attach the result so far to an exception that ended the integration, and return it."""
     reached = work.reached()
     with suppress(AttributeError):
         error.solution = reached  # type: ignore[attr-defined]
@@ -191,7 +192,7 @@ def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseExcepti
 
 
 def _go_on(work: Workspace, flags: int, status: int, sink: Sink | None) -> int:
-    """Give the driver what it asks for, if anything, and call it again, until it has ended."""
+    """Call the driver until it has ended, each time after giving it what it asks for."""
     methods, started = work.methods, monotonic()
     shown = started + SILENT_S
     while status in UNFINISHED and not work.caught:

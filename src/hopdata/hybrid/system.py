@@ -1,4 +1,4 @@
-"""An event-selected hybrid system, as the user describes it."""
+"""The user's description of an event-selected hybrid system."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from hopdata.hybrid.workspace import Pool, Workspace
 class System(Told):
     """A vector field with guards.
 
-    Each guard k has a lock b_k, -1 or +1, kept in ``mode[k]``. It flips to +1 when the event
-    function h_k rises through zero and to -1 when h_k falls through zero; field and handler see
-    the locks, never the sign of h. ``mode[n_guards:]`` belongs to the scene.
+    Each guard k has a lock b_k, -1 or +1, kept in ``mode[k]``. The lock flips to +1 when the event
+    function h_k rises through zero and to -1 when h_k falls through zero. Field and handler see
+    only the locks, never the sign of h. ``mode[n_guards:]`` belongs to the scene.
 
     Parameters
     ----------
@@ -36,34 +36,34 @@ class System(Told):
     on_event : Callback, optional
         Handler, declared by `hopdata.hybrid.on_event`.
     undo : Callback, optional
-        What takes its place where time runs backward, declared by `hopdata.hybrid.on_event`: undoes
-        what the handler does, when the same guard is crossed from the other side.
+        Handler for backward time, declared by `hopdata.hybrid.on_event`. It undoes the effect of
+        `on_event` when the same guard is crossed from the other side.
     guard : Callback, optional
-        Instead of `guards`: one event function at a time, declared by `hopdata.hybrid.guard`.
+        Alternative to `guards`: one event function at a time, declared by `hopdata.hybrid.guard`.
     rate_bound : Callback, optional
-        With `guard`: a bound on the rates of all event functions, declared by
-        `hopdata.hybrid.rate_bound`. Guards far from their surfaces are then not evaluated at all;
-        event functions must not depend on the mode. The log's modes leave out the locks.
+        Only with `guard`: a bound on the rates of all event functions, declared by
+        `hopdata.hybrid.rate_bound`. Guards far from their surfaces are then not evaluated. Event
+        functions must not depend on the mode, and the modes in the log leave out the locks.
     jacobian : Callback, optional
-        The field's derivative, declared by `hopdata.hybrid.jacobian`; differences are taken where
-        it is needed and not given.
+        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default finite
+        differences are used where it is needed.
     affine : Callback, optional
-        The field's affine form, declared by `hopdata.hybrid.affine`, if all modes are affine.
+        Affine form of the field, declared by `hopdata.hybrid.affine`, if all modes are affine.
     n_states : int
         Length of the state.
     guard_names : tuple of str
-        One name a guard, in the order in which `guards` fills them.
+        One name per guard, in the order in which `guards` fills them.
     directions : tuple of int, optional
-        For each guard 0, +1 or -1: both crossings, only the rising or only the falling one are
-        events. The lock follows the other crossing silently. By default 0.
+        For each guard 0, +1 or -1: both crossings, only the rising or only the falling crossing is
+        an event. The lock follows other crossings silently. By default 0.
     terminal : tuple of bool or int, optional
-        Whether an event of the guard ends the integration, or which one does: 2 is the second. By
-        default none does.
+        For each guard, whether its event ends the integration, or which one: 2 means the second. By
+        default no event does.
     n_extra_modes : int
         Number of the scene's own integers in the mode.
     n_memory : int
-        Number of floats that follow the caller's in `params` and belong to one integration: the
-        handler may change them, so that the field need not add up all contacts anew.
+        Number of floats that follow the caller's in `params` and belong to one integration. The
+        handler may change them, so the field need not sum over all contacts again.
     """
 
     field: Callback
@@ -112,7 +112,7 @@ class System(Told):
             )
 
     def check_params_length(self, count: int) -> None:
-        """Raise ValueError if a function uses an element of `params` that is not there."""
+        """Raise ValueError if a function uses an element of `params` beyond `count`."""
         if count < self.n_params:
             for one in self.callbacks:
                 one.check_lengths(params=count)
@@ -133,53 +133,53 @@ class System(Told):
 
     @property
     def n_modes(self) -> int:
-        """Length of the mode: locks and the scene's own."""
+        """Length of the mode: the locks and the scene's own integers."""
         return self.n_guards + self.n_extra_modes
 
     @cached_property
     def way(self) -> float:
-        """Of time: -1 in a system that was derived to run backward."""
+        """Direction of time: -1 in a system derived to run backward."""
         return 1.0
 
     @cached_property
     def n_shown(self) -> int:
-        """How many of the states are the user's."""
+        """Number of states that are the user's."""
         return self.n_states
 
     @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """Directions, how many events end it, and the way of time, (3, n_guards)."""
+        """Event directions, terminal counts and the direction of time, (3, n_guards)."""
         none, ways = (0,) * self.n_guards, (self.way,) * self.n_guards
         return np.array([self.directions or none, self.terminal or none, ways], dtype=np.int64)
 
     @property
     def callbacks(self) -> tuple[Callback, ...]:
-        """The functions that there are."""
+        """The callbacks that are given."""
         given = (getattr(self, name) for name in SIGNATURES)
         return tuple(one for one in given if one is not None)
 
     @cached_property
     def n_params(self) -> int:
-        """How many parameters the functions' code names, at least."""
+        """Smallest number of parameters that the functions' code requires."""
         return max(one.n_params for one in self.callbacks)
 
     @cached_property
     def addresses(self) -> tuple[int, ...]:
-        """Addresses of the compiled callbacks (0 where there is none), and of the driver."""
+        """Addresses of the compiled callbacks (0 if absent), and of the driver."""
         callbacks = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
         return (*(0 if one is None else one.address for one in callbacks), compiled_run().address)
 
     @cached_property
     def made(self) -> dict[Any, Any]:
-        """What was made for this system, by a kind and what of it.
+        """Cache of objects made for this system, keyed by their kind and choices.
 
-        Tables of methods, machine code that integrates many at a time (see `lanes.batch`), and
-        systems made from this one (see `hybrid.derived`).
+        It holds method tables, machine code that integrates many systems at a time (see
+        `lanes.batch`), and systems derived from this one (see `hybrid.derived`).
         """
         return {}
 
     def methods(self, choice: str, jacobian: bool) -> MethodTable:
-        """Return the methods that a choice leaves to the driver."""
+        """Return the table of methods among which the driver may choose."""
         key = MethodTable, str(choice), bool(jacobian)
         if key not in self.made:
             guards = self.guards or self.guard
@@ -189,21 +189,21 @@ class System(Told):
         return table
 
     def compile(self, method: str = "auto", *, jacobian: bool = False) -> None:
-        """Compile now whatever `solve` and `solve_batch` may need for this system.
+        """Compile everything that `solve` and `solve_batch` may need for this system.
 
-        Otherwise each part is compiled when it is first needed, and the steps of explicit methods
-        only after some millions of them. Results are the same. Takes some seconds, less in a later
-        process: the code is kept.
+        Otherwise each part is compiled on first use, and the steps of explicit methods only after
+        some millions of steps. Results are the same. Compilation takes some seconds, and less in
+        later processes because the code is cached.
 
         Parameters
         ----------
         method, jacobian
-            As they will be given to `solve`.
+            Values that will be passed to `solve`.
 
         Raises
         ------
         ValueError
-            If there is no method of this name, or it does not suit the system.
+            If no method has this name, or if it does not suit the system.
         """
         driver_entry(), many_entry()
         if check_flag("jacobian", jacobian):
@@ -213,11 +213,11 @@ class System(Told):
 
     @cached_property
     def idle(self) -> Pool:
-        """Workspaces of integrations that have ended, for the next."""
+        """Workspaces of finished integrations, for reuse."""
         return Pool()
 
     def take_workspace(self) -> Workspace:
-        """Return memory for one integration, an idle one if there is any."""
+        """Return a workspace for one integration, an idle one if available."""
         try:
             return self.idle.pop()
         except IndexError:

@@ -1,7 +1,7 @@
-"""The arrays that an integration works in, made once for a system and used again.
+"""The arrays in which an integration works, allocated once per system and reused.
 
-The driver finds them by a table of addresses (the desk), because each array that is handed from
-Python to machine code would cost as much as a field evaluation. What it returns is copied out.
+The driver finds them through a table of addresses (the desk), because passing an array from Python
+to machine code costs as much as a field evaluation. Its results are copied out.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
 FIRST_ROWS = 256
 FIRST_EVENTS = 64
 LARGEST_CHUNK = 1 << 16
-LARGEST_KEPT = 1 << 13  # rows that a workspace keeps for the next integration
-FIRST_PATIENCE, MOST_PATIENCE = 16, 200_000  # steps until Python may look up
-PAUSE_S = 0.05  # it should do so after this time
-LARGEST_ROOM = 1 << 23  # numbers in a table of rows or events: long states get fewer rows
+LARGEST_KEPT = 1 << 13  # most rows that a workspace keeps for the next integration
+FIRST_PATIENCE, MOST_PATIENCE = 16, 200_000  # steps until control returns to Python: first, most
+PAUSE_S = 0.05  # intended time until control returns to Python
+LARGEST_ROOM = 1 << 23  # most numbers in a table of rows or events: long states get fewer rows
 
 Sink = Callable[[EventLog], object]
-PLAIN = (tuple, list)  # what is written without a look at it: others might have any shape
-OPTIONS = "5d3q"  # as `layout` numbers them
+PLAIN = (tuple, list)  # types that are written without a check: others might have any shape
+OPTIONS = "5d3q"  # struct format of the options, in the order of `layout`
 WRITE_OPTIONS = struct.Struct(OPTIONS).pack_into
-COUNTED = struct.Struct("2q").unpack_from  # rows and events
-ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # bytes; the events' number is next to it
+COUNTED = struct.Struct("2q").unpack_from  # numbers of rows and events
+ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # byte offset; the events' number follows
 ASKED_AT = 8 * int(layout.DESK_ASKED)
-UNKNOWN = -1  # number of parameters, before the first are given
-NOTHING = object()  # that anybody could ask for
+UNKNOWN = -1  # number of parameters before any are given
+NOTHING = object()  # equal to no choice of methods
 
 
 class Workspace:
@@ -48,23 +48,23 @@ class Workspace:
     Parameters
     ----------
     system : System
-        What is integrated.
+        System to integrate.
 
     Attributes
     ----------
     clock, counts, mode, state : array
-        The driver's times and counters, and mode and state as they are now.
+        The driver's times and counters, and the present mode and state.
     desk_address : int
-        Where the desk stands.
+        Address of the desk.
     drive : callable
-        The driver.
+        The driver's entry point.
     caught : Caught
-        For exceptions of the user's functions.
+        Collects exceptions of the user's functions.
     methods : MethodTable
-        Whose room is laid out, from the first `begin` on.
+        Methods for which room is laid out, available after the first `begin`.
     ready_for : object
-        Choice of methods with which an integration of the plainest kind may begin at once: each
-        step is written down, and no Jacobian is wanted.
+        Choice of methods with which a plain integration may start at once: each step is recorded
+        and no Jacobian is wanted.
     """
 
     methods: MethodTable
@@ -88,11 +88,11 @@ class Workspace:
         self.drive, self.caught = driver_entry(), Caught(self._remember)
         self.ready_for: object = NOTHING
         self.tangent: FloatArray | None = None
-        self._spare = 2 * n_guards  # for the events of one more instant
+        self._spare = 2 * n_guards  # rows for the events of one more instant
         self._widths = 1 + n_states, 3 + 2 * n_states + n_logged
         self._make_records(FIRST_ROWS, FIRST_EVENTS)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
-        self._kept: list[tuple[memoryview, memoryview]] = []  # chunks that are full
+        self._kept: list[tuple[memoryview, memoryview]] = []  # full chunks
         self._form = Form(
             n_states, n_modes, self._widths[1], system.guard_names, system.way, system.n_shown
         )
@@ -101,7 +101,7 @@ class Workspace:
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _make_clockwork(self, n_modes: int) -> None:
-        """Make times, counters and mode, side by side: they are taken out together."""
+        """Make times, counters and mode side by side, because they are copied out together."""
         lengths = (layout.CLOCK_SLOTS, layout.COUNT_SLOTS, n_modes)
         block = np.zeros(sum(lengths))
         self.clock, counts, mode = np.split(block, np.cumsum(lengths)[:-1])
@@ -118,7 +118,7 @@ class Workspace:
         self._lay_out(layout.STATE_TABLE, self._states)
 
     def _make_desk(self, n_params: int) -> None:
-        """Make a desk, and behind it room for the initial state, parameters, the scene's memory."""
+        """Make a desk, followed by room for initial state, parameters and the scene's memory."""
         n, first = self._n_states, layout.DESK_SLOTS
         block = np.zeros(first + n + n_params + self._n_memory)
         self._before_and_after = np.zeros(2 * (self._n_modes + n_params + self._n_memory))
@@ -134,7 +134,7 @@ class Workspace:
         self._lay_out(layout.KEPT, self._before_and_after)
 
     def make_params_room(self, count: int) -> None:
-        """Have room for so many parameters of the caller's."""
+        """Make room for `count` parameters of the caller's."""
         if count != self._n_params:
             self._make_desk(count)
             self._n_params = count
@@ -143,10 +143,10 @@ class Workspace:
         self, t_span: Any, y0: Any, params: Any, rtol: Any, atol: Any, max_step: Any,
         max_steps: Any, max_events: Any, method: Any,
     ) -> bool:  # fmt: skip
-        """Write on the desk what is asked for, if but for plain numbers it is as the last time.
+        """Write the request on the desk if it is like the last one apart from plain numbers.
 
-        They are written as they are: whether they can be asked for the driver looks up, in a
-        hundredth of the time that Python would take. Returns whether it is written.
+        The numbers are written unchecked: the driver checks them in a hundredth of the time that
+        Python would take. Returns whether the request was written.
         """
         ready = type(method) is str and method == self.ready_for
         if not ready or (self.methods.generic and self.methods.wants_own_code()):
@@ -175,7 +175,7 @@ class Workspace:
         limits: Limits, atol: ArrayLike, t_eval: ArrayLike | None, method: str,
         jacobian: bool | str, memory: ArrayLike | None, dense_output: bool,
     ) -> None:  # fmt: skip
-        """Get ready for an integration of any kind, and write on the desk what is asked for."""
+        """Prepare an integration of any kind, and write the request on the desk."""
         options = arguments.check_numbers(t_span, *limits)
         as_before = type(method) is str and method == self.ready_for
         dense = arguments.check_flag("dense_output", dense_output)
@@ -195,7 +195,7 @@ class Workspace:
         self.set_tolerance(atol)
 
     def set_tolerance(self, atol: ArrayLike) -> None:
-        """Put the absolute tolerance in its place, unless it is there already."""
+        """Write the absolute tolerance, unless it is unchanged."""
         if isinstance(atol, float) and atol == self._atol_of_all:
             return
         arguments.set_tolerance(self._atol, atol)
@@ -204,9 +204,9 @@ class Workspace:
     def begin(
         self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool, dense: bool = False
     ) -> None:
-        """Forget the last integration; states are wanted at `t_eval` or, if None, at each step.
+        """Discard the last integration and prepare output at `t_eval` or, if None, at each step.
 
-        And at as many points within each step as tell its polynomial, if `dense`.
+        If `dense`, output includes as many points within each step as its polynomial needs.
         """
         self.ready_for = NOTHING
         if methods is not self.__dict__.get("methods"):
@@ -231,7 +231,7 @@ class Workspace:
         self.ready_for = methods.choice if plain else NOTHING
 
     def _begin_tangent(self, methods: MethodTable) -> None:
-        """Have room for the flow's Jacobian, which begins as the identity."""
+        """Make room for the flow's Jacobian, which starts as the identity."""
         n = len(self.state)
         if self.tangent is None:
             self.tangent = np.zeros((methods.tangent_rows, n))
@@ -241,11 +241,11 @@ class Workspace:
         self.tangent[:n] = np.eye(n)
 
     def forget_samples(self) -> None:
-        """Lay out the workspace's own room for samples again, after another's was used."""
+        """Lay out the workspace's own sample array again after another array was used."""
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _take(self, methods: MethodTable) -> None:
-        """Lay out what other methods than before need."""
+        """Lay out the room that a new table of methods needs."""
         self.methods, self.tangent = methods, None
         self.desk[layout.TANGENT_TABLE] = self.desk[layout.FIRST_ORDER] = 0
         self._lay_out(layout.METHOD_TABLE, methods.rows)
@@ -254,9 +254,9 @@ class Workspace:
             self._make_states(needed, len(self.state))
 
     def enlarge(self, sink: Sink | None) -> None:
-        """Put aside what the driver has written, and lay out new and larger room.
+        """Set aside what the driver has written, and lay out new, larger arrays.
 
-        Events are handed over, if there is somebody to take them.
+        Events are handed to `sink` if there is one.
         """
         self.ready_for = NOTHING
         rows, events = int(self.counts[layout.ROWS]), int(self.counts[layout.EVENT_ROWS])
@@ -271,16 +271,16 @@ class Workspace:
         self.counts[layout.ROWS] = self.counts[layout.EVENT_ROWS] = 0
 
     def _remember(self) -> None:
-        """Keep what the last step has left."""
+        """Store times, counters, mode and state after the last step."""
         self._remembered = self._end_bytes.tobytes(), self.state.copy()
 
     def reached(self) -> Solution:
-        """Return what the steps before an exception have found."""
+        """Return the result of the steps before an exception."""
         self._end_bytes[:], self.state[:] = self._remembered
         return self.solution(layout.RAISED)
 
     def hand_over(self, sink: Sink | None) -> None:
-        """Give the events that stand in the log to who takes them."""
+        """Pass the events in the log to `sink`, if there is one."""
         events = int(self.counts[layout.EVENT_ROWS])
         if sink is not None and events > 0:
             sink(event_log(self._log[:events].copy(), self._form))
@@ -288,19 +288,19 @@ class Workspace:
 
     @property
     def progress(self) -> str:
-        """How far it is, in words."""
+        """Progress of the integration, in words."""
         time, counts = self._form.way * self.clock[layout.T], self.counts
         return f"t = {time:.6g}, {counts[layout.EVENTS]} events, {counts[layout.STEPS]} steps"
 
     def be_patient(self, elapsed_s: float) -> None:
-        """Choose how many steps the driver may take, by the time that it took for as many."""
+        """Set the number of steps until the next return, from the time that the last ones took."""
         steps = int(self.desk[layout.PATIENCE]) * PAUSE_S / max(elapsed_s, 1e-9)
         self.desk[layout.PATIENCE] = min(max(1, int(steps)), MOST_PATIENCE)
 
     def solution(self, status: int) -> Solution:
-        """Return what the integration has found.
+        """Return the result of the integration.
 
-        Its fields are set one by one, as the `__init__` of a frozen dataclass takes a microsecond.
+        Its fields are set one by one because the `__init__` of a frozen dataclass takes 1 us.
         """
         end = self._end_bytes.tobytes()
         n_rows, n_events = COUNTED(end, ROWS_AT)
@@ -330,11 +330,11 @@ class Workspace:
         return solution
 
     def _joined(self, which: int, last: memoryview) -> bytes:
-        """Return all rows, or all events, those that were put aside first."""
+        """Return all rows, or all events, starting with those that were set aside."""
         return b"".join([*(kept[which] for kept in self._kept), last])
 
     def _make_records(self, n_rows: int, n_events: int) -> None:
-        """Make and lay out room for so many rows and events, or fewer if the states are long."""
+        """Make and lay out room for rows and events, with fewer of them if the states are long."""
         n_rows, n_events = (
             min(count, max(1 + self._rows_per_step, LARGEST_ROOM // width))
             for count, width in zip((n_rows, n_events), self._widths, strict=True)
@@ -348,16 +348,16 @@ class Workspace:
         self._lay_out(layout.ROW_TABLE, self._rows, self._log)
 
     def _lay_out(self, first: int, *arrays: NDArray[Any]) -> None:
-        """Write address and width of arrays on the desk, from the slot of the first one on."""
+        """Write the address and width of each array on the desk, from slot `first` on."""
         for slot, array in enumerate(arrays):
             place = first + 2 * slot
             self.desk[place], self.desk[place + 1] = array.ctypes.data, array.shape[-1]
 
 
 class Pool(list[Workspace]):
-    """Workspaces that are not in use: a thread takes one, or makes one, and gives it back.
+    """Workspaces that are not in use. A thread takes one, or makes one, and gives it back.
 
-    A copy of a pool is empty, for the addresses in a workspace are those of its own arrays.
+    A copy of a pool is empty, because a workspace holds the addresses of its own arrays.
     """
 
     def __reduce__(self) -> tuple[type[Pool], tuple[()]]:
