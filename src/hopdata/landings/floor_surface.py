@@ -106,13 +106,12 @@ def rest_points(
         for more in (1.0, 2.0, 4.0) if len(speed) <= _SHORT_FRAMES else (1.0,):
             slow = np.flatnonzero(speed < more * speed_m_s)
             if len(slow) >= _LEAST_FRAMES:
+                start[foot] = _ground_of(recording.time[slow], height[slow], recording.scale)
                 break
-        frames.append(slow)
-        if len(frames[foot]) >= _LEAST_FRAMES:
-            start[foot] = _ground_of(recording.time[slow], height[slow], recording.scale)
         else:
-            frames[foot] = slow[:0]
-        let_go.append(_let_go(recording, height, frames[foot]))
+            slow = slow[:0]
+        frames.append(slow)
+        let_go.append(_let_go(recording, height, slow))
     foot_of = np.repeat(np.arange(n_feet, dtype=np.int8), [len(f) for f in frames])
     frame_of = np.concatenate([np.empty(0, dtype=np.int64), *frames])
     points = recording.feet[frame_of, foot_of]

@@ -133,6 +133,7 @@ def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
     return max(2 * threshold, LOADED_SHARE * large)
 
 
+Signals = Sequence[external.ForceSignal]
 EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
 MEASURES = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
 THRESHOLD_COLUMNS = ("recording", "column", "threshold", "unit", *MEASURES)
@@ -141,7 +142,7 @@ FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # multiples of the threshold that are
 
 
 def example_landing(
-    recording: Recording, overlay: pd.DataFrame, signals: Sequence[external.ForceSignal] = ()
+    recording: Recording, overlay: pd.DataFrame, signals: Signals = ()
 ) -> pd.DataFrame:
     """Tabulate foot heights and forces about one typical landing.
 
@@ -197,10 +198,7 @@ def example_landing(
 
 
 def threshold_rows(
-    recording: Recording,
-    touchdowns: pd.DataFrame,
-    signals: Sequence[external.ForceSignal],
-    window_s: float,
+    recording: Recording, touchdowns: pd.DataFrame, signals: Signals, window_s: float
 ) -> list[tuple[Any, ...]]:
     """Compare the contacts at lower and higher thresholds of each force.
 

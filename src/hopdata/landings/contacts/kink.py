@@ -173,7 +173,8 @@ def kink_fits(
             (contact[part] < reach).sum(axis=1), others[part], compliance_s / before_s, creeps,
             means[part], weights[part], noise_m**2, rows[part],
         )  # fmt: skip
-    return _unpack(rows, wanted, (landings, n), columns, units, centre)
+    rows[:, 0] = centre + rows[:, 0] / units[0, 1]
+    return _unpack(rows, wanted, (landings, n), columns, units)
 
 
 def _windows(
@@ -218,19 +219,13 @@ def _other_contacts(
 
 
 def _unpack(
-    rows: FloatArray,
-    wanted: IntArray,
-    shape: tuple[int, int],
-    columns: IntArray,
-    units: FloatArray,
-    centre: FloatArray,
+    rows: FloatArray, wanted: IntArray, shape: tuple[int, int], columns: IntArray, units: FloatArray
 ) -> KinkFits:
     """Name the kernel's columns, put them in the order of the feet and convert them to SI."""
     size = units.shape[1]
     own = np.concatenate([np.tile([0, 1], (len(wanted), 1)), 2 + columns], axis=1)
     for part in (slice(7, 7 + size), slice(7 + size, None)):
         np.put_along_axis(rows[:, part], own, rows[:, part].copy(), axis=1)
-    rows[:, 0] = centre + rows[:, 0] / units[0, 1]
     flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
     flat[wanted] = rows
     out = flat.reshape(*shape, rows.shape[1])

@@ -146,10 +146,8 @@ def exact_map(
     starts = np.array(exact["x"]) + moved
     ends = np.mean(exact["y"], axis=0) + moved @ np.mean(exact["maps"], axis=0).T
     nowhere = np.zeros((len(moved), 3))
-    x, y = section_coordinates(
-        rigid_states(marker_states(np.hstack([nowhere, starts]), centred), turned),
-        rigid_states(marker_states(ends, centred), turned),
-    )
+    both = (marker_states(one, centred) for one in (np.hstack([nowhere, starts]), ends))
+    x, y = section_coordinates(*(rigid_states(one, turned) for one in both))
     half = len(_STEPS)
     slopes = np.linalg.solve(x[:half] - x[half:], y[:half] - y[half:])
     true = rigid_states(states, turned)
