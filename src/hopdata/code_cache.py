@@ -186,24 +186,21 @@ def _users_cache() -> Path:
 
 def _temporary() -> Iterator[Path]:
     """Yield a temporary folder into which no other user can have put code."""
-    try:
-        name = f"hopdata-{os.getuid()}" if hasattr(os, "getuid") else "hopdata"
-        folder = Path(tempfile.gettempdir()) / name
+    user = os.getuid() if hasattr(os, "getuid") else None
+    with suppress(OSError):
+        folder = Path(tempfile.gettempdir()) / ("hopdata" if user is None else f"hopdata-{user}")
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
-    except OSError:
-        return
-    if not hasattr(os, "getuid") or (found.st_uid == os.getuid() and found.st_mode & 0o022 == 0):
-        yield folder
+        if user is None or (found.st_uid == user and found.st_mode & 0o022 == 0):
+            yield folder
 
 
 def _can_be_written(folder: Path) -> bool:
-    try:
+    with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
-    except OSError:
-        return False
-    return True
+        return True
+    return False
 
 
 def function_digest(function: Function) -> str:
