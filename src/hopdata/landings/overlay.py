@@ -36,12 +36,11 @@ def match_instants(
     in_first, in_second : (P,) int arrays
         Indices of the pairs in order of time; each entry of either list is in at most one pair.
     """
-    pairs: list[tuple[int, int]] = []
-    for rows, columns in _clusters(first, second, window_s):
-        pairs += _assigned(first, second, rows, columns, window_s)
-    pairs.sort(key=lambda pair: float(first[pair[0]]))
-    table = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    return table[:, 0], table[:, 1]
+    groups = _clusters(first, second, window_s)
+    pairs = [_assigned(first, second, *group, window_s) for group in groups]
+    table = np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs])
+    at, of = table[np.argsort(first[table[:, 0]], kind="stable")].T
+    return at, of
 
 
 def _clusters(
@@ -58,14 +57,14 @@ def _clusters(
 
 def _assigned(
     first: FloatArray, second: FloatArray, rows: IntArray, columns: IntArray, window_s: float
-) -> list[tuple[int, int]]:
+) -> IntArray:
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(first[rows][:, None] - second[columns])
     price = 1.0 + len(apart) + len(columns)  # one more pair outweighs any sum of differences
     cost = np.where(apart <= window_s, apart / window_s, price)
-    chosen = zip(*linear_sum_assignment(cost), strict=True)
-    return [(int(rows[i]), int(columns[j])) for i, j in chosen if apart[i, j] <= window_s]
+    i, j = linear_sum_assignment(cost)
+    return np.column_stack([rows[i], columns[j]])[apart[i, j] <= window_s]
 
 
 def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> float | None:
@@ -181,16 +180,10 @@ def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     errors = touchdowns[[f"se_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     rows = np.flatnonzero(~np.isnan(instants).all(axis=1))
     first = np.nanargmin(instants[rows], axis=1) if len(rows) else np.empty(0, dtype=np.int64)
-    return pd.DataFrame(
-        {
-            "found_s": instants[rows, first],
-            "se_s": errors[rows, first],
-            "first_foot": [feet[i] for i in first],
-            "index": touchdowns["index"].to_numpy()[rows],
-            "excluded": touchdowns["excluded"].to_numpy(dtype=bool)[rows],
-            "reason": touchdowns["reason"].astype(object).fillna("").to_numpy()[rows],
-        }
-    )
+    own = touchdowns[["index", "excluded", "reason"]].iloc[rows].reset_index(drop=True)
+    own = own.astype({"excluded": bool}).fillna({"reason": ""})
+    names = [feet[i] for i in first]
+    return own.assign(found_s=instants[rows, first], se_s=errors[rows, first], first_foot=names)
 
 
 def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
