@@ -195,9 +195,8 @@ def select_sections(
         post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
     landings = landings or {one.name: find_landings(one) for one in recordings}
     known = np.concatenate([landing_heights(one, landings[one.name]) for one in recordings])
-    held = _held(known / scale, pre / scale, post / scale, sections)
-    moved = {name: held.pop(name) * scale for name in ("pre_height_m", "post_height_m")}
-    sections = replace(sections, **held, **moved, n_used=len(frames_used.body))
+    sections = replace(sections, n_used=len(frames_used.body), pre_height_m=pre, post_height_m=post)
+    sections = _held(sections, known / scale, scale)
     if not sections.pre_height_m > sections.post_height_m:
         found = f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
         found += "sections.pre_height_m and sections.post_height_m, or sections.frames to landings"
@@ -206,9 +205,10 @@ def select_sections(
     return sections
 
 
-def _held(landings: FloatArray, pre: float, post: float, sections: Sections) -> dict[str, Any]:
-    """Move sections that lose too many landings (L, 4), and return the share that each holds."""
-    heights, decided = {"pre": pre, "post": post}, dict(sections.decided)
+def _held(sections: Sections, landings: FloatArray, scale: float) -> Sections:
+    """Move sections that lose too many landings (L, 4), in `scale` m, and add what each holds."""
+    heights = {"pre": sections.pre_height_m / scale, "post": sections.post_height_m / scale}
+    decided = dict(sections.decided)
     held = dict[str, float | None](pre=None, post=None)
     least = 1.0 - max(LOST_PER_TAIL * sections.tail_fraction, LEFT_LOSS)
     for side in heights if len(landings) else ():
@@ -218,8 +218,8 @@ def _held(landings: FloatArray, pre: float, post: float, sections: Sections) -> 
             share = float(np.mean(holds(heights[side], landings, side)))
             decided[f"{side}_height_m"] = "contacts"
         held[side] = share
-    moved = {f"{side}_height_m": height for side, height in heights.items()}
-    return {**moved, "decided": decided, "held": held}
+    moved: Any = {f"{side}_height_m": height * scale for side, height in heights.items()}
+    return replace(sections, **moved, decided=decided, held=held)
 
 
 def _require_hopping(pooled: Frames, sections: Sections) -> None:

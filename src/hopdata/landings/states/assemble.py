@@ -239,16 +239,13 @@ def _states(
 ) -> tuple[SectionStates, SectionStates]:
     """Fit the states of the used touchdowns at the pre and at the post section, in the world."""
     contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy()
-    ends = (
-        ("before", "t_pre_s", sections[0], contacts.min(axis=1)),
-        ("after", "t_post_s", sections[1], contacts.max(axis=1)),
-    )
     time, body, options["pace"] = recording.time, recording.body, recording.pace
-    pre, post = (
-        section_states(time, body, used[at].to_numpy(), height_m=h, side=side, contact=c, **options)
-        for side, at, h, c in ends
+    pre: Any = {"height_m": sections[0], "side": "before", "contact": contacts.min(axis=1)}
+    post: Any = {"height_m": sections[1], "side": "after", "contact": contacts.max(axis=1)}
+    return (
+        section_states(time, body, used["t_pre_s"].to_numpy(), **pre, **options),
+        section_states(time, body, used["t_post_s"].to_numpy(), **post, **options),
     )
-    return pre, post
 
 
 def _pairs_of(
