@@ -1,4 +1,4 @@
-"""Calibration: the geometry of a hopper from a recording of it."""
+"""Calibration: estimate the geometry of a hopper from a recording."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry, he
 def algebraic_circle(points: FloatArray) -> tuple[FloatArray, float]:
     """Fit a circle by linear least squares on squared distances (Kasa 1976).
 
-    Exact without noise; on a short arc the noise makes the circle too small.
+    Exact without noise; on a short arc, noise makes the circle too small.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def algebraic_circle(points: FloatArray) -> tuple[FloatArray, float]:
 
 
 def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
-    """Fit a circle by least squares on distances from it; see `algebraic_circle`."""
+    """Fit a circle by least squares on the distances from it; see `algebraic_circle`."""
     from scipy.optimize import least_squares
 
     centre, radius = algebraic_circle(points)
@@ -55,29 +55,29 @@ def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
 
 
 def arc_span(angles: FloatArray) -> float:
-    """Angle that directions (N,) in (-pi, pi] span, rad: a turn less the widest gap."""
+    """Return the angle spanned by directions (N,) in (-pi, pi], rad: a turn less the widest gap."""
     angles = np.sort(angles)
     return float(2 * np.pi - np.diff(np.append(angles, angles[0] + 2 * np.pi)).max())
 
 
-# The circle of the boom marker in the body (dissertation, Algorithm 3).
+# The circle of the boom marker in body axes (dissertation, Algorithm 3).
 
 MOST_POINTS = 20000
 LEAST_POINTS = 30
 LEAST_ARC_RAD = np.deg2rad(30.0)
-LEAST_RADIUS_RESIDUALS = 10.0  # else an angle read from the circle errs by more than 0.1 rad
+LEAST_RADIUS_RESIDUALS = 10.0  # with fewer, the boom angle errs by more than 0.1 rad
 OUTLIER_SIGMAS = 5.0
 ROUNDS = 5
 TRIES = 300
 
 
 def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
-    """Fit the circle to the places of the boom marker.
+    """Fit the circle to the positions of the boom marker.
 
-    The plane is that of the two leading principal components of the centred points, its normal the
-    last; the circle in it is fitted by distances, which unlike an algebraic fit has no bias on a
-    short arc to speak of. Points beyond five times the typical distance, at first from the best of
-    many circles through three points, are set aside.
+    The plane is spanned by the two leading principal components of the centred points; its normal
+    is the last. The circle in it minimises distances; unlike an algebraic fit, this has practically
+    no bias on a short arc. Points beyond five times the typical distance are discarded, starting
+    from the best of many circles through three points.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     Raises
     ------
     AnalysisError
-        If the boom is hardly seen, does not move (a circle through noise is hardly larger than
-        the distances from it), or spans less than 30 degrees.
+        If the boom is rarely seen, does not move (a circle through noise is hardly larger than the
+        distances from it), or spans less than 30 degrees.
     """
     points = boom[np.isfinite(boom).all(axis=1)]
     if len(points) < LEAST_POINTS:
@@ -114,7 +114,7 @@ def _near(points: FloatArray, circle: BoomCircle, noise_m: float) -> FloatArray:
 
 
 def _start(points: FloatArray) -> BoomCircle:
-    """Return the circle through three points to which three quarters of all are nearest."""
+    """Return the circle through three points with the smallest upper quartile of distances."""
     rng = np.random.default_rng(np.random.SeedSequence(0))
     circles = [_through_three(*points[rng.integers(0, len(points), 3)]) for _ in range(TRIES)]
     few = points[:: -(-len(points) // 1000)]
@@ -126,7 +126,7 @@ def _start(points: FloatArray) -> BoomCircle:
 
 
 def _through_three(a: FloatArray, b: FloatArray, c: FloatArray) -> BoomCircle:
-    """Return the circle through three points; NaN if they are on a line."""
+    """Return the circle through three points; NaN if they lie on a line."""
     u, v = b - a, c - a
     normal = np.cross(u, v)
     square = float(normal @ normal)
@@ -144,7 +144,7 @@ def _circle_through(points: FloatArray) -> BoomCircle:
 
 
 def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
-    """Refuse the circle that noise makes of a boom at rest, and one of which too little is seen."""
+    """Refuse a circle of too short an arc, or that noise makes of a boom at rest."""
     residual = float(np.sqrt(np.mean(circle.misses(points) ** 2)))
     if not circle.radius_m > LEAST_RADIUS_RESIDUALS * residual:
         raise AnalysisError(
@@ -159,39 +159,39 @@ def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
         raise AnalysisError.at("boom", f"it to move through {least}", f"{np.rad2deg(span):.1f}")
 
 
-# Where the body markers are in the body: from the recording itself, robustly.
+# Positions of the body markers in the body, estimated robustly from the recording itself.
 
 MOST_FRAMES = 4000
 LEAST_FRAMES = 20
 REFERENCE_ROUNDS = 10
 REFERENCE_OUTLIER_SIGMAS = 4.0
-ON_A_LINE = 0.02  # width of the markers across their line, relative to along it
+ON_A_LINE = 0.02  # width of the markers across their line, relative to that along it
 
 
 def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
     """Estimate the shape of a rigid set of markers, and the noise.
 
-    It starts from the median distances between markers and is refined by generalised Procrustes
-    alignment (Gower 1975) with unseen markers left out. Frames that do not fit, such as those with
-    two markers exchanged, are set aside: their residual is beyond four times what is typical.
+    The median distances between markers give an initial shape, which generalised Procrustes
+    alignment (Gower 1975) refines, ignoring unseen markers. Frames that do not fit, such as those
+    with two markers swapped, are discarded: their residual exceeds four times the median.
 
     Parameters
     ----------
     markers : (N, B, 3) array
-        Positions, m; NaN where unseen. B is at least three.
+        Positions, m; NaN where unseen. B is at least 3.
 
     Returns
     -------
     (B, 3) array
-        Positions, m, from their mean; the attitude is arbitrary.
+        Positions relative to their mean, m; the attitude is arbitrary.
     float
         Standard deviation of the noise per coordinate, m.
 
     Raises
     ------
     AnalysisError
-        If there are too few markers or frames, the markers lie on a line, or of four and more
-        hardly ever four are seen at once.
+        If there are too few markers or frames, the markers lie on a line, or four or more markers
+        do not lie in a plane and four are rarely seen at once.
     """
     number = markers.shape[1]
     if number < 3:
@@ -208,9 +208,10 @@ def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
-    """Return the shape, its mirror image, which has the same distances, or the flat one between.
+    """Return the shape, its mirror image, or the flat shape between, whichever fits best.
 
-    Of markers that are flat but for the noise neither image fits better than the other.
+    The mirror image has the same distances. If the markers are flat except for noise, neither image
+    fits better than the other.
     """
     widths = np.linalg.norm(shape, axis=0)
     if widths[2] < ON_A_LINE * widths[0]:
@@ -224,7 +225,7 @@ def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
 
 
 def _usable(markers: FloatArray) -> FloatArray:
-    """Return at most so many frames, evenly taken from those with three markers or more."""
+    """Return at most `MOST_FRAMES` frames, evenly spread over those with three markers or more."""
     seen = np.isfinite(markers).all(axis=2)
     usable = np.flatnonzero(seen.sum(axis=1) >= 3)
     together = seen.T.astype(int) @ seen.astype(int)
@@ -261,22 +262,22 @@ LEAST_LENGTH_M = 1e-3
 
 
 def calibrate(recording: Recording) -> HopperGeometry:
-    """Find out where the markers are in the body, how the boom moves, and how high it hops.
+    """Estimate the positions of the markers, the motion of the boom, and the heights of a hop.
 
-    Level is the plane of the feet in free fall or, with fewer than three, the attitude in the
-    median over the recording, which leans if the boom does. The body x axis points towards the
-    first foot, from the middle of the feet in free fall.
+    The level plane is that of the feet in free fall or, with fewer than three feet, that of the
+    median attitude over the recording, which leans if the boom does. The body x axis points from
+    the middle of the feet in free fall towards the first foot.
 
     Parameters
     ----------
     recording : Recording
-        At least three markers with the role "body"; some hops; if it has a marker with the role
-        "boom", this moves through 30 degrees or more.
+        At least three markers with the role "body", and some hops. A marker with the role "boom"
+        must move through 30 degrees or more.
 
     Raises
     ------
     AnalysisError
-        If the recording does not suffice; see `marker_shape` and `fit_boom_circle`.
+        If the recording is insufficient; see `marker_shape` and `fit_boom_circle`.
     """
     shape, noise_m = marker_shape(recording.body)
     fit = rigid_fit(recording.body, shape)
@@ -298,14 +299,14 @@ def calibrate(recording: Recording) -> HopperGeometry:
 
 
 def _in_body(fit: RigidFit, marker: FloatArray) -> FloatArray:
-    """Return one marker (N, 3) in the axes of the fit, from its origin."""
+    """Return one marker (N, 3) in the axes of the fit, relative to its origin."""
     return np.asarray(np.einsum("nji,nj->ni", fit.rotation, marker - fit.centre))
 
 
 def _feet(recording: Recording, fit: RigidFit, above_m: float) -> FloatArray:
-    """Median places (n, 3) of the feet in free fall, in the axes of the fit; NaN if never seen.
+    """Return median foot positions (n, 3) in free fall, in the axes of the fit; NaN if unseen.
 
-    The legs are still drawing back while the hopper rises.
+    Only falling frames count, since the legs are still retracting while the hopper rises.
     """
     height = fit.centre[:, 2]
     flying = (height > above_m) & (np.gradient(height, recording.time) < 0)
@@ -328,7 +329,7 @@ def _normal_of(feet: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def _first_foot(feet: FloatArray) -> FloatArray:
-    """Return the direction from the middle of the feet to the first."""
+    """Return the direction from the middle of the feet to the first foot."""
     if len(feet) < 2 or not np.isfinite(feet).all():
         found = f"{np.isfinite(feet).all(axis=1).sum()} of {len(feet)}"
         raise AnalysisError.at("forward", "at least two foot markers, each seen in flight", found)
@@ -336,7 +337,7 @@ def _first_foot(feet: FloatArray) -> FloatArray:
 
 
 def _body_axes(up: FloatArray, toward: FloatArray) -> FloatArray:
-    """Body axes as rows, in the axes of the shape."""
+    """Return the body axes as rows, in the axes of the shape."""
     flat = toward - (toward @ up) * up
     if np.linalg.norm(flat) < LEAST_LENGTH_M:
         wanted = "a direction across the vertical"

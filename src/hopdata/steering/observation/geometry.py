@@ -1,4 +1,4 @@
-"""What calibration finds out about a hopper and live use reads: its markers, its boom, its hops."""
+"""Geometry of a hopper, calibrated once and read by live use: markers, boom circle, heights."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -17,14 +17,14 @@ FORMAT = "hopper geometry 1"
 
 @dataclass(frozen=True)
 class BoomCircle:
-    """The circle on which the boom marker moves, in body axes.
+    """Circle on which the boom marker moves, in body axes.
 
     Parameters
     ----------
     centre_m : (3,) array
-        Its centre, from the mean of the body markers, m.
+        Centre relative to the mean of the body markers, m.
     normal : (3,) array
-        Unit normal of its plane; it points up.
+        Unit normal of its plane, pointing up.
     radius_m : float
     """
 
@@ -40,15 +40,15 @@ class BoomCircle:
         return np.stack([first, np.cross(self.normal, first)])
 
     def angles(self, boom: FloatArray) -> FloatArray:
-        """Boom angle, (...), rad, of the boom marker (..., 3) in body axes.
+        """Return the boom angle, (...), rad, of the boom marker (..., 3) in body axes.
 
-        Zero along the body x axis, counter-clockwise from above, in (-pi, pi].
+        It is zero along the body x axis, counter-clockwise seen from above, and in (-pi, pi].
         """
         x, y = np.moveaxis((boom - self.centre_m) @ self.axes.T, -1, 0)
         return np.asarray(np.arctan2(y, x))
 
     def misses(self, boom: FloatArray) -> FloatArray:
-        """Distance from the circle, (...), m, of the boom marker (..., 3) in body axes."""
+        """Return the distance from the circle, (...), m, of boom markers (..., 3) in body axes."""
         arm = boom - self.centre_m
         across = np.linalg.norm(np.cross(arm, self.normal), axis=-1)
         return np.asarray(np.hypot(across - self.radius_m, arm @ self.normal))
@@ -56,24 +56,25 @@ class BoomCircle:
 
 @dataclass(frozen=True)
 class HopperGeometry:
-    """A hopper as a camera sees it, found once by `calibration.calibrate`.
+    """Geometry of a hopper as the cameras see it, from `calibration.calibrate`.
 
-    Body axes: z up when the hopper is level, x forward, origin in the mean of the body markers.
+    Body axes: z up when the hopper is level, x forward, origin at the mean of the body markers.
 
     Parameters
     ----------
     body_names : tuple of str
         Names of the B body markers.
     body_m : (B, 3) array
-        Where they are, body axes, m.
+        Their positions in body axes, m.
     noise_m : float
-        Noise of a marker coordinate, from what a rigid body leaves over, m.
+        Noise of a marker coordinate, estimated from the residuals of a rigid body, m.
     stance_below_m, flight_above_m : float
-        Height of the mean body marker below which every stance goes, and above which every flight.
+        Heights of the mean body marker: every stance falls below the first, and every flight
+        rises above the second.
     boom_name : str, optional
         Name of the boom marker, if there is one.
     circle : BoomCircle, optional
-        Where it moves.
+        Circle on which it moves.
     """
 
     body_names: tuple[str, ...]
@@ -85,26 +86,26 @@ class HopperGeometry:
     circle: BoomCircle | None = None
 
     def body_places(self, markers: Sequence[str]) -> list[int]:
-        """Return where the body markers are among those of a stream or a recording.
+        """Return the indices of the body markers among those of a stream or a recording.
 
         Raises
         ------
         AnalysisError
-            If one of them is not there.
+            If one of them is missing.
         """
         return [_place(name, markers) for name in self.body_names]
 
     def boom_place(self, markers: Sequence[str]) -> int | None:
-        """Return where the boom marker is; None if this hopper has none."""
+        """Return the index of the boom marker; None if this hopper has none."""
         return None if self.boom_name is None else _place(self.boom_name, markers)
 
     def save(self, path: str | Path) -> None:
-        """Write it as JSON, whole or not at all."""
+        """Write the geometry as JSON, whole or not at all."""
         write_json(path, {"format": FORMAT, **asdict(self, dict_factory=_plain)})
 
 
 def load_geometry(path: str | Path) -> HopperGeometry:
-    """Read a geometry that was saved.
+    """Read a saved geometry.
 
     Raises
     ------
@@ -121,7 +122,7 @@ def load_geometry(path: str | Path) -> HopperGeometry:
 
 
 def _plain(fields_of_one: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """Return the fields, arrays as lists."""
+    """Return the fields, with arrays as lists."""
     return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in fields_of_one}
 
 
@@ -147,17 +148,17 @@ def _place(name: str, markers: Sequence[str]) -> int:
     return list(markers).index(name)
 
 
-# Heights that tell stances from flights.
+# Heights that separate stances from flights.
 
 LOW, HIGH = 2.0, 90.0  # percentiles of the heights: near the lowest points, near the apexes
-BELOW, ABOVE = 0.35, 0.45  # of the travel between them
+BELOW, ABOVE = 0.35, 0.45  # fractions of the travel between them
 
 
 def height_band(height_m: FloatArray) -> tuple[float, float]:
     """Return a height that stances fall below and one that flights rise above, m.
 
-    They stand at 35 and 45 % of the travel between low and high heights, (N,), m, NaN where
-    unknown. Percentiles hardly mind how long the hopper is carried about or stands.
+    They are at 35 and 45 % of the travel between low and high heights, (N,), m, NaN where unknown.
+    Percentiles hardly depend on how long the hopper is carried about or stands still.
     """
     low, high = np.nanpercentile(height_m, [LOW, HIGH])
     return float(low + BELOW * (high - low)), float(low + ABOVE * (high - low))

@@ -19,15 +19,15 @@ from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stances, find_stances, local_fit
 from hopdata.steering.observation.tracking import HopperMotion, hopper_motion, unwrapped
 
-# Pose and boom angle of each stance: what the frame changes are made of.
+# Pose and boom angle at each stance, from which the frame changes are computed.
 
-POSE_HALF_S = 0.035  # half the window of the fit to the poses
+POSE_HALF_S = 0.035  # half-width of the window of the fit to the poses
 BOOM_S = 0.11  # the dissertation's 11 frames at 100 Hz
 LEAST_BOOM_FRAMES = 3
 
 
 def observe_stances(recording: Recording, geometry: HopperGeometry) -> StanceStates:
-    """Find the stances of a recording and their states; the defaults of all steps."""
+    """Find the stances of a recording and their states, with the defaults of all steps."""
     return stance_states(*_seen(recording, geometry))
 
 
@@ -40,8 +40,8 @@ def _seen(recording: Recording, geometry: HopperGeometry) -> tuple[HopperMotion,
 def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
     """Return the states at stances.
 
-    The pose is that of a parabola through the frames near the lowest point. The boom angle is the
-    median over a while from the stance on, in which the boom stands still (footnote 4 of chapter
+    The pose is read from a parabola through the frames near the lowest point. The boom angle is the
+    median over a short time after the stance, in which the boom is at rest (footnote 4 of chapter
     III); it is unknown with fewer than three frames.
     """
     pose, boom = _poses(motion, stances), _boom_angles(motion, stances)
@@ -51,7 +51,7 @@ def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
 def _poses(motion: HopperMotion, stances: Stances) -> FloatArray:
     known = np.isfinite(motion.pose).all(axis=1)
     time, pose = motion.time[known], motion.pose[known]
-    poses = motion.pose[stances.frame]  # where a parabola wants frames
+    poses = motion.pose[stances.frame]  # fallback where the parabola lacks frames
     for row, instant in zip(poses, stances.time_s, strict=True):
         fit = local_fit(time, pose, instant - POSE_HALF_S, instant + POSE_HALF_S, degree=2)
         if fit is not None and fit.first_s < instant < fit.last_s:
@@ -72,19 +72,21 @@ def _boom_angles(motion: HopperMotion, stances: Stances) -> FloatArray:
     return medians
 
 
-# Observation as printed (Algorithms 2 to 4), its slips put right: to the letter it finds no hop.
+# Observation as printed (Algorithms 2 to 4), with its slips corrected: taken literally it finds no
+# hop at all.
 
-REST_FRAMES = 40  # whose mean is the home configuration
+REST_FRAMES = 40  # first frames, whose mean is the home configuration
 
 
 def phasor_poses(body: FloatArray) -> FloatArray:
     """Return poses by complex phasors, (N, 3): x m, y m, heading rad (Algorithm 2).
 
-    Each marker is a complex number from the mean of all. The others are turned on to the first by
-    their mean ratio to it, and the heading is the angle of the sum, so its zero is the direction
-    to the first marker, nearly. It takes the body for flat: a tilt shortens some phasors more than
-    others. Put right is that the pose is the mean itself, not the markers about it. Any number of
-    markers; a frame is unknown (NaN) unless all are seen.
+    Each marker is a complex number relative to the mean of all. Multiplying each by the mean ratio
+    of the first to it turns all onto the first, and the heading is the angle of their sum; its zero
+    is close to the direction of the first marker. The method treats the body as flat: tilt shortens
+    some phasors more than others. One slip is corrected: the pose is the mean itself, not the
+    markers relative to it. Any number of markers will do; a frame is unknown (NaN) unless all are
+    seen.
 
     Parameters
     ----------
@@ -102,10 +104,10 @@ def phasor_poses(body: FloatArray) -> FloatArray:
 def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
     """Return boom angles, (N,), rad, wrapped, with an arbitrary zero and sense (Algorithm 3).
 
-    The home configuration is the mean over the first frames, of three body markers and a fourth,
-    virtual one across their plane. Circle and angle are in the plane of the two leading principal
-    components, by linear least squares. Put right: the fourth marker, the determinant of the
-    rotation, the centring, and which component is the normal.
+    The home configuration is the mean over the first frames of three body markers and a fourth,
+    virtual one normal to their plane. Circle and angle are found in the plane of the two leading
+    principal components, by linear least squares. Corrected are the fourth marker, the determinant
+    of the rotation, the centring, and the choice of the component that is the normal.
 
     Parameters
     ----------
@@ -131,18 +133,18 @@ def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
 def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray:
     """Return frames of consecutive stances, (P, 2) (Algorithm 4).
 
-    Candidates are the extrema of the height, where the speed of a Savitzky-Golay filter (cubics
-    through seven frames) passes zero; literally printed are the extrema of that speed. Stances lie
-    more than a standard deviation below the mean height, flights as far above. Of several stance
-    candidates without a flight between them, the lowest counts. Frames with an unknown height are
-    bridged by straight lines first, which is not printed.
+    Candidates are the extrema of the height, where the speed from a Savitzky-Golay filter (cubics
+    through seven frames) crosses zero; the print literally says the extrema of that speed. Stances
+    are more than a standard deviation below the mean height, flights more than one above. Of
+    several stance candidates without a flight between them, the lowest counts. Unknown heights are
+    first interpolated linearly, which the print does not mention.
 
     Parameters
     ----------
     height : (N,) array
-        m, at a constant frame rate; NaN where unknown.
+        Height, m, at a constant frame rate; NaN where unknown.
     derivative : int
-        That of the height which passes zero: 1, or 2 as literally printed.
+        Order of the derivative of the height that crosses zero: 1, or 2 as literally printed.
     """
     from scipy.signal import savgol_filter
 
@@ -154,7 +156,7 @@ def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray
     group = np.searchsorted(flights[z[flights] > high], stances)
     order = np.lexsort([z[stances], group])
     stances = stances[order][np.unique(group[order], return_index=True)[1]]
-    z, end = np.append(z, np.nan), len(z)  # neither low nor high: what comes after the last
+    z, end = np.append(z, np.nan), len(z)  # a sentinel after the last frame, neither low nor high
     flight = np.append(flights, end)[np.searchsorted(flights, stances)]
     last = np.append(stances, end)[np.searchsorted(stances, flight)]
     paired = (z[stances] < low) & (z[flight] > high) & (z[last] < low)
@@ -164,9 +166,9 @@ def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray
 def _as_printed(
     recording: Recording, motion: HopperMotion
 ) -> tuple[HopperMotion, Stances, StanceStates]:
-    """Return the motion, its stances and their states, poses being those of single frames.
+    """Return the motion, its stances and their states, with poses of single frames.
 
-    Zeros and senses of the angles, which the print leaves open, are those of `motion`.
+    The print leaves the zeros and senses of the angles open; they are taken from `motion`.
     """
     poses, boom = phasor_poses(recording.body), recording.positions[:, recording.indices("boom")[0]]
     poses[:, 2] = _alike(poses[:, 2], motion.pose[:, 2])
@@ -179,7 +181,7 @@ def _as_printed(
 
 
 def _alike(angle: FloatArray, other: FloatArray) -> FloatArray:
-    """Return angles (N,) with the sense and the zero with which they are most like others."""
+    """Return angles (N,) with the sense and zero that best match the other angles."""
     off = {sense: np.nanmean(np.exp(1j * (other - sense * angle))) for sense in (1, -1)}
     sense = max(off, key=lambda one: abs(off[one]))
     return unwrapped(sense * angle + np.angle(off[sense]))
@@ -187,18 +189,18 @@ def _alike(angle: FloatArray, other: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Observed:
-    """What the recordings tell.
+    """Stances and frame changes observed in recordings.
 
     Parameters
     ----------
     geometry : HopperGeometry
-        Of the first recording; live use begins with it.
+        Geometry of the first recording, which live use starts from.
     changes : FrameChanges
-        Hops of all recordings, those not used included.
+        Hops of all recordings, including those not used.
     stances, motion : DataFrame
-        One row a stance, and one row a frame, of all recordings.
+        One row per stance, and one row per frame, of all recordings.
     counts : list of mappings
-        Frames by status, stances, hops, and what was left out with its reason, by recording.
+        For each recording: frames by status, stances, hops, and what was left out, by reason.
     """
 
     geometry: HopperGeometry
@@ -212,20 +214,20 @@ class Observed:
 def observe_recordings(
     recordings: Sequence[Recording], *, swing_limit_rad: float, observation: str = CORRECTED
 ) -> Observed:
-    """Observe pose, boom angle and stances, and collect the frame changes.
+    """Observe pose, boom angle and stances of recordings, and collect their frame changes.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        Each is calibrated by itself: markers may have been glued anew.
+        Each is calibrated separately, since markers may have been attached anew.
     swing_limit_rad : float
-        Largest swing that was commanded.
+        Largest commanded swing.
     observation : {"corrected", "printed"}
 
     Raises
     ------
     AnalysisError
-        If a recording has no boom marker, or cannot be calibrated; it is named.
+        If a recording, which is named, has no boom marker or cannot be calibrated.
     """
     parts = [_observed(recording, swing_limit_rad, observation) for recording in recordings]
     return Observed(

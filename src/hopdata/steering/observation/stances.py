@@ -10,12 +10,12 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
 from hopdata.steering.observation.geometry import HopperGeometry, height_band
 
-# Polynomials through the frames near an instant, which need not be evenly spaced.
+# Local polynomial fits to frames that need not be evenly spaced.
 
 
 @dataclass(frozen=True)
 class LocalFit:
-    """A polynomial in the time from `middle_s`.
+    """A polynomial in the time since `middle_s`.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class LocalFit:
     first_s, last_s : float
         Times of the outermost frames.
     coefficients : (d + 1,) or (d + 1, m) array
-        From the constant on; a column for each of m quantities.
+        Starting with the constant; one column for each of m quantities.
     """
 
     middle_s: float
@@ -32,14 +32,14 @@ class LocalFit:
     coefficients: FloatArray
 
     def at(self, time_s: float, derivative: int = 0) -> FloatArray:
-        """Value, or a derivative, at a time, () or (m,)."""
+        """Return the value, or a derivative, at a time, () or (m,)."""
         found = np.polynomial.polynomial.polyder(self.coefficients, derivative)
         return np.asarray(np.polynomial.polynomial.polyval(time_s - self.middle_s, found))
 
     def lowest(self) -> float | None:
-        """Instant of the minimum of a parabola or cubic, s; None unless it is within the frames."""
+        """Return the time of a parabola's or cubic's minimum, s; None if outside the frames."""
         c, b, a = np.polynomial.polynomial.polyder(np.append(self.coefficients, [0.0, 0.0])[:4])
-        square = b * b - 4 * a * c  # of the curvature at the extrema
+        square = b * b - 4 * a * c  # squared curvature at the extrema
         if square <= 0:
             return None
         bend = np.sqrt(square)
@@ -60,11 +60,11 @@ def local_fit(
     Parameters
     ----------
     time : (N,) array
-        In order, s.
+        Increasing, s.
     values : (N,) or (N, m) array
-        All known.
+        All finite.
     begin_s, end_s : float
-        Ends of the window, s; frames on them count.
+        Ends of the window, s; frames on them are included.
     degree : int
 
     Returns
@@ -85,28 +85,28 @@ def local_fit(
 
 # The lowest point of a stance, between frames, and also where frames are missing.
 
-BOTTOM_S = 0.045  # half the window of the fit at the lowest point
-SIDE_S = 0.05  # window of the fit beside a hole
-WIDEST_HOLE_S, WIDEST_HOLE_FRAMES = 0.035, 3.5  # the larger one: holes that the fit may go over
+BOTTOM_S = 0.045  # half-width of the window of the fit at the lowest point
+SIDE_S = 0.05  # width of the window of the fit on one side of a gap
+WIDEST_HOLE_S, WIDEST_HOLE_FRAMES = 0.035, 3.5  # widest gap within a fit: the larger of the two
 LONGEST_BRIDGE_S = 0.2
-LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
+LEAST_BEND_M_S2 = 5.0  # half of g: the floor accelerates a hopper upwards harder than a hand does
 
 BOTTOM_UNSEEN, NO_BOUNCE = "lowest point not seen", "no bounce"
 
 
 @dataclass(frozen=True)
 class Bottom:
-    """A lowest point.
+    """The lowest point of a stance.
 
     Parameters
     ----------
     time_s : float
-        Its instant, between frames.
+        Time of the lowest point, between frames.
     height_m : float
-        Its height; of a stance that is told as it happens the lowest one seen, if frames are
-        missing there.
+        Height of the lowest point. In live use, the lowest height seen, if frames are missing
+        there.
     bridged : bool
-        Whether it fell into a hole between frames: its time is a guess then.
+        Whether it lies in a gap between frames, in which case its time is an estimate.
     """
 
     time_s: float
@@ -117,18 +117,18 @@ class Bottom:
 def find_bottom(
     time: FloatArray, height: FloatArray, lowest: int, frame_s: float, below_m: float
 ) -> Bottom | str:
-    """Find the lowest point near the lowest frame, or say why it is none.
+    """Find the lowest point near the lowest frame, or return why there is none.
 
-    It is the minimum of a cubic through the frames there, or the `turning_point` of the heights and
-    speeds beside a hole that is too wide for it, if the height falls before and rises after. Either
-    way the acceleration must be half of g at least.
+    It is the minimum of a cubic through the frames there. If a gap is too wide for the cubic, and
+    the height falls before the gap and rises after it, it is the `turning_point` of the heights and
+    speeds on both sides. In either case the acceleration must be at least half of g.
 
     Parameters
     ----------
     time, height : (N,) array
         Frames with a known height; s, m.
     lowest : int
-        Number of the lowest one.
+        Index of the lowest frame.
     frame_s : float
         Time between frames, s.
     below_m : float
@@ -154,7 +154,7 @@ def find_bottom(
 def _bridged(
     time: FloatArray, height: FloatArray, before: int, below_m: float
 ) -> Bottom | str | None:
-    """Find the lowest point in the hole behind a frame; None if it is on one side of the hole."""
+    """Find the lowest point in the gap after a frame; None if it is outside of the gap."""
     if not 0 <= before < len(time) - 1 or time[before + 1] - time[before] > LONGEST_BRIDGE_S:
         return BOTTOM_UNSEEN
     out_s, in_s = time[before], time[before + 1]
@@ -172,11 +172,11 @@ Motion: TypeAlias = tuple[float, float, float]  # time, s; height, m; speed, m/s
 
 
 def turning_point(falling: Motion, rising: Motion, below_m: float) -> tuple[float, float]:
-    """Instant and height of the lowest point between a fall and a rise.
+    """Return time and height of the lowest point between a fall and a rise.
 
-    Above `below_m` it flies. Below, what rises as it fell passes each height at the same time from
-    its lowest point, which lies halfway between the two, but for the time in which the lower one's
-    height is reached from the other's, at the mean of the speeds.
+    Above `below_m` the motion is free flight. Below it, fall and rise are taken to be symmetric in
+    time, so the lowest point is halfway between equal heights. A difference in height is converted
+    to time at the mean of the two speeds.
     """
     (out_s, out_m, fall), (in_s, in_m, rise) = _flown(falling, below_m), _flown(rising, below_m)
     lowest_s = 0.5 * (out_s + in_s) + (out_m - in_m) / (rise - fall)
@@ -187,7 +187,7 @@ def turning_point(falling: Motion, rising: Motion, below_m: float) -> tuple[floa
 
 
 def _flown(motion: Motion, to_m: float) -> Motion:
-    """Where free flight through a height leads to a lower one, after it in a fall, else before."""
+    """Extrapolate free flight to a lower height, forwards in a fall and backwards in a rise."""
     time_s, height_m, speed = motion
     if height_m <= to_m:
         return motion
@@ -197,7 +197,7 @@ def _flown(motion: Motion, to_m: float) -> Motion:
 
 
 def side_speeds(time: FloatArray, height: FloatArray, before: int) -> tuple[float, float]:
-    """Speed in the last frame before a hole and in the first after it, m/s; NaN if unknown."""
+    """Return the speeds just before and just after a gap, m/s; NaN if unknown."""
     speeds = []
     for frame, begin, end in ((before, -SIDE_S, 0.0), (before + 1, 0.0, SIDE_S)):
         at = time[frame]
@@ -207,18 +207,18 @@ def side_speeds(time: FloatArray, height: FloatArray, before: int) -> tuple[floa
     return speeds[0], speeds[1]
 
 
-# Visits of a height below a threshold, and what lies between them.
+# Visits below a height threshold, and what lies between them.
 
-HOLE_S = 0.3  # without a height for so long, anything may have happened
-SIDE_HOLE_S = 0.04
-SHORTEST, LONGEST = 0.6, 1.5  # time above the threshold over that of free fall from the apex
+HOLE_S = 0.3  # in a longer gap anything may have happened
+SIDE_HOLE_S = 0.04  # at a longer gap, the apex is also estimated from the speeds on both sides
+SHORTEST, LONGEST = 0.6, 1.5  # time above the threshold, relative to free fall from the apex
 
 HELD, HOLE = "held or carried in between", "heights missing in between"
 
 
 @dataclass(frozen=True)
 class Visits:
-    """Visits below one threshold, each before the height is above the other one again.
+    """Visits below one threshold; each lasts until the height is above the other one again.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class Visits:
     lowest : (V,) array of int
         The lowest frame.
     after_hole : (V,) bool array
-        Whether heights are missing for long between the visit before and this one.
+        Whether there is a long gap between the previous visit and this one.
     """
 
     first: IntArray
@@ -239,7 +239,7 @@ class Visits:
 def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: float) -> Visits:
     """Find the visits below a threshold, with the other one as hysteresis.
 
-    A long hole ends a visit.
+    A long gap ends a visit.
 
     Parameters
     ----------
@@ -267,21 +267,22 @@ def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: f
 def not_a_hop(
     time: FloatArray, height: FloatArray, leave: int, back: int, above_m: float, stood_s: float
 ) -> str | None:
-    """Say why the frames between two visits are no flight; None if they are one.
+    """Return why the frames between two visits are not a flight; None if they are.
 
-    The time above the threshold is compared with that of free fall from the apex, which is where
-    the height before or after a hole leads if it is higher than all that is seen. Who stands for
-    longer beside a lowest point than he then flies has stumbled.
+    The time above the threshold is compared with that of free fall from the apex. At a gap, the
+    apex is extrapolated from the heights and speeds on both sides, if that is above all heights
+    seen. A hopper that stands longer next to a lowest point than it then flies has stumbled.
 
     Parameters
     ----------
     time, height : (N,) array
         Frames with a known height; s, m.
     leave, back : int
-        Last frame of one visit and first of the next.
+        Last frame of one visit, and first frame of the next.
     above_m : float
     stood_s : float
-        From a lowest point to the flight, or from it to the next one, the longer of the two, s.
+        Time from a lowest point to the flight, or from the flight to the next one, whichever is
+        longer, s.
     """
     high = leave + np.flatnonzero(height[leave : back + 1] > above_m)
     up = _crossing(time, height, int(high[0]) - 1, above_m)
@@ -298,7 +299,7 @@ def not_a_hop(
 
 
 def _crossing(time: FloatArray, height: FloatArray, frame: int, level_m: float) -> float:
-    """Time at which a level is crossed between a frame and the next, s."""
+    """Return the time at which a level is crossed between a frame and the next, s."""
     share = (level_m - height[frame]) / (height[frame + 1] - height[frame])
     return float(time[frame] + share * (time[frame + 1] - time[frame]))
 
@@ -309,24 +310,24 @@ REASONS = (BOTTOM_UNSEEN, NO_BOUNCE, NO_STANCE, HOLE, HELD)
 
 @dataclass(frozen=True)
 class Stances:
-    """Stances in order of time, and which of them are a hop apart.
+    """Stances in order of time, and which of them are one hop apart.
 
     Parameters
     ----------
     time_s : (K,) array
-        Instant of the lowest point, between frames.
+        Time of the lowest point, between frames.
     height_m : (K,) array
-        Height there.
+        Height of the lowest point.
     frame : (K,) array of int
         The nearest frame with a known height.
     bridged : (K,) bool array
-        Whether the lowest point fell into a hole: its instant is less sure.
+        Whether the lowest point lies in a gap, which makes its time less certain.
     pairs : (P, 2) array of int
-        Numbers k and k + 1 of the two stances of each hop.
+        Indices k and k + 1 of the two stances of each hop.
     rejected : dict of str to int
-        By reason, how many visits below the threshold are no stance ("lowest point not seen", "no
-        bounce"), and how many neighbouring visits are no hop ("one of them no stance", "heights
-        missing in between", "held or carried in between").
+        By reason, how many visits below the threshold are not stances ("lowest point not seen", "no
+        bounce"), and how many pairs of neighbouring visits are not hops ("one of them no stance",
+        "heights missing in between", "held or carried in between").
     """
 
     time_s: FloatArray
@@ -342,15 +343,16 @@ def find_stances(
 ) -> Stances:
     """Find all stances, and pair those with one flight and nothing else between them.
 
-    A stance is a visit below the lower threshold, before the height is above the upper one again:
-    double minima, and a stumble that does not rise above the upper one, are one visit. Its instant
-    is the lowest point, where the body must be thrown back up. A pair is a hop if the time spent
-    above the upper threshold is that of free fall: else somebody held or carried the hopper.
+    A stance is a visit below the lower threshold that lasts until the height is above the upper one
+    again. Double minima, and a stumble that does not rise above the upper threshold, are thus one
+    visit. The instant of a stance is its lowest point, where the body must be accelerated upwards.
+    A pair is a hop if the time above the upper threshold is that of free fall; otherwise somebody
+    held or carried the hopper.
 
     Parameters
     ----------
     time : (N,) array
-        In order, s; frames may be missing.
+        Increasing, s; frames may be missing.
     height : (N,) array
         Height of the mean body marker, m; NaN where unknown.
     band_m : (float, float), optional
@@ -381,7 +383,7 @@ def find_stances(
 def _bottom(
     t: FloatArray, z: FloatArray, visits: Visits, k: int, frame_s: float, below: float
 ) -> Bottom | str:
-    """Return the lowest point of a visit, which must lie in it, or why it has none."""
+    """Return the lowest point of a visit, which must lie within it, or why it has none."""
     found = find_bottom(t, z, int(visits.lowest[k]), frame_s, below)
     first, last = max(visits.first[k] - 1, 0), min(visits.last[k] + 1, len(t) - 1)
     if isinstance(found, Bottom) and not t[first] < found.time_s < t[last]:
@@ -392,7 +394,7 @@ def _bottom(
 def _link(
     t: FloatArray, z: FloatArray, visits: Visits, bottoms: list[Bottom | str], k: int, above: float
 ) -> str | None:
-    """Say why visits k and k + 1 are no hop apart; None if they are."""
+    """Return why visits k and k + 1 are not a hop apart; None if they are."""
     one, other = bottoms[k : k + 2]
     if isinstance(one, str) or isinstance(other, str):
         return NO_STANCE
@@ -409,42 +411,42 @@ def _nearest(time: FloatArray, instants: FloatArray) -> IntArray:
     return np.asarray(after - early)
 
 
-# Stances recognised as they happen, from one height after the other.
+# Live recognition of stances, from one height after another.
 
-WINDOW_S = 0.055  # of frames through which a parabola is laid,
-WINDOW_FRAMES = 3.5  # but at least so many
-TOLD_HOLE_S = 0.25  # longest hole in the frames across which a stance is still told
-RESTART_S = 1.0  # a clock that goes back by more has begun anew
-FASTEST_M_S, HARDEST_M_S2 = 4.0, 60.0  # beyond these a height has jumped
+WINDOW_S = 0.055  # window of the parabola through the last frames,
+WINDOW_FRAMES = 3.5  # but at least this many frames
+TOLD_HOLE_S = 0.25  # longest gap in the frames across which a stance is still reported
+RESTART_S = 1.0  # a clock that goes back by more has been restarted
+FASTEST_M_S, HARDEST_M_S2 = 4.0, 60.0  # a height that needs more has jumped
 SIGMAS = 4.0
 
 
 @dataclass(frozen=True)
 class Stance(Bottom):
-    """The lowest point of a stance that was recognised, and the time of the frame that told, s."""
+    """The lowest point of a recognised stance, and the time of the frame that revealed it, s."""
 
     told_s: float
 
 
 class StanceDetector:
-    """Tells each stance once, some 30, 20 or 10 ms after the lowest point at 60, 100 or 250 Hz.
+    """Reports each stance once, about 30, 20 or 10 ms after its lowest point at 60, 100 or 250 Hz.
 
-    A stance is told when the height, having been above one threshold, is below another, and a
-    parabola through the last frames has turned upwards for good, in two frames in a row. Frames may
-    be missing, in which case parabolas have fewer points, or late; a height that jumps away is left
-    out, until a second one confirms it.
+    A stance is reported when the height, after rising above one threshold, is below another, and a
+    parabola through the last frames has clearly turned upwards in two consecutive frames. Frames
+    may be late or missing; parabolas then have fewer points. A height that jumps is left out unless
+    the next one confirms it.
 
     Parameters
     ----------
     geometry : HopperGeometry
-        Heights that every stance falls below, and every flight rises above, and the noise.
+        Its noise, and the heights that every stance falls below and every flight rises above.
     rate_hz : float
         Frame rate of the stream.
 
     Attributes
     ----------
     n_left_out : int
-        Frames whose height was not known, jumped away, or whose time did not go on.
+        Number of frames with an unknown height, a jump in height, or a time that did not advance.
     """
 
     def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
@@ -455,23 +457,23 @@ class StanceDetector:
         self._forget()
 
     def _forget(self) -> None:
-        """Begin as if nothing had been seen."""
+        """Reset, as if nothing had been seen."""
         self._frames: deque[tuple[float, float]] = deque()
         self._stray: tuple[float, float] | None = None
         self._falling: Motion | None = None
         self._armed, self._turned = False, False
         self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
-        self._kept_s, self._hole_s = np.inf, 0.0  # newest believed frame; longest wait since a fall
+        self._kept_s, self._hole_s = np.inf, 0.0  # last accepted frame; longest gap since a fall
 
     def feed(self, time_s: float, height_m: float) -> Stance | None:
-        """Take the next frame; return the stance that it tells, if any.
+        """Take the next frame; return the stance it reveals, if any.
 
         Parameters
         ----------
         time_s : float
             Time of the frame, s.
         height_m : float
-            Height of the mean body marker, m; NaN if it is not known.
+            Height of the mean body marker, m; NaN if unknown.
         """
         if not self._taken(time_s, height_m):
             self.n_left_out += 1
@@ -491,7 +493,7 @@ class StanceDetector:
         return self._told((time_s, height_m, slope), bend) if turned else None
 
     def _taken(self, time_s: float, height_m: float) -> bool:
-        """Keep a frame if it can be believed, and forget those that are too old."""
+        """Keep a frame if it is plausible, and forget those that are too old."""
         if time_s < self._last_s - RESTART_S:
             self._forget()
         if not (np.isfinite(height_m) and time_s - self._last_s > self.least_step_s):
@@ -502,7 +504,7 @@ class StanceDetector:
             if self._stray is None or self._far(self._stray, frame):
                 self._stray = frame
                 return False
-            # Forget the heights before a jump, but not that the hopper was falling.
+            # Forget the heights before the jump, but not that the hopper was falling.
             self._frames.clear()
             self._frames.append(self._stray)
             self._turned = False
@@ -514,7 +516,7 @@ class StanceDetector:
         return True
 
     def _far(self, one: tuple[float, float], other: tuple[float, float]) -> bool:
-        """Whether a height cannot be reached from another, or from where it is heading."""
+        """Return whether a height is out of reach from another, or from where it was heading."""
         wait = other[0] - one[0]
         rise, reach = other[1] - one[1], FASTEST_M_S * wait
         if len(self._frames) > 2 and one == self._frames[-1]:
@@ -523,9 +525,9 @@ class StanceDetector:
         return abs(rise) > reach + 4 * SIGMAS * self.noise_m
 
     def _parabola(self, time_s: float) -> tuple[float, float, float]:
-        """Speed, m/s, and acceleration, m/s^2, at the last frame, and the error of the speed."""
+        """Return speed, m/s, acceleration, m/s^2, and error of the speed at the last frame."""
         n, b, c, d, e, p, q, r = (0.0,) * 8  # sums of s^0 to s^4, and of the heights by s^0 to s^2
-        for when, z in self._frames:  # a few numbers, for which arrays take eight times as long
+        for when, z in self._frames:  # so few numbers that arrays take eight times as long
             s = when - time_s
             ss = s * s
             n, b, c, d, e = n + 1, b + s, c + ss, d + s * ss, e + ss * ss
@@ -542,7 +544,7 @@ class StanceDetector:
         return slope, bend, self.noise_m * np.sqrt((n * e - c * c) / whole)
 
     def _told(self, rising: Motion, bend: float) -> Stance | None:
-        """Return the stance that is behind a rise, if it was low, bent enough and not long ago."""
+        """Return the stance before a rise, if it was low, recent and curved enough."""
         assert self._falling is not None
         (before, _, fall), (time_s, _, slope) = self._falling, rising
         bridged, below_m = bool(time_s - before > self.window_s), self.geometry.stance_below_m
@@ -551,7 +553,7 @@ class StanceDetector:
             bend = (slope - fall) / (time_s - before)
         else:
             lowest_s = time_s - slope / bend if bend > 0 else before
-        # In a hole it may have been low, if there was time to fly down and up again.
+        # In a gap it may have been low, if there was time to fly down and up again.
         out_s, in_s = (_flown(motion, below_m)[0] for motion in (self._falling, rising))
         low = self._lowest_m < below_m or (self._hole_s > self.window_s and out_s < in_s)
         if time_s - before > TOLD_HOLE_S or not low or not bend > LEAST_BEND_M_S2:

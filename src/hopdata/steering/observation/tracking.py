@@ -1,4 +1,4 @@
-"""One frame of markers to pose, boom angle and height, for live use."""
+"""From markers to pose, boom angle and height: frame by frame, or a whole recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ SEEN, LEANED, MISFIT, UNSEEN = "seen", "leaned on an earlier frame", "misfit", "
 STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
 KNOWN = (SEEN, LEANED)  # with a pose
 
-MISFIT_NOISES = 5.0  # residuals beyond so many times the noise are no noise: markers mixed up
+MISFIT_NOISES = 5.0  # times the noise: larger residuals mean that markers are mixed up
 BOOM_MISS_M = 0.02
-HOLD_S = 0.5  # two markers lean on the attitude of a frame at most so far away
+HOLD_S = 0.5  # with two markers, the attitude of a frame within this time is used
 
 
 @dataclass(frozen=True)
 class Observation:
-    """What one frame tells.
+    """Observation of one frame.
 
     Parameters
     ----------
@@ -31,16 +31,16 @@ class Observation:
     height_m : float
         Height of the mean body marker; NaN unless known.
     boom_angle_rad : float
-        In (-pi, pi]; NaN if the pose is not known, the boom marker not seen or off its circle.
+        In (-pi, pi]; NaN if the pose is unknown, or the boom marker is unseen or off its circle.
     residual_m : float
-        What a rigid body leaves over, rms per degree of freedom: near the noise of a coordinate if
-        all is well. NaN if nothing could be fitted.
+        Rms residual of the rigid body per degree of freedom, normally close to the noise of a
+        coordinate. NaN if nothing could be fitted.
     status : str
-        "seen": three or more markers, and they fit. "leaned on an earlier frame": two markers, and
-        the turn about their line is that of an earlier frame. "misfit": they do not fit together,
-        and nothing is said. "unseen": too few markers.
+        "seen": three or more markers, and they fit. "leaned on an earlier frame": two markers; the
+        rotation about the line through them is taken from an earlier frame. "misfit": the markers
+        do not fit together, and nothing is estimated. "unseen": too few markers.
     rotation : (3, 3) array
-        From body axes to the world; NaN unless known.
+        From body axes to the world; NaN if unknown.
     """
 
     pose: FloatArray
@@ -62,7 +62,7 @@ def observe_frame(
     boom: FloatArray | None = None,
     earlier: FloatArray | None = None,
 ) -> Observation:
-    """Tell where the hopper is from one frame.
+    """Estimate the state of the hopper from one frame.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def observe_frame(
     boom : (3,) array, optional
         Boom marker, m; NaN where unseen.
     earlier : (3, 3) array, optional
-        Rotation of an earlier frame, to lean on if only two markers are seen.
+        Rotation of an earlier frame, used if only two markers are seen.
     """
     fit = rigid_fit(body[None], geometry.body_m, None if earlier is None else earlier[None])
     status, centre, rotation = (part[0] for part in _known(fit, geometry.noise_m))
@@ -83,18 +83,18 @@ def observe_frame(
 
 
 def _angles_on(circle: BoomCircle, boom: FloatArray) -> FloatArray:
-    """Boom angles of markers (..., 3); NaN where one is off the circle, or not seen."""
+    """Return boom angles of markers (..., 3); NaN where one is unseen or off the circle."""
     return np.where(circle.misses(boom) < BOOM_MISS_M, circle.angles(boom), np.nan)
 
 
 class HopperTracker:
-    """Follows a hopper frame by frame, with headings that count turns.
+    """Tracks a hopper frame by frame, with an unwrapped heading.
 
     Parameters
     ----------
     geometry : HopperGeometry
     markers : sequence of str
-        Names of the markers of the stream, in its order.
+        Names of the stream's markers, in order.
 
     Raises
     ------
@@ -127,20 +127,20 @@ class HopperTracker:
 
 @dataclass(frozen=True)
 class HopperMotion:
-    """What N frames tell; see `tracking.Observation` for the meaning of its parts.
+    """Observation of N frames; see `Observation` for the meaning of its parts.
 
     Parameters
     ----------
     time : (N,) array
         s.
     pose : (N, 3) array
-        x m, y m, heading rad, which is not wrapped; NaN where unknown.
+        x m, y m, unwrapped heading rad; NaN where unknown.
     height : (N,) array
         Height of the mean body marker, m; NaN where unknown.
     boom_angle_rad : (N,) array
-        rad, not wrapped; NaN where unknown.
+        Unwrapped, rad; NaN where unknown.
     residual : (N,) array
-        m.
+        Rms residual of the rigid body, m.
     status : (N,) array of str
     tilt_rad : (N,) array
         Angle between the body's z axis and the vertical, rad; NaN where unknown.
@@ -156,15 +156,15 @@ class HopperMotion:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many frames have each status."""
+        """Number of frames with each status."""
         return {status: int(np.sum(self.status == status)) for status in STATUSES}
 
 
 def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotion:
-    """Observe a hopper in all frames of a recording, by laying its geometry over the markers.
+    """Observe a hopper in all frames of a recording, by fitting its geometry to the markers.
 
-    Where two body markers are seen, the turn about their line is that between the frames with more
-    before and after, or of the one that is within `HOLD_S`.
+    Where only two body markers are seen, the rotation about the line through them is taken from the
+    frames with more markers before and after, or from one of them, within `HOLD_S`.
 
     Parameters
     ----------
@@ -189,10 +189,11 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
 
 
 def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatArray:
-    """Attitude between the frames before and after that fit, (N, 3, 3); NaN beyond `HOLD_S`.
+    """Interpolate the attitude between frames that fit, (N, 3, 3); NaN beyond `HOLD_S`.
 
-    A line between two rotations is none, but as something to lean on it serves: the rotation
-    nearest to it is their mean. It has no step in the middle of a gap, which would be a bottom.
+    A linear mix of two rotations is not a rotation, but it is good enough to lean on: the rotation
+    nearest to it is their weighted mean. It has no step in the middle of a gap, which would look
+    like a lowest point.
     """
     good = np.flatnonzero(fits)
     place = np.searchsorted(good, np.arange(len(time)))
@@ -207,7 +208,7 @@ def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatAr
 
 
 def _known(fit: RigidFit, noise_m: float) -> tuple[NDArray[np.str_], FloatArray, FloatArray]:
-    """Return the status of each frame, centre and rotation; NaN where there is no pose."""
+    """Return the status of each frame, its centre and its rotation; NaN where there is no pose."""
     misfit = fit.residual_m > MISFIT_NOISES * noise_m
     status = np.select([~fit.known, misfit, fit.leaned], [UNSEEN, MISFIT, LEANED], SEEN)
     known = np.isin(status, KNOWN)[:, None]
@@ -226,7 +227,7 @@ def _boom_angles(
 
 
 def unwrapped(angle: FloatArray) -> FloatArray:
-    """Unwrap angles (N,) over those that are known."""
+    """Unwrap angles (N,), ignoring those that are NaN."""
     known = np.isfinite(angle)
     result = angle.copy()
     result[known] = np.unwrap(angle[known])
