@@ -1,4 +1,4 @@
-"""The outcomes of all runs in a table, and what was observed and learned against the truth."""
+"""Tables of the outcomes of all runs, and scores of observation and learning against the truth."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from hopdata.steering.experiments import tasks
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.trial import TrueFrameChanges
 
-# What is asked of the planner in its worst seed: the share of runs that succeed, and the most hops,
-# in those of the policy that knows the true map.
+# Requirements on the planner in its worst seed: the least success rate, and the largest ratio of
+# its hops to those of the policy that knows the true map.
 ASKED_RATE, ASKED_RATIO = 27 / 30, 1.3
 
 GROUP = ["experiment", "controller"]
@@ -21,24 +21,24 @@ WAYS = {"late": tasks.LATE, "fell": tasks.FELL, "untouched": tasks.UNTOUCHED}
 
 
 def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
-    """Sum up runs over the seeds, one row for each experiment and controller.
+    """Summarise runs over the seeds, with one row for each experiment and controller.
 
     Parameters
     ----------
     runs : DataFrame
-        One row a run, with its ``seed``; see `hopdata.steering.experiments.study`.
+        One row per run, with its ``seed``; see `hopdata.steering.experiments.study`.
 
     Returns
     -------
     DataFrame
-        ``experiment, controller, seeds, runs`` (all); of the runs that succeeded the least and the
-        median share of a seed (``worst, median``) and the seed with the least (``worst_seed``);
-        ``hops`` (median over the runs that succeeded); ``ratio, worst_ratio``: hops over those of
-        the policy that knows the map, from the starts from which both succeed (medians), median and
-        largest over the seeds; ``last_error`` (median of the runs that succeeded, m or rad);
-        ``late, fell, untouched`` (runs that failed so); ``touched`` (runs that touched the
-        board); ``blind`` (stances at which nothing was known); ``met``: whether the worst seed
-        does what is asked of the planner, empty for the others.
+        ``experiment, controller, seeds, runs`` (all); ``worst, median``, the lowest and the median
+        success rate over the seeds, and ``worst_seed``, the seed of the lowest; ``hops`` (median
+        over the successful runs); ``ratio, worst_ratio``, median and largest over the seeds of the
+        hops (median) relative to those of the policy that knows the map, on the starts from which
+        both succeed; ``last_error`` (median over the successful runs, m or rad); ``late, fell,
+        untouched`` (runs that failed in this way); ``touched`` (runs that touched the board);
+        ``blind`` (stances at which nothing was known); ``met``, whether the worst seed meets the
+        requirements on the planner, empty for the others.
     """
     rows = []
     for (experiment, controller), group in runs.groupby(GROUP, sort=False):
@@ -61,12 +61,12 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-# What was observed and learned against what the simulator knows.
+# What was observed and learned, compared with the simulator's truth.
 
-SAME_STANCE_S = 0.1  # a sixth of a hop
+SAME_STANCE_S = 0.1  # largest time between an observed and a true stance: a sixth of a hop
 COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
 
-Score: TypeAlias = tuple[float, str, str]  # value, unit, what it is
+Score: TypeAlias = tuple[float, str, str]  # value, unit, description
 
 
 @one_blas_thread()
@@ -78,14 +78,15 @@ def truth_entries(
     model: FrameChangeMap,
     true_map: TrueFrameChanges,
 ) -> dict[str, dict[str, Any]]:
-    """Return name to ``value, unit, what`` of each score.
+    """Return the ``value, unit, what`` of each score by name.
 
     Parameters
     ----------
     motion, true_motion : DataFrame
-        One row a frame: pose and ``boom_angle_rad``; the true one with ``tilt_rad``.
+        One row per frame: pose and ``boom_angle_rad``; the true one also has ``tilt_rad``.
     stances, true_stances : DataFrame
-        One row a stance, ``time_s`` and ``follows``: whether the stance before is a hop before.
+        One row per stance: ``time_s``, and ``follows``, whether the previous row is the stance one
+        hop before.
     model : FrameChangeMap
     true_map : TrueFrameChanges
     """
@@ -120,7 +121,7 @@ def _pose_scores(motion: pd.DataFrame, true: pd.DataFrame) -> dict[str, Score]:
 
 
 def _stance_scores(stances: pd.DataFrame, true: pd.DataFrame) -> dict[str, Score]:
-    """Pairs of stances that were missed, and that were invented."""
+    """Count pairs of stances that were missed, and pairs that were invented."""
     found, real = _pair_times(stances), _pair_times(true)
     same = np.abs(found[:, None] - real).max(axis=2, initial=0.0) <= SAME_STANCE_S
     missed, invented = (~same.any(axis=0)).sum(), (~same.any(axis=1)).sum()
@@ -137,7 +138,7 @@ def _pair_times(stances: pd.DataFrame) -> FloatArray:
 
 
 def _model_scores(model: FrameChangeMap, true_map: TrueFrameChanges) -> dict[str, Score]:
-    """Errors of the learned map on the grid of the true one, averaged over the swing before."""
+    """Score the learned map on the grid of the true one, averaged over the previous swing."""
     angle, swing = np.meshgrid(true_map.boom_angle_rad, true_map.swing_rad, indexing="ij")
     true = true_map.average().reshape(-1, 3)
     errors = model.change(angle.ravel(), swing.ravel()) - true

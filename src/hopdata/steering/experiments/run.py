@@ -1,4 +1,4 @@
-"""One run: a controller steers the hopper that motion capture sees, from a start to the end."""
+"""One run: a controller steers a hopper that it sees through motion capture."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from hopdata.steering.observation.tracking import HopperTracker, Observation
 from hopdata.steering.trial import POSE
 from hopdata.synthesis.camera import CurvedFloor, MotionCapture
 
-# The simulated hopper as a controller knows it: through motion capture, frame by frame.
+# The simulated hopper as the controller sees it: through motion capture, frame by frame.
 
 Frames = list[tuple[float, FloatArray]]  # time, s, and markers (M, 3), m
 _Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
 
-NEAR_S = 0.05  # a pose so far from the lowest point is that of the stance
+NEAR_S = 0.05  # largest time from the lowest point of a pose that is used for the stance
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Sight:
     camera : MotionCapture
         Rate, noise, resolution and gaps.
     geometry : HopperGeometry
-        What calibration has found out about the markers.
+        Calibrated geometry of the hopper.
     floor : CurvedFloor
         The floor as the cameras see it.
     """
@@ -46,18 +46,18 @@ class Sight:
 
 
 class WatchedHopper:
-    """A hopper that is released, told its swings, and watched.
+    """A hopper that is released, commanded and watched.
 
     Parameters
     ----------
     robot : plant.SteeredHopper
     sight : Sight
     task : Task
-        What counts as success; gaps are drawn for its hops and two more.
+        Success criterion; gaps are drawn for its hops and two more.
     start : Start
-        Pose at the release, and the streams of chance.
+        Pose at the release, and the random streams.
     board : plant.Board, optional
-        What stands in the way.
+        Board in the way.
 
     Attributes
     ----------
@@ -86,15 +86,15 @@ class WatchedHopper:
         self._detector = StanceDetector(sight.geometry, rate_hz=camera.rate_hz)
 
     def hop(self, swing_rad: float) -> tuple[plant.Stance, Observation | None]:
-        """Make one hop with this swing of the boom, rad, and watch it.
+        """Make one hop with this swing of the boom, rad, and observe it.
 
         Returns
         -------
         Stance
-            As it truly was.
+            The true stance.
         Observation or None
-            What the frame nearest to the lowest point told, or the nearest with a pose; None if no
-            stance was recognised or no frame near it had a pose.
+            From the frame with a pose nearest to the lowest point; None if no stance was recognised
+            or no frame near it had a pose.
         """
         hop = plant.steer_hop(
             self.robot, self._apex, swing_rad, rng=self._kicks, rate_hz=self.sight.camera.rate_hz,
@@ -104,17 +104,17 @@ class WatchedHopper:
         return hop.stance, self._watched(hop)
 
     def _watched(self, hop: plant.SteeredHop) -> Observation | None:
-        """Return the frame with a pose that was nearest to the stance."""
+        """Return the observation with a pose that is nearest to the stance."""
         past: list[_Frame] = []
         found, all_seen = None, self._seen(hop)
-        # Where all body markers are seen their mean is the height, whatever the attitude.
+        # If all body markers are seen, their mean is the height, whatever the attitude.
         means = all_seen[:, self._body].mean(axis=1)
         heights = np.where(np.isfinite(means).all(axis=1), means[:, 2], np.nan).tolist()
         for now, markers, height in zip(hop.frame_time_s.tolist(), all_seen, heights, strict=True):
             told = None
             self.frames.append((now, markers))
             if np.isnan(height):
-                if past and past[-1][2] is None:  # to lean on
+                if past and past[-1][2] is None:  # so that this frame can lean on it
                     self._tracker.feed(*past[-1][:2])
                 told = self._tracker.feed(now, markers)
                 height = told.height_m
@@ -125,23 +125,23 @@ class WatchedHopper:
         return found
 
     def _nearest(self, past: list[_Frame], time_s: float) -> Observation | None:
-        """Return the nearest frame with a pose, if one is near."""
+        """Return the nearest observation with a pose, if there is one close enough."""
         near = [frame for frame in past if abs(frame[0] - time_s) <= NEAR_S]
         near.sort(key=lambda frame: abs(frame[0] - time_s))
         seen = (told or self._tracker.feed(now, markers) for now, markers, told in near)
         return next((frame for frame in seen if frame.known), None)
 
     def _seen(self, hop: plant.SteeredHop) -> FloatArray:
-        """Markers (K, M, 3) as the cameras report them."""
+        """Return the markers (K, M, 3) as the cameras report them."""
         camera = self.sight.camera
         index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(self._hidden)
         return camera.observe(hop.markers, self.sight.floor, self._hidden[index], self._noise)
 
 
-# Columns of the stances of a run: poses as they truly were, as they were seen (NaN where not), and
-# as the controller's model foretold them from the stance before (NaN for the first). The boom angle
-# is as seen, or by the swing that was commanded; the swing is that of the hop after; the board's
-# place is along its direction, NaN without one; whether it was touched is of the hop before.
+# Columns of the stances of a run: true poses, measured poses (NaN if not seen), and poses that the
+# controller's model predicted at the previous stance (NaN for the first). The boom angle is the
+# measured one, or else follows from the commanded swing. The swing is that of the next hop. The
+# board's place is along its direction, NaN without one; `touched` refers to the hop before.
 MEASURED, PREDICTED = ([f"{kind}_{name}" for name in POSE] for kind in ("measured", "predicted"))
 COLUMNS = ["time_s", *POSE, *MEASURED, "boom_angle_rad", "swing_rad", *PREDICTED, "board_m"]
 COLUMNS += ["touched"]
@@ -149,20 +149,20 @@ COLUMNS += ["touched"]
 
 @dataclass(frozen=True)
 class Run:
-    """What happened at the K + 1 stances of a run, that of the first landing first.
+    """Record of the K + 1 stances of a run, starting with the first landing.
 
     Parameters
     ----------
     stances : DataFrame
-        One row a stance: `COLUMNS`; times are since the release.
+        One row per stance: `COLUMNS`; times are since the release.
     blind : int
-        Stances at which nothing was planned, since no pose was known: the boom held still.
+        Number of stances at which the boom was held still, since no pose was known to plan from.
     last_error : float
         Error at the last stance, m or rad.
     outcome : Outcome
         Judged by the true poses.
     frames : list
-        Time, s, and markers (M, 3), m, of each frame as the cameras saw it.
+        Time, s, and markers (M, 3), m, of each frame, as the cameras saw it.
     """
 
     stances: pd.DataFrame
@@ -179,7 +179,7 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
     ----------
     hopper : WatchedHopper
     controller : Controller
-        Knows its goal; is told what was seen, never what is true.
+        Already knows its goal; gets observations only, never the truth.
     """
     task, board = hopper.task, hopper.board
     goal, unknown = goal_of(task.manoeuvre, hopper.start.pose), np.full(3, np.nan)

@@ -1,4 +1,4 @@
-"""The experiments: all controllers from all starts, and typical runs to look at."""
+"""The experiments: all controllers from all starts, and typical runs as examples."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from hopdata.steering.robot import Board, SteeredHopper, robot_and_camera
 from hopdata.steering.trial import POSE, TrueFrameChanges
 from hopdata.synthesis.camera import draw_floor
 
-# A run in which the model stands in for the hopper: what would happen were it right.
+# A run in which the model replaces the hopper, as if the model were exact.
 
 
 def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: Run) -> pd.DataFrame:
-    """Let controller and model go on alone from the first measured stance of a run.
+    """Simulate controller and model alone, from the first measured stance of a run.
 
     Parameters
     ----------
     controller : Controller
-        Its own predictions are taken for what happens.
+        Its own predictions are taken as the outcome.
     task : Task
-        Ends it, when it is decided.
+        Ends the simulation when decided.
     start : (3,) array
-        Pose at the release, for the goal.
+        Pose at the release, which defines the goal.
     run : Run
-        Gives the first stance, and the time that a hop takes (its mean).
+        Provides the first stance, and the mean duration of a hop.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: R
     return table.assign(curve="pure", stance=stances, time_s=stances * hop_s)
 
 
-SHOWN = tasks.PLANNER  # whose run of median hops is the example
+SHOWN = tasks.PLANNER  # the example is this controller's run with the median number of hops
 FILM_HZ = 10.0
 
 Shown: TypeAlias = tuple[tasks.Start, Run]
@@ -72,7 +72,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Setting:
-    """An experiment, the block ``steering.experiments``, the robot, and how it is seen."""
+    """An experiment, its options (``steering.experiments``), the robot, and how it is seen."""
 
     experiment: str
     options: Mapping[str, Any]
@@ -81,12 +81,12 @@ class Setting:
 
     @property
     def manoeuvre(self) -> str:
-        """What is asked: to come to the origin, or to turn."""
+        """The manoeuvre: going to the origin, or turning."""
         return tasks.EXPERIMENTS[self.experiment][0]
 
     @property
     def task(self) -> tasks.Task:
-        """What a run must do."""
+        """Success criterion of a run."""
         return tasks.task_of(self.options, self.manoeuvre)
 
     def board(self, start: tasks.Start) -> Board | None:
@@ -98,7 +98,7 @@ class Setting:
         return board_for(manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m)
 
     def run(self, policy: tasks.Policy, start: tasks.Start) -> Run:
-        """Let a controller steer from a start."""
+        """Run a controller from a start."""
         board = self.board(start)
         hopper = watched.WatchedHopper(self.robot, self.sight, self.task, start, board)
         return watched.run_task(hopper, policy(start))
@@ -121,38 +121,39 @@ def experiments_of(
     Parameters
     ----------
     names : sequence of str
-        Of `EXPERIMENTS`.
+        Names from `EXPERIMENTS`.
     controllers : sequence of str
-        Who steers.
+        Names from `CONTROLLERS`, and `CEILING`.
     steering, motion_capture : mapping
         These blocks of the configuration.
     model : FrameChangeProcess
-        What was learned.
+        The learned model.
     truth : TrueFrameChanges
-        For the policy that knows it.
+        For the policy that knows the true map.
     geometry : HopperGeometry
-        From the calibration.
+        Calibrated geometry of the hopper.
     seed : SeedSequence
-        Of the excitation that was learned from.
+        Seed of the excitation that the model was learned from.
 
     Returns
     -------
     runs : DataFrame
-        One row a run: ``experiment, controller, run, success, hops`` (-1 if it never arrived),
-        ``reason, stances, blind, touched`` (stances in which the board was touched),
+        One row per run: ``experiment, controller, run, success, hops`` (-1 if it never arrived),
+        ``reason, stances, blind, touched`` (number of stances that touched the board),
         ``last_error`` (m or rad).
     stances : DataFrame
-        One row a stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
-        ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
+        One row per stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
+        ``measured_...``), ``boom_angle_rad, swing_rad``, the pose predicted at the previous stance
         (``predicted_...``), ``board_m`` and ``touched``.
     example : DataFrame
-        Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
-        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, a turn's in
-        the frame of its start; ``near`` (when the goal counts as reached, m or rad) and of the
-        board ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m`` (where it was).
+        Three curves of one run: ``curve`` is "measured", "response" (predicted from each measured
+        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, for turns
+        in the frame of the start; ``near`` (tolerance of the goal, m or rad); and of the board
+        ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m`` (initial and current
+        place).
     film : DataFrame
-        The markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first stance),
-        ``marker, x_m, y_m, z_m``.
+        Markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first stance), ``marker,
+        x_m, y_m, z_m``.
     """
     robot, camera = robot_and_camera(steering["robot"], motion_capture)
     options = steering["experiments"]
@@ -176,20 +177,20 @@ def experiments_of(
     }
 
 
-FEW = 10  # starts from which horizons are compared
+FEW = 10  # number of starts for comparing horizons
 
 
 def horizons_of(
     steering: Mapping[str, Any], motion_capture: Mapping[str, Any], **learned: Any
 ) -> pd.DataFrame:
-    """Let the printed controller go to the origin with other horizons, everything else the same.
+    """Run the printed controller to the origin with several horizons, all else being equal.
 
     For the other parameters see `experiments_of`.
 
     Returns
     -------
     DataFrame
-        ``horizon, runs, succeeded`` and ``hops``, the median over the runs that succeeded.
+        ``horizon, runs, succeeded`` and ``hops``, the median over the successful runs.
     """
     few = dict(steering["experiments"], starts=min(FEW, steering["experiments"]["starts"]))
     rows = []
@@ -205,7 +206,7 @@ def horizons_of(
 def _tables(
     setting: Setting, policies: Mapping[str, tasks.Policy], starts: Sequence[tasks.Start]
 ) -> tuple[list[pd.DataFrame], ...]:
-    """Return the four tables of an experiment, each in pieces."""
+    """Return the four tables of an experiment, each as a list of pieces."""
     runs, stances, example, film = [], [], [pd.DataFrame()], [pd.DataFrame()]
     for name, policy in policies.items():
         made = [setting.run(policy, start) for start in starts]
@@ -226,18 +227,18 @@ def _tables(
 
 
 def typical(runs: list[Shown]) -> Shown:
-    """Return the run of median hops among those that succeeded; the first if none did."""
+    """Return the successful run with the median number of hops; the first run if none succeeded."""
     good = sorted((one for one in runs if one[1].outcome.success), key=lambda s: s[1].outcome.hops)
     return good[(len(good) - 1) // 2] if good else runs[0]
 
 
 def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Run) -> pd.DataFrame:
-    """Return the three curves of a run; a turn is given in the frame of its start."""
+    """Return the three curves of a run; turns are in the frame of their start."""
     task, board = setting.task, setting.board(start)
     alone = simulated(policy(start), task, start.pose, run)
     table = pd.concat([_curves(run), alone], ignore_index=True)
     into = (np.nan, np.nan) if board is None else board.direction
-    if setting.manoeuvre == tasks.TURN:  # from the origin; the board stands across its heading
+    if setting.manoeuvre == tasks.TURN:  # from the origin; the board is across the heading
         table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())
         into = into if board is None else (1.0, 0.0)
     return table.assign(
@@ -247,7 +248,7 @@ def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Ru
 
 
 def _film(setting: Setting, run: Run) -> pd.DataFrame:
-    """Return some of the frames of a run."""
+    """Return a subset of the frames of a run."""
     first_s = run.stances["time_s"].iloc[0]
     kept = run.frames[:: max(1, round(setting.sight.camera.rate_hz / FILM_HZ))]
     places = np.array([markers for _, markers in kept])
@@ -259,7 +260,7 @@ def _film(setting: Setting, run: Run) -> pd.DataFrame:
 
 
 def _curves(run: Run) -> pd.DataFrame:
-    """Return what was measured, and beside it what the model foretold from each stance."""
+    """Return the measured curve, and the one the model predicted from each stance."""
     made = run.stances
     curves = []
     for name, columns in (("measured", MEASURED), ("response", PREDICTED)):
@@ -271,10 +272,10 @@ def _curves(run: Run) -> pd.DataFrame:
 
 
 def board_for(manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float) -> Board:
-    """Return the board in the way: across the line to the origin, or across the first heading.
+    """Return the board in the way: across the line to the origin, or across the initial heading.
 
-    It is as long as the floor. So whoever comes to the origin has pushed it, and so has whoever
-    turns round, if it is no farther than the hopper must go forward for that.
+    It is as wide as the floor. A hopper that reaches the origin has therefore pushed it, and so has
+    one that turned round, if the board is no farther than a turn takes the hopper forward.
 
     Parameters
     ----------
@@ -284,7 +285,7 @@ def board_for(manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float
     drag_n : float
         Friction of the board on the floor, N.
     ahead_m : float
-        How far the hopper comes before it meets it, m.
+        Distance the hopper travels before it meets the board, m.
     """
     pose = np.asarray(start, dtype=float)
     way = np.array([np.cos(pose[2]), np.sin(pose[2])])

@@ -1,4 +1,4 @@
-"""The experiments: what is asked, from where, and who steers (dissertation, Sec. 3.5)."""
+"""The experiments: tasks, starts and controllers (dissertation, Sec. 3.5)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 
 ORIGIN, TURN = "origin", "turn"
 
-# Name of each experiment: its manoeuvre, and whether a board stands in the way.
+# Manoeuvre of each experiment, and whether there is a board in the way.
 EXPERIMENTS: Mapping[str, tuple[str, bool]] = {
     "origin": (ORIGIN, False),
     "turn": (TURN, False),
@@ -30,17 +30,17 @@ EXPERIMENTS: Mapping[str, tuple[str, bool]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What a run must do to succeed.
+    """Success criterion of a run.
 
     Parameters
     ----------
     manoeuvre : {"origin", "turn"}
-        Come to the origin, or turn by 180 degrees.
+        Go to the origin, or turn by 180 degrees.
     near : float
-        Distance from the origin, m, or error of the heading, rad, at which it has arrived.
+        Tolerance for arrival: distance from the origin, m, or heading error, rad.
     hops : int
-        Hops in which it must. With the arrival the run ends: the hopper, which goes forward in each
-        hop, cannot stay.
+        Largest number of hops. The run ends with the arrival, since a hopper that moves forward in
+        each hop cannot stay.
     """
 
     manoeuvre: str
@@ -50,7 +50,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended: whether well, after how many hops it arrived (-1: never), and why."""
+    """Outcome of a run: success, number of hops to arrival (-1 if it never arrived), reason."""
 
     success: bool
     hops: int
@@ -64,14 +64,14 @@ UNTOUCHED = "arrived, but never touched the board"
 
 
 def task_of(experiments: Mapping[str, Any], manoeuvre: str) -> Task:
-    """Return the task of a manoeuvre, from the config's ``steering.experiments``."""
+    """Return the task of a manoeuvre from the configuration's ``steering.experiments``."""
     if manoeuvre == TURN:
         return Task(manoeuvre=TURN, near=experiments["turned_rad"], hops=experiments["turn_hops"])
     return Task(manoeuvre=ORIGIN, near=experiments["arrived_m"], hops=experiments["hops"])
 
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> objectives.Objective:
-    """Return what a controller is told: the origin, or the heading opposite to the first."""
+    """Return the controller's objective: the origin, or the heading opposite to the initial one."""
     if manoeuvre == ORIGIN:
         return objectives.ToPoint(point_m=(0.0, 0.0))
     return objectives.ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
@@ -84,11 +84,11 @@ def judged(task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool =
     ----------
     task : Task
     errors : (K + 1,) array
-        Errors at its stances, that at the first landing first: the k-th is k hops later.
+        Errors at the stances, starting with the first landing: the k-th is k hops later.
     fell : bool
         Whether the run ended in a fall.
     touched : bool
-        Whether the board was touched, if there is one: a run that it did not impede does not count.
+        Whether the board, if any, was touched: a run that it did not impede does not count.
     """
     near = np.flatnonzero(np.asarray(errors, dtype=float)[: task.hops + 1] <= task.near)
     if not len(near):
@@ -97,18 +97,18 @@ def judged(task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool =
 
 
 def decided(task: Task, errors: Sequence[float]) -> bool:
-    """Whether more hops cannot change how the run is judged."""
+    """Return whether further hops cannot change the outcome."""
     return errors[-1] <= task.near or len(errors) > task.hops
 
 
-# Random starts: poses at which the operator lets the hopper go, and the chance of each run.
+# Random starts: the pose at release, and the random streams of each run.
 
 
 @dataclass(frozen=True)
 class Start:
-    """One start: its number, its pose (3,) m, m, rad, and the seed of all chance after it.
+    """One start: its number, its pose (3,) m, m, rad, and the seed of everything random after it.
 
-    Runs of different controllers from one start meet the same kicks and the same noise.
+    Runs of different controllers from one start have the same kicks and the same noise.
     """
 
     number: int
@@ -116,25 +116,25 @@ class Start:
     seed: np.random.SeedSequence
 
     def streams(self) -> list[np.random.Generator]:
-        """Return generators of kicks, noise, gaps and random swings, new ones at every call."""
+        """Return new generators of kicks, noise, gaps and random swings, the same at every call."""
         return [np.random.default_rng(one) for one in child(self.seed).spawn(4)]
 
 
 def draw_starts(
     experiment: str, number: int, *, distance_m: float, seed: np.random.SeedSequence
 ) -> list[Start]:
-    """Draw the starts of an experiment, with any heading.
+    """Draw the starts of an experiment, with random headings.
 
     Parameters
     ----------
     experiment : str
-        A name of `EXPERIMENTS`. To the origin they lie at `distance_m` in any direction, turns
-        begin at the origin.
+        A name from `EXPERIMENTS`. Runs to the origin start at `distance_m` in a random direction,
+        turns at the origin.
     number : int
-        How many; the first ones are the same whatever the number.
+        Number of starts; the first ones do not depend on it.
     distance_m : float
     seed : SeedSequence
-        Of the excitation that was learned from.
+        Seed of the excitation that the model was learned from.
     """
     manoeuvre, _ = chosen("experiment", experiment, EXPERIMENTS)
     place, starts = list(EXPERIMENTS).index(experiment), []
@@ -147,19 +147,19 @@ def draw_starts(
     return starts
 
 
-# Who steers.
+# The controllers.
 
 Policy: TypeAlias = Callable[[Start], objectives.Controller]
 
 CONTROLLERS = ("printed", "planner", "adaptive", "random", "none")
 PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE = CONTROLLERS
-LEARNED = (PRINTED, PLANNER, ADAPTIVE)  # who steer by what was learned
-CEILING = "ceiling"  # the planner that knows the true map, whose hops are the measure
+LEARNED = (PRINTED, PLANNER, ADAPTIVE)  # those that use the learned model
+CEILING = "ceiling"  # the planner that knows the true map: the reference for the number of hops
 
 
 @dataclass(frozen=True)
 class Unheeding:
-    """Swings at random up to a limit, or none if it is 0, whatever is seen."""
+    """Swings at random up to a limit (none if it is 0), whatever is seen."""
 
     limit_rad: float
     rng: np.random.Generator
@@ -167,7 +167,7 @@ class Unheeding:
     def plan(
         self, pose: ArrayLike, _boom: float, _swung: float | None = None, /
     ) -> objectives.Plan:
-        """Return the swing; where it leads is not known."""
+        """Return the swing; where it leads is unknown."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
         return objectives.Plan(swing, np.array([pose, [np.nan] * 3], dtype=float), np.nan)
 
@@ -181,19 +181,19 @@ def policies(
     truth: FloatArray,
     swing_limit_rad: float,
 ) -> dict[str, Policy]:
-    """Return what makes a controller for a start, by name; what takes long is computed here.
+    """Return functions from a start to a controller, by name; slow computations are done here.
 
     Parameters
     ----------
     names : sequence of str
-        Of `CONTROLLERS`, and `CEILING`.
+        Names from `CONTROLLERS`, and `CEILING`.
     options : mapping
-        The config's ``steering.control``.
+        The configuration's ``steering.control``.
     manoeuvre : {"origin", "turn"}
     model : FrameChangeProcess
-        What was learned.
+        The learned model.
     truth : (A, S, 3) array
-        What the ceiling knows: the true frame change, averaged over the swing before.
+        True frame change for the ceiling, averaged over the previous swing.
     swing_limit_rad : float
     """
     horizon = objectives.Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
