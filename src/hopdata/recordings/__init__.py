@@ -1,1 +1,1 @@
-"""Recordings: the one form in which motion capture enters the analysis, and its readers."""
+"""Recordings: the canonical form of motion-capture data, and its readers."""

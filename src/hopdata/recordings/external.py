@@ -1,4 +1,4 @@
-"""What another device knows of a recording: contact instants, or forces under the feet."""
+"""Contact instants or forces under the feet, measured by another device."""
 
 import codecs
 from collections.abc import Mapping, Sequence
@@ -16,14 +16,15 @@ from hopdata.recordings.readers.text import ColumnTable, listed, open_table
 
 @dataclass(frozen=True)
 class Column:
-    """A column of an external file, and the feet it belongs to.
+    """A column of an external file and the feet it belongs to.
 
     Parameters
     ----------
     name : str
         Column (or event label, or analog channel) of the file.
     feet : tuple of str
-        The feet of the recording that it cannot tell apart: it knows the first contact of these.
+        Feet of the recording that the column cannot tell apart; it gives the first contact of any
+        of them.
     """
 
     name: str
@@ -37,7 +38,7 @@ class ContactTimes:
     Parameters
     ----------
     column : Column
-        Where they come from, and whose they are.
+        Where they come from, and which feet they belong to.
     instant : (K,) array
         Contact instants on the recording's clock, s, increasing.
     source : str
@@ -45,8 +46,8 @@ class ContactTimes:
     span_s : tuple of float
         First and last instant at which a contact would have been listed, s.
     other_feet_above_m : float, optional
-        A contact during which all feet of the column are higher than this is another foot's, m.
-        None if the column knows no other foot.
+        Height, m. A contact during which all feet of the column are higher than this belongs to
+        another foot. None if the column records no other foot.
     """
 
     column: Column
@@ -63,15 +64,15 @@ class ForceSignal:
     Parameters
     ----------
     column : Column
-        Where it comes from, and whose it is.
+        Where it comes from, and which feet it belongs to.
     time : (K,) array
-        On the recording's clock, s, strictly increasing.
+        Times on the recording's clock, s, strictly increasing.
     force : (K,) array
         Upward force on the feet, N, or multiples of body weight; NaN where missing.
     unit : str
         ``"N"`` or ``"body_weight"``.
     options : mapping
-        The block ``forces`` of the configuration, for the threshold.
+        The block ``forces`` of the configuration, which holds the threshold.
     """
 
     column: Column
@@ -82,13 +83,13 @@ class ForceSignal:
 
 
 def columns_of(entries: Sequence[Mapping[str, Any]], feet: Sequence[str]) -> tuple[Column, ...]:
-    """Columns as configured; without any, one of each foot's own name.
+    """Return the configured columns, or one column named after each foot if there are none.
 
     Parameters
     ----------
     entries : sequence of mappings
-        ``columns`` of the configuration, each with ``name`` and ``feet``; without ``feet`` the
-        column belongs to the foot of its own name.
+        ``columns`` of the configuration, each with ``name`` and ``feet``; a column without ``feet``
+        belongs to the foot of the same name.
     feet : sequence of str
         Feet of the recording.
     """
@@ -96,16 +97,16 @@ def columns_of(entries: Sequence[Mapping[str, Any]], feet: Sequence[str]) -> tup
     return tuple(Column(e["name"], tuple(e["feet"] or [e["name"]])) for e in entries)
 
 
-# Contact instants from elsewhere: a table, or the events that stand in a recording's file.
+# Contact instants from another source: a table, or the events stored in a recording's file.
 
 SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3}
-WITH_EVENTS = (".c3d", ".mat")  # a text file is looked into
+WITH_EVENTS = (".c3d", ".mat")  # text files are recognised by their first line
 
 
 def read_contact_times(
     options: Mapping[str, Any], *, feet: Sequence[str], rate_hz: float | None = None
 ) -> list[ContactTimes]:
-    """Read the contact instants that a recording's block ``contacts`` names.
+    """Read the contact instants named by a recording's block ``contacts``.
 
     Parameters
     ----------
@@ -115,23 +116,23 @@ def read_contact_times(
     feet : sequence of str
         Feet of the recording.
     rate_hz : float, optional
-        ``input.rate_hz``, for files of recordings that state no rate.
+        ``input.rate_hz``, for recordings whose file states no rate.
 
     Returns
     -------
     list of ContactTimes
-        One a column, on the recording's clock, in s.
+        One per column, on the recording's clock, s.
 
     Raises
     ------
     RecordingError
-        Naming the file, the column, what was expected and what was found.
+        If the file cannot be used; names the file, the column, what was expected and found.
     """
     path, unit = Path(options["file"]), chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT)
     columns = columns_of(options["columns"], feet)
     if _is_recording(path):
         found = _events(path, columns, rate_hz)
-    elif (label := options["label_column"]) is not None:  # one row a contact
+    elif (label := options["label_column"]) is not None:  # one row per contact
         table = open_table(path)
         labels, times = np.array(table.texts(label)), table.numbers(options["time_column"])
         found = _by_label(f"{path}, column '{label}'", columns, labels, times)
@@ -151,7 +152,7 @@ def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactT
 
 
 def _events(path: Path, columns: Sequence[Column], rate_hz: float | None) -> dict[str, FloatArray]:
-    """Instants by label, from the events of a file of motion capture."""
+    """Return instants by label, from the events of a motion-capture file."""
     from hopdata.recordings.readers.formats import read_raw
 
     events = read_raw(path, rate_hz=rate_hz).events
@@ -173,7 +174,7 @@ def _by_label(
 
 
 def _is_recording(path: Path) -> bool:
-    """Whether a file is motion capture with events in it, rather than a table of instants."""
+    """Tell whether a file is motion capture with events, rather than a table of instants."""
     if path.suffix.lower() not in (".tsv", ".txt") or not path.is_file():
         return path.suffix.lower() in WITH_EVENTS
     with path.open("rb") as file:
@@ -184,12 +185,12 @@ def _is_recording(path: Path) -> bool:
 # Vertical forces under the feet, from a text table or the analog channels of a C3D file.
 
 NEWTONS_PER_UNIT = {"N": 1.0, "kN": 1000.0, "body_weight": 1.0}
-LEAST_RATE_HZ = 50.0  # below it an onset is not known to better than a camera knows it
+LEAST_RATE_HZ = 50.0  # Hz; below it, onsets are no more precise than those of a camera
 RATE_TOLERANCE = 1e-3  # relative
 
 
 def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> list[ForceSignal]:
-    """Read the forces that a recording's block ``forces`` names.
+    """Read the forces named by a recording's block ``forces``.
 
     Parameters
     ----------
@@ -202,12 +203,12 @@ def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> li
     Returns
     -------
     list of ForceSignal
-        One a column, upward force positive, on the recording's clock.
+        One per column, upward force positive, on the recording's clock.
 
     Raises
     ------
     RecordingError
-        Naming the file, the column, what was expected and what was found.
+        If the file cannot be used; names the file, the column, what was expected and found.
     """
     path = Path(options["file"])
     columns = columns_of(options["columns"], feet)
@@ -222,7 +223,7 @@ def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> li
 def _analog_signals(
     path: Path, columns: Sequence[Column], options: Mapping[str, Any]
 ) -> list[ForceSignal]:
-    """Read forces from analog channels of a C3D file, which has its own clock and units."""
+    """Read forces from the analog channels of a C3D file, which has its own clock and units."""
     from hopdata.recordings.readers.c3d import read_analogs
 
     analogs = read_analogs(path)
@@ -239,7 +240,7 @@ def _analog_signals(
 
 
 def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> FloatArray:
-    """Time of each sample from the start of the file's clock, (K,), s."""
+    """Return the time of each sample from the start of the file's clock, (K,), s."""
     rate, name = options["rate_hz"], options["time_column"] or table.clock
     if name is None:
         if rate is None:

@@ -1,4 +1,4 @@
-"""From a file and the configuration to the canonical `Recording`: metres, z up, roles in order."""
+"""Import files as a canonical `Recording`: metres, z up, markers ordered by role."""
 
 import hashlib
 import os
@@ -19,20 +19,20 @@ from hopdata.recordings.raw import RawRecording, rotate_up, without_subject
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
 
-# Several files of one day as one recording: their frames one after the other, with a pause.
+# Several files of one day are joined into one recording, frames in sequence, with a pause between.
 
 
 def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
-    """Join files in the order given, which must be that of time.
+    """Join files, which must be given in order of time.
 
-    Where each file says when its measurement began, that is its place in time. Otherwise a file
-    whose time stamps follow those of the file before keeps them, and any other is moved to begin
-    `PAUSE_S` after it, with a remark. No frame is made up for the time between.
+    If every file states when its measurement began, that sets its place in time. Otherwise, a file
+    keeps its time stamps if they follow those of the file before; any other file is moved to begin
+    `PAUSE_S` after the previous one, with a remark. No frames are made up for the time between.
 
     Parameters
     ----------
     paths, raws
-        The files, and what was read from them, with the same markers in the same order.
+        The files and what was read from them, with the same markers in the same order.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def _check_alike(first_path: Path, first: RawRecording, path: Path, raw: RawReco
 def _starts(
     paths: Sequence[Path], raws: Sequence[RawRecording]
 ) -> tuple[list[float], tuple[str, ...]]:
-    """Time of each file's first frame on the clock of the first file, s."""
+    """Return the time of each file's first frame on the clock of the first file, s."""
     if (by_clock := _starts_by_clock(paths, raws)) is not None:
         return by_clock, ()
     starts, end = [float(raws[0].time[0])], float(raws[0].time[-1])
@@ -88,12 +88,12 @@ def _starts(
 
 
 def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> list[float] | None:
-    """Return times of the first frames where every file says when it began, and that can be true.
+    """Return the times of the first frames, or None unless all files state plausible starts.
 
     Raises
     ------
     RecordingError
-        If a file began before the one that it is to follow.
+        If a file began before the one it should follow.
     """
     if any(raw.started is None for raw in raws):
         return None
@@ -105,7 +105,7 @@ def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> lis
             found = f"one that began {raws[i].started}; name the files in the order of time"
             raise RecordingError.at(paths[i], wanted, found)
         if starts[i] <= starts[i - 1] + float(raws[i - 1].time[-1] - raws[i - 1].time[0]):
-            return None  # the same date in each file: a placeholder
+            return None  # the files share one date, so it is a placeholder
     return starts
 
 
@@ -128,46 +128,47 @@ def import_recording(
     least_score: float = LEAST_SCORE,
     exclude: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[Recording, Truth | None]:
-    """Read a file of any known format, or several in the order of time, into one recording.
+    """Read a file of any known format, or several in order of time, as one recording.
 
-    Whether the result makes sense is for `plausibility.check_plausible` to say.
+    `plausibility.check_plausible` decides whether the result makes sense.
 
     Parameters
     ----------
     path : path or sequence of path
-        A file whose suffix is one of `formats.suffixes`, or several that are joined (see `join`).
+        A file whose suffix is one of `formats.suffixes`, or several to be joined (see `join`).
     name : str
         Name of the recording in the study.
     markers : mapping
         Marker names for each of ``"body"``, ``"feet"``, ``"boom"``; the result keeps this order.
     unit : {"auto", "m", "mm"}
-        Unit of the file's positions; ``"auto"`` takes the format's own unit, or the other one if
-        only that gives a plausible size, which a remark of the recording says.
+        Unit of the file's positions. ``"auto"`` takes the format's own unit, or the other one if
+        only that gives a plausible size; a remark says so.
     vertical_axis : {"auto", "x", "y", "z", "-x", "-y", "-z"}
-        Axis of the file that points up; ``"auto"`` takes the one along which the markers fall,
-        which a remark of the recording says.
+        Axis of the file that points up. ``"auto"`` takes the axis along which the markers fall; a
+        remark says so.
     rate_hz : float, optional
-        Frame rate, for files that do not state it, or not the true one (`raw.overrule_rate`).
+        Frame rate, for files that state none or a wrong one (`raw.overrule_rate`).
     most_unpacked_mb : float
-        Memory that a packed file (MAT, HDF5) may ask for, MB.
+        Most memory that a packed file (MAT, HDF5) may use, MB.
     least_score : float
-        Keypoints from video that are less sure count as unseen.
+        Keypoints from video with a lower score count as unseen.
     exclude : sequence of mappings
         ``recordings[].exclude`` of the configuration: the ``markers`` of an entry count as unseen
-        from ``from_s`` to ``to_s``, which a remark says.
+        from ``from_s`` to ``to_s``; a remark says so.
 
     Returns
     -------
     recording : Recording
-        Positions in m, z up, with the file's sha256 (the files' names and digests, by commas).
+        Positions in m, z up, with the file's SHA-256. For several files, names and digests are
+        joined by commas.
     truth : Truth or None
-        That of a synthetic recording, as long as body, feet and axes are those it was made for;
-        none of several files.
+        Truth of a synthetic recording, if body, feet and axes are those it was made for. None for
+        several files.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read or lacks a marker.
+        If the file cannot be read or lacks a configured marker.
     """
     paths = [Path(p) for p in ([path] if isinstance(path, str | Path) else path)]
     if not paths:
@@ -202,7 +203,7 @@ def import_recording(
         events=raw.events,
         remarks=raw.remarks + guessed + found,
     )
-    if np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5:  # else it is not always the second
+    if np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5:  # only then is it every second
         recording = recording.part(recorded_frames(recording.body))
     halved = len(recording.time) < len(raw.time)
     told = f"{recording.source}: every second frame is made up of those beside it, and left out"
@@ -214,7 +215,7 @@ def import_recording(
 
 
 def _unseen(recording: Recording, exclude: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Take markers for unseen in spans of time (in place), as the configuration asks; say so."""
+    """Set markers to NaN (in place) where the configuration excludes them; return remarks."""
     remarks = []
     for entry in exclude:
         begin, end = (recording.time[k] if t is None else t
@@ -228,12 +229,12 @@ def _unseen(recording: Recording, exclude: Sequence[Mapping[str, Any]]) -> tuple
 
 
 def sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 digest of a file."""
+    """Return the hexadecimal SHA-256 digest of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-#: What to do with a file that has none of the configured markers.
+#: Advice for a file that has none of the configured markers.
 ANOTHER_SESSION = (
     "; the file has none of the configured markers, and all files of a study name them alike: "
     "rename them in the export (only a subject's name, as in 'Anna:toe', may be left out of "
@@ -242,9 +243,10 @@ ANOTHER_SESSION = (
 
 
 def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> RawRecording:
-    """Only the configured markers, body first, then feet, then boom.
+    """Keep only the configured markers, body first, then feet, then boom.
 
-    If none is named with its subject (`Anna:toe`), the name of a file's only one is dropped.
+    If no configured name has a subject (`Anna:toe`) and the file has only one subject, its name is
+    dropped.
     """
     for key in wanted:
         require_choice("markers", key, ROLE_OF_KEY)
@@ -269,17 +271,17 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
 
 
 def _only(positions: FloatArray, order: Sequence[int]) -> FloatArray:
-    """Return some of the markers of (N, M, 3) positions, in their memory, which is overwritten."""
+    """Return some markers of (N, M, 3) positions, overwriting the memory of the input."""
     kept = positions.reshape(-1)[: 3 * len(positions) * len(order)]
     kept = kept.reshape(len(positions), len(order), 3)
-    for first in range(0, len(positions), BLOCK):  # none is written to before it is read
+    for first in range(0, len(positions), BLOCK):  # each block is read before it is overwritten
         block = slice(first, first + BLOCK)
         kept[block] = positions[block][:, order]
     return kept
 
 
 def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth | None:
-    """Truth in the file, its feet in the recording's order; None where it does not apply."""
+    """Return the truth in the file, feet in the recording's order, or None if it does not apply."""
     stated = {role: [m for m, r in roles.items() if r == role] for role in ("body", "foot")}
     if any(set(names) != set(recording.names(role)) for role, names in stated.items()):
         return None

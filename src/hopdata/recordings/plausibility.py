@@ -1,6 +1,6 @@
-"""Checks that catch the usual slips with a recording before they turn into results.
+"""Checks that catch common mistakes in a recording before they reach the results.
 
-Each check looks at the canonical recording (metres, z up) and raises one clear message.
+Each check examines the canonical recording (metres, z up) and raises one clear message.
 """
 
 import numpy as np
@@ -15,14 +15,14 @@ from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 
 MIN_BODY_MARKERS = 3
 MIN_FEET = 2
-TILT_LIMIT = 5.0  # body further from the feet along another axis by this factor: wrong axis
-SMALLEST_M = 0.003  # of what metres taken for millimetres are told from: 3 m then
-STEP_TOLERANCE = 0.02  # of a frame
+TILT_LIMIT = 5.0  # ratio; the axis is wrong if the body is further from the feet along another
+SMALLEST_M = 0.003  # m; metres mistaken for millimetres are then detected from 3 m on
+STEP_TOLERANCE = 0.02  # relative to a frame
 LARGEST_BODY_STRAIN = 0.05
-NOISE_MARGIN = 2.0  # in a short recording a distance may vary by so much more (squared) by chance
+NOISE_MARGIN = 2.0  # short recordings: factor on the variance of a distance, to allow for chance
 
 EXPORT = "export in mm or m"
-# Slips with the unit: by what positions would have to be multiplied, and what to do.
+# Mistakes with the unit: the factor that corrects the positions, and what to do.
 WRONG_UNITS = {
     "centimetres taken for millimetres": (10.0, EXPORT),
     "centimetres taken for metres": (0.01, EXPORT),
@@ -32,13 +32,13 @@ WRONG_UNITS = {
     "metres taken for millimetres": (1e3, "set input.unit: m"),
 }
 AS_READ = "as read"
-CLEARLY = 5.0  # so many times the free fall must be seen in another unit than the one taken
+CLEARLY = 5.0  # free fall must be this many times as frequent in another unit as in the one taken
 
 
 def check_plausible(
     recording: Recording, *, largest_body_strain: float = LARGEST_BODY_STRAIN
 ) -> None:
-    """Run all checks; the first that fails raises.
+    """Run all checks and raise at the first failure.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def check_plausible(
     Raises
     ------
     RecordingError
-        Naming the recording, what was expected and what was found.
+        If a check fails; names the recording, what was expected and found.
     """
     check_markers(recording)
     check_time(recording)
@@ -72,7 +72,7 @@ def check_markers(recording: Recording) -> None:
 
 
 def check_time(recording: Recording) -> None:
-    """Require a positive rate, strictly increasing time stamps, and that the two agree."""
+    """Require a positive rate and strictly increasing time stamps that agree with it."""
     place, time, rate = recording.place, recording.time, recording.rate_hz
     if not (np.isfinite(rate) and rate > 0):
         raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {rate:g} Hz")
@@ -87,7 +87,7 @@ def check_time(recording: Recording) -> None:
 
 
 def check_order(place: str, time: FloatArray) -> None:
-    """Require time stamps (N,), s, each later than the one before."""
+    """Require each time stamp (N,), s, to be later than the one before."""
     bad = np.flatnonzero(~(np.diff(time) > 0))
     if len(bad):
         i = int(bad[0])
@@ -97,7 +97,7 @@ def check_order(place: str, time: FloatArray) -> None:
 
 
 def check_positions(recording: Recording) -> None:
-    """Require that each marker was seen, moves, has no infinite value and is no other's double."""
+    """Require each marker to be seen, to move, to be finite and not to duplicate another."""
     place = recording.place
     if np.isinf(recording.positions).any():
         name = recording.markers[int(np.argwhere(np.isinf(recording.positions))[0, 1])]
@@ -123,7 +123,7 @@ def check_positions(recording: Recording) -> None:
 
 
 def check_scale(recording: Recording) -> None:
-    """Require a size that an animal or a robot can have; millimetres taken for metres do not."""
+    """Require a size plausible for an animal or a robot; catches millimetres taken for metres."""
     size = extent(recording.positions)
     low, high = SMALLEST_M, PLAUSIBLE_EXTENT_M[1]
     if np.isnan(size) or low <= size <= high or _falls(recording).is_clear:
@@ -137,13 +137,13 @@ def check_scale(recording: Recording) -> None:
 
 
 def _remedy(recording: Recording, slip: str) -> str:
-    """Say what to do about a slip with the unit: arrays have no file and no configuration."""
+    """Return advice on a mistaken unit; recordings made from arrays have no file or config."""
     factor, remedy = WRONG_UNITS[slip]
     return remedy if recording.source else f"multiply the positions by {factor:g}"
 
 
 def check_upright(recording: Recording) -> None:
-    """Require the body above the feet, and not far more beside than above them."""
+    """Require the body to be above the feet, and not much further beside than above them."""
     offset = body_over_feet(recording)
     up, best = offset[2], int(np.argmax(np.abs(offset)))
     if np.isnan(up) or abs(offset[best]) <= TILT_LIMIT * up:
@@ -169,7 +169,7 @@ def _falls(recording: Recording) -> FreeFall:
 
 
 def _up_by_fall(recording: Recording) -> str:
-    """Direction of the file that is up, if that is clearly against an axis of the recording."""
+    """Return the file's up direction if it is clearly against an axis of the recording; else ""."""
     fall = _falls(recording)
     against = fall.is_clear and fall.up.startswith("-")
     axis = FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[-1])]
@@ -177,7 +177,7 @@ def _up_by_fall(recording: Recording) -> str:
 
 
 def check_fall(recording: Recording) -> None:
-    """Require that what falls freely falls at 9.81 m/s², if anything does: catches centimetres."""
+    """Require freely falling markers, if any, to fall at 9.81 m/s²; catches centimetres."""
     units = {AS_READ: 1.0, **{slip: factor for slip, (factor, _) in WRONG_UNITS.items()}}
     fall = free_fall(recording.positions, recording.rate_hz, units=units)
     if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
@@ -190,7 +190,7 @@ def check_fall(recording: Recording) -> None:
 
 
 def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_STRAIN) -> None:
-    """Require body markers that keep their distances, but for what their noise makes of them.
+    """Require constant distances between body markers, up to their noise.
 
     Parameters
     ----------
@@ -217,15 +217,15 @@ def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_ST
     raise RecordingError.at(place, f"distances that vary by at most {most}", found)
 
 
-# What is worth saying of a recording although it can be analysed.
+# Remarks on a recording that can be analysed nevertheless.
 
 MISSING_NOTE_FRACTION = 0.1
-HIGH_FOOT = 0.2  # of the body's height over the feet: no mount and no floor is so uneven
-ROUNDED_TO_M = (0.01, 0.001)  # the coarser first; finer is lost in the noise of any camera
+HIGH_FOOT = 0.2  # of the body's height over the feet; no mount and no floor is this uneven
+ROUNDED_TO_M = (0.01, 0.001)  # coarser first; finer rounding is lost in the noise of any camera
 
 
 def notes(recording: Recording) -> list[str]:
-    """Remarks that do not stop the analysis: the reader's, markers unseen, rounding, lost frames.
+    """Return remarks that do not stop the analysis: reader, unseen markers, rounding, lost frames.
 
     Returns
     -------
@@ -247,9 +247,9 @@ def notes(recording: Recording) -> list[str]:
 
 
 def rounded_to(positions: FloatArray) -> float | None:
-    """Step of which all coordinates (N, M, 3), m, are multiples; None if there is none so coarse.
+    """Return the step, m, that all coordinates (N, M, 3), m, are multiples of; None if too fine.
 
-    What float32 makes of a multiple is one.
+    A multiple rounded to float32 counts as one.
     """
 
     def all_multiples(part: FloatArray, step: float) -> bool:
@@ -257,12 +257,12 @@ def rounded_to(positions: FloatArray) -> float | None:
         off = np.abs(seen - step * np.round(seen / step))
         return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
 
-    parts = (sampled(positions), positions)  # most are told apart by few
+    parts = (sampled(positions), positions)  # a sample rules out most files quickly
     return next((s for s in ROUNDED_TO_M if all(all_multiples(p, s) for p in parts)), None)
 
 
 def _rounding(recording: Recording) -> list[str]:
-    """Say how coarsely the file's coordinates are rounded, and what noise that is."""
+    """Report how coarsely the file's coordinates are rounded, and the noise this adds."""
     if not (step_mm := 1e3 * (rounded_to(recording.positions) or 0.0)):
         return []
     noise = f"noise of {step_mm / np.sqrt(12):.2g} mm (standard deviation)"
@@ -271,7 +271,7 @@ def _rounding(recording: Recording) -> list[str]:
 
 
 def _missing_times(recording: Recording) -> list[str]:
-    """Say how many frames are missing, and how often and how long nothing was recorded."""
+    """Report how many frames are missing, and the number and length of pauses."""
     pause = is_pause(recording.time, recording.rate_hz)
     pauses, drops = np.diff(recording.time)[pause], check_stamps(recording.time).drops
     dropped = int(drops[~pause[drops[:, 0]], 1].sum())

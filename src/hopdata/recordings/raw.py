@@ -1,4 +1,4 @@
-"""What a reader hands over: all markers of one file, in the file's own unit and axes."""
+"""A reader's output: all markers of one file, in the file's own unit and axes."""
 
 import math
 import re
@@ -17,8 +17,8 @@ from hopdata.errors import RecordingError, chosen, mismatch
 from hopdata.recording import Event
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
-USUAL_UNIT = "mm"  # of files that may state a unit and do not
-# How files spell units; numbers times the factor are in mm or m.
+USUAL_UNIT = "mm"  # assumed for files that could state a unit but do not
+# Spellings of units in files; numbers times the factor are in mm or m.
 _SPELT = (
     (r"mm|millimet(er|re)s?", "mm", 1.0),
     (r"cm|centimet(er|re)s?", "mm", 10.0),
@@ -27,15 +27,15 @@ _SPELT = (
 )
 _BY_PROGRAM = re.compile(r"(.*:)?(\*\d+|unlabel+ed.*)", re.IGNORECASE)
 
-UNSEEN_FROM = 9999.0  # what programs write three times for a marker that was not seen, and more
-FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
-MOST_UNPACKED_MB = 2000.0  # as the default of input.most_unpacked_mb in the schema
-RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
-SLACK = 0.02  # relative, of the rate by rounded time stamps
+UNSEEN_FROM = 9999.0  # programs write at least this, three times, for a marker that was not seen
+FASTEST_HZ = 1e5  # Hz, as in the schema of input.rate_hz
+MOST_UNPACKED_MB = 2000.0  # MB, as the default of input.most_unpacked_mb in the schema
+RATE_TOLERANCE = 1e-3  # relative; larger than the error of any rounded rate in a file
+SLACK = 0.02  # relative error of a rate estimated from rounded time stamps
 
 
 class RateUnknownError(RecordingError):
-    """Neither the file nor the configuration tells the frame rate."""
+    """Raised if neither the file nor the configuration states the frame rate."""
 
 
 @dataclass(frozen=True)
@@ -55,21 +55,21 @@ class RawRecording:
     unit : str
         Unit that the file or its format states, ``"mm"`` or ``"m"``.
     vertical_axis : str
-        Direction of the original source that was up, if the format says so.
+        Direction of the original source that points up, if the format states it.
     roles : tuple of str
-        Role of each marker, if the format says so.
+        Role of each marker, if the format states it.
     events : tuple of Event
         Events marked in the file, on the same clock as `time`.
     stated_up : str
-        Axis that the file itself says points up; empty if it says nothing.
+        Axis that points up according to the file; empty if it does not say.
     started : datetime, optional
         When the measurement began, on the clock of the computer that made it.
     unit_is_stated : bool
-        Whether it does; otherwise `unit` is only what is usual.
+        Whether the file states its unit; otherwise `unit` is the usual one.
     remarks : tuple of str
-        What the file says that does not hold and could be put right, one line each, counted.
+        False statements of the file that could be corrected, one line each.
     has_stamps : bool
-        Whether `time` stands in the file; otherwise it is counted from the frames at `rate_hz`.
+        Whether `time` comes from the file; otherwise it is counted in frames at `rate_hz`.
     """
 
     markers: tuple[str, ...]
@@ -119,14 +119,14 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
 
 
 def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawRecording:
-    """Let the configuration overrule the frame rate that a file states, but not time stamps.
+    """Replace the frame rate stated by a file by the configured one, unless time stamps disagree.
 
     Parameters
     ----------
     place : str
-        The file, for message and remark.
+        The file, for the message and the remark.
     raw : RawRecording
-        As read, at the rate that the file states.
+        As read, at the rate stated by the file.
     given : float or None
         ``input.rate_hz`` of the configuration, Hz.
 
@@ -151,12 +151,12 @@ def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawReco
 
 
 def metric(place: str, stated: str) -> tuple[str, float]:
-    """Return mm or m, and the factor to it, of a unit as files spell it: ``Centimeters``, ``in``.
+    """Return mm or m for a unit as files spell it (``Centimeters``, ``in``), and the factor to it.
 
     Raises
     ------
     RecordingError
-        If it is no unit of length; it begins with `place`.
+        If it is not a unit of length; the message begins with `place`.
     """
     for form, unit, factor in _SPELT:
         if re.fullmatch(form, stated.strip().lower()):
@@ -165,9 +165,10 @@ def metric(place: str, stated: str) -> tuple[str, float]:
 
 
 def labelled(place: str, names: Sequence[str]) -> tuple[list[int], tuple[str, ...]]:
-    """Return which trajectories somebody named, and a remark on those that a program did.
+    """Return which trajectories were named by a person, and a remark on the others.
 
-    ``*113`` and ``Unlabeled 7`` are pieces of any marker; a file of nothing else keeps them.
+    ``*113`` and ``Unlabeled 7`` are fragments of any marker. They are kept if a file has nothing
+    else.
     """
     kept = [i for i, name in enumerate(names) if not _BY_PROGRAM.fullmatch(name)]
     if not kept or len(kept) == len(names):
@@ -176,18 +177,18 @@ def labelled(place: str, names: Sequence[str]) -> tuple[list[int], tuple[str, ..
 
 
 def without_subject(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names without their subject (``Anna:toe``), unless those of several have one."""
+    """Drop the subject from names such as ``Anna:toe``, unless there are several subjects."""
     subjects = {name.partition(":")[0] for name in names if ":" in name}
     return tuple(name.split(":", 1)[-1] if len(subjects) == 1 else name for name in names)
 
 
 def require_unpacked(n_bytes: int, most_mb: float) -> None:
-    """Refuse content that would take more memory than a file may ask for.
+    """Refuse content that would use more memory than a file may.
 
     Raises
     ------
     ValueError
-        Without the file's name.
+        If it would; the message does not name the file.
     """
     if n_bytes > 1e6 * most_mb:
         most = f"{most_mb:g} MB once it is unpacked (input.most_unpacked_mb, --most-unpacked-mb)"
@@ -196,7 +197,7 @@ def require_unpacked(n_bytes: int, most_mb: float) -> None:
 
 
 def largest(numbers: FloatArray) -> float:
-    """Largest absolute value of an array, in no memory of its size; NaN if all are."""
+    """Return the largest absolute value without a temporary array; NaN if all values are NaN."""
     bounds = (extreme.reduce(numbers, axis=None, initial=np.nan) for extreme in (np.fmin, np.fmax))
     return float(max(map(abs, bounds)))
 
@@ -204,10 +205,10 @@ def largest(numbers: FloatArray) -> float:
 def distinct_names(
     place: str, names: Sequence[str], *, may_lack: bool = False
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return marker names that are all there and all different, and remarks on those changed.
+    """Make marker names complete and distinct; return them with remarks on the changes.
 
-    Markers of one name are numbered, all of them: who asks for that name finds none, and may then
-    choose.
+    All markers that share a name are numbered, so that a request for that name fails and the user
+    can choose.
 
     Parameters
     ----------
@@ -216,12 +217,12 @@ def distinct_names(
     names : sequence of str
         The M names, in the file's order.
     may_lack : bool
-        Whether a marker without a name is called ``unnamed`` and its number.
+        Whether markers may lack a name; they are then called ``unnamed`` and numbered.
 
     Raises
     ------
     RecordingError
-        If a name holds control characters, or is empty and may not be.
+        If a name holds control characters, or is empty although it may not be.
     """
     for i, name in enumerate(names, start=1):
         if not name and not may_lack:
@@ -248,10 +249,10 @@ def distinct_names(
 
 
 def blank_unseen(positions: FloatArray) -> None:
-    """Set markers (in place) to NaN in the frames in which the file says they were not seen.
+    """Set markers to NaN (in place) in frames where the file marks them as not seen.
 
-    Those are frames in which a coordinate is missing, or all three are 0 or one number as large
-    as 9999 (-9999, 9999.99, 99999).
+    In those frames a coordinate is missing, all three are 0, or all three are one number of at
+    least 9999 in size (-9999, 9999.99, 99999).
     """
     for track in np.moveaxis(positions, 1, 0):
         x, y, z = track.T
@@ -272,36 +273,37 @@ def assembled(
     remarks: tuple[str, ...] = (),
     **others: Any,
 ) -> RawRecording:
-    """Make a recording of what stands in a file: settle its unit, rate and time.
+    """Make a recording from the contents of a file: settle its unit, rate and time.
 
     Parameters
     ----------
     place : str
         The file, for messages.
     named : tuple
-        What `distinct_names` returned.
+        Output of `distinct_names`.
     positions : (N, M, 3) array
-        In the unit stated; multiplied in place, once what says "unseen" is NaN (`blank_unseen`).
+        In the stated unit. Unseen positions are set to NaN (`blank_unseen`), then all are scaled in
+        place.
     number : (N,) array
         Number of each frame, from 1.
     stamps : (N,) array, optional
         Time of each frame as printed, s.
     unit : tuple of str
-        Where the file states its unit, and how it spells it; empty if it does not.
+        Where the file states its unit, and its spelling; empty if it does not.
     rates_hz : tuple
-        Rate that the file states, and ``input.rate_hz``, Hz, or None. If stamps alone tell the
-        rate, it is theirs.
+        Rate stated by the file, and ``input.rate_hz``, Hz, or None. If the file states none, the
+        time stamps give its rate.
     rate_place : str
-        Where the rate should stand, by default the file.
+        Where the rate should stand; by default the file.
     remarks : tuple of str
-        Those of the reader.
+        Remarks of the reader.
     **others
         Further fields of the recording.
 
     Raises
     ------
     RecordingError
-        If the unit is none, or no rate is known.
+        If the unit is not one of length, or no rate is known.
     """
     of_unit, factor = metric(*unit) if unit[1] else (USUAL_UNIT, 1.0)
     blank_unseen(positions)
@@ -320,18 +322,18 @@ def assembled(
 
 
 def frame_count(place: str, key: str, stated: float | None, n_rows: int) -> tuple[str, ...]:
-    """Remark on a stated number of frames that is not that of the rows."""
+    """Return a remark if the stated number of frames differs from the number of rows."""
     if stated is None or stated == n_rows:
         return ()
     found = f"{n_rows} rows, which are taken" + "; was the file cut short?" * (n_rows < stated)
     return (mismatch(f"{place}: {key}", f"{stated:g} frames as stated", found),)
 
 
-# The axes of a file, and those of a recording, where z is up.
+# Axes of the file and axes of the recording, in which z is up.
 
-# The recording's x, y, z as directions of the file, for each direction that pointed up there. Along
-# an axis they are exchanged in a circle; against one, the first and the last of these are mirrored
-# as well. So all are proper rotations, which keep right from left.
+# Directions of the file that become the recording's x, y, z, for each direction that pointed up in
+# the file. If an axis pointed up, the axes are permuted cyclically; if its opposite did, the first
+# and the last of them are also mirrored. All are proper rotations, which keep right and left apart.
 FILE_AXES = {
     "x": ("y", "z", "x"), "y": ("z", "x", "y"), "z": ("x", "y", "z"),
     "-x": ("-y", "z", "-x"), "-y": ("-z", "x", "-y"), "-z": ("-x", "y", "-z"),
@@ -342,9 +344,9 @@ DIRECTIONS = ("x", "-x", "y", "-y", "z", "-z")
 
 
 def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
-    """Turn (..., 3) positions so that the direction that pointed up, one of `FILE_AXES`, becomes z.
+    """Turn (..., 3) positions so that the given up direction, one of `FILE_AXES`, becomes z.
 
-    Numbers are exchanged and mirrored, so that none loses a digit.
+    Coordinates are only exchanged and negated, so no digit is lost.
     """
     axes = chosen("input.vertical_axis", vertical_axis, FILE_AXES)
     if axes == FILE_AXES["z"]:
@@ -359,38 +361,38 @@ def along(positions: FloatArray, direction: str) -> FloatArray:
 
 
 def opposite(axis: str) -> str:
-    """Return the direction against one of the file's: ``"-x"`` for ``"x"``, and back."""
+    """Return the opposite direction: ``"-x"`` for ``"x"``, and vice versa."""
     return axis.removeprefix("-") if axis.startswith("-") else f"-{axis}"
 
 
 def along_file(offset: FloatArray, vertical_axis: str) -> dict[str, float]:
-    """Return an offset (3,) of the recording by the axes of the file."""
+    """Return an offset (3,) of the recording along the axes of the file."""
     pairs = zip(FILE_AXES[vertical_axis], offset.tolist(), strict=True)
     parts = {axis[-1]: -value if axis.startswith("-") else value for axis, value in pairs}
     return {axis: parts[axis] for axis in "xyz"}
 
 
-# Time stamps and frame rate of a file: what agrees, what is only rounded, what is irregular.
+# Time stamps and frame rate of a file: consistent, rounded or irregular.
 
-SNAP = 0.05  # of a frame: time stamps this near to the nominal grid are its rounded values
-FINER = 0.9  # of a frame: the last decimal of stamps that are not printed to whole frames
+SNAP = 0.05  # frames; stamps this close to the nominal grid are rounded values of it
+FINER = 0.9  # frames; a last decimal below this means that stamps are not printed to whole frames
 _MOST_DECIMALS = 6
 
 
 def settle(
     place: str, stamps: FloatArray, number: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Put time stamps back onto the grid from which they were printed.
+    """Put time stamps back onto the grid they were rounded from.
 
-    Exports round the time to 10 us or 1 ms, and some spread N frames over N / rate. Stamps that
-    are evenly spaced but for that are those of the cameras' clock; all others stay as they are,
-    for the checks to judge.
+    Exports round the time to 10 us or 1 ms, and some spread N frames over N / rate. Stamps that are
+    otherwise evenly spaced follow the cameras' clock. All others are left unchanged for the checks
+    to judge.
 
     Parameters
     ----------
     place : str
         The file, for the remark.
-    stamps, number : (N,) array
+    Time of each frame as printed, s, and its frame number.
         Time of each frame as printed, s, and the frame's number.
     rate_hz : float
         The nominal rate, Hz.
@@ -398,7 +400,7 @@ def settle(
     Returns
     -------
     time : (N,) array
-        s.
+        Time of each frame, s.
     remarks : tuple of str
     """
     number = _with_missing_rows(stamps, number)
@@ -415,10 +417,11 @@ def settle(
 
 
 def _fitting_grid(stamps: FloatArray, number: FloatArray, rate_hz: float) -> FloatArray | None:
-    """Return the grid of which the stamps are the rounded times; None if there is none.
+    """Return the grid that the stamps are rounded from; None if there is none.
 
-    It begins at the first stamp or, since that is rounded too, midway between the bounds that all
-    stamps set. (Not where they are printed to whole frames: a stamp that is repeated would pass.)
+    It begins at the first stamp or, since that is rounded too, midway between the bounds set by all
+    stamps. The second choice is not tried for stamps printed to whole frames, because it would
+    accept a repeated stamp.
     """
     ticks: FloatArray = (number - number[0]) / rate_hz
     late = stamps - ticks
@@ -430,12 +433,12 @@ def _fitting_grid(stamps: FloatArray, number: FloatArray, rate_hz: float) -> Flo
 
 
 def on_the_grid(stamps: FloatArray, grid: FloatArray, rate_hz: float) -> bool:
-    """Tell whether stamps are those of the grid but for the rounding with which they were printed.
+    """Tell whether stamps agree with the grid to within their rounding.
 
     Parameters
     ----------
     stamps, grid : (N,) array
-        Time of each frame as printed, and as it would be at the nominal rate, s.
+        Time of each frame as printed, and at the nominal rate, s.
     rate_hz : float
         The nominal rate, Hz.
     """
@@ -445,23 +448,24 @@ def on_the_grid(stamps: FloatArray, grid: FloatArray, rate_hz: float) -> bool:
 
 
 def printed_digit(stamps: FloatArray) -> float:
-    """Place of the last decimal with which time stamps (N,) were printed, s; at least 1 us."""
+    """Return the last decimal place printed in time stamps (N,), s; at least 1 us."""
     shown = ((n, np.round(stamps, n)) for n in range(_MOST_DECIMALS))
     told = (n for n, one in shown if np.allclose(stamps, one, rtol=1e-12, atol=1e-9))
     return float(10.0 ** -next(told, _MOST_DECIMALS))
 
 
 def rate_of(stamps: FloatArray, number: FloatArray, *, whole: bool = True) -> float | None:
-    """Frame rate by time stamps and frame numbers (N,), Hz; None if they do not tell.
+    """Return the frame rate from time stamps and frame numbers (N,), Hz; None if undetermined.
 
-    With `whole`, a rate within the usual rounding of a whole number is that number; and where the
-    first and last stamp are too coarse, it is that of fewest decimals that gives all stamps.
+    With `whole`, a rate within the usual rounding of a whole number becomes that number. If the
+    first and last stamps are too coarse, the rate is the one of fewest decimals that reproduces all
+    stamps.
     """
     if len(stamps) < 2 or not (stamps[-1] > stamps[0] and number[-1] > number[0]):
         return None
     number = _with_missing_rows(stamps, number)
     rate = (number[-1] - number[0]) / (stamps[-1] - stamps[0])
-    if whole and rate > 0 and _fitting_grid(stamps, number, rate) is None:  # two are too coarse
+    if whole and rate > 0 and _fitting_grid(stamps, number, rate) is None:  # ends are too coarse
         slope = float(np.polyfit(number - number[0], stamps, 1)[0])
         plain = (round(1 / slope, n) for n in range(_MOST_DECIMALS) if slope > 0)
         fitting = (x for x in plain if x > 0 and _fitting_grid(stamps, number, x) is not None)
@@ -471,9 +475,9 @@ def rate_of(stamps: FloatArray, number: FloatArray, *, whole: bool = True) -> fl
 
 
 def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
-    """Let frame numbers (N,) go on by as many frames as are missing by the time stamps, s.
+    """Advance frame numbers (N,) by the frames that are missing according to the time stamps, s.
 
-    Rows may have been cut out of a table whose frames are counted by its rows.
+    Rows may have been cut out of a table whose frames are numbered by its rows.
     """
     steps, frames = np.diff(stamps), np.diff(number)
     if not (frames > 0).all() or not stamps[-1] > stamps[0]:
@@ -491,7 +495,7 @@ def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
 
 
 def events_outside(place: str, raw: RawRecording) -> tuple[str, ...]:
-    """Remark on events before the first frame or after the last."""
+    """Return a remark on events before the first frame or after the last."""
     if not len(raw.time):
         return ()
     (first, last), frame_s = raw.time[[0, -1]].tolist(), 1 / raw.rate_hz
@@ -500,9 +504,9 @@ def events_outside(place: str, raw: RawRecording) -> tuple[str, ...]:
     return (f"{place}: {told} ({first:.6g} to {last:.6g} s)",) * bool(outside)
 
 
-PAUSE_S = 1.0  # between files that do not say when they began; longer than any landing
+PAUSE_S = 1.0  # s, between files that do not state their start; longer than any landing
 
 
 def is_pause(time: FloatArray, rate_hz: float) -> BoolArray:
-    """Tell which steps of time stamps (N,), s, are pauses, (N - 1,): nothing was recorded then."""
+    """Tell which steps of time stamps (N,), s, are pauses in the recording, (N - 1,)."""
     return np.asarray(np.diff(time) > PAUSE_S - 0.5 / rate_hz)
