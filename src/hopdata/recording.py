@@ -1,11 +1,9 @@
 """The `Recording`: marker positions over time, in SI units, with z up."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -134,7 +132,7 @@ class Recording(Shown):
         feet: Iterable[str],
         body: Iterable[str],
         name: str = "recording",
-    ) -> Recording:
+    ) -> Self:
         """Make a recording from arrays.
 
         Parameters
@@ -206,7 +204,7 @@ class Recording(Shown):
             return f"{self.source.partition(', ')[0]} and {more} more"
         return self.source or f"recording '{self.name}'"
 
-    def part(self, frames: slice) -> Recording:
+    def part(self, frames: slice) -> Self:
         """Return a recording of these frames only; taking every second frame halves the rate."""
         if not isinstance(frames, slice) or (frames.step or 1) < 0:
             raise ArgumentError.at("frames", "a slice such as slice(0, 1000)", f"{frames!r}")
@@ -239,7 +237,7 @@ class Recording(Shown):
         """Factor for times: the root of the scale, since gravity is the same at all sizes."""
         return float(np.sqrt(self.scale))
 
-    def of_1_m(self) -> Recording:
+    def of_1_m(self) -> Self:
         """Return the recording scaled to an animal of 1 m, with gravity unchanged."""
         if self.scale == 1.0:
             return self

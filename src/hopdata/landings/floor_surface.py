@@ -1,10 +1,8 @@
 """The floor's surface: a polynomial inside a rim, and the mount heights of the feet."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial.polynomial import polyvander
@@ -65,7 +63,7 @@ class RestPoints:
         apart = (np.diff(self.foot) != 0) | (np.diff(self.time) > pause_s)
         return int(apart.sum()) + (len(self.foot) > 0)
 
-    def take(self, keep: NDArray[Any] | slice) -> RestPoints:
+    def take(self, keep: NDArray[Any] | slice) -> Self:
         """Return the points that `keep` selects."""
         per_point = ("points", "foot", "time", "let_go")
         return replace(self, **{name: getattr(self, name)[keep] for name in per_point})
@@ -247,7 +245,7 @@ class FloorModel:
         return out | {"terms": [list(term) for term in self.terms], "feet": list(self.feet)}
 
     @classmethod
-    def from_dict(cls, fields: Mapping[str, Any]) -> FloorModel:
+    def from_dict(cls, fields: Mapping[str, Any]) -> Self:
         """Make the model from the fields that `to_dict` returns."""
         arrays = ("coefficients_m", "centre_m", "rim_m", "foot_offsets_m", "moved_s", "moved_m")
         made = dict(fields) | {name: np.array(fields[name], dtype=float) for name in arrays}

@@ -1,15 +1,13 @@
 """Pairs: states of the body at the pre and the post section, in the home frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, Shown
+from hopdata.arrays import FloatArray, Shown, h5py
 from hopdata.errors import AnalysisError
 from hopdata.jobs import whole_file
 
@@ -69,7 +67,7 @@ class Pairs(Shown):
     def __len__(self) -> int:
         return len(self.schedule)
 
-    def with_units(self, length_m: float, time_s: float) -> Pairs:
+    def with_units(self, length_m: float, time_s: float) -> Self:
         """Return the same pairs with units, m and s, > 0, for `normalised`."""
         return replace(self, length_unit_m=length_m, time_unit_s=time_s)
 
@@ -110,8 +108,6 @@ def write_pairs(path: str | Path, pairs: Pairs) -> None:
     `OPTIONAL` are written only if known. The file's attributes are body_markers, length_unit_m and
     time_unit_s.
     """
-    import h5py
-
     text = h5py.string_dtype()
     with whole_file(path) as partial, h5py.File(partial, "w", locking=False) as file:
         for name, description in DESCRIPTIONS.items():
@@ -134,8 +130,6 @@ def read_pairs(path: str | Path) -> Pairs:
     AnalysisError
         If the file does not exist or does not contain pairs.
     """
-    import h5py
-
     try:
         with h5py.File(path, "r", locking=False) as file:
             text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}

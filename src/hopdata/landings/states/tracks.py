@@ -1,10 +1,8 @@
 """Frames of the markers about given instants, summed for fits of polynomials in time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
@@ -39,9 +37,9 @@ class Windows:
     stop: IntArray
     scale: float
 
-    def some(self, rows: IntArray | slice) -> Windows:
+    def some(self, rows: IntArray | slice) -> Self:
         """Return the windows of some of the instants."""
-        return Windows(self.near[rows], self.start[rows], self.stop[rows], self.scale)
+        return replace(self, near=self.near[rows], start=self.start[rows], stop=self.stop[rows])
 
 
 @dataclass(frozen=True)
@@ -94,13 +92,13 @@ class Moments:
         """Number of polynomials, K."""
         return self.gram.shape[-1]
 
-    def lower(self, degree: int) -> Moments:
+    def lower(self, degree: int) -> Self:
         """Return the moments of the polynomials up to a degree."""
         kept = slice(0, degree + 1)
         gram, product = self.gram[..., kept, kept], self.product[..., kept]
         return replace(self, gram=gram, product=product, powers=self.powers[kept, kept])
 
-    def some(self, rows: IntArray) -> Moments:
+    def some(self, rows: IntArray) -> Self:
         """Return the moments of some of the windows."""
         return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
 
