@@ -7,13 +7,14 @@ These functions compare the results of the pipeline with the facts of the simula
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import chosen
+from hopdata.landings.floor_surface import FloorModel
 from hopdata.landings.overlay import match_instants
 from hopdata.landings.schedules import AMBIGUOUS, schedule_names
 from hopdata.landings.sections.frames import kept_frames
@@ -22,10 +23,7 @@ from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth import maps
 from hopdata.maps.truth.maps import Entries, entry, mean, quantile
 from hopdata.maps.truth.scaling import score_scaling
-
-if TYPE_CHECKING:
-    from hopdata.landings.floor_surface import FloorModel
-    from hopdata.recording import Truth
+from hopdata.recording import Truth
 
 # Matching of touchdowns found with true landings, one to one, by time.
 
