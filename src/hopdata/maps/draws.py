@@ -4,6 +4,7 @@ import zlib
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hopdata.arrays import IntArray
 
@@ -82,9 +83,20 @@ def _shuffled(steps: IntArray, population: int) -> IntArray:
     return drawn
 
 
-# Notes on schedules with too few landings.
+# Landings by schedule, and notes on schedules with too few of them.
 
 Notes = list[dict[str, str]]
+
+
+def grouped(schedule: NDArray[np.str_], least: int) -> tuple[dict[str, IntArray], dict[str, int]]:
+    """Return the rows of each schedule with at least `least` landings, and the sizes of the others.
+
+    Landings without a schedule (empty) are left out.
+    """
+    rows = {str(name): np.flatnonzero(schedule == name) for name in np.unique(schedule) if name}
+    rare = {name: len(own) for name, own in rows.items() if len(own) < least}
+    return {name: own for name, own in rows.items() if name not in rare}, rare
+
 
 MOST_ONE_BY_ONE = 6  # schedules; more than these share one note
 

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.maps.affine import affine_test_errors, checked, mean_test_errors, pooled_basis
-from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
+from hopdata.maps.draws import Notes, distinct_draws, grouped, named_generator, rare_notes
 
 # The landings that each model of Fig. 2.4 draws from, and the sizes of its splits.
 
@@ -53,14 +53,8 @@ def select_populations(
 
     Near and far landings have a contact spread below and above the median of all landings.
     """
-    populations = []
-    rare: dict[str, int] = {}
-    for name in sorted({str(item) for item in schedule if item}):
-        rows = np.flatnonzero(schedule == name)
-        if len(rows) >= minimum_class:
-            populations.append(Population("class", name, rows))
-        else:
-            rare[name] = len(rows)
+    classes, rare = grouped(schedule, minimum_class)
+    populations = [Population("class", name, rows) for name, rows in classes.items()]
     notes = rare_notes("specialised models", rare, f"at least {minimum_class} wanted")
     if not populations:
         reason = f"no mode schedule has {minimum_class} touchdowns"

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.draws import Notes, chunks, distinct_draws, named_generator, rare_notes
+from hopdata.maps.draws import Notes, chunks, distinct_draws, grouped, named_generator, rare_notes
 
 #: Arc lengths d below this need the sines: an error e in each cosine changes d by k e / d.
 _SMALL_ARC_LENGTH = 0.5
@@ -185,19 +185,15 @@ def bootstrap_subspaces(
     if len(x) < 2 or unknown.size:
         there = f"{unknown.size} others, the first in row {unknown[0]}" if unknown.size else len(x)
         raise AnalysisError.at("subspaces", "at least 2 landings, all finite", there)
-    names = np.asarray(schedule, str)
+    classes, rare = grouped(np.asarray(schedule, str), samples)
     pairs = np.hstack([x, y]) @ pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
     bases: dict[str, FloatArray] = {}
-    notes, rare = [], {}
+    notes = []
     if not components and k < x.shape[1] - 1:  # the markers need more than a draw's landings span
         what = f"{k} components instead of {x.shape[1] - 1}"
         notes.append(_note(what, f"{samples} landings span no more: set subspaces.samples"))
-    for name in sorted(set(names.tolist()) - {""}):
-        rows = np.flatnonzero(names == name)
-        if len(rows) < samples:
-            rare[name] = len(rows)
-            continue
+    for name, rows in classes.items():
         what = f"subspaces of schedule {name}"
         if k >= samples or k > pairs.shape[1]:
             span = f"{samples} landings span at most {samples - 1} of {pairs.shape[1]} dimensions"
