@@ -40,18 +40,12 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
             parts = [recording.markers.index(one) for one in foot["markers"]]
             order.append((str(foot["name"]), "foot", parts))
             order += [(recording.markers[part], "part", [part]) for part in parts]
-    rows = np.arange(len(recording.time))
-    lowest = [np.argmin(recording.positions[:, of, 2], axis=1) for _, _, of in order]
-    which = [np.asarray(of)[low] for (_, _, of), low in zip(order, lowest, strict=True)]
-    positions = np.stack([recording.positions[rows, marker] for marker in which], axis=1)
-    filled = recording.filled
-    return replace(
-        recording,
-        positions=positions,
-        markers=tuple(name for name, _, _ in order),
-        roles=tuple(role for _, role, _ in order),
-        filled=None if filled is None else filled[:, [of[0] for _, _, of in order]],
-    )
+    markers, roles, groups = zip(*order, strict=True)
+    rows, all_of_it = np.arange(len(recording.time)), recording.positions
+    lowest = [np.asarray(of)[np.argmin(all_of_it[:, of, 2], axis=1)] for of in groups]
+    positions = np.stack([all_of_it[rows, marker] for marker in lowest], axis=1)
+    filled = None if recording.filled is None else recording.filled[:, [of[0] for of in groups]]
+    return replace(recording, positions=positions, markers=markers, roles=roles, filled=filled)
 
 
 def parts_of_feet(recording: Recording) -> list[list[int]]:
