@@ -171,9 +171,8 @@ def _variants(
     for half, name in enumerate(("first half", "second half")):
         ends = [slice(*(0, len(one.time) // 2, None)[half : half + 2]) for one in recordings]
         yield "half", name, [*map(Recording.part, recordings, ends)], {}
-    if len(recordings) > 1:
-        for recording in recordings:
-            yield "recording", recording.name, [recording], {}
+    for recording in recordings if len(recordings) > 1 else ():
+        yield "recording", recording.name, [recording], {}
 
 
 def _farthest_frames(

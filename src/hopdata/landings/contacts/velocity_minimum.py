@@ -164,13 +164,12 @@ def example_touchdown(recordings: Sequence[Recording], table: pd.DataFrame) -> p
     about = slice(max(shown[0] - reach, 0), shown[-1] + reach + 1)
     velocity = np.full(heights.shape, np.nan)
     velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
-    return pd.DataFrame(
-        {
-            "recording": recording.name,
-            "index": int(row["index"]),
-            "time_s": np.tile(time[frames] - row["t_pre_s"], len(feet)),
-            "foot": np.repeat(feet, len(shown)),
-            "height_m": heights[frames].T.ravel(),
-            "velocity_m_s": velocity[frames].T.ravel(),
-        }
-    )
+    columns = {
+        "recording": recording.name,
+        "index": int(row["index"]),
+        "time_s": np.tile(time[frames] - row["t_pre_s"], len(feet)),
+        "foot": np.repeat(feet, len(shown)),
+        "height_m": heights[frames].T.ravel(),
+        "velocity_m_s": velocity[frames].T.ravel(),
+    }
+    return pd.DataFrame(columns)

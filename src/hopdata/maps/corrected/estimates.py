@@ -119,14 +119,13 @@ def coefficient_table(
 
     The last is the rms displacement of the markers, mm, per standard deviation of the input.
     """
-    return pd.DataFrame(
-        {
-            "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),
-            "output": np.tile(OUTPUT_NAMES, len(INPUT_NAMES)),
-            "value": coefficients.ravel(),
-            "standardised": (1e3 * input_sd[:, None] * coefficients * weights).ravel(),
-        }
-    )
+    columns = {
+        "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),
+        "output": np.tile(OUTPUT_NAMES, len(INPUT_NAMES)),
+        "value": coefficients.ravel(),
+        "standardised": (1e3 * input_sd[:, None] * coefficients * weights).ravel(),
+    }
+    return pd.DataFrame(columns)
 
 
 @one_blas_thread()
