@@ -266,8 +266,7 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
         return {}
     row = errors.iloc[0]
     inside = bool(row["low"] <= row["true_effect"] <= row["high"])
-    numbers = row.rename({"estimate": "effect"})
     covers = entry(inside, "yes/no", "Whether the verdict's interval holds the true difference")
     told = TOLD["verdict"].items()
-    found = {f"verdict_{k}": entry(float(numbers[k]), "1", what) for k, what in told}
+    found = {name: entry(float(row[column]), "1", what) for name, (column, what) in told}
     return {**found, "verdict_interval_covers": covers}
