@@ -1,4 +1,4 @@
-"""A ring of the newest frames: one thread writes, others read, and no reader holds it up."""
+"""A ring buffer of the newest frames: one thread writes, others read without delaying it."""
 
 import asyncio
 import threading
@@ -20,19 +20,19 @@ class Frame:
     Parameters
     ----------
     epoch : int
-        Counts the connections; camera times of two epochs have nothing to do with each other.
+        Number of the connection or camera clock; camera times of two epochs are unrelated.
     number : int
         Frame number of the camera system.
     time_s : float
         Camera time, s.
     arrival_s : float
-        When it arrived, on the monotonic clock, s.
+        Arrival time on the monotonic clock, s.
     captured_s : float
-        When it was captured, on the monotonic clock, s: camera time and the shortest delay seen.
+        Capture time on the monotonic clock, s: camera time plus the shortest delay seen.
     markers : (M, 3) array
-        m, NaN for those not seen; not to be written.
+        Positions, m; NaN if not seen. Read-only once in the buffer.
     index : int
-        Place among all frames written so far, from 0; the buffer counts them.
+        Index among all frames written so far, from 0; assigned by the buffer.
     """
 
     epoch: int
@@ -47,19 +47,19 @@ class Frame:
 class FrameBuffer:
     """Holds the newest frames.
 
-    Frames are made once and never changed, and a slot is replaced by a single assignment. A reader
-    so gets whole frames however long it takes, and the writer waits for nobody.
+    Frames are immutable, and a slot is replaced by a single assignment. So a reader gets whole
+    frames however long it takes, and the writer never waits.
     """
 
     def __init__(self, capacity: int = 256) -> None:
         if capacity < 1:
             raise ValueError(f"capacity: expected at least one frame, found {capacity}")
         self._slots: list[Frame | None] = [None] * capacity
-        self.written = 0  # frames, since the beginning
+        self.written = 0  # frames since the beginning
         self._news = threading.Condition()
 
     def write(self, frame: Frame) -> None:
-        """Put in a frame, in place of the oldest one."""
+        """Add a frame, replacing the oldest one."""
         markers, index = frame.markers.copy(), self.written
         markers.flags.writeable = False
         self._slots[index % len(self._slots)] = replace(frame, markers=markers, index=index)
@@ -72,41 +72,40 @@ class FrameBuffer:
         return self._slots[(written - 1) % len(self._slots)] if written else None
 
     def since(self, index: int) -> list[Frame]:
-        """Return the frames from `index` on that are still there, oldest first.
+        """Return the frames from `index` on that are still in the buffer, oldest first.
 
-        If more have come than the buffer holds, the first of these has a higher index.
+        If more have come than the buffer holds, the first frame returned has a higher index.
         """
         written = self.written
         first = max(index, written - len(self._slots), 0)
         slots = (self._slots[k % len(self._slots)] for k in range(first, written))
-        # What was overwritten in the meantime is left for the next time.
+        # Slots overwritten in the meantime are left for the next call.
         return [frame for frame in slots if frame is not None and frame.index < written]
 
     def wait(
         self, index: int, timeout_s: float, *, unless: Callable[[], bool] = lambda: False
     ) -> bool:
-        """Wait for the frame `index`, or until `unless` is true; say whether the frame has come."""
+        """Wait for frame `index` or until `unless` is true; return whether the frame has come."""
         with self._news:
             self._news.wait_for(lambda: self.written > index or unless(), timeout_s)
         return self.written > index
 
     def wake(self) -> None:
-        """Make those who wait look again. The lock is only ever held for a look at the count."""
+        """Make waiting readers check again. The lock is only ever held to check the count."""
         with self._news:
             self._news.notify_all()
 
 
-# What is counted on the way.
+# Counters.
 
 
 @dataclass
 class StreamCounts:
-    """What came, in frames, markers, packets and connections, and what did not.
+    """Frames, markers, packets and connections that came, and those that did not.
 
-    `missing` frames are those whose numbers were skipped; `outdated` ones came twice, or after one
-    with a higher number, and were left out; `garbled` packets were damaged and left
-    out, and so were frames with implausible numbers, times or positions; in `broken` connections
-    it was lost where packets begin.
+    `missing` frames have skipped numbers. `outdated` frames came twice or after a frame with a
+    higher number, and were dropped. `garbled` packets were damaged, or had an implausible number,
+    time or position, and were dropped. In `broken` connections the packet boundaries were lost.
     """
 
     frames: int = 0
@@ -122,14 +121,14 @@ class StreamCounts:
 
 @dataclass
 class LoopCounts:
-    """Frames read, frames that were overwritten before, and frames that could not be understood."""
+    """Frames read, frames overwritten before they were read, and frames that raised an error."""
 
     frames: int = 0
     overrun: int = 0
     failed: int = 0
 
 
-# Threads: one that works until it is told to stop, and one that runs a coroutine until then.
+# Threads: one that works until it is stopped, and one that runs a coroutine until then.
 
 JOIN_S = 10.0
 
@@ -150,7 +149,7 @@ class Worker:
         return self
 
     def close(self) -> None:
-        """Wait for the end of the thread; a second call does nothing.
+        """Stop the thread and wait for its end; a second call does nothing.
 
         Raises
         ------
@@ -184,19 +183,19 @@ class LoopThread(Worker):
         self._task: asyncio.Task[Any] | None = None
 
     def start(self) -> Self:
-        """Start the thread, and return when its loop runs."""
+        """Start the thread, and return once its event loop runs."""
         super().start()
         self._begun.wait()
         return self
 
     def call(self, function: Callable[..., object], *arguments: object) -> None:
-        """Call a function in the thread, soon; nothing happens if the thread has ended."""
-        with suppress(RuntimeError):  # of a loop that is closed
+        """Schedule a call in the thread; nothing happens if the thread has ended."""
+        with suppress(RuntimeError):  # if the event loop is closed
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     def close(self) -> None:
-        """Cancel the coroutine and wait for the end of the thread, as `Worker.close` does."""
+        """Cancel the coroutine and wait for the end of the thread, like `Worker.close`."""
         if self._task is not None:
             self.call(self._task.cancel)
         super().close()
@@ -217,7 +216,7 @@ class LoopThread(Worker):
         await self._main()
 
 
-# States of a live stream, with a log of when each began and why.
+# States of a live stream, with a log of when and why each began.
 
 State = Literal["idle", "connecting", "streaming", "stale", "lost", "failed", "closed"]
 
@@ -226,7 +225,7 @@ LONGEST_LOG = 10_000
 
 @dataclass(frozen=True)
 class Status:
-    """State of the stream from `at_s` on the monotonic clock, s, and what brought it about."""
+    """State of the stream since `at_s` on the monotonic clock, s, and its cause."""
 
     state: State
     at_s: float
@@ -234,7 +233,7 @@ class Status:
 
 
 class StatusLog:
-    """The present state, and the last ones; safe to use from several threads."""
+    """The current state and a log of past ones; thread-safe."""
 
     def __init__(self) -> None:
         self._log: deque[Status] = deque([Status("idle", time.monotonic())], LONGEST_LOG)
@@ -242,43 +241,43 @@ class StatusLog:
 
     @property
     def status(self) -> Status:
-        """The present state."""
+        """The current state."""
         return self._log[-1]
 
     def history(self) -> tuple[Status, ...]:
-        """Return all states so far, oldest first."""
+        """Return all logged states, oldest first."""
         with self._changed:
             return tuple(self._log)
 
     def report(self, state: State, message: str = "") -> None:
-        """Begin a state."""
+        """Enter a state."""
         with self._changed:
             self._log.append(Status(state, time.monotonic(), message))
             self._changed.notify_all()
 
     def wait_for(self, *states: State, timeout_s: float) -> Status | None:
-        """Wait until the state is one of these; None if that does not come about in time."""
+        """Wait until the state is one of these; return it, or None after the timeout."""
         with self._changed:
             reached = self._changed.wait_for(lambda: self.status.state in states, timeout_s)
             return self.status if reached else None
 
 
-# Where frames come from.
+# Sources of frames.
 
 
 class Stream(LoopThread):
-    """Puts frames into a buffer, between `start` and `close` or within a context."""
+    """Writes frames to a buffer, between `start` and `close` or within a context."""
 
     def __init__(self, name: str, main: Main, capacity: int) -> None:
         super().__init__(name, main)
         self.buffer, self.counts, self.states = FrameBuffer(capacity), StreamCounts(), StatusLog()
 
     def close(self) -> None:
-        """Hang up, and wait until the thread has ended."""
+        """Disconnect, and wait until the thread has ended."""
         super().close()
         self.states.report("closed")
         self.buffer.wake()
 
     def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
-        """Wait for the first frame, and return the state then."""
+        """Wait for the first frame, and return the state reached."""
         return self.states.wait_for("streaming", "lost", timeout_s=timeout_s) or self.states.status

@@ -20,14 +20,14 @@ from hopdata.steering.live.safety import Boom, Limits, Rest
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
 
-LOOK_S = 0.02  # how often the caller may look, while the threads work
+LOOK_S = 0.02  # time between calls of `on_look` and checks of `stop`, in the caller's thread
 BUFFERED = 4096  # frames
-SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # those of them that the system has
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # used if the operating system has them
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What happened: decisions, states of the stream, rests of the boom, and what was counted."""
+    """Record of a drive: decisions, states of the stream, rests of the boom, and counters."""
 
     decisions: tuple[Decision, ...]
     states: tuple[Status, ...]
@@ -54,32 +54,32 @@ def drive(
     on_look: Callable[[ControlLoop, Stream], None] | None = None,
     log: DriveLog | None = None,
 ) -> Drive:
-    """Plan at each stance of a hopper that a Qualisys system sees, and tell its boom.
+    """Plan at each stance of a hopper that a Qualisys system sees, and command its boom.
 
-    Returns when `stop` is set, or after `seconds`. However it ends, the boom is then told to stay,
-    no thread is left, and the logs are written. So it is, too, when the process is told to end
-    by a signal, unless it is ignored, has a handler of the caller's own, or `drive` is not called
-    in the main thread.
+    Returns when `stop` is set, or after `seconds`. However it ends, the boom is then commanded to
+    stay, no thread is left, and the logs are written. This also holds if a signal ends the process,
+    unless the signal is ignored, the caller has a handler of their own, or `drive` is not called in
+    the main thread.
 
     Parameters
     ----------
     geometry : HopperGeometry
-        The hopper; its markers must be labelled in the camera system by the names that it has here.
+        The hopper; the camera system must label its markers by the names used here.
     controller : Controller
-        Plans the swings, as those of `hopdata.steering.control` do; of a plan nothing but its
-        `swing_rad` is used.
+        Plans the swings, like those of `hopdata.steering.control`; of a plan only its `swing_rad`
+        is used.
     boom : Boom
-        Told each swing.
+        Gets each swing.
     host, port : str, int
-        The camera system; the loopback address unless told otherwise.
+        Address of the camera system; the loopback address by default.
     stream : Stream, optional
-        In place of the camera system.
+        Replaces the camera system.
     stop : threading.Event
         Ends the drive; may be set from any thread.
     seconds : float, optional
-        Longest duration, counted from the first frame, s.
+        Longest duration, from the first frame on, s.
     first_frame_s : float
-        How long to wait for the first frame, s.
+        Longest wait for the first frame, s.
     rate_hz : float
         Frame rate of the camera system, Hz.
     limits, patience : optional
@@ -89,19 +89,19 @@ def drive(
     on_look : callable, optional
         Called every `LOOK_S` with the loop and the stream, in the caller's thread.
     log : DriveLog, optional
-        Written as the drive goes on, and closed at its end.
+        Written during the drive, and closed at its end.
 
     Raises
     ------
     ConfigError
         If the geometry has no boom, the controller no `plan`, or the boom no `swing`; nothing has
-        moved then.
+        moved by then.
     LiveError
-        If no frame comes, or the camera system is set up otherwise: a marker has another name, z is
-        not up, or the frame rate is not `rate_hz`.
+        If no frame comes, or the camera system is set up differently: a marker has another name, z
+        does not point up, or the frame rate is not `rate_hz`.
     SystemExit
-        After SIGINT, SIGTERM or SIGHUP (a terminal that closes), at the end, with 128 and the
-        number of the signal: 130, 143 or 129.
+        At the end, after SIGINT, SIGTERM or SIGHUP (a closed terminal), with 128 plus the number of
+        the signal: 130, 143 or 129.
     """
     _check_parts(geometry, controller, boom)
     names = (*geometry.body_names, str(geometry.boom_name))
@@ -112,7 +112,7 @@ def drive(
     said, counted = stream.states, stream.counts
 
     def fault() -> str:
-        """Say whether the stream has been lost after its first frame."""
+        """Return an error if the stream was lost after its first frame, else an empty string."""
         status = said.status
         gone = counted.frames and status.state in ("lost", "failed", "closed")
         return f"the stream is {status.state}: {status.message}" if gone else ""
@@ -152,9 +152,9 @@ def drive(
 
 
 class _Signals:
-    """Keeps the signals that end a process until the boom rests and the logs are written.
+    """Holds back signals that would end the process until the boom rests and the logs are written.
 
-    The first one is raised as `SystemExit`: at once where it is heeded, elsewhere at the end.
+    The first signal is raised as `SystemExit`: within `heeded` at once, otherwise at the end.
     """
 
     def __init__(self) -> None:
@@ -163,7 +163,7 @@ class _Signals:
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():  # no other may set handlers
+        if threading.current_thread() is threading.main_thread():  # others may set none
             for number in (getattr(signal, name) for name in SIGNALS if hasattr(signal, name)):
                 before = signal.getsignal(number)
                 if before in (signal.SIG_DFL, signal.default_int_handler):
@@ -178,7 +178,7 @@ class _Signals:
 
     @contextmanager
     def heeded(self) -> Iterator[None]:
-        """Let a signal end what is done inside, once."""
+        """Let a signal interrupt the body of this context, once."""
         self._heeded = True
         try:
             if self.first is not None:
@@ -195,7 +195,7 @@ class _Signals:
 
 
 def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -> None:
-    """Refuse at once what would hold each hop for ever."""
+    """Refuse at once any parts with which every hop would be held."""
     if geometry.boom_name is None or geometry.circle is None:
         how = "calibrate with a recording that has a marker with the role boom (markers.boom)"
         raise ConfigError.at("geometry", "a boom and its circle", f"none; {how}")

@@ -1,9 +1,9 @@
-"""The log of a drive: an HDF5 file that is written as it goes, read back, and played again.
+"""Log of a drive: an HDF5 file that is written during the drive, read back, and replayed.
 
-It is written so that others may read it meanwhile (HDF5's SWMR), and so that whatever ends the
-process leaves all but the last moment. `frames` are those that the loop took, in the order and the
-groups (`taken`) in which it took them; `decisions` has the columns of `Decision`; `events` are the
-states of the stream and the rests of the boom; `counts` what was counted.
+Others may read the file while it is written (HDF5's SWMR), and if the process dies, only the last
+moment is lost. `frames` are those that the loop took, in order, with the number of the batch they
+came in (`taken`). `decisions` has the columns of `Decision`. `events` are states of the stream and
+rests of the boom. `counts` are the counters.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hopdata.steering.live.loop import ControlLoop, Decision, Observers
 from hopdata.steering.live.safety import Limits, NoBoom, Rest
 
 FORMAT = "hopdata drive 1"
-WRITE_S = 0.25  # how often what has come is written
+WRITE_S = 0.25  # time between writes
 CHUNK = 256
 EVENT = np.dtype([("at_s", "f8"), ("sent_s", "f8"), ("kind", "S16"), ("text", "S200")])
 KINDS: dict[str, Any] = {"pose": "(3,)f8", "epoch": "i8", "outcome": "S16", "reason": "S200"}
@@ -37,23 +37,23 @@ logger = logging.getLogger(__name__)
 
 
 class DriveLog:
-    """Writes what it is told, in a thread of its own, which holds up nobody.
+    """Writes what it is given in a thread of its own, without delaying the callers.
 
     Parameters
     ----------
     path : path
-        The file, which is written anew.
+        The file; an existing one is replaced.
     markers : int
-        Number of markers of a frame.
+        Number of markers per frame.
     setup : mapping
-        What was asked for, kept as JSON.
+        Settings of the drive, stored as JSON.
     files : mapping
-        Contents of files that the drive was made with, by name.
+        Contents of the files used for the drive, by name.
 
     Raises
     ------
     OSError
-        If the file cannot be made.
+        If the file cannot be created.
     """
 
     def __init__(
@@ -90,18 +90,18 @@ class DriveLog:
         self._thread = threading.Thread(target=self._run, name="hopdata-log", daemon=True)
 
     def frames(self, frames: Sequence[Frame]) -> None:
-        """Keep frames that the loop has taken at a time."""
+        """Store a batch of frames that the loop has taken."""
         for f in frames:
             row = (self._taken, f.epoch, f.number, f.time_s, f.arrival_s, f.captured_s, f.markers)
             self._waiting["frames"].append(row)
         self._taken += 1
 
     def decision(self, decision: Decision) -> None:
-        """Keep a decision."""
+        """Store a decision."""
         self._waiting["decisions"].append(tuple(map(_stored, vars(decision).values())))
 
     def events(self, states: Sequence[Status], rests: Sequence[Rest]) -> None:
-        """Keep those of all states and rests so far that are new."""
+        """Store the new ones among all states and rests so far."""
         waiting, told = self._waiting["events"], self._told
         for s in states[told["states"] :]:
             waiting.append((s.at_s, np.nan, s.state.encode(), _stored(s.message)))
@@ -110,13 +110,13 @@ class DriveLog:
         told.update(states=len(states), rests=len(rests))
 
     def start(self, look: Callable[[], None]) -> Self:
-        """Begin to write; `look` is called before each time, to fetch events."""
+        """Start writing; `look` is called before each write, to fetch events."""
         self._look = look
         self._thread.start()
         return self
 
     def close(self, at_s: float, counts: Mapping[str, object]) -> None:
-        """Write the rest, and what each part has counted."""
+        """Write the remaining data and the counters of each part."""
         self._stop.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -134,7 +134,7 @@ class DriveLog:
         try:
             self._look()
             for name, rows in self._waiting.items():
-                count = len(rows)  # more may come meanwhile
+                count = len(rows)  # more may be added meanwhile
                 if count:
                     table = self._file[name]
                     table.resize(len(table) + count, axis=0)
@@ -146,7 +146,7 @@ class DriveLog:
 
 
 def _stored(value: object) -> object:
-    """Cut a text to what the log has room for, whole letters only."""
+    """Truncate a text to the space in the log, without splitting a character."""
     if not isinstance(value, str):
         return value
     return value.encode()[:200].decode(errors="ignore").encode()
@@ -154,7 +154,7 @@ def _stored(value: object) -> object:
 
 @dataclass(frozen=True)
 class LoggedDrive:
-    """What a log holds; tables as in the file, texts as text."""
+    """Contents of a log: tables as in the file, with decoded texts."""
 
     setup: dict[str, Any]
     files: dict[str, bytes]
@@ -165,12 +165,12 @@ class LoggedDrive:
 
 
 def read_log(path: str | Path) -> LoggedDrive:
-    """Read a log, also one whose drive goes on or was cut off.
+    """Read a log, even if its drive is still running or was cut off.
 
     Raises
     ------
     RecordingError
-        If it is missing or something else.
+        If it is missing or not a log.
     """
     import h5py
 
@@ -197,23 +197,23 @@ def _table(rows: NDArray[Any]) -> pd.DataFrame:
     )
 
 
-# A log played into the loop again.
+# Replay of a log in the loop.
 
 
 def replay(
     log: LoggedDrive, observers: Observers, controller: Controller, *, limits: Limits | None = None
 ) -> pd.DataFrame:
-    """Play the frames of a log into a loop, in the groups and at the times of then.
+    """Replay the frames of a log in a loop, in the original batches and at the original times.
 
-    Nothing is sent. The controller is asked where it was asked then, so that one that learns
-    learns the same.
+    Nothing is sent. The controller is called wherever it was called in the drive, so a learning
+    controller learns the same again.
 
     Returns
     -------
     DataFrame
-        One row a stance at which it was asked: ``told_s``, the swing that was planned then and the
-        one planned now (``then_rad, now_rad``), and whether pose and swing are the ``same`` to
-        the bit.
+        One row per stance at which it was called: ``told_s``, the swings planned in the drive and
+        now (``then_rad, now_rad``), and ``same``, whether inputs and swing are identical to the
+        bit.
     """
     then: dict[tuple[int, float], Any] = {
         (row["epoch"], row["told_s"]): row for row in log.decisions.to_dict("records")

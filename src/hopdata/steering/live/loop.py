@@ -1,8 +1,7 @@
-"""The control loop: a thread that plans at each stance and tells the boom (dissertation, Fig. 3.4).
+"""The control loop: a thread that plans at each stance and commands the boom (Fig. 3.4).
 
-Nothing that happens in it ends it: a controller that fails, a pose that is too old or a plan that
-comes too late lead to the safe command, which is to leave the boom where it is, and to a reason in
-the log.
+No event ends the loop: if the controller fails, a pose is too old or a plan is late, it sends the
+safe command, which leaves the boom where it is, and logs the reason.
 """
 
 from __future__ import annotations
@@ -24,50 +23,50 @@ from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stance, StanceDetector
 from hopdata.steering.observation.tracking import MISFIT, HopperTracker, Observation
 
-# What was decided at each stance, and why; and the table of it.
+# The decision at each stance, and its reason.
 
 Outcome = Literal["planned", "cut", "held", "overtaken"]
 
 
 @dataclass(frozen=True)
 class Decision:
-    """One stance, and the command that followed.
+    """A stance and the resulting command.
 
     Parameters
     ----------
     stance_s : float
-        Instant of the stance, camera time, s.
+        Time of the stance, camera time, s.
     told_s : float
-        Camera time of the frame that established it, s.
+        Camera time of the frame that revealed it, s.
     epoch : int
-        Which camera clock that is; see `hopdata.steering.live.buffer.Frame`.
+        The camera clock of these times; see `hopdata.steering.live.buffer.Frame`.
     pose : (x_m, y_m, heading_rad)
-        Newest pose when the stance was told, not of frames that came with it but are later; NaN if
-        there was none.
+        Newest pose up to the frame that revealed the stance, later frames of the batch excluded;
+        NaN if there was none.
     boom_angle_rad : float
-        Newest boom angle then.
+        Newest boom angle up to that frame.
     swung_rad : float
-        Swing since the stance before, as measured; NaN if it is not known.
+        Measured swing since the previous stance; NaN if unknown.
     asked_s : float
-        When it was decided, on the loop's clock, s.
+        Time of the decision on the loop's clock, s.
     pose_age_s, boom_age_s : float
-        How old they were at planning, s.
+        Their ages at the decision, s.
     outcome : str
-        "planned": the command is the controller's. "cut": it is, but cut to the limit. "held": the
-        boom was told to stay, for `reason`. "overtaken": nothing was sent, since another stance
-        had been seen in the meantime.
+        "planned": the controller's command was sent. "cut": so it was, but clipped to the limit.
+        "held": the boom was commanded to stay, for `reason`. "overtaken": nothing was sent, since
+        another stance had been seen in the meantime.
     planned_rad : float
-        Swing that the controller answered; NaN if it was not asked, or failed.
+        The controller's swing; NaN if it was not called, or failed.
     command_rad : float
         Swing that was sent, rad; NaN if none.
     planning_s : float
-        Time that the controller took, s; NaN if it was not asked.
+        Time that the controller took, s; NaN if it was not called.
     latency_s : float
-        From the arrival of the frame that established the stance to the command, s.
+        From the arrival of the frame that revealed the stance to the command, s.
     since_stance_s : float
         From the stance itself to the command, s.
     reason : str
-        Why it was not simply planned and sent.
+        Why the planned swing was not sent as it is.
     """
 
     stance_s: float
@@ -92,25 +91,25 @@ Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
 
 
 def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
-    """Return what makes a tracker and a detector of a hopper's markers, the boom after the body."""
+    """Return a function that makes a tracker and a stance detector; the boom follows the body."""
     names = (*geometry.body_names, str(geometry.boom_name))
     return lambda: (HopperTracker(geometry, names), StanceDetector(geometry, rate_hz=rate_hz))
 
 
 LOOK_UP_S = 0.5
 SAME_CLOCK_S = 0.5
-MISFITS = 3  # frames in a row whose markers do not fit together: some are exchanged
+MISFITS = 3  # consecutive frames whose markers do not fit together: some are swapped
 
 
 class ControlLoop(Worker):
     """Waits for frames, and plans at each stance.
 
-    Used as a context manager, or with `start` and `close`.
+    Use it as a context manager, or with `start` and `close`.
 
     Parameters
     ----------
     buffer : FrameBuffer
-        Where the frames come in.
+        Source of the frames.
     observers : callable
         Returns a new tracker and a new stance detector; called when a camera clock begins.
     controller : Controller
@@ -119,14 +118,14 @@ class ControlLoop(Worker):
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
     on_frames : callable, optional
-        Called with the frames that are taken at a time, before they are.
+        Called with each batch of frames, before it is processed.
     fault : callable, optional
-        Returns what else is a cause to rest, or an empty string.
+        Returns another cause to bring the boom to rest, or an empty string.
     stop : threading.Event, optional
-        Set when the drive is over: the hopper has left the arena or tips over, or the loop failed.
+        Set when the drive is over: the hopper left the arena or tips over, or the loop failed.
     clock : callable
-        Returns the time on which frames were captured, s. Whoever gives another clock may call
-        `take` and `watch.look` himself in place of the threads.
+        Returns the time, s, on the clock of `Frame.captured_s`. With another clock, call `take` and
+        `watch.look` instead of starting the threads.
     """
 
     def __init__(
@@ -148,15 +147,15 @@ class ControlLoop(Worker):
         self.last_failure = ""
         self.watch, self._clock = Watch(boom, self._cause, clock), clock
         self._fault, self._told_to_stop = fault, stop or threading.Event()
-        self._over = self._failing = ""  # why the drive is over; why the last frame is no use
-        self._misfits, self._due_s = 0, math.inf  # when a plan is too late, on our clock
+        self._over = self._failing = ""  # why the drive is over; why the last frame is unusable
+        self._misfits, self._due_s = 0, math.inf  # when a plan is too late, monotonic clock
         self._buffer, self._observers = buffer, observers
         self._controller, self._on_decision, self._on_frames = controller, on_decision, on_frames
         self._tracker, self._detector = observers()
         self._decisions: list[Decision] = []
         self._last: Frame | None = None
         self._pose, self._boom_angle = _Newest(), _Newest()
-        self._last_stance: tuple[float, float] | None = None  # when, on our clock, and boom angle
+        self._last_stance: tuple[float, float] | None = None  # monotonic time, and boom angle
 
     def start(self) -> Self:
         """Start the thread."""
@@ -171,7 +170,7 @@ class ControlLoop(Worker):
         Raises
         ------
         LiveError
-            If it does not end, since the controller or the boom does not return.
+            If it does not end because the controller or the boom does not return.
         """
         self._stop.set()
         self._buffer.wake()
@@ -201,7 +200,7 @@ class ControlLoop(Worker):
         return self._fault()
 
     def decisions(self) -> tuple[Decision, ...]:
-        """Return what has been decided so far."""
+        """Return all decisions so far."""
         return tuple(self._decisions)
 
     def _run(self) -> None:
@@ -217,7 +216,7 @@ class ControlLoop(Worker):
             self.rest(f"the control loop failed: {error!r}")
 
     def take(self, frames: Sequence[Frame]) -> None:
-        """Take frames in, and plan at the last stance among them."""
+        """Process frames, and plan at the last stance among them."""
         if self._on_frames is not None:
             self._on_frames(frames)
         told = [(s, f, self._pose, self._boom_angle) for f in frames if (s := self._observed(f))]
@@ -225,7 +224,7 @@ class ControlLoop(Worker):
             self._decide(*seen, overtaken=k + 1 < len(told))
 
     def _observed(self, frame: Frame) -> Stance | None:
-        """Take a frame in, and return the stance that it establishes, if any."""
+        """Process a frame, and return the stance it reveals, if any."""
         self.counts.frames += 1
         try:
             if self._last is not None and not _same_clock(self._last, frame):
@@ -247,7 +246,7 @@ class ControlLoop(Worker):
             return None
 
     def _heed(self, seen: Observation) -> None:
-        """See whether the hopper has left the arena or tips over, and whether markers fit."""
+        """Check whether the hopper left the arena or tips over, and whether markers are misfits."""
         self._misfits = self._misfits + 1 if seen.status == MISFIT else 0
         away, limits = math.hypot(*seen.pose[:2]), self.limits
         if away > limits.fence_m:
@@ -259,8 +258,8 @@ class ControlLoop(Worker):
     def _decide(
         self, stance: Stance, frame: Frame, pose: _Newest, boom: _Newest, *, overtaken: bool
     ) -> None:
-        self.watch.look()  # what was a cause may be none any more
-        stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on our own clock
+        self.watch.look()  # an earlier cause may be gone
+        stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on the monotonic clock
         asked_s = self._clock()
         ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
         in_date = ages[1] <= self.limits.pose_age_s
@@ -295,7 +294,7 @@ class ControlLoop(Worker):
     def _refusal(
         self, pose_age_s: float, boom_age_s: float, stance_age_s: float, *, overtaken: bool
     ) -> tuple[Outcome, str]:
-        """Say what is to be done, and why there is to be no planning, if so."""
+        """Return an outcome, and the reason if there is to be no planning."""
         if overtaken:
             return "overtaken", "another stance has been seen in the meantime"
         if self.watch.cause:
@@ -310,7 +309,7 @@ class ControlLoop(Worker):
         return "planned", ""
 
     def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
-        """Return the swing since the stance before, as measured, if that was of the hop before."""
+        """Return the measured swing since the previous stance, if that was one hop before."""
         before, self._last_stance = self._last_stance, (stance_s, boom_angle_rad)
         if before is None or stance_s - before[0] > self.limits.hop_s:
             return None
@@ -320,7 +319,7 @@ class ControlLoop(Worker):
     def _plan(
         self, pose: _Newest, boom: _Newest, swung: float | None, stance_s: float
     ) -> tuple[float, str]:
-        """Return the controller's swing, or NaN and why there is none."""
+        """Return the controller's swing and an empty string, or NaN and the error."""
         self._due_s = stance_s + self.limits.command_s
         try:
             plan = self._controller.plan(np.array(pose.values), boom.values[0], swung)
@@ -331,7 +330,7 @@ class ControlLoop(Worker):
             self._due_s = math.inf
 
     def _permitted(self, swing: float, failure: str, stance_s: float) -> tuple[Outcome, float, str]:
-        """Return what of a planned swing may be sent, and why not all, if so."""
+        """Return outcome and command for a planned swing, and the reason if they differ from it."""
         late, limit = self._clock() - stance_s, self.limits.swing_rad
         if self._stop.is_set():
             return "held", 0.0, "the drive ended while it was planned"
@@ -354,14 +353,14 @@ class ControlLoop(Worker):
 
 @dataclass(frozen=True)
 class _Newest:
-    """A measurement, and when it was captured on our own clock, s."""
+    """A measurement, and its capture time on the monotonic clock, s."""
 
     values: tuple[float, ...] = (math.nan,)
     captured_s: float = -math.inf
 
 
 def _same_clock(old: Frame, new: Frame) -> bool:
-    """Whether the camera time of a frame goes on from that of another."""
+    """Return whether the camera time of a frame continues that of another."""
     if new.epoch == old.epoch:
         return True
     passed, told = new.arrival_s - old.arrival_s, new.time_s - old.time_s

@@ -1,9 +1,9 @@
 """Packets of Qualisys' real-time protocol, version 1.25, little-endian.
 
-A packet is its size (header of 8 bytes included) and its type, then the payload. A data packet
-holds a time stamp in us, a frame number and components, each with a size (its own header included)
-and a type. The component "3D" holds the labelled markers, in the order of the labels, in mm; a
-marker that is not seen is NaN. (Qualisys, QTM Real-time Server Protocol Documentation.)
+A packet consists of its size (including the header of 8 bytes), its type and the payload. A data
+packet holds a time stamp in us, a frame number, and components, each with a size (including its own
+header) and a type. The component "3D" holds the labelled markers in mm, in the order of the labels;
+an unseen marker is NaN. (Qualisys, QTM Real-time Server Protocol Documentation.)
 """
 
 import asyncio
@@ -15,38 +15,38 @@ from typing import Any
 
 from hopdata.errors import HopdataError, did_you_mean
 
-LOOPBACK = "127.0.0.1"  # heard on this computer alone
+LOOPBACK = "127.0.0.1"  # reachable from this computer only
 
 
-# What can go wrong with a live stream.
+# Errors of a live stream.
 
 
 class LiveError(HopdataError):
-    """Base of all errors of a live stream."""
+    """Base class of all errors of a live stream."""
 
 
 class ClientAbsentError(LiveError):
-    """The client of the motion-capture system's protocol is not installed."""
+    """The client library of the motion-capture protocol is not installed."""
 
 
 class ConnectionLostError(LiveError):
-    """The other side cannot be reached, has gone, or has fallen silent."""
+    """The other side cannot be reached, has disconnected, or is silent."""
 
 
 class GarbageError(LiveError):
-    """The bytes that came are not of the protocol, and where the next packet begins is unknown."""
+    """The received bytes are not of the protocol, so the start of the next packet is unknown."""
 
 
 class SettingsError(LiveError):
-    """The camera system is set up otherwise than it must be."""
+    """The settings of the camera system are not as required."""
 
 
 class LabelError(SettingsError):
-    """A marker that is needed is not among those that the system has labelled."""
+    """A required marker is not among those labelled by the system."""
 
 
 class PortError(LiveError):
-    """The address is none, or cannot be listened on."""
+    """The address is invalid, or cannot be listened on."""
 
 
 VERSION = "1.25"
@@ -57,12 +57,12 @@ PACKET_TYPES = range(10)
 
 HEADER = struct.Struct("<II")
 
-LONGEST = 1 << 16  # bytes of a packet other than XML: a thousand markers with room to spare
+LONGEST = 1 << 16  # bytes of a packet other than XML: a thousand markers and more
 LONGEST_XML = 1 << 24
 
 
 def header_fault(size: int, kind: int) -> str:
-    """Say what is wrong with a header, or return an empty string."""
+    """Return what is wrong with a header, or an empty string."""
     longest = LONGEST_XML if kind == XML else LONGEST
     if kind in PACKET_TYPES and HEADER.size <= size <= longest:
         return ""
@@ -70,7 +70,7 @@ def header_fault(size: int, kind: int) -> str:
 
 
 def payload_fault(kind: int, payload: bytes) -> str:
-    """Say why the client cannot read the payload of a frame or an event, or return ""."""
+    """Return why the client cannot read the payload of a frame or event, or an empty string."""
     from qtm_rt.packet import QRTEvent, QRTPacket
 
     try:
@@ -83,16 +83,16 @@ def payload_fault(kind: int, payload: bytes) -> str:
     return ""
 
 
-# What we read of a Qualisys system's settings: labels and frame rate, in XML.
+# Settings of a Qualisys system that are used: labels and frame rate, in XML.
 
 RATE_SLACK = 0.05
 
 
 @dataclass(frozen=True)
 class StreamParameters:
-    """Labels of the markers in the order of the stream; what is not told is None or empty.
+    """Labels of the markers in the order of the stream; unknown settings are None or empty.
 
-    `rate_hz` is the frame rate, Hz; `upwards` the axis that points up, as "+Z".
+    `rate_hz` is the frame rate, Hz; `upwards` is the axis that points up, such as "+Z".
     """
 
     labels: tuple[str, ...]
@@ -120,18 +120,18 @@ def read_parameters(document: str | bytes) -> StreamParameters:
 
 
 def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
-    """Check what a stream says of itself, as far as it does.
+    """Check the settings that a stream reports.
 
     Parameters
     ----------
     parameters : StreamParameters
     rate_hz : float or None
-        The frame rate that is expected, Hz; None for any.
+        Expected frame rate, Hz; None for any.
 
     Raises
     ------
     SettingsError
-        If z does not point up, or the frame rate is another one.
+        If z does not point up, or the frame rate differs.
     """
     if parameters.upwards not in ("", "+Z", "Z"):
         raise SettingsError.at("axis that points up in the stream", "+Z", parameters.upwards)
@@ -142,12 +142,12 @@ def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
 
 
 def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:
-    """Return the place in the stream of each marker that is wanted.
+    """Return the index in the stream of each wanted marker.
 
     Raises
     ------
     LabelError
-        If a label is missing, or stands there twice.
+        If a label is missing or occurs more than once.
     """
     for name in wanted:
         if labels.count(name) != 1:
@@ -160,24 +160,24 @@ def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:
     return [list(labels).index(name) for name in wanted]
 
 
-# Bytes are screened before the client of the protocol sees them.
+# Bytes are screened before the protocol's client sees them.
 #
-# The client trusts what it is sent: a header that says "0 bytes", as a server of something else may
-# send, makes it read that packet for ever, an unknown event ends its connection, and an absurd size
-# makes it wait for data that never come. So whole packets are cut out here, and tried.
+# The client trusts its input: a header with size 0, as a server of another protocol may send, makes
+# it read that packet for ever; an unknown event ends its connection; an absurd size makes it wait
+# for data that never come. So whole packets are cut out here, and checked.
 
 
 class Line(asyncio.Protocol):
-    """A connection, screened; to the client it is the event loop that makes futures and connects.
+    """A screened connection that poses as the event loop of the client (futures, connecting).
 
-    A frame or an event that cannot be read is left out and reported; when it is lost where packets
-    begin, the connection is closed, and `error` says why; as it does if there is none. `lost` is
-    set when the connection is gone.
+    A frame or event that cannot be read is dropped and reported. If packet boundaries are lost, the
+    connection is closed and `error` is set, as it is if there is no connection. `lost` is set when
+    the connection is gone.
 
     Parameters
     ----------
     on_garbled : callable
-        Called with what is wrong with each packet that is left out.
+        Called with the fault of each dropped packet.
     """
 
     def __init__(self, on_garbled: Callable[[str], None]) -> None:
@@ -194,7 +194,7 @@ class Line(asyncio.Protocol):
     async def create_connection(
         self, factory: Callable[[], asyncio.Protocol], host: str, port: int
     ) -> tuple[asyncio.BaseTransport, asyncio.Protocol]:
-        """Connect the protocol that the factory makes, and stand before it."""
+        """Connect, with this object between the network and the protocol made by the factory."""
         self._client = factory()
         try:
             loop = asyncio.get_running_loop()
@@ -205,12 +205,12 @@ class Line(asyncio.Protocol):
         return transport, self._client
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Pass on that the connection stands."""
+        """Pass on that the connection is made."""
         self._transport = transport
         self._client.connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Pass on that the connection is gone."""
+        """Pass on that the connection is lost."""
         self._client.connection_lost(exc)
         self.lost.set()
 

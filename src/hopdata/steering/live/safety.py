@@ -1,4 +1,4 @@
-"""What moves the boom, what the loop will not go beyond, and the watch that brings it to rest."""
+"""The interface to the boom, the limits of the loop, and the watch that brings the boom to rest."""
 
 import logging
 import socket
@@ -18,12 +18,12 @@ PORTS = 1 << 16
 
 
 class Boom(Protocol):
-    """Whatever swings the boom in the next flight."""
+    """Swings the boom in the next flight."""
 
     def swing(self, rad: float) -> None:
-        """Change the boom angle by so much, rad, in the next flight; 0 keeps it where it is.
+        """Change the boom angle by `rad` in the next flight; 0 keeps it where it is.
 
-        It takes the place of a swing that was sent before and has not begun.
+        Replaces a swing that was sent before and has not begun.
         """
 
 
@@ -37,17 +37,18 @@ class NoBoom:
 class UdpBoom:
     """Sends each swing as a line, `swing <number> <rad>`, in a datagram of its own.
 
-    Numbers grow by one, from the milliseconds since 1970 on: those of a later drive are higher.
+    Numbers increase by one, starting with the milliseconds since 1970, so those of a later drive
+    are higher.
 
     Parameters
     ----------
     port, host : int, str
-        Where the robot listens; on the loopback address unless told otherwise.
+        Where the robot listens; the loopback address by default.
 
     Raises
     ------
     PortError
-        If the port is none, or the host has no address.
+        If the port is invalid, or the host has no address.
     """
 
     def __init__(self, port: int, *, host: str = LOOPBACK) -> None:
@@ -82,36 +83,36 @@ def _address(host: str, port: int) -> tuple[str, int]:
     return str(found[0][4][0]), port
 
 
-# What the control loop will not go beyond.
+# Limits of the control loop.
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What the loop will not go beyond.
+    """Limits of the control loop.
 
     Parameters
     ----------
     pose_age_s : float
-        A pose or boom angle older than this is not planned with, and with no frame for so long the
-        boom is brought to rest.
+        Largest age of a pose or boom angle used for planning. If there is no frame for this long,
+        the boom is brought to rest.
     command_s : float
-        A plan that is made later than this after its stance is not sent: the flight that it was
-        meant for has begun.
+        Latest time after its stance at which a plan is sent: after that, the flight it was made for
+        has begun.
     swing_rad : float
         Largest swing that is sent.
     hop_s : float
-        Two stances farther apart than this are not of two hops in a row; the swing between them
-        is not known then.
+        Longest time between two stances that are taken for consecutive; if it is longer, the swing
+        between them is unknown.
     fence_m : float
-        The drive is over when the hopper is farther from the world's origin.
+        The drive ends when the hopper is farther than this from the world's origin.
     tilt_rad : float
-        The drive is over when the hopper leans by more; it leans by a tenth of it as it hops.
+        The drive ends when the hopper leans by more; in normal hops it leans by a tenth of this.
 
     Raises
     ------
     ConfigError
-        If a time or the fence is not above 0, or swing or tilt is not from 0 to half a turn: a
-        limit that is not a number, or in degrees, would let every swing or lean through.
+        If a time or the fence is not above 0, or swing or tilt is not from 0 to pi. A limit that is
+        not a number, or is in degrees, would let every swing or tilt pass.
     """
 
     pose_age_s: float = 0.1
@@ -136,7 +137,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Rest:
-    """The boom was told to rest: when the cause was seen, when it was sent, monotonic s; why."""
+    """A command to rest: when the cause was seen, when it was sent, monotonic s; and the cause."""
 
     seen_s: float
     sent_s: float
@@ -144,24 +145,24 @@ class Rest:
 
 
 class Watch(Worker):
-    """Stands before the boom, and brings it to rest when there is a cause.
+    """Guards the boom, and brings it to rest when there is a cause.
 
-    A thread of its own asks every `LOOK_S` for a cause, so that neither a silent stream nor a
-    controller that does not return holds it up. While there is one, no swing gets through. A boom
-    that fails is told again at every look.
+    A thread of its own asks for a cause every `LOOK_S`, so that neither a silent stream nor a
+    controller that does not return can delay it. While there is a cause, no swing is passed on. If
+    the boom fails to rest, it is commanded again at every look.
 
     Parameters
     ----------
     boom : Boom
     ask : callable
-        Returns why the boom must rest, or an empty string.
+        Returns the cause for which the boom must rest, or an empty string.
     clock : callable
         Returns the time, s.
 
     Attributes
     ----------
     cause : str
-        Why it rests now; empty if it does not.
+        The current cause to rest; empty if there is none.
     rests : list of Rest
     """
 
@@ -173,15 +174,15 @@ class Watch(Worker):
         self._boom, self._ask, self._clock, self._lock = boom, ask, clock, threading.Lock()
 
     def swing(self, rad: float) -> str:
-        """Send a swing, and return an empty string, or why it was not sent."""
+        """Send a swing and return an empty string, or return why it was not sent."""
         with self._lock:
             if not self.cause:
                 self._boom.swing(rad)
             return self.cause
 
     def look(self) -> None:
-        """Ask, and tell the boom to rest if there is a cause that was not there before."""
-        with self._lock:  # also to ask: an older answer must not take the place of a newer one
+        """Ask for a cause, and command the boom to rest if there was none before."""
+        with self._lock:  # includes asking: an older answer must not replace a newer one
             try:
                 cause = self._ask()
             except Exception as error:
@@ -193,7 +194,7 @@ class Watch(Worker):
             try:
                 self._boom.swing(0.0)
             except Exception as error:
-                self.cause = ""  # so that it is told again
+                self.cause = ""  # so that the command is repeated
                 logger.error("the boom failed to rest: %r", error)
                 return
             self.rests.append(Rest(seen_s, self._clock(), cause))

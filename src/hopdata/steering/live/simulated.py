@@ -1,4 +1,4 @@
-"""The simulated hopper in place of a robot: markers come out, swings go in."""
+"""The simulated hopper in place of a robot: it takes swings and returns markers."""
 
 import asyncio
 import time
@@ -15,9 +15,9 @@ from hopdata.steering.robot import Apex, Stance, SteeredHop, SteeredHopper, rele
 
 @dataclass(frozen=True)
 class TrueHop:
-    """A hop as it truly was: when it began, s, the swing executed in its flight, rad, its stance.
+    """A true hop: its start, s, the swing executed in its flight, rad, and its stance.
 
-    If it fell an operator lets it go again where it was.
+    After a fall, an operator releases the hopper again where it was.
     """
 
     start_s: float
@@ -26,26 +26,26 @@ class TrueHop:
 
 
 class LiveHopper:
-    """A source of frames: a hopper that integrates each hop when its first frame is asked for.
+    """A source of frames: a hopper that integrates each hop when its first frame is requested.
 
-    Driven by a server in real time, it so is at most one hop ahead of the clock. The swing of a
-    flight is the last that was commanded before the apex at which it begins; 0 if none was since
-    the apex before.
+    Driven in real time, it is thus at most one hop ahead of the clock. The swing of a flight is the
+    last one commanded before the apex at which the flight begins, or 0 if there was none since the
+    previous apex.
 
     Parameters
     ----------
     robot : SteeredHopper
     swings : callable
-        Returns the last swing commanded since it was last called, rad, or None; must not wait.
+        Returns the last swing commanded since the last call, rad, or None; must not block.
     pose : (3,)
-        Where it is let go, m and rad.
+        Pose at the release, m and rad.
     boom_angle_rad : float
     rate_hz : float
         Frame rate, Hz.
     noise_m : float
         Standard deviation of the noise on each coordinate, m.
     seed : int or sequence of int
-        Of kicks and noise.
+        Seed of kicks and noise.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class LiveHopper:
         self._swings, self._apex = swings, released(robot, pose, boom_angle_rad)
         streams = np.random.SeedSequence(seed).spawn(2)
         self._kicks, self._noise = (np.random.default_rng(stream) for stream in streams)
-        # Compiles what is not compiled yet, so that the first hop is in time.
+        # Compile beforehand, so that the first hop is in time.
         steer_hop(robot.still(), self._apex, 0.0, rng=np.random.default_rng(0))
 
     @property
@@ -73,7 +73,7 @@ class LiveHopper:
         return (*(f"body{k + 1}" for k in range(len(self.robot.markers.body_m))), "boom")
 
     def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
-        """Hop for ever: yields the time, s, and the markers (M, 3), m, of each frame."""
+        """Hop for ever: yield the time, s, and the markers (M, 3), m, of each frame."""
         while True:
             hop = self._next_hop()
             for time_s, markers in zip(hop.frame_time_s, hop.markers, strict=True):
@@ -88,35 +88,35 @@ class LiveHopper:
         return hop
 
     def _put_up(self, hop: SteeredHop) -> Apex:
-        """Let the hopper go again where it was before it fell."""
+        """Release the hopper again where it was before it fell."""
         anew = released(self.robot, hop.start.state[[0, 1, 3]], hop.end.boom_angle_rad)
         return replace(anew, time_s=hop.end.time_s)
 
 
 class SimulatedBoom:
-    """Keeps the newest swing, until the flight that it is meant for begins."""
+    """Keeps the newest swing until its flight begins."""
 
     def __init__(self) -> None:
         self._swing: float | None = None
 
     def swing(self, rad: float) -> None:
-        """Put a swing in the place of the last."""
+        """Replace the last swing."""
         self._swing = rad
 
     def newest(self) -> float | None:
-        """Return the swing that has come since the last call, rad, or None."""
+        """Return the swing received since the last call, rad, or None."""
         swing, self._swing = self._swing, None
         return swing
 
 
 class SimulatedStream(Stream):
-    """Streams a hopper in real time; to the loop it is what `MarkerStream` is.
+    """Streams a hopper in real time; the loop uses it like a `MarkerStream`.
 
     Parameters
     ----------
     hopper : LiveHopper
     speed : float
-        How many times as fast as real it goes.
+        Speed relative to real time.
     """
 
     def __init__(self, hopper: LiveHopper, *, speed: float = 1.0) -> None:

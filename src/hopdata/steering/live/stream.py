@@ -1,4 +1,4 @@
-"""The thread that reads the motion-capture stream into a buffer, and comes back after losses."""
+"""The thread that reads the motion-capture stream into a buffer, and reconnects after losses."""
 
 import asyncio
 import math
@@ -12,17 +12,17 @@ import numpy as np
 
 from hopdata.steering.live import buffer, packets
 
-# How long a stream waits for what.
+# Timeouts of a stream.
 
 
 @dataclass(frozen=True)
 class Patience:
-    """How long the stream waits, s.
+    """Timeouts of the stream, s.
 
-    `answer_s`: for an answer or the first frame. `late_s`: a frame delayed by more than this,
-    beyond the shortest delay, counts as late. `stale_s`: with no frame for so long the stream is
-    stale, and after `reconnect_s` it is given up. A connection that is lost is tried again after
-    `retry_s`, then after twice that, and so on up to `longest_retry_s`.
+    `answer_s`: for an answer or the first frame. `late_s`: frames delayed by more than this beyond
+    the shortest delay count as late. `stale_s`: with no frame for this long, the stream is stale;
+    after `reconnect_s` it is given up. A lost connection is retried after `retry_s`, then after
+    twice that, and so on up to `longest_retry_s`.
     """
 
     answer_s: float = 5.0
@@ -33,36 +33,36 @@ class Patience:
     longest_retry_s: float = 5.0
 
 
-# Whether frames follow each other as they should, and when they were captured on our own clock.
+# Whether frames follow each other as they should, and when they were captured (monotonic clock).
 
 Verdict = Literal["next", "restart", "outdated", "implausible"]
 
-SLACK = 0.05  # of the time between two frames: a frame rate may differ by so much from the one told
-MOST_IN_A_ROW = 10  # frames out of place, after which it is the rate, or the last, that is wrong
-RECENT = 100  # frames; one by so much behind the last or less may have been held up on its way
-CREEP = 2e-4  # by which two clocks may drift apart; quartz clocks keep to 1e-4
+SLACK = 0.05  # relative difference allowed between the actual and the reported frame rate
+MOST_IN_A_ROW = 10  # out-of-place frames after which the rate, or the last good frame, is wrong
+RECENT = 100  # frames; one at most this far behind the last may merely have been delayed
+CREEP = 2e-4  # relative drift allowed between two clocks; quartz clocks drift by at most 1e-4
 
 
 class Timeline:
-    """Judges the numbers and times of frames of one connection.
+    """Judges the numbers and times of the frames of one connection.
 
-    A frame is plausible if its number and its time have grown, by as much as the frame rate says.
-    If one is not, something in it is damaged, or the camera system has begun anew: that is so when
-    the next frame follows on this one. If that never is so, the frame rate is another than was
-    told, and only the order counts from then on. A frame that the last one follows on, or that is
-    the last one, is outdated: it comes late or twice; several of these in a row that follow each
-    other are no new time, unless they do not end.
+    A frame is plausible if its number and time have increased consistently with the frame rate. If
+    not, it is damaged, or the camera system has restarted, which is assumed once the next frame
+    follows this one. If that never happens, the frame rate is not the reported one, and from then
+    on only the order counts. A frame is outdated if it is the last good frame again or one before
+    it: it is a duplicate, or late. Several outdated frames in a row that follow each other are not
+    a restart, unless they go on.
     """
 
     def __init__(self, rate_hz: float | None) -> None:
         self._period_s = None if rate_hz is None else 1 / rate_hz
         self._last: tuple[int, float] | None = None
         self._suspect: tuple[int, float] | None = None
-        self._in_a_row = 0  # implausible or outdated ones
-        self.missing = 0  # frames left out just before the last good one
+        self._in_a_row = 0  # implausible or outdated frames
+        self.missing = 0  # frames missing just before the last good one
 
     def judge(self, number: int, time_s: float) -> Verdict:
-        """Return whether a frame follows on the last, begins a new time, or is to be left out."""
+        """Return whether a frame follows the last, is the first after a restart, or is dropped."""
         new = (number, time_s)
         verdict: Verdict = "implausible"
         if self._last is None or self._follows(self._last, new):
@@ -91,15 +91,15 @@ class Timeline:
         if self._period_s is None:
             return True
         expected = frames * self._period_s
-        # With half a period rounding would say whether frames at twice the rate follow.
+        # With half a period, rounding would decide whether frames at twice the rate follow.
         return abs(span - expected) <= max(0.45 * self._period_s, SLACK * expected)
 
 
 class CameraClock:
-    """Puts camera times on our monotonic clock, by the shortest delay seen lately.
+    """Converts camera times to the monotonic clock, by the shortest delay seen lately.
 
-    A frame that was held up on its way so keeps the time at which it was captured, and looks as old
-    as it is. The delay that is always there cannot be seen and is not counted.
+    A frame that was delayed thus keeps its capture time, and appears as old as it is. A constant
+    delay cannot be observed and is not included.
     """
 
     def __init__(self) -> None:
@@ -121,19 +121,19 @@ FARTHEST_MM = 1e6  # from the origin: no camera system sees a marker a kilometre
 class MarkerStream(buffer.Stream):
     """Reads the markers of a Qualisys system, or of the loopback server, in a thread of its own.
 
-    Used as a context manager, or with `start` and `close`. The frames stand in `buffer`, with the
-    markers in the order of `labels`, m. Nothing that comes over the connection ends the thread.
+    Use it as a context manager, or with `start` and `close`. The frames are in `buffer`, with the
+    markers in the order of `labels`, m. No received data can end the thread.
 
     Parameters
     ----------
     labels : sequence of str
-        Markers wanted, by the names they have in the camera system.
+        Wanted markers, by their names in the camera system.
     host, port : str, int
-        Address of the camera system; the loopback address unless told otherwise.
+        Address of the camera system; the loopback address by default.
     rate_hz : float, optional
-        Frame rate that the camera system must have, Hz; any by default.
+        Required frame rate of the camera system, Hz; any by default.
     capacity : int
-        Frames that the buffer holds.
+        Number of frames in the buffer.
     patience : Patience
     """
 
@@ -150,17 +150,17 @@ class MarkerStream(buffer.Stream):
         super().__init__("hopdata-stream", self._read, capacity)
         self.labels, self.host, self.port, self.rate_hz = tuple(labels), host, port, rate_hz
         self.patience = patience or Patience()
-        self.last_fault = ""  # of the last packet left out
+        self.last_fault = ""  # fault of the last dropped packet
         self._epoch = -1
         self._last_good_s = 0.0
 
     def start(self) -> Self:
-        """Begin to connect.
+        """Start connecting.
 
         Raises
         ------
         ClientAbsentError
-            If the client of the protocol is not installed.
+            If the client library of the protocol is not installed.
         """
         self._client = _client()
         return super().start()
@@ -171,7 +171,7 @@ class MarkerStream(buffer.Stream):
         Raises
         ------
         LiveError
-            If a marker has another name or z is not up (`SettingsError`), or no frame has come.
+            If a marker has another name or z is not up (`SettingsError`), or no frame arrives.
         """
         status = self.states.wait_for("streaming", "failed", timeout_s=timeout_s)
         if status is None or status.state == "failed":
@@ -204,7 +204,7 @@ class MarkerStream(buffer.Stream):
             delay = min(2 * delay, self.patience.longest_retry_s)
 
     async def _session(self) -> None:
-        """Connect and read until the connection is lost, which always ends in an exception."""
+        """Connect and read until the connection is lost, which always raises an exception."""
         self.states.report("connecting")
         line = packets.Line(self._note_garbled)
         try:
@@ -226,7 +226,7 @@ class MarkerStream(buffer.Stream):
             self.host,
             port=self.port,
             version=packets.VERSION,
-            timeout=2 * self.patience.answer_s,  # ours is over first, and says what it was
+            timeout=2 * self.patience.answer_s,  # our own timeout comes first, and says more
             loop=line,
             on_event=self._on_event,
         )
@@ -238,7 +238,7 @@ class MarkerStream(buffer.Stream):
         return connection
 
     async def _answer(self, line: packets.Line, work: Awaitable[Result]) -> Result:
-        """Wait for an answer, but no longer than there is a connection, or patience."""
+        """Wait for an answer as long as there is a connection, at most `answer_s`."""
         task, lost = asyncio.ensure_future(work), asyncio.ensure_future(line.lost.wait())
         try:
             await asyncio.wait(
@@ -288,7 +288,7 @@ class MarkerStream(buffer.Stream):
             self._note_garbled(f"a frame with {self._n_streamed} markers was expected, not {count}")
             return
         markers = np.array(found[1], dtype=float).reshape(-1, 3)[self._places]
-        if np.any(np.abs(markers) > FARTHEST_MM):  # NaN, which is a hidden marker, is not
+        if np.any(np.abs(markers) > FARTHEST_MM):  # False for NaN, a hidden marker
             self._note_garbled("a marker farther than a kilometre away")
             return
         self._keep(packet.framenumber, 1e-6 * packet.timestamp, arrival, 1e-3 * markers)
