@@ -1,4 +1,4 @@
-"""Numbers as a reader wants them: few digits, true minus signs, units beside them."""
+"""Numbers as readers expect them: few digits, true minus signs, units beside them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ NARROW_SPACE = "\u202f"
 NO_BREAK_SPACE = "\u00a0"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-#: What the reader sees in place of names.
+#: Texts that readers see in place of names.
 WORDS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
 NOTES: dict[str, str] = WORDS["notes"]
 
 
 def is_missing(value: Any) -> bool:
-    """Whether a value is absent: None, NaN or infinite."""
+    """Return whether a value is absent: None, NaN or infinite."""
     if value is None:
         return True
     try:
@@ -47,7 +47,7 @@ def significant(value: Any, digits: int = 3) -> str:
 
 
 def fixed(value: Any, decimals: int) -> str:
-    """Format with this many decimals, thousands apart from 10 000 on; a dash if it is missing."""
+    """Format with this many decimals, digits grouped from 10 000 on; a dash if it is missing."""
     if is_missing(value):
         return MISSING
     separator = NARROW_SPACE if abs(value) >= 10_000 else ""
@@ -60,7 +60,7 @@ def count(value: Any) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Join a formatted number and its unit so that no line break parts them."""
+    """Join a formatted number and its unit without allowing a line break between them."""
     return text if text == MISSING or not unit else f"{text}{NO_BREAK_SPACE}{unit}"
 
 
@@ -70,7 +70,7 @@ def percent(number: float) -> str:
 
 
 def plain(value: Any) -> str:
-    """Format any plain value: yes and no for booleans, JSON for lists and mappings."""
+    """Format any plain value: yes or no for booleans, JSON for lists and mappings."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if is_missing(value):
@@ -78,12 +78,12 @@ def plain(value: Any) -> str:
     if isinstance(value, float):
         return significant(value, 4)
     if isinstance(value, int):
-        return str(value)  # a seed or a version is not a quantity: no spaces in it
+        return str(value)  # a seed or a version is not a quantity: no digit grouping
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def labelled(key: str, value: Any) -> tuple[str, str, str]:
-    """Turn a key in SI into words, value and shown unit: ``pre_height_m`` to mm."""
+    """Return words, value and displayed unit of a key in SI: ``pre_height_m`` in mm."""
     for suffix, unit, factor in WORDS["units"]:
         if key.endswith(suffix) and isinstance(value, int | float) and not isinstance(value, bool):
             return key.removesuffix(suffix).replace("_", " "), significant(value * factor), unit
@@ -92,7 +92,7 @@ def labelled(key: str, value: Any) -> tuple[str, str, str]:
 
 
 def common_scale(values: Sequence[float | None]) -> tuple[float, str]:
-    """Power of 1000 that brings the smallest value to 1 or more, and how to write it.
+    """Return the power of 1000 that brings the smallest value to 1 or more, and its text.
 
     >>> common_scale([0.00195, 0.03])
     (0.001, '10⁻³ ')
@@ -105,13 +105,13 @@ def common_scale(values: Sequence[float | None]) -> tuple[float, str]:
 
 
 def words(items: Sequence[str]) -> str:
-    """Join words as a sentence does: ``a``, ``a and b``, ``a, b and c``."""
+    """Join words as in a sentence: ``a``, ``a and b``, ``a, b and c``."""
     return " and ".join([part for part in (", ".join(items[:-1]), *items[-1:]) if part])
 
 
 # A table of the report: cells of text under a title.
 
-#: Characters from which a text needs a column wide enough to read.
+#: Length in characters above which a text needs a wide column.
 PROSE = 40
 
 
@@ -126,7 +126,7 @@ class Table:
     note: str = ""
 
     def kind(self, column: int) -> str:
-        """Class of a column's cells: ``text``, ``prose`` (long texts), ``number`` or ``unit``."""
+        """Return a column's class: ``text``, ``prose`` (long texts), ``number`` or ``unit``."""
         if self.head[column] == "unit":
             return "unit"
         if column >= self.text_columns:
@@ -135,13 +135,13 @@ class Table:
 
 
 def mapping_table(title: str, head: tuple[str, str], entries: Mapping[str, Any]) -> Table | None:
-    """Two columns of text: names and plain values."""
+    """Return a table with two columns of text: names and plain values."""
     rows = tuple((key, plain(value)) for key, value in flat(entries))
     return Table(title, head, rows, text_columns=2) if rows else None
 
 
 def flat(entries: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Names and values of nested mappings, the names of the levels joined by spaces."""
+    """Yield names and values of nested mappings; names of the levels are joined by spaces."""
     for key, value in entries.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{prefix}{key} ")
@@ -150,11 +150,11 @@ def flat(entries: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 
 def scaled(value: Any, factor: float) -> float | None:
-    """Product of a value and a factor; None if the value is missing."""
+    """Multiply a value by a factor; None if the value is missing."""
     return None if is_missing(value) else float(value) * factor
 
 
-# Tables made column by column: under each heading the cell of a row.
+# Tables built column by column: a function makes the cell of each row under a heading.
 
 Row: TypeAlias = Mapping[Any, Any]
 Cell: TypeAlias = Callable[[Row], str]
@@ -162,37 +162,37 @@ Columns: TypeAlias = Mapping[str, Cell]
 
 
 def text(key: str) -> Cell:
-    """Return what shows a text; a dash where there is none."""
+    """Return a function that shows a text, or a dash if there is none."""
     return lambda row: MISSING if row.get(key) == "" or is_missing(row.get(key)) else str(row[key])
 
 
 def counted(key: str) -> Cell:
-    """Return what shows a whole number."""
+    """Return a function that shows a whole number."""
     return lambda row: count(row.get(key))
 
 
 def decimals(key: str, digits: int, factor: float = 1.0) -> Cell:
-    """Return what shows a number times a factor with so many decimals."""
+    """Return a function that shows a number times a factor, to `digits` decimals."""
     return lambda row: fixed(scaled(row.get(key), factor), digits)
 
 
 def table_of(
     title: str, rows: Iterable[Row], columns: Columns, *, text_columns: int = 1, note: str = ""
 ) -> Table | None:
-    """Return a table with a line for each row; none for none."""
+    """Return a table with a line for each row, or None if there are no rows."""
     cells = tuple(tuple(cell(row) for cell in columns.values()) for row in rows)
     return Table(title, tuple(columns), cells, text_columns, note) if cells else None
 
 
 def records(frame: pd.DataFrame | None) -> list[dict[Any, Any]]:
-    """Return the rows of a table; of a missing one, none."""
+    """Return the rows of a table; none if it is missing."""
     return [] if frame is None else frame.to_dict("records")
 
 
 def first_rows(
     title: str, frame: pd.DataFrame | None, columns: Columns, most: int, name: str, texts: int
 ) -> Table | None:
-    """Make a table of the first rows; its note says how many more are in which of the tables."""
+    """Return a table of the first rows; its note counts the rest and names the file with all."""
     left = 0 if frame is None else len(frame) - most
     note = f"{count(left)} more in tables/{name}.csv." if left > 0 else ""
     return table_of(title, records(frame)[:most], columns, text_columns=texts, note=note)

@@ -1,4 +1,4 @@
-"""What the report is made from: plain data, and figures with their captions."""
+"""Inputs of the report: plain data, and figures with their captions."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from hopdata.errors import ConfigError
 from hopdata.recording import Recording
 from hopdata.report.formatting import NO_BREAK_SPACE
 
-# Captions: short texts beside the workflow, whose numbers are filled in from the tables.
+# Captions: short texts in the workflow's folder, with numbers filled in from the tables.
 
 PERCENT = re.compile(r"(?<=\d) %")
-SPACES = re.compile(r"[ \t\n]+")  # a no-break space between number and unit stays
+SPACES = re.compile(r"[ \t\n]+")  # not the no-break space between a number and its unit
 
 
 @dataclass(frozen=True)
 class Caption:
-    """A caption ready to print: its title, its paragraphs and a text for those who cannot see."""
+    """A caption ready to print: title, paragraphs, and alternative text for the picture."""
 
     title: str
     paragraphs: tuple[str, ...]
@@ -37,13 +37,13 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
     Parameters
     ----------
     template : str
-        Jinja text: a line ``# Title``, then paragraphs; one that begins with ``Alt:`` describes
-        the picture for those who cannot see it.
+        Jinja text: a line ``# Title``, then paragraphs; one that begins with ``Alt:`` is the
+        alternative text of the picture.
     facts : mapping
-        As given by `hopdata.report.page.study_facts`.
+        From `hopdata.report.page.study_facts`.
     name : str
-        Name of the figure: the title and alternative text of a caption that has none, and the
-        place in error messages.
+        Name of the figure: the default title and alternative text, and the place in error
+        messages.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
 
 
 def _tidied(block: str) -> str:
-    """Make one line of a paragraph, in which no line break parts a number from its per cent."""
+    """Join a paragraph to one line, with no-break spaces between numbers and per cent signs."""
     return PERCENT.sub(f"{NO_BREAK_SPACE}%", SPACES.sub(" ", block).strip())
 
 
@@ -82,7 +82,7 @@ class ReportFigure:
     name : str
         Name of its file without suffix, such as ``fig2_2_sections``.
     image : bytes
-        SVG, PNG or GIF; empty if the figure was made in neither format.
+        SVG, PNG or GIF; empty if the figure exists in none of these formats.
     media_type : str
         ``image/svg+xml``, ``image/png`` or ``image/gif``.
     caption : str
@@ -97,21 +97,21 @@ class ReportFigure:
 
 @dataclass(frozen=True)
 class PageInputs:
-    """What every page shows. Only `study` must be there; what is missing is said.
+    """Contents common to all pages. Only `study` is required; the page says what is missing.
 
     Parameters
     ----------
     study : str
         Name of the study.
     figures : sequence of ReportFigure
-        In the order in which they are shown; an animation is a figure of media type ``image/gif``.
+        In the order of the page; an animation is a figure of media type ``image/gif``.
     truth : mapping, optional
-        Contents of ``truth.json``: name to ``value, unit, what``; empty or None for recordings of
-        the real world.
+        Contents of ``truth.json``: name to ``value, unit, what``; empty or None for real
+        recordings.
     provenance : mapping, optional
-        As from `hopdata.provenance.provenance`.
+        From `hopdata.provenance.provenance`.
     notes : sequence
-        What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
+        Steps that could not be done, each a sentence or a mapping with ``what`` and ``reason``.
     """
 
     study: str
@@ -123,14 +123,14 @@ class PageInputs:
 
 @dataclass(frozen=True)
 class SteeringInputs(PageInputs):
-    """What the page of the steering shows besides.
+    """Further contents of the steering page.
 
     Parameters
     ----------
     outcomes, horizons : DataFrame, optional
         ``outcomes.csv``, ``horizons.csv``.
     counts : sequence of mappings, optional
-        ``observed.json``: by recording the frames, stances and hops, and what was left out.
+        ``observed.json``: for each recording, frames, stances and hops, and what was left out.
     scores : DataFrame, optional
         ``model_scores.csv``.
     """
@@ -143,30 +143,30 @@ class SteeringInputs(PageInputs):
 
 @dataclass(frozen=True)
 class ReportInputs(PageInputs):
-    """What the page of a study shows besides.
+    """Further contents of a study's page.
 
     Parameters
     ----------
     recordings : sequence of mappings
-        One a recording: ``name`` and any of ``source, n_frames, duration_s, rate_hz, n_feet,
-        n_body, seen`` (share of the marker positions that were seen).
+        One per recording: ``name`` and any of ``source, n_frames, duration_s, rate_hz, n_feet,
+        n_body, seen`` (fraction of the marker positions that were seen).
     touchdowns : DataFrame, optional
-        The touchdown table of the study, excluded ones included.
+        The study's table of touchdowns, including excluded ones.
     filled : DataFrame, optional
-        ``filled.csv``, where gaps were filled: gaps of every marker, and what was filled of them.
+        ``filled.csv``: gaps of every marker, and how much of them was filled.
     sections, units : mapping, optional
         Contents of ``sections.json``, ``units.json``.
     levelled : sequence of Recording
-        Of which landings are shown in 3-D and in small plots; none without them.
+        Recordings whose landings are shown in 3-D and in small plots; none if empty.
     floors : mapping
-        Recording name to the floor model's JSON.
+        The floor model's JSON by name of the recording.
     prediction, distances : DataFrame, optional
         ``prediction_summary.csv`` and ``distance_summary.csv``.
     verdict : mapping, optional
         Contents of ``verdict.json``.
     overlay : mapping
-        Tables of the contacts known from elsewhere, by name (``contact_overlay``,
-        ``contact_overlay_summary``, ``contact_overlay_thresholds``); empty where none are.
+        Tables of the contacts known from other sources, by name (``contact_overlay``,
+        ``contact_overlay_summary``, ``contact_overlay_thresholds``); empty if there are none.
     quality : sequence of mappings, optional
         Contents of ``quality.json``: checks with ``what, value, unit, good, poor, status, remark``.
     faults : DataFrame, optional
@@ -192,7 +192,7 @@ class ReportInputs(PageInputs):
 
 
 def describe_recording(recording: Recording) -> dict[str, Any]:
-    """Describe a recording for the page: where from, how long, how many markers, how much seen."""
+    """Describe a recording for the page: source, duration, number of markers, fraction seen."""
     time = recording.time
     return {
         "name": recording.name,
@@ -209,19 +209,19 @@ def describe_recording(recording: Recording) -> dict[str, Any]:
 def read_figures(
     images: Iterable[str | Path], captions: Iterable[str | Path]
 ) -> list[ReportFigure]:
-    """Read figures and the captions that bear their names; of several formats SVG is taken.
+    """Read figures, and captions of the same names; SVG is preferred among several formats.
 
     Parameters
     ----------
     images : paths
-        Figure files of any format; several of one name are one figure.
+        Figure files in any format; files of the same name are one figure.
     captions : paths
         Caption templates, ``<name>.md``.
 
     Returns
     -------
     list of ReportFigure
-        In the order in which the names first appear among `images`.
+        In the order in which the names first appear in `images`.
     """
     texts = {Path(path).stem: Path(path).read_text(encoding="utf-8") for path in captions}
     files: dict[str, dict[str, Path]] = {}
@@ -235,14 +235,14 @@ def read_figures(
     return figures
 
 
-# Figures as a page needs them: the image within the text, its size on paper, its caption.
+# Figures for the page: the image within the text, its size on paper, its caption.
 
 DOUBLE_COLUMN_PT = 496.0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as the template needs it; `width_pt` is its size on paper."""
+    """A figure for the template; `width_pt` is its width on paper."""
 
     source: str
     width_pt: float
@@ -250,7 +250,7 @@ class Picture:
 
 
 def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
-    """Fill in the caption and put the image into a URL.
+    """Fill in the caption and encode the image as a data URL.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
     if figure.image:
         encoded = base64.b64encode(figure.image).decode("ascii")
         source = f"data:{figure.media_type};base64,{encoded}"
-    # The width on paper that an SVG asks for; a full text width for anything else.
+    # The SVG's own width on paper; the full text width for anything else.
     found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
     return Picture(source, float(found.group(1)) if found else DOUBLE_COLUMN_PT, caption)
 
@@ -270,20 +270,20 @@ def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
 def placed_pictures(
     figures: Iterable[ReportFigure], facts: Mapping[str, Any], places: Mapping[str, str], other: str
 ) -> dict[str, list[Picture]]:
-    """Return pictures by the section of the page that they stand in."""
+    """Return pictures by the section of the page they belong to."""
     placed: dict[str, list[Picture]] = {place: [] for place in (*places.values(), other)}
     for figure in figures:
         placed[places.get(figure.name, other)].append(picture_of(figure, facts))
     return placed
 
 
-# Templates: where they are, and how they are filled in.
+# Templates: where they are, and how they are rendered.
 
 TEMPLATES = Path(__file__).with_name("templates")
 
 
 def rendered(template: str, **content: Any) -> str:
-    """Return a page: a complete HTML document, its style inside."""
+    """Return a page: a complete HTML document that includes its style."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -300,7 +300,7 @@ def rendered(template: str, **content: Any) -> str:
 
 
 def as_yaml(config: Any) -> str:
-    """Write a configuration as YAML; nothing for none."""
+    """Return a configuration as YAML; empty if there is none."""
     import yaml
 
     return yaml.safe_dump(config, sort_keys=False, allow_unicode=True) if config else ""

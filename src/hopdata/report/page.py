@@ -13,24 +13,24 @@ from hopdata.report import tables, verdict
 from hopdata.report.inputs import ReportInputs, as_yaml, placed_pictures, rendered
 from hopdata.report.scene import landings_scene
 
-# The few numbers that the page opens with, and that captions may name.
+# The key numbers at the top of the page, which captions may also use.
 
 COUNTS = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded", "n_schedules")
 
 
 def study_facts(inputs: ReportInputs) -> dict[str, Any]:
-    """Gather the facts of a study; every key is always there, None where it is not known.
+    """Gather the facts of a study; every key is always present, None if unknown.
 
     Returns
     -------
     dict
         Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body; ``n_landings``, those
-        in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the
-        landings and ``n_excluded``, the rest of them; ``n_schedules`` of those used;
-        texts with units (``pre, post, travel, min_threshold, max_threshold, units, spread``),
-        ``moved`` (a section, so as to hold the landings), ``landings_only`` (sections made from
-        the body's descents alone), ``medians`` of the fitted models (normalised) and ``distances``
-        (rad) by name, ``fitted`` and ``not_fitted`` as text, ``labels_right`` by method (%), and
+        in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the landings
+        and ``n_excluded``, the rest of them; ``n_schedules`` among those used. Texts with units
+        (``pre, post, travel, min_threshold, max_threshold, units, spread``). ``moved`` (whether a
+        section was moved to hold the landings), ``landings_only`` (whether the sections use the
+        body's descents only), ``medians`` of the fitted models (normalised) and ``distances`` (rad)
+        by name, ``fitted`` and ``not_fitted`` as text, ``labels_right`` by method (%), and
         ``study``.
     """
     rad = partial(show.fixed, decimals=2)
@@ -104,7 +104,7 @@ def _medians(
 
 
 def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
-    """Right mode schedules by method, in per cent: of the touchdowns used, of all landings."""
+    """Return correct mode schedules by method, in per cent: of touchdowns used, of all landings."""
     prefix, of_all = "labels_right_", "labels_right_of_all_"
     methods = [
         name.removeprefix(prefix)
@@ -119,7 +119,7 @@ def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str
 
 
 def _by_name(truth: Mapping[str, Mapping[str, Any]], prefix: str) -> dict[str, str]:
-    """Entries whose names begin with the prefix, by the rest of their names."""
+    """Return the entries whose names begin with the prefix, by the rest of their names."""
     return {
         name.removeprefix(prefix): show.fixed(entry["value"], 2)
         for name, entry in truth.items()
@@ -132,7 +132,7 @@ def _percent(entry: Mapping[str, Any] | None) -> str | None:
 
 
 def _shown(value: Any, factor: float, unit: str, *, decimals: int | None = None) -> str | None:
-    """Format with its unit, to three digits or so many decimals; None if it is missing."""
+    """Format with its unit, to three digits or `decimals` decimals; None if it is missing."""
     if (number := show.scaled(value, factor)) is None:
         return None
     text = show.significant(number) if decimals is None else show.fixed(number, decimals)
@@ -149,12 +149,12 @@ def build_report(inputs: ReportInputs) -> str:
     Parameters
     ----------
     inputs : ReportInputs
-        Tables and figures; parts that are missing are said to be missing, in words.
+        Tables and figures; the page says which parts are missing.
 
     Returns
     -------
     str
-        A complete HTML document: style and figures are inside, nothing is loaded from elsewhere.
+        A complete HTML document that includes style and figures and loads nothing.
 
     Raises
     ------
@@ -181,13 +181,13 @@ def build_report(inputs: ReportInputs) -> str:
 
 
 def _all_seen(inputs: ReportInputs) -> bool:
-    """Whether there is neither a gap nor a fault, so that a figure of them would be empty."""
+    """Return whether there are neither gaps nor faults, so that a figure of them would be empty."""
     seen = [item.get("seen") == 1.0 for item in inputs.recordings]
     return bool(seen) and all(seen) and inputs.faults is not None and inputs.faults.empty
 
 
 def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
-    """Name, value and remark of each key number; the value is a dash where it is not known."""
+    """Return name, value and remark of each key number; the value says so if it is unknown."""
     frames = f"{show.count(facts['n_frames'])} frames" if facts["n_frames"] else ""
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
@@ -214,7 +214,7 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
 
 
 def _of_landings(facts: Mapping[str, Any]) -> str:
-    """Say of how many landings these are, and of how many descents of the body those."""
+    """Say how many landings there are, and how many further descents of the body."""
     if not facts["n_descents"]:
         return ""
     landings, others = facts["n_landings"], facts["n_not_landed"]
@@ -229,7 +229,7 @@ def _known(value: str | None) -> str:
 
 
 def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
-    """Error of the unspecialised affine model over that of the specialised ones."""
+    """Return the error of the unspecialised affine model over that of the specialised ones."""
     ratio = _ratio(prediction, "all", "specialised")
     remark = "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
     absent = (None, "needs an affine model of each order")
@@ -237,7 +237,7 @@ def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
 
 
 def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
-    """Error of the affine model over that of the mean, specialised where these were fitted."""
+    """Return the affine model's error over the mean's, specialised if those were fitted."""
     for affine, mean, which in (("specialised", "specialised_mean", "both specialised"),
                                 ("all", "mean", "both unspecialised")):  # fmt: skip
         ratio = None if prediction is None else _ratio(prediction, affine, mean)
@@ -275,7 +275,7 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
 
 
 def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Say which floor models are of a lower degree than asked for, and why."""
+    """Say which floor models have a lower degree than requested, and why."""
     return [
         f"floor of {name}: degree {floor['degree']} instead of {floor['degree_wanted']}"
         + (f" ({floor['note']})" if floor.get("note") else "")

@@ -1,4 +1,4 @@
-"""What the page shows to be turned by hand: markers in 3-D, and feet in small plots."""
+"""Interactive parts of the page: markers in 3-D, and small plots of the feet."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import numpy as np
 from hopdata.arrays import FloatArray, pd
 from hopdata.recording import Recording
 
-BEFORE_S, AFTER_S = 0.15, 0.25  # around a landing
+BEFORE_S, AFTER_S = 0.15, 0.25  # shown around a landing
 MOST_ORDERS = 6
-STRETCHES, MOST_FRAMES, MOST_PLACES = 5, 2000, 40_000  # of a whole recording; frames times markers
+STRETCHES, MOST_FRAMES, MOST_PLACES = 5, 2000, 40_000  # of a recording; frames times markers
 FASTEST_HZ = 120.0
 UNSEEN = -32768
 FINEST_M = 1e-4
@@ -23,7 +23,7 @@ Row = Mapping[Any, Any]
 
 
 def landings_scene(recordings: Sequence[Recording], touchdowns: pd.DataFrame | None) -> str:
-    """Return a typical landing of each of the commonest orders, as JSON; nothing for none.
+    """Return a typical landing of each of the most common orders as JSON; empty if there is none.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def landings_scene(recordings: Sequence[Recording], touchdowns: pd.DataFrame | N
 
 
 def recording_scene(recording: Recording) -> str:
-    """Return a recording (m, z up), of a long one stretches from its beginning to its end."""
+    """Return a recording (m, z up); of a long one, stretches spread from beginning to end."""
     some = recording.part(slice(None, None, max(1, round(recording.rate_hz / FASTEST_HZ))))
     frames, seen = len(some.time), min(MOST_FRAMES, MOST_PLACES // len(some.markers))
     number = min(STRETCHES, -(-frames // seen))
@@ -61,14 +61,14 @@ def recording_scene(recording: Recording) -> str:
 
 
 def _scene(parts: list[dict[str, Any]], speed: float) -> str:
-    # No text in it may end the script that it stands in.
+    # No text in it may close the script element it is in.
     return json.dumps({"speed": speed, "parts": parts}).replace("<", "\\u003c") if parts else ""
 
 
 def _part(
     recording: Recording, title: str, zero_s: float, contacts: Sequence[float] = ()
 ) -> dict[str, Any]:
-    """Return one stretch: times from zero, s, and positions in steps from the middle, packed."""
+    """Return one stretch, packed: times from zero, s, and positions in steps from the middle."""
     places = recording.positions
     low, high = np.nanmin(places, axis=(0, 1)), np.nanmax(places, axis=(0, 1))
     middle, step = (low + high) / 2, max(FINEST_M, float((high - low).max()) / 65_000)
@@ -89,7 +89,7 @@ def _packed(values: FloatArray, kind: str) -> str:
 
 
 def _span(row: Row, before_s: float, after_s: float) -> tuple[float, float]:
-    """Return where to look at a landing, s: from its pre section to its post section."""
+    """Return the time span shown of a landing, s: from its pre section to its post section."""
     start, stop = float(row["t_pre_s"]), float(row["t_post_s"])
     return start - before_s, (stop if np.isfinite(stop) else start + after_s) + before_s
 
@@ -100,14 +100,14 @@ WIDTH, HEIGHT, POINTS = 150, 34, 24
 
 
 def small_plot(recording: Recording | None, row: Row) -> str:
-    """Return a picture (SVG) of the heights of the feet through a landing; nothing if unknown.
+    """Return an SVG of the heights of the feet during a landing; empty if unknown.
 
     Parameters
     ----------
     recording : Recording, optional
         Levelled.
     row : mapping
-        ``t_pre_s`` and ``t_post_s`` of the landing, s, ``contact_<foot>_s`` where a foot touched.
+        ``t_pre_s`` and ``t_post_s`` of the landing, s; ``contact_<foot>_s`` for feet that touched.
     """
     if recording is None or not np.isfinite(float(row["t_pre_s"])):
         return ""

@@ -1,4 +1,4 @@
-"""The steering study on a page of its own."""
+"""The page of the steering study."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
 from hopdata.report.inputs import SteeringInputs, as_yaml, placed_pictures, rendered
 
-# Tables of the steering study: outcomes, what was observed, how well the model predicts.
+# Tables of the steering study: outcomes, observations, and how well the model predicts.
 
 CONTROLLERS, EXPERIMENTS = show.WORDS["controllers"], show.WORDS["experiments"]
 
 
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
-    """One row for each experiment and controller."""
+    """Return one row for each experiment and controller."""
     columns: show.Columns = {
         "experiment": lambda row: EXPERIMENTS.get(str(row["experiment"]), str(row["experiment"])),
         "controller": lambda row: CONTROLLERS.get(str(row["controller"]), str(row["controller"])),
@@ -36,7 +36,7 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
 
 
 def _of_seed(name: str) -> show.Cell:
-    """Return what shows a share of the runs of a seed as a count."""
+    """Return a function that shows a seed's fraction of runs as a count."""
 
     def cell(row: show.Row) -> str:
         starts = row["runs"] / row["seeds"]
@@ -46,7 +46,7 @@ def _of_seed(name: str) -> show.Cell:
 
 
 def horizons_table(horizons: pd.DataFrame | None) -> show.Table | None:
-    """One row a horizon of the printed controller."""
+    """Return one row for each horizon of the printed controller."""
     columns: show.Columns = {
         "horizon (hops)": show.counted("horizon"),
         "succeeded": lambda row: f"{show.count(row['succeeded'])} of {show.count(row['runs'])}",
@@ -58,7 +58,7 @@ def horizons_table(horizons: pd.DataFrame | None) -> show.Table | None:
 
 
 def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
-    """One row a recording: frames, stances and hops, and how many of these are used."""
+    """Return one row per recording: frames, stances and hops, and the number of hops used."""
     columns: show.Columns = {
         "recording": show.text("recording"),
         "frames": lambda entry: show.count(sum(entry["frames"].values())),
@@ -70,7 +70,7 @@ def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
 
 
 def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
-    """One row a recording and reason: frames, stances and hops that were left out."""
+    """Return one row per recording and reason: frames, stances and hops that were left out."""
     rows = tuple(
         (str(entry["recording"]), what, reason, show.count(number))
         for entry in counts or ()
@@ -87,7 +87,7 @@ def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
 
 
 def model_table(scores: pd.DataFrame | None) -> show.Table | None:
-    """One row a set and component: how well the hops that were not learned from are predicted."""
+    """Return one row per set and component: how well the hops of the test set are predicted."""
     columns: show.Columns = {
         "frame change": show.text("component"),
         "seed": show.counted("seed"),
@@ -106,7 +106,7 @@ NO_EXPERIMENT, PLACES = show.NOTES["no_experiment"], show.WORDS["steering_places
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:
-    """Build the page of the steering: a complete HTML document that loads nothing.
+    """Build the page of the steering study: a complete HTML document that loads nothing.
 
     Raises
     ------
@@ -134,13 +134,13 @@ def build_steering_report(inputs: SteeringInputs) -> str:
 
 
 def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
-    """Gather what captions may name.
+    """Gather the facts that captions may use.
 
     Returns
     -------
     dict
-        ``starts`` (runs of each experiment, controller and seed) and ``seeds``; ``share``: from
-        "experiment controller" to text; ``training_hops``.
+        ``starts`` (runs of each experiment, controller and seed) and ``seeds``; ``share``, texts by
+        "experiment controller"; ``training_hops``.
     """
     rows = show.records(inputs.outcomes)
     hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
@@ -155,7 +155,7 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
 
 
 def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
-    """Name, value and remark of each key number."""
+    """Return name, value and remark of each key number."""
     cards = []
     for row in show.records(inputs.outcomes):
         if row["controller"] == "planner":

@@ -1,4 +1,4 @@
-"""The tables of the page, and what it says of the quality of the data."""
+"""The tables of the page, and its statements on the quality of the data."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_GAPPY = 24
 
 
 def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> show.Table | None:
-    """One row a recording: where it is from, how long it is and how much of it was seen."""
+    """Return one row per recording: its source, its duration and how much of it was seen."""
     columns: show.Columns = {
         "recording": show.text("name"),
         "source": show.text("source"),
@@ -39,7 +39,7 @@ def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> show.Table | No
 def filled_table(
     filled: pd.DataFrame | None, touchdowns: pd.DataFrame | None = None
 ) -> show.Table | None:
-    """One row a marker with gaps, those most often unseen first; None if there are no gaps."""
+    """Return one row per marker with gaps, the least seen first; None if there are no gaps."""
     if filled is None:
         return None
     gappy = filled[filled["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
@@ -64,7 +64,7 @@ def filled_table(
 
 
 def _resting(touchdowns: pd.DataFrame | None) -> str:
-    """Say how many of the touchdowns used rest on places that were filled in."""
+    """Say how many of the touchdowns used depend on positions that were filled in."""
     if touchdowns is None or "filled_share" not in touchdowns:
         return ""
     used = touchdowns[~excluded(touchdowns)]
@@ -73,7 +73,7 @@ def _resting(touchdowns: pd.DataFrame | None) -> str:
 
 
 def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> show.Table | None:
-    """One row a recording: the floor model and what it leaves."""
+    """Return one row per recording: the floor model and its residuals."""
     columns: show.Columns = {
         "recording": show.text("recording"),
         "degree": show.counted("degree"),
@@ -93,7 +93,7 @@ def _spread_of_feet(floor: Mapping[str, Any]) -> str:
 
 
 def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
-    """Thresholds, sections and the travel between them first, then all else in the file."""
+    """Return thresholds, sections and the travel between them, then everything else in the file."""
     if not sections:
         return None
     decided = sections.get("decided") or {}
@@ -116,7 +116,7 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
 
 
 def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
-    """One row a mode schedule: its used touchdowns and the spread of their contacts."""
+    """Return one row per mode schedule: its used touchdowns and the spread of their contacts."""
     if touchdowns is None or touchdowns.empty:
         return None
     used = touchdowns[~excluded(touchdowns)]
@@ -141,7 +141,7 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
 
 
 def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
-    """Descents that are not used by reason, and by recording where these are few."""
+    """Count unused descents by reason, and by recording if there are few recordings."""
     if touchdowns is None or touchdowns.empty or not excluded(touchdowns).any():
         return None
     out = _left_out(touchdowns)
@@ -157,7 +157,7 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
 
 
 def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
-    """Return the descents that are not used, landings first, with the feet's names in reasons."""
+    """Return the descents not used, landings first, with the feet's names in the reasons."""
     out = touchdowns[excluded(touchdowns)]
     out = out.iloc[(out["reason"] == NO_FOOT_LANDED).argsort(kind="stable")]
     contacts = touchdowns.filter(regex="^contact_")
@@ -168,7 +168,7 @@ def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
 
 
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
-    """Whether each touchdown was excluded, also where CSV made text of the booleans."""
+    """Return whether each touchdown was excluded, also if CSV turned the booleans into text."""
     return touchdowns["excluded"].astype(str).str.lower().isin(("true", "1", "1.0"))
 
 
@@ -180,7 +180,7 @@ SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 
 def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
-    """One row a model, in the printed order; a model that was not fitted is listed as such."""
+    """Return one row per model, in the printed order, including models that were not fitted."""
     rows = _in_order(summary, "model", MODEL_NAMES)
     scale, power = show.common_scale([row.get("median") for row in rows])
     columns: show.Columns = {
@@ -201,7 +201,7 @@ def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
 
 
 def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
-    """One row a kind of distance; a kind without pairs is listed with zero pairs."""
+    """Return one row per kind of distance, including kinds without pairs."""
     columns: show.Columns = {
         "subspaces": lambda row: KIND_NAMES.get(row["kind"], str(row["kind"])),
         "pairs": lambda row: show.count(row.get("n", 0)),
@@ -219,19 +219,19 @@ def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
 
 
 def _in_order(summary: pd.DataFrame | None, key: str, names: Mapping[str, str]) -> list[show.Row]:
-    """Return a row for each name in the printed order, those that are missing with it alone."""
+    """Return a row for each name, in the printed order; a missing one has only its name."""
     found = {str(row[key]): row for row in show.records(summary)}
     names_of_all = dict.fromkeys((*names, *found)) if found else ()
     return [{**found.get(name, {}), key: name} for name in names_of_all]
 
 
 def _quantiles(**shares: float) -> list[tuple[str, str]]:
-    """Heading and column of each quantile."""
+    """Return the heading and column of each quantile."""
     return [("median" if key == "median" else show.percent(p), key) for key, p in shares.items()]
 
 
 def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | None:
-    """One row a measure: what was found against what the simulator knew."""
+    """Return one row per measure: the result compared with what the simulator knew."""
     rows = tuple(
         (_capital(str(entry.get("what") or name)), *_measured(name, entry))
         for name, entry in (truth or {}).items()
@@ -240,7 +240,7 @@ def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | N
 
 
 def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
-    """Return value and unit as on the rest of the page: lengths in mm, shares in per cent."""
+    """Return value and unit as elsewhere on the page: lengths in mm, shares in per cent."""
     value, unit = entry.get("value"), str(entry.get("unit") or "")
     if name.startswith("labels_right_"):
         return show.fixed(show.scaled(value, 100), 1), "%"
@@ -256,14 +256,14 @@ def _capital(words: str) -> str:
 
 
 def times_table(seconds: Mapping[str, Any]) -> show.Table | None:
-    """Time of each job, longest first."""
+    """Return the time of each job, longest first."""
     ordered = sorted(seconds.items(), key=lambda item: -float(item[1]))
     rows = tuple((name, show.fixed(value, 2)) for name, value in ordered)
     return show.Table("Time per job", ("job", "time (s)"), rows) if rows else None
 
 
 def record_tables(record: Mapping[str, Any]) -> dict[str, show.Table | None]:
-    """Return what `provenance.json` says of a run: its origin, inputs, versions and times."""
+    """Return tables of `provenance.json`: origin of a run, inputs, versions and times."""
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
     digests, versions = record.get("inputs") or {}, record.get("versions") or {}
     return {
@@ -274,7 +274,7 @@ def record_tables(record: Mapping[str, Any]) -> dict[str, show.Table | None]:
     }
 
 
-# Tables of the contacts that are known from elsewhere.
+# Tables of the contacts known from other sources.
 
 MOST_UNMATCHED = 60
 UNMATCHED = ("missed", "invented")
@@ -299,13 +299,13 @@ AGREEMENT: show.Columns = {
 
 
 def agreement_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
-    """One row a column and recording: counts, bias with its interval, scatter."""
+    """Return one row per column and recording: counts, bias with its interval, scatter."""
     rows, note = show.records(overlay.get("contact_overlay_summary")), show.NOTES["agreement"]
     return show.table_of("Agreement of the contacts", rows, AGREEMENT, text_columns=3, note=note)
 
 
 def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
-    """Every contact that was missed or invented, and why if that is known."""
+    """Return every contact that was missed or invented, and the reason if known."""
     contacts = overlay.get("contact_overlay")
     if contacts is None:
         return None
@@ -324,7 +324,7 @@ def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
 
 
 def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
-    """How bias and scatter depend on the threshold of the force."""
+    """Return bias and scatter as functions of the force threshold."""
     columns: show.Columns = {
         **{name: show.text(name) for name in ("recording", "column")},
         "threshold": lambda row: show.significant(row["threshold"], 3),
@@ -355,7 +355,7 @@ NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
-    """Say how many checks are good and poor, and name those that are not good, the worst first."""
+    """Say how many checks are good and poor, and list those that are not good, worst first."""
     if not checks:
         return None, ""
     counts = Counter(str(check["status"]) for check in checks)
@@ -365,7 +365,7 @@ def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
 
 
 def quality_table(checks: Checks | None) -> show.Table | None:
-    """One row a check: what was found, what would be good and what poor."""
+    """Return one row per check: the value found, and the limits for good and poor."""
     columns: show.Columns = {
         "check": lambda check: str(check["what"]),
         "status": lambda check: STATUS.get(str(check["status"]), str(check["status"])),
@@ -390,7 +390,7 @@ def _limits(check: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def faults_table(faults: pd.DataFrame | None) -> show.Table | None:
-    """One row a fault of the recordings, the first thirty."""
+    """Return one row per fault of the recordings, the first thirty."""
     columns = {
         "recording": show.text("recording"),
         "fault": show.text("kind"),
@@ -404,14 +404,14 @@ def faults_table(faults: pd.DataFrame | None) -> show.Table | None:
 
 
 def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
-    """One row a remark on a recording: what was guessed or put right, the first thirty."""
+    """Return one row per remark on a recording: what was guessed or corrected, the first thirty."""
     columns = {name: show.text(name) for name in ("recording", "remark")}
     title = "Remarks on the recordings"
     return show.first_rows(title, remarks, columns, MOST_FAULTS, "remarks", texts=2)
 
 
 def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
-    """Return what the checks are about, with the worst status of each and its remark."""
+    """Return the subjects of the checks, with the worst status of each and its remark."""
     shown = []
     for name in dict.fromkeys(str(check["about"]) for check in checks or ()):
         own = [check for check in checks or () if check["about"] == name]
@@ -424,7 +424,7 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
 def excluded_table(
     touchdowns: pd.DataFrame | None, levelled: Sequence[Recording] = ()
 ) -> show.Table | None:
-    """One row a descent that is not used, with its reason and the heights of its feet."""
+    """Return one row per descent not used, with its reason and the heights of its feet."""
     from markupsafe import Markup
 
     by_name = {recording.name: recording for recording in levelled}

@@ -1,4 +1,4 @@
-"""The verdict on the page: what it can and cannot show; and the page of a group of verdicts."""
+"""The verdict on the page, what it can and cannot show, and the page of a group of verdicts."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,14 +18,14 @@ MEANING: str = show.NOTES["meaning"]
 def verdict_facts(
     verdict: Verdict | None, truth: Mapping[str, Mapping[str, Any]] | None = None
 ) -> dict[str, Any]:
-    """Return texts on the verdict: all keys are always there, None where it is not known.
+    """Return texts on the verdict; all keys are always present, None if unknown.
 
     Returns
     -------
     dict
         ``sentence``; ``outlook``, what these data could have shown; ``difference``, the effect with
-        its interval; ``true``, what it is in a simulation; ``remark``, the bound that decides;
-        ``confidence``, ``power``; ``found``, whether there is an effect at all.
+        its interval; ``true``, the true effect in a simulation; ``remark``, the deciding bound;
+        ``confidence``, ``power``; ``found``, whether an effect was estimated at all.
     """
     known: Verdict = verdict or {}
     effect = known.get(known.get("decided_by", "effect"))
@@ -54,7 +54,7 @@ def verdict_facts(
     }
 
 
-# The page of a group: the answer, the forest plot, the conditions, every member with its link.
+# The page of a group: answer, forest plot, conditions, and every member with its link.
 
 CONDITIONS: show.Columns = {
     "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
@@ -70,7 +70,7 @@ CONDITIONS: show.Columns = {
 
 
 def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) -> str:
-    """Build the page.
+    """Build the page of a group.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def _percent(share: float) -> str:
 
 
 def _member(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the cells of a member, and how its checks came out."""
+    """Return the cells of a member, and a summary of its checks."""
     checks = row.get("quality", [])
     statuses = Counter(status for _, status in checks)
     needed, of = row.get("landings_needed") or 0, "jump_" * ("jump_low" in row)
