@@ -1,4 +1,4 @@
-"""`solve_batch`: one system from many initial states, over the cores."""
+"""`solve_batch`: integrate one system from many initial states, in parallel."""
 
 import os
 import sys
@@ -21,35 +21,38 @@ from hopdata.hybrid.driver.loop import END_STATE, many_entry
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import FIRST_PATIENCE
 
-# Chunks of a job in threads, with progress shown.
+# A job runs in threads, chunk by chunk, and shows its progress.
 
-CHUNK = 64  # numbers that a thread takes at a time: results do not depend on it
-STEPS_AT_A_TIME = 200_000  # at most, or one integration: only between chunks does Ctrl-C end it
-# Systems from which lanes repay their compilation, 5 to 10 s, by 10 to 20 us saved of each.
+CHUNK = 64  # integrations that a thread takes at a time; results do not depend on it
+# Most steps in a chunk of more than one integration: Ctrl-C takes effect only between chunks.
+STEPS_AT_A_TIME = 200_000
+# Number of systems from which lanes pay off: compilation takes 5 to 10 s, and each system saves
+# 10 to 20 us.
 LARGE = 500_000
-BETWEEN_S = 0.1  # words on stderr
+BETWEEN_S = 0.1  # interval of progress messages on stderr
 
 
 def run_in_threads(
     run: Callable[[int, int], int], done: int, total: int, workers: int | None, progress: bool,
     chunk: int = CHUNK,
 ) -> None:  # fmt: skip
-    """Run a job on the numbers from `done` on below `total`, a chunk at a time in each thread.
+    """Run a job on the indices from `done` up to `total`, one chunk at a time in each thread.
 
-    One worker is this thread: to start another would take as long as a hundred small integrations.
+    A single worker runs in the calling thread, because starting a thread takes as long as a hundred
+    small integrations.
 
     Parameters
     ----------
     run : callable
-        ``run(first, last)`` does the numbers from first on below last, and returns how many.
+        ``run(first, last)`` processes the indices first <= i < last and returns their number.
     done, total : int
-        How many are done already, and how many there are.
+        Number of indices already done, and total number.
     workers : int, optional
-        Threads; by default one for each core that this process may use.
+        Number of threads; by default one for each core that this process may use.
     progress : bool
-        Whether to say on stderr how far it is.
+        Whether to report progress on stderr.
     chunk : int
-        How many numbers a thread takes at a time.
+        Number of indices that a thread takes at a time.
     """
     chunks = [(first, min(first + chunk, total)) for first in range(done, total, chunk)]
     start, last = time.monotonic(), -inf
@@ -64,15 +67,15 @@ def run_in_threads(
 def _counts(
     run: Callable[[int, int], int], chunks: list[tuple[int, int]], workers: int
 ) -> Iterator[int]:
-    """Run the chunks; yield how many numbers are done, as each chunk ends.
+    """Run the chunks and yield the number of indices done as each chunk ends.
 
-    After an exception or Ctrl-C, no more are begun.
+    After an exception or Ctrl-C, no further chunks are started.
     """
     if workers <= 1:
         yield from (run(*chunk) for chunk in chunks)
         return
     pool, rest = ThreadPoolExecutor(workers), iter(chunks)
-    try:  # few wait: Ctrl-C while one is handed over may come out as an error of the threads' lock
+    try:  # queue few chunks: Ctrl-C during a submit may surface as an error of the threads' lock
         under_way = {pool.submit(run, *c) for c in islice(rest, 2 * workers)}
         while under_way:
             ended, under_way = wait(under_way, return_when=FIRST_COMPLETED)
@@ -91,7 +94,7 @@ def available_cores() -> int:
 
 @dataclass(frozen=True, repr=False)
 class BatchSolution:
-    """Where many integrations ended; B of them.
+    """Final states of many (B) integrations.
 
     Parameters
     ----------
@@ -106,23 +109,23 @@ class BatchSolution:
     n_events, n_steps, nfev : (B,) array of int
         Events, accepted steps, field evaluations.
     culprit : (B,) array of int
-        Number of the guard that the status is about, -1 if there is none.
+        Index of the guard that the status is about, -1 if none.
     rates : (B, 2) array
-        Its rates before its last two flips, rising and falling, 1/s.
+        Rates of this guard before its last two flips, rising and falling, 1/s.
     guard_names : tuple of str
         Names of all guards.
     lanes : (B,) array of bool
-        Which were integrated in lanes.
+        Which integrations ran in lanes.
     lanes_reason : str
-        Why none was; empty if some were.
+        Why none ran in lanes; empty if some did.
     t : (N,) array, optional
         `t_eval`, if given.
     y : (B, n, N) array, optional
         States at these times; NaN after an integration has ended.
     jacobian : (B, n, n) array, optional
-        Derivatives of the final by the initial states, if asked for.
+        Derivatives of the final states with respect to the initial states, if requested.
     sensitivity : (B, n, p) array, optional
-        Derivatives of the final states by the parameters, if asked for.
+        Derivatives of the final states with respect to the parameters, if requested.
     """
 
     status: IntArray
@@ -150,12 +153,12 @@ class BatchSolution:
 
     @property
     def success(self) -> bool:
-        """Whether all reached the end of the time span, or an event that ends it."""
+        """Whether all reached the end of the time span or a terminal event."""
         return bool((self.status >= 0).all())
 
     @property
     def message(self) -> str:
-        """How many ended in which way."""
+        """How the integrations ended: one line for each status, with the number of runs."""
         _, places, numbers = np.unique(self.status, return_index=True, return_counts=True)
         return "\n".join(
             f"{count} of {len(self)}, such as number {place}: {self._sentence(place)}"
@@ -170,7 +173,7 @@ class BatchSolution:
 
 
 class _Room:
-    """Arrays that the threads fill, each its own rows."""
+    """Arrays that the threads fill; each thread writes its own rows."""
 
     def __init__(self, n_runs: int, system: System, n_wanted: int, jacobian: bool) -> None:
         n = system.n_states
@@ -206,23 +209,23 @@ def solve_batch(
 ) -> BatchSolution:
     """Integrate a system from many initial states; options as in `solve`.
 
-    Each result has the bytes that `solve` gives, whatever the number of workers; in lanes its bytes
-    depend on its row and the options alone, too. Trajectories and events are not kept: take
-    `t_eval`, or `solve` for single ones.
+    Each result has the same bytes as with `solve`, whatever the number of workers. In lanes, its
+    bytes likewise depend only on its row and the options. Trajectories and events are not kept; use
+    `t_eval`, or `solve` for single integrations.
 
     Parameters
     ----------
     y0 : (B, n) array_like
         Initial states.
     params : (p,) or (B, p) array_like
-        Parameters of all, or of each.
+        Parameters shared by all integrations, or one row for each.
     workers : int, optional
-        Threads; by default one for each core that this process may use.
+        Number of threads; by default one for each core that this process may use.
     progress : bool
-        Whether to show on stderr how far it is.
+        Whether to report progress on stderr.
     lanes : bool, optional
-        Whether to integrate many at a time in the lanes of the processor's vectors, where that can
-        be done (see `BatchSolution.lanes_reason`). By default from `LARGE` systems on.
+        Whether to integrate many systems at a time in the lanes of the processor's vectors where
+        possible (see `BatchSolution.lanes_reason`). By default from `LARGE` systems on.
 
     Returns
     -------
@@ -301,7 +304,7 @@ def solve_batch(
         return last - first
 
     done, chunk = begun, CHUNK
-    if len(left) > 0:  # the first alone: it compiles what is not compiled yet
+    if len(left) > 0:  # run the first alone, because it compiles what is not compiled yet
         done += run_left(begun, begun + 1)
         steps = int(room.counts[left[0], at.STEPS])
         system.methods(method, jacobian).specialise(steps * len(left))

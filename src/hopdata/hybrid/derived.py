@@ -1,10 +1,10 @@
-"""Systems made from a system, so that the driver stays as it is.
+"""Systems derived from a user's system, so that the driver needs no variants.
 
-Their functions are machine code around the user's. In a *backward* system the time is s = -t: it
-changes its sign before the call, and whatever is a rate after it. Locks, and the directions in
-which guards are crossed, are those that are met on the way. In a system *with its parameters as
-states*, which rest, the derivative of the flow is by these, too. For *debugging*, all functions are
-run by Python, which checks every index.
+Their functions are machine code that wraps the user's. A *backward* system has the time s = -t: the
+time changes sign before each call, and all rates change sign after it. Locks and crossing
+directions refer to the crossings as they occur along the way. A system *with its parameters as
+states*, which are constant, extends the derivative of the flow to them. For *debugging*, Python
+runs all functions, which checks every index.
 """
 
 from collections.abc import Callable
@@ -22,30 +22,30 @@ from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.system import System
 
 Answer = TypeVar("Answer")
-RATES = ("dy", "hdot", "jac", "a", "b")  # arguments that change their sign with that of time
-WITH_PARAMS = "params"  # the choice of the Jacobian that is by the parameters, too
+RATES = ("dy", "hdot", "jac", "a", "b")  # arguments that change sign when time does
+WITH_PARAMS = "params"  # choice of `jacobian` that includes the parameters
 
 
 class Around(Callback):
-    """Machine code around a function of the user's, which it knows as INNER.
+    """Machine code that wraps a user's function, which it calls by the name INNER.
 
     Parameters
     ----------
     inner : Callback
-        That function.
+        The user's function.
     body : list of str
-        Lines of the code, with the arguments of `inner`.
+        Lines of code, in terms of the arguments of `inner`.
     n_params : int
-        How many parameters the code names.
+        Number of parameters that the code uses.
     **names : object
-        What else it knows.
+        Other names that the code uses.
     """
 
     def __init__(self, inner: Callback, body: list[str], n_params: int, **names: Any) -> None:
         self.inner, kind = inner, inner.signature
         names = {"INNER": inner.dispatcher, "np": np, **names}
         super().__init__(compose(kind.name, ", ".join(kind.arguments), body, names), kind)
-        self.kept = inner.compiled  # else the address of a Python function stands in the code
+        self.kept = inner.compiled  # otherwise the code contains the address of a Python function
         self.n_params = n_params
 
     @property
@@ -62,7 +62,7 @@ def _made(
     system: System, key: Any, derive: Callable[[Callback], Callback | None],
     given_too: dict[str, Any], **seen: Any,
 ) -> System:  # fmt: skip
-    """Return the system of derived functions, made once; `seen` are properties that differ."""
+    """Return the derived system, made once; `seen` holds the properties that differ."""
     if key not in system.made:
         names = [name for name in (*SIGNATURES, "undo") if getattr(system, name) is not None]
         functions: dict[str, Any] = {name: derive(getattr(system, name)) for name in names}
@@ -74,10 +74,8 @@ def _made(
 
 def _backward(inner: Callback) -> Around:
     kind = inner.signature
-    one = "hdot[k] = -hdot[k]"  # of many guards: the others' rates may stand there
-    each = (
-        "for i in range(len({0})): {0}[i] = -{0}[i]"  # of matrices the rows; lanes know this, too
-    )
+    one = "hdot[k] = -hdot[k]"  # one guard of many: the others' rates may be stored there as well
+    each = "for i in range(len({0})): {0}[i] = -{0}[i]"  # a matrix by rows; lanes can do it, too
     turned = {
         name: one if name == "hdot" and "k" in kind.arguments else each.format(name)
         for name in kind.arguments
@@ -90,12 +88,12 @@ def _backward(inner: Callback) -> Around:
 
 
 def backward(system: System) -> System:
-    """Return the system with the time s = -t.
+    """Return the system in the time s = -t.
 
     Raises
     ------
     ValueError
-        If there is a handler, and none that undoes what it does.
+        If the system has a handler but no `undo`.
     """
     if system.on_event is not None and system.undo is None:
         raise ArgumentError(
@@ -111,7 +109,7 @@ def backward(system: System) -> System:
     return turned
 
 
-# Of a guard that depends on a parameter, which does not move: how it would change if it did.
+# Derivative of a guard with respect to a parameter: how the guard would change if it moved.
 BY_PARAMETERS = """
 n = len(h)
 for j in range(N, len(y)):
@@ -135,7 +133,7 @@ KNOWN = {"ROOT": tangent.FIFTH_ROOT_OF_EPS} | {
 
 
 def with_parameters(system: System, n_params: int) -> System:
-    """Return the system whose states are the user's and the parameters, which rest."""
+    """Return the system whose states are the user's, followed by the constant parameters."""
     wanted = "no n_memory with 'params', as it is among them"
     arguments.expect(system.n_memory == 0, "jacobian", wanted, system.n_memory)
     system.check_params_length(n_params)
@@ -160,12 +158,12 @@ def with_parameters(system: System, n_params: int) -> System:
 
 
 def in_python(system: System) -> System:
-    """Return the system whose functions are run by Python."""
+    """Return the system with all functions run by Python."""
     return _made(system, "debug", lambda one: Callback(one.function, one.signature, False), {})
 
 
 def goes_back(t_span: Any) -> bool:
-    """Tell whether the end of a time span is before its start; False if it is none."""
+    """Return whether a time span ends before its start; False if it is not a time span."""
     try:
         start, end = t_span
         return float(end) < float(start)
@@ -177,7 +175,7 @@ def ask_derived(
     ask: Callable[..., Answer], system: System, *, t_span: Any, y0: Any, params: Any, t_eval: Any,
     atol: Any, jacobian: Any, debug: Any = False, **others: Any,
 ) -> Answer:  # fmt: skip
-    """Ask a derived system, so that the user gets what is asked for, and return the answer."""
+    """Solve with the derived system that the options require, and return the answer."""
     if arguments.check_flag("debug", debug):
         system = in_python(system)
     if isinstance(jacobian, str):

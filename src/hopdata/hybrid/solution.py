@@ -1,7 +1,7 @@
-"""What an integration returns.
+"""Results of an integration.
 
-It keeps the driver's records as they are, and takes them apart when one of its parts is asked for:
-for a short integration, to make all the arrays would take longer than the integration.
+They keep the driver's records as they are and unpack each part only when it is requested: for a
+short integration, making all the arrays would take longer than the integration.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from hopdata.errors import Told
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import expect
 
-MOST_SHOWN = 10  # events, in the text of a log
-COUNTS = int(layout.CLOCK_SLOTS)  # where in `end` the counters begin
-MODE = COUNTS + int(layout.COUNT_SLOTS)  # and where the mode does
-BYTES = 8  # of a number
+MOST_SHOWN = 10  # most events in the text of a log
+COUNTS = int(layout.CLOCK_SLOTS)  # index of the first counter in the end record
+MODE = COUNTS + int(layout.COUNT_SLOTS)  # index of the first entry of the mode
+BYTES = 8  # bytes of a number
 
 
 @dataclass(frozen=True, repr=False)
 class EventLog(Told):
-    """Events in the order in which they happened; E of them.
+    """The E events of an integration, in chronological order.
 
     Parameters
     ----------
     records : (E, 3 + 2 n + m) array
-        The columns of all properties, side by side; whole numbers stand in them bit by bit.
+        Columns of all properties side by side; integers are stored by their bits.
     n_states : int
         Length of the state, n.
     guard_names : tuple of str
@@ -66,7 +66,7 @@ class EventLog(Told):
 
     @cached_property
     def guard(self) -> IntArray:
-        """Number of the guard; (E,)."""
+        """Index of the guard; (E,)."""
         return self._integers(1, 1).ravel()
 
     @cached_property
@@ -76,27 +76,27 @@ class EventLog(Told):
 
     @cached_property
     def before(self) -> FloatArray:
-        """State directly before the event's handler; (E, n)."""
+        """State immediately before the event's handler; (E, n)."""
         return self._floats(3, self.n_states)
 
     @cached_property
     def after(self) -> FloatArray:
-        """State directly after the event's handler; (E, n)."""
+        """State immediately after the event's handler; (E, n)."""
         return self._floats(3 + self.n_states, self.n_states)
 
     @cached_property
     def mode(self) -> IntArray:
-        """Mode after the event; (E, m). Without the locks, if guards are declared one by one."""
+        """Mode after the event; (E, m). It omits the locks if guards are declared one by one."""
         first = 3 + 2 * self.n_states
         return self._integers(first, self.records.shape[1] - first)
 
     def of(self, guard: str, *, direction: int = 0) -> EventLog:
-        """Return the events of one guard, by name; in one direction only if it is not 0.
+        """Return the events of one guard, in one direction only if `direction` is not 0.
 
         Raises
         ------
         ValueError
-            If there is no guard of this name.
+            If no guard has this name.
         """
         expect(guard in self.guard_names, "guard", f"one of {self.guard_names}", repr(guard))
         chosen = self.guard == self.guard_names.index(guard)
@@ -106,7 +106,7 @@ class EventLog(Told):
 
 
 def event_log(records: FloatArray, form: Form) -> EventLog:
-    """Return a log of the driver's records, of the user's states alone and at the user's times."""
+    """Return the log of the driver's records, with the user's states and times only."""
     if form.way < 0.0 or form.shown < form.state:
         columns = np.arange(form.event)
         after = 3 + form.state
@@ -118,20 +118,20 @@ def event_log(records: FloatArray, form: Form) -> EventLog:
 
 @dataclass(frozen=True)
 class Form:
-    """What the records of all integrations of a system have in common.
+    """Layout shared by the records of all integrations of a system.
 
     Parameters
     ----------
     state, mode : int
         Lengths of state (n) and mode (m).
     event : int
-        Numbers in the record of an event.
+        Number of entries in the record of an event.
     guard_names : tuple of str
         Names of all guards of the system.
     way : float
-        By which the driver's times are multiplied: -1 where time runs backward.
+        Factor of the driver's times: -1 where time runs backward.
     shown : int
-        How many of the states are the user's; behind them stand parameters.
+        Number of states that are the user's; parameters follow them.
     """
 
     state: int
@@ -144,25 +144,26 @@ class Form:
 
 @dataclass(frozen=True, repr=False)
 class Solution(Told):
-    """Trajectory, events and how it ended, in the vocabulary of `scipy.integrate.solve_ivp`.
+    """Trajectory, events and outcome, named as in `scipy.integrate.solve_ivp`.
 
     Parameters
     ----------
     status : int
         0: reached the end; 1: ended by an event; negative: failed, see `message`.
     y_end : (n,) array
-        State reached.
+        Final state.
     jacobian : (n, n) array, optional
-        Derivative of `y_end` by the initial state at fixed times, through all events, if asked for.
+        Derivative of `y_end` with respect to the initial state at fixed times, through all events,
+        if requested.
     parts : tuple of bytes
-        The driver's times and counters and the mode at the end, side by side; times and states of
-        the trajectory, (N, 1 + n); events, as `EventLog` keeps them.
+        The driver's times and counters and the final mode, side by side; times and states of the
+        trajectory, (N, 1 + n); events, in the form of `EventLog`.
     form : Form
-        How these records are made up.
+        Layout of these records.
     dense : tuple, optional
-        Rows for each step, and times and states at its Chebyshev's points, for `__call__`.
+        Number of rows per step, and times and states at its Chebyshev points, for `__call__`.
     sensitivity : (n, p) array, optional
-        Derivative of `y_end` by the parameters, if asked for.
+        Derivative of `y_end` with respect to the parameters, if requested.
     """
 
     status: int
@@ -174,19 +175,19 @@ class Solution(Told):
     sensitivity: FloatArray | None = None
 
     def __call__(self, t: ArrayLike, *, side: str = "right") -> FloatArray:
-        """Return the state at times within the integration, (n,) or (n, N), by dense output.
+        """Return the state at times within the integration, (n,) or (n, N), from dense output.
 
         Parameters
         ----------
         t : float, (N,) array_like
             Times, s.
         side : str
-            At the instant of an event: "right" is the state after it, "left" that before it.
+            At the instant of an event, "right" gives the state after it and "left" the one before.
 
         Raises
         ------
         ValueError
-            If there is no dense output, or a time is outside.
+            If there is no dense output, or if a time is out of range.
         """
         if self.dense is None:
             raise ValueError("solution(t): expected solve(..., dense_output=True)")
@@ -204,7 +205,7 @@ class Solution(Told):
 
     @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Times between steps, states before and after them, and (N, K + 1, n) states in steps."""
+        """Times between steps, states before and after them, and states in steps (N, K + 1, n)."""
         assert self.dense is not None
         count, rows = self.dense
         table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)[:, : 1 + self.form.shown]
@@ -229,27 +230,27 @@ class Solution(Told):
 
     @cached_property
     def mode(self) -> IntArray:
-        """Mode at the end; (m,)."""
+        """Final mode; (m,)."""
         return np.frombuffer(self.parts[0], np.int64, self.form.mode, BYTES * MODE).copy()
 
     @property
     def t_end(self) -> float:
-        """Time reached, s."""
+        """Final time, s."""
         return float(self.form.way * self.clock[layout.T])
 
     @cached_property
     def t(self) -> FloatArray:
-        """Times, s; (N,): `t_eval` as far as it was reached, or every step and event."""
+        """Times, s; (N,): `t_eval` up to the final time, or every step and event."""
         return self.form.way * self._table[:, 0]
 
     @cached_property
     def y(self) -> FloatArray:
-        """States at those times; (n, N). At the instant of an event, the state after it."""
+        """States at the times `t`; (n, N). At the instant of an event, the state after it."""
         return self._table[:, 1 : 1 + self.form.shown].T.copy()
 
     @property
     def success(self) -> bool:
-        """Whether it reached the end of the time span, or an event that ends it."""
+        """Whether the integration reached the end of the time span or a terminal event."""
         return self.status >= 0
 
     @property
@@ -262,27 +263,27 @@ class Solution(Told):
 
     @property
     def nfev(self) -> int:
-        """Evaluations of the field."""
+        """Number of field evaluations."""
         return int(self.counts[layout.NFEV])
 
     @property
     def n_events(self) -> int:
-        """Events, also those that were not kept."""
+        """Number of events, including those that were not kept."""
         return int(self.counts[layout.EVENTS])
 
     @property
     def n_guard_evaluations(self) -> int:
-        """Evaluations of the guards (of each one, if they are declared one by one)."""
+        """Number of guard evaluations (of single guards, if they are declared one by one)."""
         return int(self.counts[layout.NGEV])
 
     @property
     def n_steps(self) -> int:
-        """Accepted steps."""
+        """Number of accepted steps."""
         return int(self.counts[layout.STEPS])
 
     @property
     def n_rejected(self) -> int:
-        """Rejected steps."""
+        """Number of rejected steps."""
         return int(self.counts[layout.REJECTED])
 
     @property
@@ -291,19 +292,19 @@ class Solution(Told):
 
     @property
     def clock(self) -> FloatArray:
-        """The driver's times at the end, as `layout` numbers them."""
+        """The driver's final times, indexed as in `layout`."""
         return np.frombuffer(self.parts[0])[:COUNTS]
 
     @property
     def counts(self) -> IntArray:
-        """The driver's counters at the end."""
+        """The driver's final counters, indexed as in `layout`."""
         return np.frombuffer(self.parts[0], np.int64)[COUNTS:MODE]
 
 
 def _interpolated(
     times: FloatArray, piece: IntArray, knots: FloatArray, steps: FloatArray
 ) -> FloatArray:
-    """Return the states (N, n) at times inside of steps, by the barycentric formula."""
+    """Return the states (N, n) at times inside steps, by the barycentric formula."""
     last = steps.shape[1] - 1
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(last + 1) / last)
     weights = np.where(np.arange(last + 1) % 2 == 0, 1.0, -1.0)

@@ -1,1 +1,1 @@
-"""The loop that all integrations share: step, localise, land, flip, go on."""
+"""The loop shared by all integrations: step, localise, land, flip, continue."""

@@ -1,7 +1,7 @@
 """The interpolant of a step, and its derivative.
 
-Its coefficients stand in the rows P1 ... of the states: y = Y + x (P1 + r (P2 + x (P3 + r (...)))),
-where x is the fraction of the step and r = 1 - x (as in Hairer's dense outputs), or r = x.
+Its coefficients are in the rows P1 ... of the states: y = Y + x (P1 + r (P2 + x (P3 + r (...)))).
+Here x is the fraction of the step, and r = 1 - x (as in Hairer's dense outputs) or r = x.
 """
 
 from math import cos, pi
@@ -13,14 +13,14 @@ from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma
 from hopdata.hybrid.driver.problem import Problem, copy_row
 from hopdata.hybrid.layout import Memory
 
-# Where events are dense a step costs little more than its interpolant: with this number as a
-# constant the loops over its coefficients become straight lines.
+# Last coefficient of the interpolant of DOPRI5. Where events are dense, a step costs little more
+# than its interpolant; with this constant the compiler unrolls the loops over the coefficients.
 LAST_OF_DOPRI5 = 3
 
 
 @kernel
 def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
-    """Compute the interpolant of the step of length `dt`, unless it is there already."""
+    """Compute the interpolant of the step of length `dt`, unless it is already available."""
     if m.clock[at.SPAN] > 0.0:
         return
     m.clock[at.SPAN] = dt
@@ -32,9 +32,9 @@ def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
 
 @kernel
 def interpolate(p: Problem, m: Memory, theta: float, target: int, per_s: float) -> None:
-    """Write the state at the fraction `theta` of the step into a row of the states.
+    """Write the state at the fraction `theta` of the step into row `target` of the states.
 
-    And its time derivative into SLOPE, if `per_s` is one over the length of the step, not 0.
+    If `per_s` (one over the step's length) is not 0, write its time derivative into SLOPE as well.
     """
     last = m.counts[at.DEGREE] - 1
     if p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
@@ -49,16 +49,17 @@ def interpolate(p: Problem, m: Memory, theta: float, target: int, per_s: float) 
 def sum_up(
     m: Memory, x: float, r: float, turn: float, per_s: float, last: int, target: int
 ) -> None:
-    """Sum an interpolant and its derivative, for r = x or 1 - x, whose derivative is `turn`.
+    """Sum an interpolant and its derivative for r = x or r = 1 - x, with the derivative `turn`.
 
-    It is Y + x V, where V is a sum of pairs (of a coefficient and r times the next) in powers of
-    x r: half as long a chain as one after the other, and as exact where they alternate.
+    The result is Y + x V, where V is a polynomial in x r whose coefficients are pairs: one
+    coefficient plus r times the next. This halves the chain of operations of Horner's scheme, and
+    it is as accurate where the coefficients alternate in sign.
     """
     s, top, square, bend = m.states, last | 1, x * r, r + turn * x
     full = last == top
     for i in range(s.width):
-        odd = s[at.P1 + top, i] if full else 0.0  # the sum of every second coefficient
-        value, value_slope = fma(r, odd, s[at.P1 + top - 1, i]), 0.0  # its slope by the square
+        odd = s[at.P1 + top, i] if full else 0.0  # sum of every second coefficient
+        value, value_slope = fma(r, odd, s[at.P1 + top - 1, i]), 0.0  # d(value)/d(x r)
         for j in range(top - 2, 0, -2):
             value_slope = fma(square, value_slope, value)
             value = fma(square, value, fma(r, s[at.P1 + j, i], s[at.P1 + j - 1, i]))
@@ -69,22 +70,22 @@ def sum_up(
             s[at.SLOPE, i] = fma(x, slope, value) * per_s
 
 
-# The trajectory's rows: samples at wanted times, or else one row for each step.
+# Rows of the trajectory: samples at the requested times, or else one row for each step.
 
 
 class Output(NamedTuple):
     """Room for the trajectory."""
 
-    wanted: FloatVector  # times; the samples belong to them
+    wanted: FloatVector  # requested times of the samples
     samples: FloatTable
     rows: FloatTable  # time and state of each step
-    n_rows: int  # room for so many
-    per_step: int  # rows: none, the end of the step, or points within as well
+    n_rows: int  # number of rows that fit
+    per_step: int  # rows per step: none, its end, or several points within as well
 
 
 @kernel
 def write_row(m: Memory, out: Output, t: float, source: int) -> None:
-    """Write a time and a row of the states as the next row, if rows are wanted."""
+    """Append a row with a time and a row of the states, if rows are wanted."""
     if out.per_step > 0:
         out.rows[m.counts[at.ROWS], 0] = t
         copy_row(m.states, source, out.rows, m.counts[at.ROWS], 1)
@@ -93,7 +94,7 @@ def write_row(m: Memory, out: Output, t: float, source: int) -> None:
 
 @kernel_apart
 def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> None:
-    """Write rows at Chebyshev's points within the step of length `dt`: they tell its polynomial."""
+    """Write rows at Chebyshev points within the step of length `dt` to store its polynomial."""
     prepare_interpolant(p, m, dt)
     for j in range(1, out.per_step):
         part = 0.5 - 0.5 * cos(pi * j / out.per_step) if 2 * j != out.per_step else 0.5
@@ -103,7 +104,7 @@ def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> None:
 
 @kernel
 def rewrite_row(m: Memory, out: Output) -> None:
-    """Write the state after an event over the one before it."""
+    """Overwrite the last row with the state after an event."""
     if out.per_step > 0 and m.counts[at.ROWS] > 0:
         copy_row(m.states, at.Y, out.rows, m.counts[at.ROWS] - 1, 1)
     last = m.counts[at.SAMPLES] - 1
@@ -113,7 +114,7 @@ def rewrite_row(m: Memory, out: Output) -> None:
 
 @kernel
 def sample_start(m: Memory, out: Output) -> None:
-    """Write the initial state, if it is wanted."""
+    """Write the initial state if its time is requested."""
     if out.wanted.width > 0 and out.wanted[0] == m.clock[at.T]:
         copy_row(m.states, at.Y, out.samples, 0)
         m.counts[at.SAMPLES] = 1
@@ -121,7 +122,7 @@ def sample_start(m: Memory, out: Output) -> None:
 
 @kernel
 def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> None:
-    """Fill in the wanted times within the step of length `dt` that ends at `t_new`."""
+    """Write samples at the requested times within the step of length `dt` that ends at `t_new`."""
     j, n = m.counts[at.SAMPLES], out.wanted.width
     if j == n or out.wanted[j] > t_new:
         return

@@ -1,7 +1,8 @@
 """Make a step end on the guard that flips first in it.
 
-The step is taken again to the instant that localisation found, and its end corrected by Newton on
-h itself, so that time and state of the event have the order of the method, not of the interpolant.
+The step is repeated up to the instant found by localisation. Its end is then corrected by Newton's
+method on h itself, so time and state of the event have the order of the method, not that of the
+interpolant.
 """
 
 import numpy as np
@@ -17,17 +18,17 @@ from hopdata.hybrid.driver.windows import BY_WINDOWS, NONE_NEAR, leave_out_bent
 from hopdata.hybrid.layout import Memory
 
 MAX_POLISH = 8
-SPARED = 5e-2  # of the tolerance: error of the interpolant that is not worth another step
-FARTHEST = 0.1  # part of the step by which the interpolant may be wrong: beyond, h is not smooth
-HOVER = 1e-8  # part of the step by which rounding of h itself may move its end
-RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpoint step
+SPARED = 5e-2  # tolerances: interpolant error below which the step need not be repeated
+FARTHEST = 0.1  # fraction of the step: if the interpolant errs by more, h is not smooth
+HOVER = 1e-8  # fraction of the step by which rounding of h may move its end
+RETAKE_ABOVE = 1e-4  # fraction of the step: largest move of its end by a midpoint step
 
 
 @kernel
 def nearest_surface(p: problem.Problem, m: Memory, k: int) -> tuple[float, int]:
-    """Return how far the end of the step is from guard k, s, or from a rival that is past.
+    """Return the time, s, from the step's end to the surface of guard k or a rival, and the guard.
 
-    And which guard that is: the first of those past, if there are any.
+    A rival is a guard past its surface; the one that was passed first counts.
     """
     shift, nearest = 0.0, k
     if p.mode[k] * m.guards[at.RATE1, k] < 0.0:
@@ -42,7 +43,7 @@ def nearest_surface(p: problem.Problem, m: Memory, k: int) -> tuple[float, int]:
 
 @kernel
 def move_end(p: problem.Problem, m: Memory, t: float, shift: float) -> None:
-    """Move the end of the step, at time t, by a short midpoint step."""
+    """Move the end of the step, which is at time t, by a short midpoint step."""
     s = m.states
     for i in range(s.width):
         s[at.SCRATCH, i] = s[at.END, i] + 0.5 * shift * s[at.KEND, i]
@@ -54,7 +55,7 @@ def move_end(p: problem.Problem, m: Memory, t: float, shift: float) -> None:
 
 @kernel
 def take_part(p: problem.Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
-    """Take the first part of the step: anew, or on its interpolant."""
+    """Take the first part of the step again, or evaluate its end on the interpolant."""
     if on_interpolant:
         interpolate(p, m, span / m.clock[at.SPAN], at.END, 0.0)
         problem.eval_field(p, m, t + span, at.END, at.KEND)
@@ -64,7 +65,7 @@ def take_part(p: problem.Problem, m: Memory, t: float, span: float, on_interpola
 
 @kernel
 def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> None:
-    """Evaluate the guards at the end of the step, at time t; those that it has reached are near."""
+    """Evaluate the guards at the step's end, at time t, and put those it has reached into NEAR."""
     problem.guards_at_end(p, m, t)
     watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
     for a in range(m.counts[at.N_NEAR]):
@@ -78,7 +79,7 @@ def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> N
 def end_at(
     p: problem.Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
 ) -> float:
-    """Take the first part of the step, look at the guards there; return the margin of guard k."""
+    """Take the first part of the step and evaluate the guards; return the margin of guard k."""
     take_part(p, m, m.clock[at.T], span, on_interpolant)
     look_at_end(p, m, m.clock[at.T] + span, resolution)
     return p.mode[k] * m.guards[at.H1, k]
@@ -88,9 +89,9 @@ def end_at(
 def end_behind_jump(
     p: problem.Problem, m: Memory, k: int, span: float, on_interpolant: bool, resolution: float
 ) -> float:
-    """Make the step end directly behind the jump of guard k, near `span`; return its length.
+    """Make the step end just past the jump of guard k near `span`, and return its length.
 
-    Where there is none near, it ends at `span`.
+    If there is no jump nearby, the step ends at `span`.
     """
     past = end_at(p, m, span, on_interpolant, resolution, k) <= 0.0
     clear, behind, reach = span, span, resolution
@@ -113,13 +114,13 @@ def end_behind_jump(
 def land(
     p: problem.Problem, m: Memory, k: int, span: float, resolution: float
 ) -> tuple[float, int]:
-    """Make the step end on guard k, about `span` from now.
+    """Make the step end on guard k, about `span` from its start.
 
-    It is taken again to there, unless the interpolant, which is worst in the middle and as good as
-    the step at both its ends, adds next to nothing to the step's error. Where Newton's method makes
-    it worse the event function jumps.
+    The step is repeated up to there unless the interpolant adds almost nothing to the step's error.
+    The interpolant is worst in the middle and as good as the step at both ends. Where Newton's
+    method increases the distance, the event function jumps.
 
-    Returns its length and the guard on which it ends: a rival, if one turns out to be earlier.
+    Returns the step's length and the guard on which it ends: a rival if one flips earlier.
     """
     t, whole = m.clock[at.T], m.clock[at.SPAN]
     last, theta = FARTHEST * span, span / whole
@@ -150,12 +151,12 @@ def land(
     return span, k
 
 
-# End a step at the first flip in it: judge, search, land, and mark the guards that flip there.
+# End a step at its first flip: judge, search, land, and mark the guards that flip there.
 
 
 @kernel_in_loop
 def gather(p: problem.Problem, m: Memory, dt: float) -> int:
-    """Put the guards that may flip within the step into NEAR; return how many they are."""
+    """Put the guards that may flip within the step into NEAR, and return their number."""
     watch.set_knots(p, m, dt)
     count = (
         watch.gather_near_by_pieces(p, m, dt)
@@ -169,9 +170,9 @@ def gather(p: problem.Problem, m: Memory, dt: float) -> int:
 def end_at_dips(
     p: problem.Problem, m: Memory, dt: float, kind: int, k: int, theta: float
 ) -> tuple[float, int, int, float]:
-    """End the step at a dip, if its first cut is one: the sign of h there decides. And so on.
+    """End the step at its first cut as long as this is a dip, where the sign of h decides.
 
-    Returns the step's length, and kind, guard and place of the cut that remains.
+    Returns the step's length, and kind, guard and place of the remaining cut.
     """
     for _ in range(2 * m.counts[at.N_AWAKE] + 4):
         if kind != DIP or theta * dt <= problem.time_resolution(m.clock[at.T], dt):
@@ -188,10 +189,10 @@ def end_at_dips(
 def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 
-    Marks in DUE the guards that flip at its end; returns its length (0 if they flip at its very
-    start) and how many they are.
+    The guards that flip at its end are marked in DUE. Returns the step's length (0 if they flip at
+    its very start) and their number.
     """
-    # Mostly none is near: what the search needs is not even prepared.
+    # Usually no guard is near, so the search is not even prepared.
     if m.counts[at.WATCHED] == NONE_NEAR or gather(p, m, dt) == 0:
         return dt, 0
     kind, k, theta = first_cut(p, m, dt)
@@ -201,7 +202,7 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
         return dt, 0
     for a in range(m.counts[at.N_NEAR]):
         j = m.lists[at.NEAR, a]
-        # Until it has left, what it took for rounding stays so.
+        # What counts as rounding remains so until the guard has left its surface.
         left = p.mode[j] * m.guards[at.H0, j] > 0.0
         size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
         m.guards[at.SIZE, j] = max(size, m.guards[at.PARTS if left else at.SIZE, j])
@@ -212,7 +213,7 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
             problem.mark_one(m, k)
             problem.remember_residuals(p, m, at.H0)
             return 0.0, 1
-        dt = min(resolution, dt)  # an event function that jumps: just past it
+        dt = min(resolution, dt)  # an event function that jumps: end just past the jump
         take_step(p, m, m.clock[at.T], dt)
         look_at_end(p, m, m.clock[at.T] + dt, resolution)
     else:

@@ -1,4 +1,4 @@
-"""What happens at an instant: flip the locks, tell the scene, look again, until nothing flips."""
+"""Events at an instant: flip locks, call the handler, and repeat until no guard flips."""
 
 from typing import NamedTuple
 
@@ -12,14 +12,14 @@ from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
 from hopdata.hybrid.layout import Memory
 
-FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
+FLIPS_AT_ONCE = 2  # flips of a guard at one instant, as at an impact; at a third it is not live
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
-LOW_FLIGHT = 40  # a flight after an impact that rounding hides is as good as so many of a crowd
-DISAGREEMENT = 1e-9  # of the field and its affine form, relative to their terms
+LOW_FLIGHT = 40  # instants of a crowd that a flight hidden by rounding after an impact counts for
+DISAGREEMENT = 1e-9  # allowed difference of field and affine form, relative to their terms
 
 
 class Log(NamedTuple):
-    """Room for events, one row each; floats and integers are views of the same memory."""
+    """Room for events, one per row; floats and integers are views of the same memory."""
 
     floats: FloatTable
     integers: IntTable
@@ -28,7 +28,7 @@ class Log(NamedTuple):
 
 @kernel
 def flips_alone(m: Memory, k: int) -> bool:
-    """Tell whether no other guard than k has flipped at this instant."""
+    """Return whether guard k alone has flipped at this instant."""
     for other in range(m.flags.width):
         if other != k and m.flags[at.LAST_FLIP, other] == m.counts[at.INSTANTS]:
             return False
@@ -37,9 +37,9 @@ def flips_alone(m: Memory, k: int) -> bool:
 
 @kernel
 def flip(p: problem.Problem, m: Memory) -> int:
-    """Flip the locks of all guards that are due; refuse the third flip at one instant.
+    """Flip the locks of all guards that are due; fail at the third flip of one at this instant.
 
-    It slides if the field alone, and no handler at this instant, has turned the guard back.
+    The guard slides if the field alone, without a handler at this instant, has turned it back.
     """
     now = m.counts[at.INSTANTS]
     for a in range(m.counts[at.N_DUE]):
@@ -59,9 +59,9 @@ def flip(p: problem.Problem, m: Memory) -> int:
 
 @kernel_in_loop
 def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
-    """Tell the scene that guard k has flipped, if that is an event, and log it.
+    """Call the handler for the flip of guard k if that is an event, and log it.
 
-    Returns TERMINATED if it ends the integration, else RUNNING.
+    Returns TERMINATED if the event ends the integration, otherwise RUNNING.
     """
     direction = p.mode[k]
     if p.rules[at.DIRECTION, k] != 0 and p.rules[at.DIRECTION, k] != direction:
@@ -97,7 +97,7 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
 
 @kernel_in_loop
 def fire_due(p: problem.Problem, m: Memory, log: Log) -> int:
-    """Fire all guards that have just flipped, in their order."""
+    """Fire all guards that have just flipped, in the order of their indices."""
     status, k = at.RUNNING, problem.next_due(p, m, -1)
     while k >= 0:
         ended = fire_one(p, m, log, k) == at.TERMINATED
@@ -110,7 +110,7 @@ def fire_due(p: problem.Problem, m: Memory, log: Log) -> int:
 
 @kernel_in_loop
 def refresh(p: problem.Problem, m: Memory) -> int:
-    """Evaluate field and guards anew at the present state and mode."""
+    """Evaluate field and guards again at the present state and mode."""
     problem.eval_field(p, m, m.clock[at.T], at.Y, at.K1)
     m.clock[at.SPEED] = speed_at(p, m, m.clock[at.T], at.Y, at.K1)
     wrong = problem.first_not_finite(m.states, at.K1) >= 0
@@ -124,7 +124,7 @@ def refresh(p: problem.Problem, m: Memory) -> int:
 
 @kernel
 def too_crowded(m: Memory, resolution: float) -> bool:
-    """Count instants that follow each other too closely; tell whether there are too many."""
+    """Count instants that follow each other too closely; return whether there are too many."""
     gap = m.clock[at.T] - m.clock[at.INSTANT]
     low = m.counts[at.LOW] != 0 and m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
     near = low or gap <= problem.CROWDED * resolution
@@ -138,7 +138,7 @@ def too_crowded(m: Memory, resolution: float) -> bool:
 
 @kernel_apart
 def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
-    """Tell whether a handler has made a lock that is none, and keep its guard."""
+    """Return whether a handler has set an invalid lock; if so, report the guard as culprit."""
     for a in range(m.counts[at.N_AWAKE]):
         k = problem.awake(p, m, a)
         if p.mode[k] * p.mode[k] != 1:
@@ -149,9 +149,9 @@ def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
 
 @kernel_apart
 def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
-    """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
+    """Flip all guards in DUE and those that their handlers push across; refresh the field.
 
-    Expects the instant's state in Y, its time in the clock, and its guards in H0 and RATE0.
+    On entry the state of the instant is in Y, its time in the clock, its guards in H0 and RATE0.
     """
     resolution, jumps = problem.time_resolution(m.clock[at.T], 0.0), m.counts[at.JUMPS]
     if too_crowded(m, resolution):
@@ -192,22 +192,22 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
         later = True
 
 
-# Locks at the start: decided by the sign of h, on the surface by its rate, and then its bend.
+# Initial locks: decided by the sign of h; on the surface by its rate, and then by its bend.
 
-PASSES = 4  # rates on the surface may depend on the other locks: go round until they agree
-LOOK_AHEAD = 1e-6  # of the way to the end of t_span
+PASSES = 4  # rounds until the locks agree: rates on the surface may depend on the other locks
+LOOK_AHEAD = 1e-6  # fraction of the remaining time span
 
 
 @kernel
 def decide(h: float, rate: float, bend: float) -> int:
-    """Return the lock of a guard with these values; exactly zero passes the question on."""
+    """Return a guard's lock by the sign of h; if that is zero, of its rate; if zero, its bend."""
     told = h if h != 0.0 else rate if rate != 0.0 else bend
     return 1 if told > 0.0 else -1
 
 
 @kernel
 def look_ahead(p: problem.Problem, m: Memory) -> None:
-    """Put the guards' rates a short way ahead into RATE: for a guard at rest, where it bends."""
+    """Write the guards' rates a short time ahead into RATE: the sign of a resting guard's bend."""
     s = m.states
     ahead = LOOK_AHEAD * min(p.t_end - m.clock[at.T], p.max_step)
     for i in range(s.width):
@@ -218,7 +218,7 @@ def look_ahead(p: problem.Problem, m: Memory) -> None:
 
 @kernel
 def decide_locks(p: problem.Problem, m: Memory) -> bool:
-    """Set each lock that was left open; tell whether one has changed."""
+    """Set each lock that was left open, and return whether any lock has changed."""
     g, changed = m.guards, False
     for k in range(g.width):
         if m.flags[at.OPEN, k] != 0:
@@ -232,7 +232,7 @@ def decide_locks(p: problem.Problem, m: Memory) -> bool:
 
 @kernel
 def lock_by_side(p: problem.Problem, m: Memory) -> None:
-    """Set open locks by the sign of h alone: the field may exist on its own side only."""
+    """Set open locks by the sign of h alone: the field may be defined on one side only."""
     problem.fill_row(m.states, at.K1, 0.0)
     problem.guards_at_start(p, m, m.clock[at.T])
     for k in range(m.guards.width):

@@ -1,11 +1,11 @@
-"""The flow's Jacobian through an instant: one saltation matrix for each guard that flips.
+"""The flow's Jacobian across an instant: one saltation matrix for each guard that flips.
 
 At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- + dh/dt), with the
-field before and after it, and the handler's change of the state, R (Aizerman and Gantmakher 1958;
-Kong et al. 2024). Of guards that flip at one instant, each is given the field that the locks before
-it name; what a handler adds, by the memory for instance, is put to the guard that has flipped, if
-there is only one. Guards that a reset pushes across flip when it happens: they have no instant, and
-so no projection, of their own.
+fields f- before and f+ after it, and the reset R of the handler (Aizerman and Gantmakher 1958; Kong
+et al. 2024). If several guards flip at one instant, each is assigned the field selected by the
+locks so far. Any further change by handlers (through the memory, for instance) is attributed to the
+flipped guard if there is only one. Guards that a reset pushes across flip at that moment. They have
+no instant of their own, and therefore no projection.
 """
 
 from math import sqrt
@@ -24,7 +24,7 @@ from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.methods import tangent as differences
 
-# The driver calls this code by its address: it is compiled when a Jacobian is first asked for.
+# The driver calls this code by address, so it is compiled only when a Jacobian is first requested.
 CARRY, RESET, SALTATE, HANDLERS = range(4)
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
@@ -34,23 +34,23 @@ call_first_order = code.caller(FIRST_ORDER_NATIVE)
 
 @kernel
 def first_order(p: Problem, part: int, dt: float, which: int, k: int, way: int) -> float:
-    """Have a part of this module done: see `driver.loop`."""
+    """Run one part of this module by its address: see `driver.loop`."""
     return call_first_order(p.first_order, p.here, part, dt, which, k, way)
 
 
-# The flow's Jacobian over a step: by the method's own tangent, or by that for short steps.
+# The flow's Jacobian over a step: by the method's own tangent, or by the short tangent.
 
-EASY = 0.2  # of the tolerance: a step with so little error may have the short tangent
-SHORT = 300.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
-SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothing of the next step
-LOOK, LEAST_LOOK = 1e-6, 1e-9  # of a piece, of t_span: how far ahead a guard's rate is looked at
-ASIDE = (1e-7, 1e-5, 1e-3, 1e-9)  # of a state's size: how far beside it one looks
-SAME_SLOPE = 1e-3  # part of a guard's slope by which those of its rates and values may differ
+EASY = 0.2  # tolerances: step error below which the short tangent may be used
+SHORT = 300.0  # multiple of rtol: largest (step times fastest motion)^5 of a short step
+SMALL = 0.1  # tolerances: error of the Jacobian below which it does not limit the next step
+LOOK, LEAST_LOOK = 1e-6, 1e-9  # fractions of a piece and of t_span: look-ahead for a guard's rate
+ASIDE = (1e-7, 1e-5, 1e-3, 1e-9)  # fractions of a state's size: displacements that are tried
+SAME_SLOPE = 1e-3  # largest relative difference of a guard's slopes by its rates and its values
 
 
 @kernel
 def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
-    """Tell whether the short tangent will do for a step of `dt`, by the last step's motion."""
+    """Return whether the short tangent suffices for a step of `dt`, by the last step's motion."""
     if p.methods[m.counts[at.METHOD], at.SHORT_TANGENT] == 0 or m.clock[at.ERROR] > EASY:
         return False
     turn = dt * dt * m.clock[at.MOTION]
@@ -61,7 +61,7 @@ def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
 def tangent(p: Problem, m: Memory, dt: float) -> float:
     """Write the new Jacobian behind the old one; return its error in units of the tolerance.
 
-    A step that ends on the interpolant of a longer one has no stages of its own.
+    A step that ends on the interpolant of a longer step has no stages of its own.
     """
     method, t = m.counts[at.METHOD], m.clock[at.T]
     which, evaluations = at.TANGENT, p.methods[method, at.TANGENT_EVALUATIONS]
@@ -81,8 +81,9 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
 def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     """Multiply the flow's Jacobian by that of the step that ends at END.
 
-    Returns the part of the step by which it must be taken again, as the Jacobian errs by too much;
-    1 if it does not, NaN if it is not finite. One that errs by less may yet limit the next step.
+    Returns the fraction to which the step must be shortened because the Jacobian's error is too
+    large, 1 if it is acceptable, and NaN if it is not finite. A smaller error may still limit the
+    next step.
     """
     phi, n = p.tangent, m.states.width
     error = tangent(p, m, dt)
@@ -101,7 +102,7 @@ def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel
 def single(m: Memory, row: int) -> int:
-    """Return where a single row stands in the tangent's table."""
+    """Return the index of a single row in the tangent's table."""
     return 3 * m.states.width + row
 
 
@@ -109,7 +110,7 @@ def single(m: Memory, row: int) -> int:
 def rate_along(
     p: Problem, m: Memory, k: int, row: int, t: float, states: FloatTable, y: int
 ) -> float:
-    """Return the rate of guard k when row `y` of a table moves along a row of the tangent's."""
+    """Return guard k's rate at row `y` of `states` for the state's rate in row `row` of phi."""
     phi, g = p.tangent, m.guards
     if p.guards != 0:
         code.call_guards(p.guards, t, states, y, phi, row, p.mode, p.params, g, at.H, g, at.RATE)
@@ -120,12 +121,12 @@ def rate_along(
 
 @kernel
 def project(p: Problem, m: Memory, k: int, rate: float) -> float:
-    """Write Dh Phi / rate of guard k into the row ALONG, for its rate Dh f- + dh/dt.
+    """Write Dh Phi / rate of guard k into row ALONG, where `rate` is Dh f- + dh/dt.
 
-    Returns the time, s, by which its instant is unknown.
+    Returns the uncertainty of its instant, s.
 
-    The rate is affine in f-: Dh comes by changing one component of it after the other, those alone
-    that the guards' code may use, by the size of the largest.
+    The rate is affine in f-, so Dh follows from changing one component of f- after the other by the
+    size of the largest. Only components that the guards' code may use are changed.
     """
     phi, n, unknown, change = p.tangent, m.states.width, 0.0, 0.0
     moved, before = single(m, at.COLUMN), single(m, at.F_BEFORE)
@@ -149,7 +150,7 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> float:
 
 @kernel_apart
 def bend_of(p: Problem, m: Memory, k: int, rate: float) -> float:
-    """Return the rate of the rate of guard k, with the field before its flip."""
+    """Return the second time derivative of guard k, with the field before its flip."""
     ahead, n = LOOK * (m.clock[at.T] - m.clock[at.SEGMENT]), m.states.width
     ahead = max(ahead, LEAST_LOOK * (p.t_end - p.t_start))
     moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
@@ -168,21 +169,21 @@ def add_jump(p: Problem, m: Memory) -> None:
     for i in range(n):
         jump = phi[after, i] - phi[before, i]
         phi[before, i] = phi[after, i]
-        if jump != 0.0:  # as it is of most, where a force comes or goes
+        if jump != 0.0:  # most entries are zero where a force comes or goes
             for j in range(n):
                 phi[i, j] += jump * phi[along, j]
 
 
 @kernel
 def size_of(p: Problem, m: Memory, i: int, value: float) -> float:
-    """Return the size of state i: its own, its change since the last event, or its tolerance's."""
+    """Return the size of state i: its value, its change since the last event, or its tolerance."""
     change = (m.clock[at.T] - m.clock[at.SEGMENT]) * abs(p.tangent[single(m, at.F_BEFORE), i])
     return max(abs(value), change, p.atol[i] / p.rtol)
 
 
 @kernel
 def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
-    """Write a state beside the present one, into two rows, and the way to there, on either side."""
+    """Write a displaced state into two rows, and the displacement's direction, on either side."""
     moved, slope, given = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE), single(m, at.COLUMN)
     for i in range(m.states.width):
         y = m.states[at.Y, i]
@@ -192,9 +193,10 @@ def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
 
 @kernel_apart
 def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
-    """Tell whether guard k's rate is that of its values when the state moves some other way.
+    """Return whether guard k's rate agrees with its values for another motion of the state.
 
-    Near by, values may be the same by rounding; farther away, a guard may bend.
+    Several displacements are tried: at small ones values may coincide by rounding, and at large
+    ones a guard may bend.
     """
     moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
     for aside in ASIDE:
@@ -210,9 +212,9 @@ def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
 
 @kernel
 def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
-    """Write what `project` does, and return a status.
+    """Project onto guard k (see `project`) and return a status.
 
-    Its rate may be zero where its instant is unknown by too much for that.
+    The guard grazes if its rate may be zero within the uncertainty of its instant.
     """
     if not project(p, m, k, rate) * abs(bend_of(p, m, k, rate)) <= 0.5 * abs(rate):
         return at.GRAZING_IN_JACOBIAN
@@ -221,7 +223,7 @@ def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
 
 @kernel
 def on_another(m: Memory, resolution: float) -> bool:
-    """Tell whether a guard that is due is on its surface, and has not flipped at this instant."""
+    """Return whether a due guard is on its surface and has not flipped at this instant."""
     for a in range(m.counts[at.N_DUE]):
         k, g = m.lists[at.DUE, a], m.guards
         noise = blur(g[at.SIZE, k], g[at.RATE0, k], resolution)
@@ -233,10 +235,10 @@ def on_another(m: Memory, resolution: float) -> bool:
 
 @kernel_apart
 def saltate(p: Problem, m: Memory, pushed: bool) -> int:
-    """Pass all guards that are due, one after the other, by their locks alone; return a status.
+    """Pass all due guards one after the other, by their locks alone, and return a status.
 
-    A single one is only projected: `saltate_handlers` adds its jump, with what handlers make of it.
-    Those that are `pushed` across are passed when the reset is.
+    A single guard is only projected: `saltate_handlers` adds its jump together with the handler's.
+    Guards that are `pushed` across are passed together with the reset.
     """
     phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
     copy_row(m.states, at.K1, phi, before)
@@ -255,7 +257,7 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
             rate = rate_along(p, m, k, before, m.clock[at.T], m.states, at.Y)
             one = passes(p, m, k, rate)
             status = one if status == at.RUNNING else status
-    for a in range(m.counts[at.N_DUE] if m.counts[at.N_DUE] > 1 else 0):  # in earnest afterwards
+    for a in range(m.counts[at.N_DUE] if m.counts[at.N_DUE] > 1 else 0):  # undo these trial flips
         k = m.lists[at.DUE, a]
         p.mode[k] = -p.mode[k]
     return status
@@ -263,7 +265,7 @@ def saltate(p: Problem, m: Memory, pushed: bool) -> int:
 
 @kernel
 def keep(p: Problem, part: int) -> None:
-    """Keep mode and parameters as those before (0) or after (1) a handler."""
+    """Store mode and parameters as those before (0) or after (1) a handler."""
     first, n_modes = part * (p.mode.width + p.params.width), p.mode.width
     for i in range(n_modes):
         p.kept[first + i] = p.mode[i]
@@ -273,7 +275,7 @@ def keep(p: Problem, part: int) -> None:
 
 @kernel
 def bring_back(p: Problem, part: int) -> None:
-    """Bring back what was kept."""
+    """Restore the stored mode and parameters."""
     first, n_modes = part * (p.mode.width + p.params.width), p.mode.width
     for i in range(n_modes):
         p.mode[i] = int(p.kept[first + i])
@@ -283,9 +285,9 @@ def bring_back(p: Problem, part: int) -> None:
 
 @kernel
 def reset_by(p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, way: int) -> None:
-    """Write down the derivative of the reset by state j, or by time if there is none.
+    """Compute the derivative of the reset with respect to state j, or to time if j is n.
 
-    By differences, as `methods.tangent` takes them; into the first column of the third block.
+    Differences as in `methods.tangent`; the result goes into the first column of the third block.
     """
     phi, n, t = p.tangent, m.states.width, m.clock[at.T]
     values, before = single(m, at.PHI_VALUES), at.LOG_STATES
@@ -308,7 +310,7 @@ def reset_by(p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, w
 
 @kernel
 def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> bool:
-    """Tell whether a handler has changed the state, or changes one beside it."""
+    """Return whether a handler has changed the state, or would change a neighbouring one."""
     phi, t, changed = p.tangent, m.clock[at.T], False
     moved, given = single(m, at.PHI_SHIFTED), single(m, at.COLUMN)
     for i in range(m.states.width):
@@ -324,9 +326,9 @@ def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -
 
 @kernel_apart
 def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> bool:
-    """Multiply Phi and f- by the derivative of the reset that a row of the log tells of, if any.
+    """Multiply Phi and f- by the derivative of the reset in row `row` of the log, if there is one.
 
-    What it is by time is added to f-: `saltate_handlers` takes that away.
+    Its time derivative is added to f-, so that `saltate_handlers` subtracts it.
     """
     phi, n = p.tangent, m.states.width
     before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
@@ -351,9 +353,10 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
 
 @kernel
 def saltate_handlers(p: Problem, m: Memory, alone: bool) -> bool:
-    """Add how the field has changed since, as part of the last guard's flip.
+    """Add the remaining change of the field as part of the last guard's flip.
 
-    Tells whether that is right: not if several guards have flipped, whose shares are unknown.
+    Returns whether that is correct. It is not if several guards have flipped, because their shares
+    are unknown.
     """
     before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
     changed = False

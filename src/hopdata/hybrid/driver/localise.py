@@ -1,6 +1,6 @@
-"""Find where in a step the first guard flips: a bracketed search on the interpolant.
+"""Find where in a step the first guard flips, by a bracketed search on the interpolant.
 
-It begins where the guard's cubic vanishes or is lowest (see `suspicion`).
+The search starts where the guard's cubic vanishes or is lowest.
 """
 
 from math import inf, sqrt
@@ -19,12 +19,12 @@ from hopdata.hybrid.driver.problem import (
 from hopdata.hybrid.driver.watch import GRAZE, clearance, ends_between, knot, piece_before
 from hopdata.hybrid.layout import Memory
 
-# Where the cubic through two values and two slopes of an event function turns, or vanishes.
+# Turning points and roots of the cubic through two values and two slopes of an event function.
 #
 # All functions work on the unit interval: slopes are per step, not per second.
 
 NOWHERE = 2.0
-ITERATIONS, ACCURACY = 40, 1e-4  # of the last root but one: Newton doubles the digits
+ITERATIONS, ACCURACY = 40, 1e-4  # accuracy of the last root but one; Newton doubles the digits
 
 
 @kernel
@@ -36,7 +36,7 @@ def cubic(g0: float, d0: float, g1: float, d1: float, x: float) -> float:
 
 @kernel
 def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, float]:
-    """Return where in (0, 1) the cubic has its maximum and its minimum; NOWHERE if it has none."""
+    """Return the places in (0, 1) of the cubic's maximum and minimum, NOWHERE where absent."""
     rise = g1 - g0
     a = 3.0 * (d0 + d1 - 2.0 * rise)
     b = 3.0 * rise - 2.0 * d0 - d1  # slope = d0 + 2 b x + a x^2
@@ -53,10 +53,9 @@ def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, f
 
 @kernel
 def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: float) -> float:
-    """Return a root in [low, high], where the cubic falls from above to below zero.
+    """Return a root in [low, high] where the cubic falls from above to below zero.
 
-    The first guess is by the cubic through places and slopes of the inverse function, if that is
-    one.
+    The first guess comes from the cubic interpolant of the inverse function, if there is one.
     """
     rise, x = g1 - g0, NOWHERE
     b, a = 3.0 * rise - 2.0 * d0 - d1, 3.0 * (d0 + d1 - 2.0 * rise)
@@ -78,23 +77,23 @@ def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: flo
     return x
 
 
-# Which guards may flip within a step, and about where: judged by the cubics between its knots.
+# Guards that may flip within a step, and roughly where: judged by the cubics between its knots.
 #
-# A cubic takes values and rates at both ends of its piece of the step. Where it falls through zero
-# the guard is past its surface, where it only comes near the interpolant has to tell.
+# A cubic matches values and rates at both ends of its piece of the step. Where it falls through
+# zero, the guard is past its surface; where it only comes near, the interpolant decides.
 
 PASS, CROSSING, DIP = 0, 1, 2
 NONE = -1  # no guard
 Suspicion = tuple[int, int, float, float, int]  # kind, guard, guess, a place before it, piece
 
-EDGE = 1e-6  # a dip this near to an end of its piece is that end
-STEEPEST = 0.34  # rise over slope, from which a cubic cannot turn back: a third
-UNSURE = 0.5  # of a dip's depth: by so much may its cubic be wrong
+EDGE = 1e-6  # fraction of a piece: a dip this close to an end counts as that end
+STEEPEST = 0.34  # rise over slope above which a cubic cannot turn back (1/3, rounded up)
+UNSURE = 0.5  # fraction of a dip's depth by which its cubic may be wrong
 
 
 @kernel
 def is_monotone(rise: float, d0: float, d1: float) -> bool:
-    """Tell whether a cubic with these slopes is sure to be monotone (Fritsch and Carlson)."""
+    """Return whether a cubic with these slopes is certainly monotone (Fritsch and Carlson)."""
     if d0 >= 0.0:
         return d1 >= 0.0 and rise >= STEEPEST * max(d0, d1)
     return d1 <= 0.0 and rise <= STEEPEST * min(d0, d1)
@@ -102,12 +101,12 @@ def is_monotone(rise: float, d0: float, d1: float) -> bool:
 
 @kernel
 def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[int, float, float]:
-    """Judge a guard by its cubic, which does not stay clear.
+    """Judge a guard whose cubic does not stay clear of its surface.
 
-    Takes margin and slope (per step) at both ends, and what rounding may make of a margin that is
-    zero; returns the kind of suspicion, where to look first, and a place before that.
+    Takes margins and slopes (per step) at both ends, and the rounding error `noise` of a margin of
+    zero. Returns the kind of suspicion, where to look first, and a place before that.
     """
-    # A guard that has just flipped, and leaves, may still be on its old side by rounding.
+    # A guard that has just flipped and is leaving may still be on its old side by rounding.
     crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
     if not crossed and is_monotone(g1 - g0, d0, d1):
         return PASS, 1.0, 0.0
@@ -118,7 +117,7 @@ def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[i
         high = bottom if deep < 0.0 and bottom > low else 1.0
         return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
     if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
-        return PASS, 1.0, 0.0  # at its surface for all that rounding can tell, and stays there
+        return PASS, 1.0, 0.0  # on its surface to within rounding, and stays there
     if deep < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - deep)):
         return DIP, bottom, low
     return PASS, 1.0, 0.0
@@ -128,9 +127,10 @@ def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[i
 def suspect_before(
     m: Memory, k: int, lock: int, dt: float, end: float, resolution: float
 ) -> tuple[int, float, float, int]:
-    """Judge a guard between each two knots of the step that ends at its part `end`.
+    """Judge a guard between consecutive knots of the step that ends at its fraction `end`.
 
-    Returns what `suspect` does of the first piece in which it does not stay clear, and that.
+    Returns the result of `suspect` for the first piece in which the guard does not stay clear, and
+    the piece.
     """
     g = m.guards
     for piece in range(m.counts[at.PIECES]):
@@ -153,9 +153,9 @@ def suspect_before(
 def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
     """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
-    At first, with k = NONE, all that are near are asked; those that are suspect have no clearance
-    at all from then on. Afterwards they are, and those past their surface in row H: they may flip
-    before guard k does, at `end`.
+    The first call, with k = NONE, checks all guards in NEAR and sets the clearance of suspects to
+    -inf. Later calls check only these and the guards past their surface in row H, because they may
+    flip before guard k does, at `end`.
     """
     g = m.guards
     best = (PASS, NONE, NOWHERE, 0.0, 0)
@@ -174,18 +174,18 @@ def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspi
     return best
 
 
-LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
-SURELY_BACK = 1000.0  # times the rate by which a guard has left
-ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
-JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
-MOST_PUT_RIGHT = 0.5  # of Newton's step: beyond, the cubic tells nothing
-LITTLE_PUT_RIGHT = 1e-3  # of Newton's step, up to which the series of the cubic's root is exact
+LEAVING = 1e-12  # fraction of the step by which a guard has left its surface, if it ever does
+SURELY_BACK = 1000.0  # multiple of the rate at which a guard has left
+ROOT_ACCURACY = 1e-8  # accuracy of the last approximation but one; Newton doubles the digits
+JUMP_ACCURACY = 4 * EPS  # relative accuracy at a discontinuous event function
+MOST_PUT_RIGHT = 0.5  # fraction of Newton's step: the cubic is useless for larger corrections
+LITTLE_PUT_RIGHT = 1e-3  # fraction of Newton's step: the series is exact for smaller corrections
 MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 
 
 @kernel_apart
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
-    """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
+    """Evaluate the guards in NEAR on the interpolant at `theta`, into H and RATE."""
     interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
     eval_listed(p, m, at.NEAR, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
@@ -194,9 +194,9 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
 def lowest_point(
     p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
 ) -> float:
-    """Refine the minimum of guard k on the interpolant: its rate's root, by bisection at worst.
+    """Refine the minimum of guard k on the interpolant: the root of its rate, if need be bisected.
 
-    It lies in a piece of the step that ends at `end`.
+    It lies in the piece `piece` of the step that ends at `end`.
     """
     lock = p.mode[k]
     last, low, part = piece_before(m, piece, end)
@@ -216,7 +216,7 @@ def lowest_point(
             return guess
         if tries >= PATIENCE or not low < guess < high:
             guess = 0.5 * (low + high)
-        elif abs(guess - theta) < EDGE:  # as good as there, unless the rate is flat: bracket it
+        elif abs(guess - theta) < EDGE:  # converged, unless the rate is flat: bracket it
             guess += EDGE if slope < 0.0 else -EDGE
         theta = guess
     return theta
@@ -226,7 +226,7 @@ def lowest_point(
 def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none.
 
-    By more than rounding: a flight that is lower is not to be told from none.
+    Clear means by more than rounding: a lower flight cannot be distinguished from none.
     """
     g, resolution = m.guards, time_resolution(m.clock[at.T], dt)
     while low > LEAVING:
@@ -239,9 +239,10 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
 
 @kernel_apart
 def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
-    """Return where guard k, which leaves by less than its rounding, is back: as fast as it left.
+    """Return where guard k, whose departure is below its rounding, is back at its surface.
 
-    By its mean change of rate up to where the interpolant is sure to tell it.
+    It returns as fast as it left. Its mean acceleration is taken up to a place at which the
+    interpolant resolves it.
     """
     left, x, rate = abs(m.guards[at.RATE0, k]), 0.25 * LEAVING, 0.0
     while rate > -SURELY_BACK * left and x < end:
@@ -253,9 +254,10 @@ def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
 
 @kernel
 def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
-    """Tell whether guard k is at its surface since its last flip, for all that rounding can tell.
+    """Return whether guard k is, to within rounding, still at the surface of its last flip.
 
-    At the start of such a step the sign of h says nothing: to go by it is to flip the guard back.
+    At the start of such a step the sign of h is meaningless: acting on it would flip the guard
+    back.
     """
     margin, rate = p.mode[k] * m.guards[at.H0, k], p.mode[k] * m.guards[at.RATE0, k]
     noise = blur(m.guards[at.SIZE, k], rate, time_resolution(m.clock[at.T], dt))
@@ -266,10 +268,10 @@ def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
 def way_to_root(
     x: float, g: float, d: float, x1: float, g1: float, d1: float
 ) -> tuple[float, bool]:
-    """Return how far from x a falling function vanishes, and whether that is all but exact.
+    """Return the distance from x to a falling function's root, and whether it is nearly exact.
 
-    Newton's method from x, put right by the cubic through both places, values and slopes: its root
-    as a series. The error is that of Newton's method times the square of the distance to x1.
+    Newton's method from x is corrected by the cubic through both places, values and slopes, whose
+    root is taken as a series. The error is Newton's times the square of the distance to x1.
     """
     way, run, rise = -g / d, x1 - x, g1 - g
     if abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
@@ -288,10 +290,10 @@ def way_to_root(
 def crossing(
     p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, piece: int, end: float
 ) -> float:
-    """Return where guard k falls through zero on the interpolant: a bracketed iteration.
+    """Return where guard k falls through zero on the interpolant, by a bracketed iteration.
 
-    At `end` it is past its surface, or where the piece ends. At `low` it is clear by its cubic; if
-    it is at its surface since its last flip, the interpolant is asked where it is clear.
+    The guard is past its surface at `end` or at the end of the piece. Its cubic is clear at `low`.
+    If it is still at the surface of its last flip, the interpolant decides where it is clear.
     """
     lock, x1, last = p.mode[k], (piece + 1) * m.clock[at.PIECE], knot(m, piece + 1)
     g1, d1 = lock * m.guards[last, k], lock * m.guards[last + 1, k] * dt
@@ -316,7 +318,7 @@ def crossing(
             return new
         if exact and abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
             return x
-        if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
+        if high - low <= JUMP_ACCURACY * high:  # the event function jumps: end just past it
             break
         x = new
     return high
@@ -326,7 +328,7 @@ def crossing(
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why.
 
-    The earliest guess need not be the earliest place: each place that is found is asked for rivals
+    The earliest guess need not be the earliest place, so each place found is checked for rivals
     before it.
     """
     kind, k, theta = PASS, NONE, 1.0

@@ -1,8 +1,8 @@
-"""The loop: step, look for the first flip, land on it, let it happen, go on.
+"""The loop: step, look for the first flip, land on it, process it, continue.
 
-`run` keeps its whole memory in the arrays that it is given, so it can return whenever its output
-arrays are full, or to let Python handle Ctrl-C, and be called again. It takes the callbacks by
-address and is compiled once per install (see `compiled`). Arrays reach it by the desk (see
+`run` keeps all its memory in the arrays it is given. It can therefore return whenever the output
+arrays are full or Python should handle Ctrl-C, and be called again. It takes the callbacks by
+address and is compiled once per install (see `compiled`). It receives arrays through the desk (see
 `workspace`).
 """
 
@@ -34,7 +34,7 @@ from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.driver.windows import LONGEST, measure, watched
 from hopdata.hybrid.layout import Memory
 
-# The desk: a table of addresses, on which the driver finds its callbacks and arrays.
+# The desk: a table of addresses where the driver finds its callbacks and arrays.
 
 reader = partial(memory.reader, vars(at))
 desk_problem = reader(problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE)
@@ -47,12 +47,12 @@ desk_output = reader(
 desk_log = reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
 
 
-EVENTS_PER_INSTANT = 2  # of each guard, at most
+EVENTS_PER_INSTANT = 2  # most events of each guard at one instant
 
 
 @kernel
 def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None:
-    """Make the end of the step the start of the next, and write it down."""
+    """Make the end of the step the start of the next, and record it."""
     t_new = p.t_end if dt >= p.t_end - m.clock[at.T] else m.clock[at.T] + dt
     dense.sample_step(p, m, out, t_new, dt)
     if out.per_step > 1:
@@ -67,7 +67,7 @@ def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None
 
 @kernel_apart
 def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
-    """Let the events of this instant happen, and write down the state after them."""
+    """Process the events of this instant, and record the state after them."""
     status = fire_all(p, m, log)
     dense.rewrite_row(m, out)
     stepping.choose_after_event(p, m)
@@ -76,7 +76,7 @@ def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
 
 @kernel_in_loop
 def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
-    """Take one step, to its end or to the first flip in it, and let the flips happen."""
+    """Take one step, to its end or its first flip, and process the flips."""
     dt = stepping.accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
@@ -87,7 +87,7 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     if dt > 0.0:
         if p.first_order:
             shrink = jacobian.first_order(p, jacobian.CARRY, dt, 0, 0, 0)
-            if not shrink >= 1.0:  # the Jacobian asks for a shorter step
+            if not shrink >= 1.0:  # the Jacobian requires a shorter step
                 m.clock[at.NEXT_DT] = shrink * dt
                 m.counts[at.REJECTED] += 1
                 if not shrink > 0.0:
@@ -103,7 +103,7 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
 
 @kernel_apart
 def clear(p: problem.Problem, m: Memory) -> bool:
-    """Make the memory that of an integration from the start; tell whether that is finite."""
+    """Reset the memory to the start of an integration; return whether the start is finite."""
     for row in range(at.GUARD_ROWS):
         problem.fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
@@ -124,7 +124,7 @@ def clear(p: problem.Problem, m: Memory) -> bool:
 
 @kernel_apart
 def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
-    """Settle the locks at t0, choose the first step, and fire what is past its surface already."""
+    """Settle the locks at t0, choose the first step, and fire guards already past their surface."""
     m.counts[at.METHOD] = stepping.first_method(p)
     status = settle_locks(p, m)
     if status != at.RUNNING:
@@ -145,14 +145,14 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
 
 @kernel
 def run(desk: IntVector, flags: int) -> int:
-    """Integrate until something ends it, or needs room; return a status."""
+    """Integrate until the run ends or needs room, and return a status."""
     p, m, out, log = desk_problem(desk), desk_memory(desk), desk_output(desk), desk_log(desk)
     status = at.RUNNING
     if flags & at.RESUMED == 0:
         for k in range(p.mode.width if flags & at.GIVEN_MODE == 0 else 0):
             p.mode[k] = 0
         status = start(p, m, out, log) if clear(p, m) else at.BAD_START
-    pause = m.counts[at.STEPS] + desk[at.PATIENCE]  # then return to Python for a moment
+    pause = m.counts[at.STEPS] + desk[at.PATIENCE]  # then return to Python briefly
     while status == at.RUNNING:
         if m.clock[at.T] >= p.t_end:
             return at.FINISHED
@@ -171,9 +171,9 @@ def run(desk: IntVector, flags: int) -> int:
     return status
 
 
-# Python's way into the driver: one integration, or many in a row.
+# Python's entry into the driver: one integration, or many in a row.
 #
-# The driver itself is compiled once per install, as a C function; what calls it is small.
+# The driver itself is compiled once per install, as a C function; its callers are small.
 
 _INT, _FLOAT = types.int64, types.float64
 
@@ -185,7 +185,7 @@ call_run = code.caller(RUN_NATIVE)
 
 @kernel
 def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
-    """Tell whether the numbers on the desk can be asked for, as `arguments.check_numbers` does.
+    """Return whether the numbers on the desk are valid; same checks as `arguments.check_numbers`.
 
     A relative tolerance below rounding is raised to it.
     """
@@ -197,12 +197,12 @@ def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
 
 
 def _run(desk: int, flags: int) -> int:
-    """Run the driver on what stands on the desk at this address."""
+    """Run the driver on the desk at this address."""
     return run(memory.int_vector(desk, at.DESK_SLOTS), flags)
 
 
 def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) -> float:
-    """Do a part of what the flow's Jacobian takes: `which` is a row of the log, or a truth."""
+    """Run a part of the flow's Jacobian; `which` is a row of the log or a flag."""
     slots = memory.int_vector(desk, at.DESK_SLOTS)
     p, m = desk_problem(slots), desk_memory(slots)
     if part == jacobian.CARRY:
@@ -215,7 +215,7 @@ def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) 
 
 
 def _enter(desk: int, flags: int) -> int:
-    """Run the driver on the desk at this address, if what is asked for there can be done."""
+    """Run the driver on the desk at this address if the request there is valid."""
     slots = memory.int_vector(desk, at.DESK_SLOTS)
     if flags & at.RESUMED == 0 and not can_be_done(slots, memory.float_vector(desk, at.DESK_SLOTS)):
         return at.BAD_NUMBERS
@@ -224,12 +224,12 @@ def _enter(desk: int, flags: int) -> int:
 
 @cache
 def compiled_run() -> Any:
-    """Return the driver's machine code: from the cache, or compiled now, which stderr then says."""
+    """Return the driver's machine code, from the cache or compiled now with a note on stderr."""
 
     def compile_it(cached: bool) -> Any:
         compiler = cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)
         folder = Path(config.CACHE_DIR) if cached else None  # type: ignore[attr-defined]
-        if folder and any(folder.glob(f"*/*{_run.__name__}-*.nbi")):  # maybe since it waits
+        if folder and any(folder.glob(f"*/*{_run.__name__}-*.nbi")):  # compiled meanwhile
             return compiler(_run)
         _say("compiling the integrator, some 15 s of one core; later processes load it")
         started, driver = time.monotonic(), compiler(_run)
@@ -246,7 +246,7 @@ def _say(what: str) -> None:
 
 @cache
 def compiled_first_order() -> Any:
-    """Return the machine code that carries Jacobians: the driver calls it by its address."""
+    """Return the machine code that carries Jacobians, which the driver calls by address."""
     return _compiled(_first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY))
 
 
@@ -256,9 +256,9 @@ def _compiled(function: Callable[..., Any], make: Callable[..., Any]) -> Any:
 
 @cache
 def entry(function: Callable[..., Any], native: Any) -> Callable[..., int]:
-    """Return a small compiled function which releases the interpreter's lock.
+    """Return a small compiled function that releases the interpreter's lock.
 
-    It is called without the search for a signature that fits: arguments must be exact.
+    It is called without matching signatures, so the argument types must be exact.
     """
     compiled = _compiled(function, partial(njit, native, nogil=True, **code.ENTRY))
     (one,) = compiled.overloads.values()
@@ -267,15 +267,15 @@ def entry(function: Callable[..., Any], native: Any) -> Callable[..., int]:
 
 
 def driver_entry() -> Callable[..., int]:
-    """Return `_enter` in machine code."""
+    """Return the machine code of `_enter`."""
     return entry(_enter, RUN_NATIVE)
 
 
-# Many integrations in a row, without Python in between.
+# Many integrations in a row, without returning to Python.
 
 _INTS, _FLOATS = types.int64[:, ::1], types.float64[:, ::1]
 BYTES = 8
-END_STATE = 3  # column of `ends` where the state begins, behind time and the culprit's rates
+END_STATE = 3  # first column of the state in `ends`, after time and the culprit's rates
 
 MANY_NATIVE = _INT(
     types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS,
@@ -291,11 +291,11 @@ def _enter_many(
     t_start: float, t_end: float, rtol: float, max_step: float, step: float,
     max_steps: int, max_events: int,
 ) -> int:  # fmt: skip
-    """Integrate from the rows `first` to `last` of y0; return the row that could not be done.
+    """Integrate from the rows `first` to `last` of y0; return the first row not done.
 
-    Rows of `params` and `modes` are taken in turn or, if there is one, again and again. `ends`
-    receives time, rates and state, `counts` the driver's counters, `samples` and `jacobians`, if
-    they have any room, the states at the wanted times and the flow's Jacobians.
+    Rows of `params` and `modes` are taken in turn; a single row serves all. `ends` receives time,
+    rates and state, and `counts` the driver's counters. `samples` and `jacobians`, unless empty,
+    receive the states at the requested times and the flow's Jacobians.
     """
     n, n_wanted = y0.shape[1], desk[at.WANTED + 1]
     clock = memory.float_vector(desk[at.CLOCK], 0)
@@ -336,5 +336,5 @@ def _enter_many(
 
 
 def many_entry() -> Callable[..., int]:
-    """Return `_enter_many` in machine code."""
+    """Return the machine code of `_enter_many`."""
     return entry(_enter_many, MANY_NATIVE)

@@ -1,4 +1,4 @@
-"""What is integrated, and how closely; evaluation of its field and guards."""
+"""The problem that is integrated, and the evaluation of its field and guards."""
 
 from typing import NamedTuple
 
@@ -12,37 +12,37 @@ from hopdata.hybrid.layout import Memory
 
 
 class Problem(NamedTuple):
-    """What the caller has asked for: it does not change, but for the mode."""
+    """The caller's request; nothing in it changes except the mode."""
 
-    field: int  # addresses of the callbacks; 0 where there is none
+    field: int  # addresses of the callbacks; 0 if absent
     guards: int
     guard: int
     rate_bound: int
     on_event: int
     methods: IntTable
     params: FloatVector
-    mode: IntVector  # locks first, then the scene's own
+    mode: IntVector  # locks first, then the scene's integers
     rules: IntTable
     rtol: float
     atol: FloatVector
     max_step: float
     t_end: float
     tangent: FloatTable  # the flow's Jacobian, and room for it
-    first_order: int  # address of the code that carries it; 0 where it is not wanted
+    first_order: int  # address of the code that carries it; 0 if not wanted
     here: int  # address of the desk
     t_start: float
     first_step: float  # 0: to be chosen
     max_steps: int
     max_events: int
     start_state: FloatVector
-    kept: FloatVector  # mode and parameters before a handler was called, and after it
+    kept: FloatVector  # mode and parameters before and after a call of the handler
 
 
 @kernel
 def awake(p: Problem, m: Memory, a: int) -> int:
-    """Return the guard at a place of the list AWAKE: where none sleeps, that of this number.
+    """Return guard number `a` in the list AWAKE, which is `a` itself if guards never sleep.
 
-    A loop over all guards is then compiled without the list, into vector instructions.
+    A loop over all guards then compiles without the list, into vector instructions.
     """
     return a if p.rate_bound == 0 else m.lists[at.AWAKE, a]
 
@@ -51,7 +51,7 @@ def awake(p: Problem, m: Memory, a: int) -> int:
 def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     """Evaluate the field at row `y` of the states into row `dy`.
 
-    NaN stays behind where the user's function does not fill it.
+    Entries that the user's function does not fill remain NaN.
     """
     fill_row(m.states, dy, np.nan)
     m.counts[at.NFEV] += 1
@@ -68,7 +68,7 @@ def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: 
 def eval_listed(
     p: Problem, m: Memory, which: int, t: float, y: int, dy: int, h: int, rate: int
 ) -> None:
-    """Evaluate the guards in a list, one by one; those of a system that gives all at once, all."""
+    """Evaluate the guards in a list one by one, or all guards if the system gives them at once."""
     s, g, count = m.states, m.guards, m.counts[at.N_AWAKE + which]
     if p.guards != 0:
         g[h, 0] = np.nan
@@ -82,7 +82,7 @@ def eval_listed(
 
 @kernel
 def eval_guard(p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int, rate: int) -> None:
-    """Evaluate one of many guards; NaN stays behind where the user's function does not fill it."""
+    """Evaluate one of many guards; entries that the user's function does not fill remain NaN."""
     s, g = m.states, m.guards
     g[h, k], g[rate, k] = np.nan, np.nan
     code.call_guard(p.guard, t, s, y, s, dy, p.mode, p.params, k, g, h, g, rate)
@@ -90,7 +90,7 @@ def eval_guard(p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int,
 
 @kernel
 def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
-    """Evaluate the guards at the start of the step; tell whether all are filled and finite."""
+    """Evaluate the guards at the start of the step; return whether all are filled and finite."""
     if p.guards != 0:
         fill_row(m.guards, at.H0, np.nan)
         fill_row(m.guards, at.RATE0, np.nan)
@@ -100,14 +100,14 @@ def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
 
 @kernel
 def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
-    """Evaluate the guards at the end of the step; tell whether all are finite."""
+    """Evaluate the guards at the end of the step; return whether all are finite."""
     eval_guards(p, m, t, at.END, at.KEND, at.H1, at.RATE1)
     return guards_are_finite(p, m, at.H1, at.RATE1)
 
 
 @kernel_apart
 def guards_are_finite(p: Problem, m: Memory, h: int, rate: int) -> bool:
-    """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
+    """Return whether rows `h` and `rate` are finite; if not, report the guard as culprit."""
     g, wrong = m.guards, 0
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
@@ -142,50 +142,50 @@ def fill_row(table: FloatTable, target: int, value: float) -> None:
     row(table, target)[:] = value
 
 
-# When does a guard flip? Signs, locks and rounding.
+# Conditions for a flip: signs, locks and rounding.
 #
-# The margin of a guard is g = b h, for its lock b = -1 or +1: positive on the side that the lock
-# names, and falling through zero when the guard flips. A guard that has just flipped is on its new
-# side by decree, whatever rounding makes of h.
+# The margin of a guard is g = b h, where b = -1 or +1 is its lock. It is positive on the side that
+# the lock names, and falls through zero when the guard flips. A guard that has just flipped is on
+# its new side by definition, whatever rounding does to h.
 
 EPS = 2.0**-52
-ROUNDING = 4 * EPS  # of h, relative to its largest value over the step
-TIME_ROUNDING = 4 * EPS  # of an event's time
-SHARE = 0.25  # of a part, that `way` shows of it on average
-GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
-CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
+ROUNDING = 4 * EPS  # rounding error of h, relative to its largest value over the step
+TIME_ROUNDING = 4 * EPS  # relative rounding error of an event's time
+SHARE = 0.25  # average fraction of a term that shows in a rate along `way`
+GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # fractional parts of golden-section multiples
+CROWDED = 1000  # time resolutions: instants closer than this are a crowd
 
 
 @kernel_in_loop
 def way(i: int) -> float:
-    """Return a rate of component i, such that no guard is likely to be blind to all of them."""
+    """Return component i of a fixed direction to which no guard is likely to be insensitive."""
     return ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
 
 
 @kernel
 def time_resolution(t: float, dt: float) -> float:
-    """Return the interval below which two instants are one: rounding, not a tolerance."""
+    """Return the interval below which two instants coincide: rounding, not a tolerance."""
     return TIME_ROUNDING * max(abs(t), abs(t + dt), dt)
 
 
 @kernel
 def blur(size: float, rate: float, resolution: float) -> float:
-    """Return by how much rounding, of h and of time, may change a margin."""
+    """Return the change of a margin that rounding, of h and of time, may cause."""
     return ROUNDING * size + resolution * abs(rate)
 
 
 @kernel
 def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
-    """Tell whether a guard flips now.
+    """Return whether a guard flips now.
 
     Parameters
     ----------
     g, rate : float
         Distance to the surface, positive on the lock's side, and its rate.
     size : float
-        Largest |h| lately: the scale of the rounding error in g.
+        Largest recent |h|: the scale of the rounding error in g.
     resolution : float
-        Time below which two instants are one, s.
+        Time below which two instants coincide, s.
     """
     noise = blur(size, rate, resolution)
     return g < -noise or (g <= noise and rate < 0.0)
@@ -193,7 +193,7 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
 
 @kernel_apart
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
-    """Put those of the guards in NEAR that flip now, by rows `h` and `rate`, into DUE."""
+    """Put the guards in NEAR that flip now, by rows `h` and `rate`, into DUE; return how many."""
     g, total = m.guards, 0
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
@@ -207,7 +207,7 @@ def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int
 
 @kernel
 def mark_one(m: Memory, k: int) -> int:
-    """Put guard k, alone, into DUE; return 1."""
+    """Put guard k alone into DUE; return 1."""
     m.lists[at.DUE, 0] = k
     m.counts[at.N_DUE] = 1
     return 1
@@ -215,16 +215,16 @@ def mark_one(m: Memory, k: int) -> int:
 
 @kernel
 def count_as_rounding(m: Memory, k: int, left: float) -> None:
-    """Raise the scale of guard k's rounding so that `left`, if that is positive, is part of it."""
+    """Raise the rounding scale of guard k so that a positive `left` counts as rounding."""
     m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * left / ROUNDING)
 
 
 @kernel_apart
 def remember_parts(p: Problem, m: Memory) -> None:
-    """Measure how large the parts are of which h is the sum, at the guards that flip now.
+    """Measure the size of the terms whose sum is h, for the guards that flip now.
 
-    On a surface that moves, or far from the origin, they cancel, and what is left is their
-    rounding: of the state by its share in h, along one way, and of time by how fast it moves.
+    On a moving surface, or far from the origin, the terms cancel and leave their rounding: that of
+    the state by its share in h, along one direction, and that of time by the surface's speed.
     """
     s, g, t = m.states, m.guards, m.clock[at.T]
     for turn in range(2):
@@ -233,7 +233,7 @@ def remember_parts(p: Problem, m: Memory) -> None:
         eval_listed(p, m, at.DUE, t, at.Y, at.SLOPE, at.H, at.RATE)
         for a in range(m.counts[at.N_DUE]):
             k = m.lists[at.DUE, a]
-            still = g[at.PARTS, k]  # the rate while the state stands still
+            still = g[at.PARTS, k]  # rate for a state at rest
             moved = abs(g[at.RATE, k] - still) / SHARE + abs(still * t)
             g[at.PARTS, k] = moved if turn == 1 else g[at.RATE, k]
             g[at.SIZE, k] = max(g[at.SIZE, k], turn * g[at.PARTS, k])
@@ -241,7 +241,7 @@ def remember_parts(p: Problem, m: Memory) -> None:
 
 @kernel
 def remember_residuals(p: Problem, m: Memory, h: int) -> None:
-    """Count what is left of h at guards that flip now, though on their old side, as rounding."""
+    """Treat the rest of h as rounding for guards that flip now but are on their old side."""
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
         count_as_rounding(m, k, p.mode[k] * m.guards[h, k])
@@ -249,9 +249,9 @@ def remember_residuals(p: Problem, m: Memory, h: int) -> None:
 
 @kernel
 def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) -> bool:
-    """Tell whether guard k, by its rate `ahead` from now, leaves the surface of its last flip.
+    """Return whether guard k, by its rate `ahead` from now, leaves the surface of its last flip.
 
-    So near to that instant, in the same crowd, state and h are rounded by more than they move.
+    This close to that instant, in the same crowd, rounding of state and h exceeds their motion.
     """
     since = m.counts[at.INSTANTS] - m.flags[at.LAST_FLIP, k]
     in_crowd = m.flags[at.LAST_FLIP, k] > 0 and since <= m.counts[at.CROWD]
@@ -261,9 +261,9 @@ def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) 
 
 @kernel
 def next_due(p: Problem, m: Memory, last: int) -> int:
-    """Return the first guard after `last` that flips now, by number, or -1: waking up shuffles.
+    """Return the first guard by number after `last` that flips now, or -1: DUE is not sorted.
 
-    Where time runs backward, so do the numbers: what was done last is undone first.
+    Where time runs backward, so does the order: what was done last is undone first.
     """
     found = -1
     for a in range(m.counts[at.N_DUE]):

@@ -1,8 +1,8 @@
-"""Guards that cannot flip for a while sleep, so that a step costs nothing for them.
+"""Guards that cannot flip for a while sleep, so that a step spends nothing on them.
 
-No event function changes faster than the scene's rate bound, so their travel (the integral of the
-bound over time) says how long a guard can sleep: until the travel has used up its distance from
-the surface. The sleeping guards stand in a heap by the travel at which they must wake.
+No event function changes faster than the scene's rate bound. A guard can therefore sleep until the
+travel, the integral of the bound over time, has used up its distance from the surface. The sleeping
+guards form a heap, ordered by the travel at which they must wake.
 """
 
 from hopdata.hybrid import layout as at
@@ -10,17 +10,17 @@ from hopdata.hybrid.compiled.kernel import call_rate_bound, kernel
 from hopdata.hybrid.driver.problem import Problem, eval_guard
 from hopdata.hybrid.layout import Memory
 
-# The heap of guards that sleep: the one that must wake first stands at its top.
+# The heap of sleeping guards: the one that must wake first is at the top.
 #
-# Each place has four places below it, side by side: that makes the heap flat, and the least of the
-# four is found without branches that a processor would have to guess.
+# Each node has four children, side by side. This makes the heap flat, and the least of four is
+# found without branches that a processor would have to predict.
 
 WIDTH = 4
 
 
 @kernel
 def put(m: Memory, place: int, k: int, wake_at: float) -> None:
-    """Put guard k at a place of the heap."""
+    """Put guard k at one place of the heap."""
     m.lists[at.HEAP, place], m.wake_at[place] = k, wake_at
 
 
@@ -40,7 +40,7 @@ def push(m: Memory, k: int, wake_at: float) -> None:
 
 @kernel
 def least_below(m: Memory, first: int, size: int) -> int:
-    """Return which of the four places from `first` on, as far as they are there, is the first."""
+    """Return the least of up to four places from `first` on: the guard that must wake first."""
     w = m.wake_at
     if first + WIDTH <= size:
         left = first + (1 if w[first + 1] < w[first] else 0)
@@ -54,7 +54,7 @@ def least_below(m: Memory, first: int, size: int) -> int:
 
 @kernel
 def replace_first(m: Memory, k: int, wake_at: float) -> None:
-    """Put guard k into the heap in the place of the one that must wake first."""
+    """Replace the guard at the top of the heap by guard k."""
     size, place, below = m.counts[at.N_ASLEEP], 0, 1
     while below < size:
         least = least_below(m, below, size)
@@ -67,7 +67,7 @@ def replace_first(m: Memory, k: int, wake_at: float) -> None:
 
 @kernel
 def pop(m: Memory) -> int:
-    """Take the guard that must wake first out of the heap."""
+    """Remove the guard that must wake first from the heap, and return it."""
     first = m.lists[at.HEAP, 0]
     m.counts[at.N_ASLEEP] -= 1
     last = m.counts[at.N_ASLEEP]
@@ -76,13 +76,13 @@ def pop(m: Memory) -> int:
     return first
 
 
-MARGIN = 1.25  # the bound within a step may exceed the one at its ends and middle by so much
-REST = 4.0  # steps like the last one that a guard must be away to go to sleep
+MARGIN = 1.25  # factor by which the bound within a step may exceed that at its ends and middle
+REST = 4.0  # steps like the last one: distance at which a guard goes to sleep
 
 
 @kernel
 def speed_at(p: Problem, m: Memory, t: float, y: int, dy: int) -> float:
-    """Return the bound of all rates at a row of the states; 0 if there is none."""
+    """Return the bound on all rates at a row of the states; 0 if there is none."""
     if p.rate_bound == 0:
         return 0.0
     s = m.states
@@ -91,9 +91,9 @@ def speed_at(p: Problem, m: Memory, t: float, y: int, dy: int) -> float:
 
 @kernel
 def step_travel(p: Problem, m: Memory, dt: float) -> float:
-    """Return the travel of the step from Y to END, by the bound at its ends and in its middle.
+    """Return the travel of the step from Y to END, by the bound at its ends and its middle.
 
-    The middle is that of the cubic through states and slopes at both ends.
+    The middle is evaluated on the cubic through states and slopes at both ends.
     """
     s, t = m.states, m.clock[at.T]
     for i in range(s.width):
@@ -106,9 +106,9 @@ def step_travel(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel
 def wake_first(p: Problem, m: Memory, limit: float) -> int:
-    """Look at the guard that must wake first; beyond the `limit` of travel it sleeps on.
+    """Check the guard that must wake first, and wake it unless it is beyond the travel `limit`.
 
-    Else wake it, and return its number; -1 if it sleeps on.
+    Returns its number, or -1 if it sleeps on.
     """
     k = m.lists[at.HEAP, 0]
     m.counts[at.NGEV] += 1
@@ -125,9 +125,9 @@ def wake_first(p: Problem, m: Memory, limit: float) -> int:
 
 @kernel
 def wake_for(p: Problem, m: Memory, dt: float) -> int:
-    """Wake the nearest guard that may flip within `dt`, if rates stay as they are; -1 if none may.
+    """Wake the nearest guard that may flip within `dt` at present rates; return it, or -1.
 
-    Those that turn out to be far away sleep on.
+    Guards that turn out to be far away sleep on.
     """
     travel, bound = m.clock[at.TRAVEL], MARGIN * m.clock[at.SPEED] * dt
     k = -1
@@ -138,7 +138,7 @@ def wake_for(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel
 def wake(p: Problem, m: Memory, dt: float) -> None:
-    """Wake all guards that may flip within the step taken, and evaluate them at its end, too."""
+    """Wake all guards that may flip within the step taken, and evaluate them at its end."""
     if p.rate_bound == 0:
         return
     limit = m.clock[at.TRAVEL] + step_travel(p, m, dt)
@@ -151,7 +151,7 @@ def wake(p: Problem, m: Memory, dt: float) -> None:
 
 @kernel
 def travel_on(p: Problem, m: Memory, dt: float) -> None:
-    """Count the travel of the step from Y to END, and let those sleep that are far away."""
+    """Add the travel of the step from Y to END, and put guards that are far away to sleep."""
     if p.rate_bound == 0:
         return
     travel = step_travel(p, m, dt)
@@ -171,7 +171,7 @@ def travel_on(p: Problem, m: Memory, dt: float) -> None:
 
 @kernel
 def wake_all(m: Memory) -> None:
-    """Wake all guards: the state has jumped."""
+    """Wake all guards, because the state has jumped."""
     for place in range(m.counts[at.N_ASLEEP]):
         k = m.lists[at.HEAP, place]
         m.guards[at.SIZE, k], m.guards[at.BEND, k] = 0.0, 0.0

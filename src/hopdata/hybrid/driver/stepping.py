@@ -1,4 +1,4 @@
-"""One step that meets the tolerance, and the next step's size."""
+"""One step that meets the tolerance, and the size of the next."""
 
 from math import exp, isfinite, log
 
@@ -19,23 +19,23 @@ from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.methods import stiff
 from hopdata.hybrid.methods.taylor import LONGEST
 
-# Which method takes the next step, if there is a choice.
+# The choice of the method for the next step.
 #
-# Where events follow each other closely, each of them cuts a step short, and a cheap step is best;
-# where they are sparse, a method of high order goes farther for its evaluations.
+# Where events follow each other closely, each cuts a step short, and a cheap step is best. Where
+# they are sparse, a method of high order goes farther per evaluation.
 
-TIGHT = 1e-7  # relative tolerance from which the method of highest order takes the first step
-LONG = 4.0  # steps without an event, after which a method of higher order is worth its cost
-SHORT = 2.5  # steps of the cheaper method: events that are nearer to each other are dense
-EVERY = 16  # steps: one of so many is tested for stiffness, as long as there is no sign of it
-MANY = 1e3  # time resolutions: the shortest step to begin with
-VERY_HIGH_ORDER = 16.0  # from which the error obeys its power over many decades: no limits
-RELIEVED = 1.0  # dt times the fastest rate, below which an explicit step of this length will do
+TIGHT = 1e-7  # largest rtol at which the method of highest order takes the first step
+LONG = 4.0  # steps without an event after which a method of higher order pays off
+SHORT = 2.5  # steps of the cheaper method: events closer than this are dense
+EVERY = 16  # steps between tests for stiffness while there is no sign of it
+MANY = 1e3  # time resolutions: shortest first step in an affine mode
+VERY_HIGH_ORDER = 16.0  # from here the error obeys its power over many decades: no limits
+RELIEVED = 1.0  # dt times the fastest rate, below which an explicit step of this length suffices
 
 
 @kernel
 def watch_stiffness(p: Problem, m: Memory, dt: float) -> None:
-    """Count the step just accepted, if stability limits it."""
+    """Update the stiffness score by the step just accepted."""
     method = m.counts[at.METHOD]
     if p.methods[method, at.STIFFER] < 0:
         return
@@ -49,7 +49,7 @@ def watch_stiffness(p: Problem, m: Memory, dt: float) -> None:
 
 @kernel
 def relieved(p: Problem, m: Memory) -> bool:
-    """Tell whether an explicit method could take a step like the next one."""
+    """Return whether an explicit method could take a step like the next one."""
     if m.counts[at.STEPS] % EVERY != 0:
         return False
     n = m.states.width
@@ -61,7 +61,7 @@ def relieved(p: Problem, m: Memory) -> bool:
 
 @kernel
 def first_method(p: Problem) -> int:
-    """Return the method to begin with: of highest order, or one less if tolerances are loose."""
+    """Return the first method: the highest order, or one less if the tolerance is loose."""
     method = 0
     while p.methods[method, at.SPARSER] >= 0:
         method = p.methods[method, at.SPARSER]
@@ -70,20 +70,20 @@ def first_method(p: Problem) -> int:
 
 @kernel
 def step_ratio(p: Problem, method: int, other: int) -> float:
-    """Return how much longer a step of the other method is, by the orders of both."""
+    """Return the ratio of the other method's step to this method's, by their orders."""
     return p.rtol ** (1.0 / p.methods[other, at.ORDER] - 1.0 / p.methods[method, at.ORDER])
 
 
 @kernel
 def change_method(p: Problem, m: Memory, other: int) -> None:
-    """Change to another method, and guess its step."""
+    """Change to another method, and estimate its step."""
     m.clock[at.NEXT_DT] *= step_ratio(p, m.counts[at.METHOD], other)
     m.counts[at.METHOD] = other
 
 
 @kernel
 def choose_after_step(p: Problem, m: Memory) -> None:
-    """Change to a method for stiff fields or back, or to one of high order where events are few."""
+    """Change to or from a stiff method, or to a method of high order where events are sparse."""
     method = m.counts[at.METHOD]
     stiffer, relaxed = p.methods[method, at.STIFFER], p.methods[method, at.RELAXED]
     if stiffer >= 0 and m.clock[at.STIFF_SCORE] >= stiff.STIFF:
@@ -107,17 +107,17 @@ def affine_step(p: Problem, m: Memory) -> float:
 
 @kernel
 def choose_after_event(p: Problem, m: Memory) -> None:
-    """Change to a cheaper method, if the last event is but a few of its steps ago."""
+    """Change to a cheaper method if the last event is only a few of its steps ago."""
     method = m.counts[at.METHOD]
     denser, apart = p.methods[method, at.DENSER], m.clock[at.T] - m.clock[at.SEGMENT]
     m.clock[at.SEGMENT], m.clock[at.GAP] = m.clock[at.T], apart
-    if p.methods[method, at.ORDER] >= VERY_HIGH_ORDER:  # the last mode tells nothing of this one
+    if p.methods[method, at.ORDER] >= VERY_HIGH_ORDER:  # the last mode says nothing about this one
         m.clock[at.NEXT_DT] = affine_step(p, m)
     if denser >= 0 and apart < SHORT * m.clock[at.NEXT_DT] * step_ratio(p, method, denser):
         change_method(p, m, denser)
 
 
-# PI controller of Hairer and Wanner's DOPRI5 and DOP853: exponents are these over the order.
+# PI controller of Hairer and Wanner's DOPRI5 and DOP853; its exponents are divided by the order.
 BETA = 0.2
 ALPHA = 1.0 - 0.75 * BETA
 SAFETY = 0.9
@@ -127,20 +127,20 @@ LOG_ERROR_FLOOR = log(1e-4)
 
 EPS = 2.0**-52
 TINY = 1e-300
-STEP_FLOOR = 4 * EPS  # smallest step, relative to the time it is added to
-ALMOST_THERE = 1.01  # stretch the last step by this much rather than leave a sliver
+STEP_FLOOR = 4 * EPS  # smallest step, relative to the time to which it is added
+ALMOST_THERE = 1.01  # factor by which the last step may be stretched to avoid a tiny one
 
 
 @kernel
 def take_step(p: Problem, m: Memory, t: float, dt: float) -> float:
     """Step from Y (with K1 known) over `dt` into END and KEND.
 
-    Returns the error in units of the tolerance, NaN if the field is not finite or has raised.
+    Returns the error in units of the tolerance; NaN if the field is not finite or has raised.
     """
     s, method = m.states, m.counts[at.METHOD]
     m.clock[at.SPAN] = 0.0
     m.counts[at.NFEV] += p.methods[method, at.EVALUATIONS]
-    s[at.KEND, 0] = np.nan  # stays, if the user's function raises
+    s[at.KEND, 0] = np.nan  # remains if the user's function raises
     address = p.methods[method, at.STEP]
     error = call_step(address, t, dt, p.rtol, s, p.mode, p.params, p.atol, p.field)
     return error if first_not_finite(s, at.KEND) < 0 else np.nan
@@ -148,20 +148,20 @@ def take_step(p: Problem, m: Memory, t: float, dt: float) -> float:
 
 @kernel
 def tolerance(p: Problem, i: int, size: float) -> float:
-    """Return the error allowed in component `i` at this size; never 0."""
+    """Return the error allowed in component `i` for this size; never 0."""
     return max(p.atol[i] + p.rtol * size, TINY)
 
 
 @kernel
 def shrink_factor(error: float, order: float) -> float:
-    """Return the factor by which a rejected step must shrink, by its error."""
+    """Return the factor by which to shorten a step rejected for its error."""
     factor = SAFETY / error ** (1.0 / order)
     return factor if order >= VERY_HIGH_ORDER else max(SHRINK_MOST, factor)
 
 
 @kernel
 def growth(log_error: float, last_log_error: float, order: float) -> float:
-    """Return the factor by which an accepted step may grow, by the logarithms of two errors."""
+    """Return the growth factor of an accepted step, from the logarithms of two errors."""
     factor = SAFETY * exp((BETA * last_log_error - ALPHA * log_error) / order)
     if order >= VERY_HIGH_ORDER:
         return factor
@@ -174,7 +174,7 @@ def resize_next(
 ) -> None:
     """Propose the next step after one of size `dt` was accepted (PI controller).
 
-    A step that was clipped to less than `proposed` says little: the proposal stands.
+    A step clipped to less than `proposed` says little, so the proposal stands.
     """
     log_error = log(max(error, TINY))
     factor = growth(log_error, m.clock[at.LAST_LOG_ERROR], order)
@@ -193,8 +193,8 @@ def resize_next(
 def accepted_step(p: Problem, m: Memory) -> float:
     """Try steps until one meets the tolerance.
 
-    Leaves its end in END, the guards there in H1, and a proposal for the next in NEXT_DT.
-    Returns its size, or a status (negative) if there is none.
+    Leaves its end in END, the guards there in H1, and a proposal for the next step in NEXT_DT.
+    Returns the size of the step, or a negative status on failure.
     """
     t = m.clock[at.T]
     left = p.t_end - t
@@ -228,7 +228,7 @@ def accepted_step(p: Problem, m: Memory) -> float:
 def first_step(p: Problem, m: Memory) -> float:
     """Propose a first step from two slopes (Hairer, Norsett, Wanner, section II.4).
 
-    With a very high order, one that is too long costs less than to ask.
+    At a very high order, a step that is too long costs less than this estimate.
     """
     s, t = m.states, m.clock[at.T]
     longest = min(p.t_end - t, p.max_step)

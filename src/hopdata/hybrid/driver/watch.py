@@ -1,8 +1,8 @@
-"""The guards that a step may concern: of many, only these few are looked at closely.
+"""The few guards that a step may concern, which alone are examined closely.
 
-Left out are guards whose cubic, through values and rates at both ends of the step, stays clear of
-their surface, at an instant those that have not come to it, and before a step those that will not,
-by what is known at its start.
+Guards are left out in three cases: if their cubic, through values and rates at both ends of the
+step, stays clear of their surface; at an instant, if they have not reached it; and before a step,
+if from what is known at its start they will not reach it.
 """
 
 from math import sqrt
@@ -16,26 +16,26 @@ from hopdata.hybrid.driver.problem import Problem, awake, blur, eval_guards, tim
 from hopdata.hybrid.driver.sleep import wake_for
 from hopdata.hybrid.layout import Memory
 
-# The knots of a step: where its guards are known, and between which a cubic stands for each.
+# The knots of a step: the places where guards are known, with a cubic between consecutive ones.
 #
-# Mostly these are the step's two ends. A series may be good over most of a swing, in which a guard
-# can fall and rise again unseen from the ends: then there are knots inside, too.
+# Usually these are the step's two ends. A Taylor step may span most of an oscillation, in which a
+# guard can fall and rise again unseen from the ends; such a step has knots inside, too.
 
 # Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in it.
 ONE_PIECE, TWO_PIECES = 22, 28
 THIRD = 1.0 / 3.0
-Ends = tuple[float, float, float, float]  # margin and slope at the start, and at the end
+Ends = tuple[float, float, float, float]  # margin and slope at the start, then at the end
 
 
 @kernel
 def knot(m: Memory, number: int) -> int:
-    """Return the row of the guards at a knot; that of their rates comes next."""
+    """Return the row of the guards at a knot; the row of their rates is the next."""
     return at.H1 if number == m.counts[at.PIECES] else at.H0 + 2 * number
 
 
 @kernel
 def ends_between(m: Memory, k: int, lock: int, start: int, end: int, span: float) -> Ends:
-    """Return margin and slope of guard k, per `span`, by the rows of its values at two places."""
+    """Return margins and slopes (per `span`) of guard k, from the rows of two places."""
     g = m.guards
     g0, d0 = lock * g[start, k], lock * g[start + 1, k] * span
     return g0, d0, lock * g[end, k], lock * g[end + 1, k] * span
@@ -43,9 +43,9 @@ def ends_between(m: Memory, k: int, lock: int, start: int, end: int, span: float
 
 @kernel
 def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
-    """Return where a piece of the step that ends at `end` has its end, as a row, start and length.
+    """Return the end row, start and length of a piece of the step that ends at `end`.
 
-    The last piece before `end` is cut off there: the guards have been evaluated there last.
+    The last piece before `end` is cut off there, where the guards were last evaluated.
     """
     part = m.clock[at.PIECE]
     start = piece * part
@@ -63,7 +63,7 @@ def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
 
 @kernel
 def set_knots(p: Problem, m: Memory, dt: float) -> None:
-    """Choose the knots of a step, and evaluate the guards at those inside."""
+    """Choose the knots of a step, and evaluate the guards at the inner ones."""
     m.counts[at.PIECES], m.clock[at.PIECE] = 1, 1.0
     if p.methods[m.counts[at.METHOD], at.IN_POWERS] == 0:
         return
@@ -78,37 +78,36 @@ def set_knots(p: Problem, m: Memory, dt: float) -> None:
         look(p, m, dt, number * m.clock[at.PIECE], at.H0 + 2 * number)
 
 
-GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
+GRAZE = 1e-2  # fraction of the step's margins: a dip that comes nearer is examined closely
 
 
 @kernel
 def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
     """Return a number that is positive if the cubic with these margins and slopes stays clear.
 
-    Slopes are per step. The least of its Bezier points is a lower bound of the cubic.
+    Slopes are per step. The number is the least Bezier point, a lower bound of the cubic.
     """
     return min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1) - GRAZE * max(g0, g1)
 
 
 @kernel
 def after(g: float, d: float, c: float, dt: float) -> float:
-    """Return the least that a margin with this rate and bend can be within `dt`."""
+    """Return the least possible margin within `dt`, from a margin, its rate and its bend."""
     return g + dt * (min(d, 0.0) + 0.5 * dt * min(c, 0.0))
 
 
 @kernel
 def facing(lock: int, value: float) -> float:
-    """Return the value as seen from the lock's side: ``lock * value``, without a conversion."""
+    """Return the value as seen from the lock's side: ``lock * value`` without a conversion."""
     return value if lock > 0 else -value
 
 
 @kernel_in_loop
 def gather_unclear(p: Problem, m: Memory) -> int:
-    """Put the guards that have no clearance into NEAR; return how many they are.
+    """Put the guards that have no clearance into NEAR, and return their number.
 
-    They are counted, and the first of them found, in a loop that is compiled into vector
-    instructions, as the one after it is not. Mostly there is nothing left to do, or a single guard
-    to write down.
+    A first loop, compiled into vector instructions, counts them and finds the first one. The second
+    loop is not vectorised, but usually it has nothing to do or a single guard to record.
     """
     unclear, first = 0, m.counts[at.N_AWAKE]
     for place in range(m.counts[at.N_AWAKE]):
@@ -141,7 +140,7 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel_apart
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
-    """Do the same by all knots of the step: a guard must stay clear between each two."""
+    """Do the same by all knots of the step: a guard must stay clear between consecutive knots."""
     span = dt * m.clock[at.PIECE]
     for a in range(m.counts[at.N_AWAKE]):
         k, least = awake(p, m, a), np.inf
@@ -154,7 +153,7 @@ def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel_apart
 def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
-    """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
+    """Put the guards at or past their surface, by rows `h` and `rate`, into NEAR."""
     g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
@@ -165,7 +164,7 @@ def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) 
 
 @kernel_apart
 def gather_coming(p: Problem, m: Memory, dt: float) -> int:
-    """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
+    """Put the guards that may reach their surface within `dt`, by rate and bend, into NEAR."""
     g = m.guards
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
@@ -176,26 +175,26 @@ def gather_coming(p: Problem, m: Memory, dt: float) -> int:
     return gather_unclear(p, m)
 
 
-# How far to step, if a guard is about to flip: not far past it.
+# Length of a step before a flip: not far past it.
 #
-# A step that spans an event is good only up to there, and the farther past it reaches, the more of
-# it is lost, and the more guards seem to flip in it. So the step is clipped to a little more than
-# the time in which the nearest guard will flip: by its value, its rate, and the bend of the last
-# step.
+# A step that spans an event is used only up to the event. The farther it reaches past it, the more
+# of it is wasted, and the more guards seem to flip in it. The step is therefore clipped to slightly
+# more than the time to the nearest flip, predicted from the guard's value, its rate, and its bend
+# in the last step.
 
-SOON = 4.0  # times the last two events' distance: the next flip is first looked for within this
-OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short
-# Multiples of the resolution of time. The step that the field would allow is no measure here: in a
-# landing on thousands of springs it is a million times longer than the time between two of them.
-CLIP_MOST = 1e3  # leave events that are nearer to localisation
-TOO_SHORT = 1e6  # the rates at both ends of such a step tell nothing of the bend
+SOON = 4.0  # times the interval of the last two events: the next flip is first sought within this
+OVERSHOOT = 1.2  # factor past the predicted flip, so that the step contains it
+# Multiples of the time resolution. The step that the field allows is no measure here: in a landing
+# on thousands of springs it is a million times longer than the time between two of their events.
+CLIP_MOST = 1e3  # events closer than this are left to localisation
+TOO_SHORT = 1e6  # steps shorter than this say nothing about the bend
 
 
 @kernel_apart
 def carry_guards(p: Problem, m: Memory, dt: float) -> None:
     """Make the guards at the end of the step those at its start; keep their second derivatives.
 
-    These are secants over the step. Of a guard that bends those of longer steps tell nothing.
+    These are secants over the step. For a guard that bends, those of longer steps are useless.
     """
     g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[at.T], dt), 1.0 / dt
     for a in range(m.counts[at.N_AWAKE]):
@@ -221,9 +220,9 @@ def flip_time(g: float, d: float, c: float) -> float:
 
 @kernel
 def clipped(p: Problem, m: Memory, dt: float) -> float:
-    """Return `dt`, or less if a guard is predicted to flip before.
+    """Return `dt`, or less if a guard is predicted to flip earlier.
 
-    Of the guards asleep those that might flip by then wake, the nearest first.
+    Sleeping guards that might flip by then wake, the nearest first.
     """
     soon = SOON * m.clock[at.GAP]
     first = clipped_by_coming(p, m, soon) if soon < dt else dt
@@ -237,7 +236,7 @@ def clipped(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel
 def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
-    """Return `dt`, or a little more than the time to the first flip before it."""
+    """Return `dt`, or slightly more than the time to the first flip within it."""
     for a in range(gather_coming(p, m, dt)):
         dt = clipped_by(p, m, m.lists[at.NEAR, a], dt)
     return dt
@@ -245,7 +244,7 @@ def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel
 def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
-    """Return `dt`, or a little more than the time to the flip of guard k if that is before."""
+    """Return `dt`, or slightly more than the time to the flip of guard k if that is earlier."""
     g, lock = m.guards, p.mode[k]
     value, rate, bend = lock * g[at.H0, k], lock * g[at.RATE0, k], lock * g[at.BEND, k]
     if after(value, rate, bend, dt) > 0.0:

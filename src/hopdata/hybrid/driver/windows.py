@@ -1,10 +1,11 @@
-"""Up to where in a step its ends tell what the guards do: all the way for those that are affine.
+"""Shorten a step to the part in which its ends reveal the guards' behaviour.
 
-A guard that is affine in state and time follows the step's own polynomial. One that bends (a sine,
-a product, a table) may rise and fall within the step unseen, so it is looked at by windows. The
-cubic through values and rates at a window's ends predicts both in its middle: by how much it errs
-there says whether the guard is resolved. Windows have a size control of their own; the step ends
-before the first in which a guard that bends may flip, and the next step is that window.
+A guard that is affine in state and time follows the step's own polynomial, so the ends suffice. A
+guard that bends (a sine, a product, a table) may rise and fall unseen within the step, so it is
+examined in windows. The cubic through values and rates at a window's ends predicts both in its
+middle; the error there shows whether the guard is resolved. Windows have their own size control.
+The step ends before the first window in which a bending guard may flip, and the next step is that
+window.
 """
 
 from hopdata.hybrid import layout as at
@@ -24,35 +25,35 @@ from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.watch import facing, look
 from hopdata.hybrid.layout import Memory
 
-AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
-ERROR_IF_EVEN = 0.05  # of the slope over a step in which ends tell all
-MOVES = 0.02  # of the change over a window: an error up to which the guard moves as its cubic says
-LEAP = 8.0  # times a step in which all guards were straight: steps up to this are taken to be so
-LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
-OF_PATH = 0.05  # of the change: what a step's cubic may err by from its path
-SHORTEST = 2.0**-26  # of the step: a shorter window is not divided
-INSTANTS = 16.0  # that rounding makes one: what guards change by in a time so short is noise
-FINE = 2.0**-8  # of the longest window: shorter ones need not show what is far from the surface
-SURE = 2.0  # times the error in the middle: a margin above this is clear
-OWN, FLOOR = 0.2, 1e-9  # of the change over a window, and of the margin: errors allowed anywhere
-RESOLVED = 0.05  # of that change: an error up to which the ends tell of a flip
-ROOMY, GROW = 40.0, 2.0  # an error this many times smaller than allowed lets the next window grow
-MOST_ROUGH = 2000  # windows in which the rates are not those of the values, twice, less the others
+AFFINE = 1e-11  # fraction of a guard's values: rounding error of an affine guard
+ERROR_IF_EVEN = 0.05  # fraction of the slope: error over a step whose ends suffice
+MOVES = 0.02  # fraction of the change over a window: error of a guard that follows its cubic
+LEAP = 8.0  # lengths of a step in which all guards were straight: up to here they stay straight
+LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # fractions of the run: longest window
+OF_PATH = 0.05  # fraction of the change: allowed error of a step's cubic from its path
+SHORTEST = 2.0**-26  # fraction of the step: a shorter window is not divided
+INSTANTS = 16.0  # time resolutions: the change of a guard within this time is noise
+FINE = 2.0**-8  # fraction of the longest window: shorter ones need not resolve distant guards
+SURE = 2.0  # times the error in the middle: a larger margin is clear
+OWN, FLOOR = 0.2, 1e-9  # fractions of a window's change, of the margin: errors allowed anywhere
+RESOLVED = 0.05  # fraction of that change: error below which the ends reveal a flip
+ROOMY, GROW = 40.0, 2.0  # allowed error over error at which the next window grows, and its factor
+MOST_ROUGH = 2000  # twice the windows whose rates and values disagree, minus the other windows
 CLEAR, OPEN, DIVIDE = 0, 1, 2
 UNEVEN, EVEN, AFAR = 0, 1, 2
-BY_ENDS, BY_WINDOWS, NONE_NEAR = 0, 1, 2  # what is left to do is told by WATCHED
+BY_ENDS, BY_WINDOWS, NONE_NEAR = 0, 1, 2  # values of WATCHED: what remains to be done
 
 
 @kernel_in_loop
 def set_way(m: Memory) -> None:
-    """Put those rates into SLOPE."""
+    """Write the fixed direction of `way` into SLOPE."""
     for i in range(m.states.width):
         m.states[at.SLOPE, i] = way(i)
 
 
 @kernel_in_loop
 def measure(p: Problem, m: Memory) -> None:
-    """Keep the guards' rates along one way: an affine guard has the same everywhere in a mode."""
+    """Store the guards' rates along one direction: for an affine guard, constant in a mode."""
     m.counts[at.MEASURED] = m.counts[at.INSTANTS]
     set_way(m)
     eval_guards(p, m, m.clock[at.T], at.Y, at.SLOPE, at.H, at.RATE_ALONG)
@@ -60,9 +61,9 @@ def measure(p: Problem, m: Memory) -> None:
 
 @kernel_in_loop
 def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -> None:
-    """Evaluate the guards at `theta` of the states' cubic over the step, into H and RATE.
+    """Evaluate the guards at `theta` on the states' cubic over the step, into H and RATE.
 
-    Rates are along the cubic or, if `along`, along the way of `measure`.
+    Rates are along the cubic or, if `along`, along the direction of `measure`.
     """
     s, per_s = m.states, 1.0 / dt
     for i in range(s.width):
@@ -76,12 +77,13 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
 
 @kernel_in_loop
 def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool, by_rate: bool) -> int:
-    """Count the guards that were straight and are not there; `mark` them as bent if so.
+    """Count the guards that were straight but are not at `theta`; if `mark`, mark them as bent.
 
-    By their rates along the way of `measure` and, unless `by_rate` alone, by their values.
+    The criteria are their rates along the direction of `measure` and, unless `by_rate`, their
+    values.
     """
     g, found, resolution = m.guards, 0, INSTANTS * time_resolution(m.clock[at.T], dt)
-    state = 0.0  # whose rounding is more than that of time soon after time zero
+    state = 0.0  # its rounding exceeds that of time soon after t = 0
     for i in range(m.states.width):
         state = max(state, abs(m.states[at.Y, i]))
     for a in range(m.counts[at.N_AWAKE]):
@@ -100,7 +102,7 @@ def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool, by_rat
 
 @kernel_apart
 def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
-    """Mark the guards that bend somewhere on a step which is much longer than its cubic is good."""
+    """Mark the guards that bend somewhere on a step much longer than its cubic is valid for."""
     found, parts = 0, max(1, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))))
     prepare_interpolant(p, m, dt)
     for part in range(parts):
@@ -114,10 +116,10 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel_in_loop
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
-    """Mark the guards that this step shows not to be affine, in the state and in time."""
+    """Mark the guards that, by this step, are not affine in state and time."""
     found, part, parts = 0, 0, 1
     in_powers = p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0
-    if dt > 0.5 * (p.t_end - p.t_start) and not in_powers:  # free flight, mostly
+    if dt > 0.5 * (p.t_end - p.t_start) and not in_powers:  # usually free flight
         parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
@@ -125,14 +127,14 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
         new = m.counts[at.MEASURED] == m.counts[at.INSTANTS]
         count = mark_bent(p, m, dt, theta, new, False)
         if count > 0 and not new:
-            measure(p, m)  # in another mode a guard may be another plane: look again
+            measure(p, m)  # in a new mode a guard may be another plane: repeat
         else:
             found += count
             part += 1
     if in_powers:
         found += bent_on_path(p, m, dt)
     m.counts[at.N_BENT] += found
-    if found > 0:  # what was learned of straight guards says nothing of these
+    if found > 0:  # window sizes for straight guards do not apply to these
         m.clock[at.WINDOW] = min(m.clock[at.WINDOW], LONGEST * (p.t_end - p.t_start))
 
 
@@ -140,7 +142,7 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
 def by_ends(p: Problem, m: Memory, dt: float) -> int:
     """Judge the step by its ends: AFAR if no guard can reach its surface, EVEN if all move evenly.
 
-    Else UNEVEN.
+    Otherwise the result is UNEVEN.
     """
     g, near, fast = m.guards, 0, 0
     for a in range(m.counts[at.N_AWAKE]):
@@ -159,7 +161,7 @@ def by_ends(p: Problem, m: Memory, dt: float) -> int:
 
 @kernel
 def leave_out_bent(m: Memory) -> int:
-    """Take the guards that were looked at by windows out of NEAR; return how many are left."""
+    """Remove the guards already examined in windows from NEAR, and return how many remain."""
     count = 0
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
@@ -171,7 +173,7 @@ def leave_out_bent(m: Memory) -> int:
 
 @kernel
 def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
-    """Return the least of the cubic behind its start."""
+    """Return the least value of the cubic after its start."""
     _, bottom = turning_points(g0, d0, g1, d1)
     return min(g1, cubic(g0, d0, g1, d1, bottom)) if bottom < 1.0 else g1
 
@@ -181,10 +183,10 @@ def judge(
     g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float,
     slack: float,
 ) -> tuple[int, float, float, float]:  # fmt: skip
-    """Judge a guard in a window by margins and slopes (per window) at ends and middle.
+    """Judge a guard in a window by margins and slopes (per window) at its ends and middle.
 
-    A margin must exceed the error by `slack` of the change, too. Returns what the guard is, the
-    error in the middle, the error that is allowed anywhere, and the change.
+    A margin must exceed the error plus `slack` times the change. Returns the judgement, the error
+    in the middle, the error that is allowed anywhere, and the change.
     """
     error = abs(gc - 0.5 * (g0 + g1) - 0.125 * (d0 - d1))
     error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
@@ -192,10 +194,10 @@ def judge(
     own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
     unsure, sixth = SURE * error + slack * change, 1.0 / 6.0
     ends = min(gc, g1) if leaving else min(g0, gc, g1)
-    away = leaving and d0 >= 0.0  # from its surface, and without a slope like the square of time
+    away = leaving and d0 >= 0.0  # leaves its surface, but not like the square of time
     near = ends if away else g0 + sixth * d0
     low = min(ends, near, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
-    if low <= unsure and ends >= -unsure:  # not so clear: by the turning points, too
+    if low <= unsure and ends >= -unsure:  # not certainly clear: check the turning points, too
         low = min(ends, lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1))
         low = min(low, near) if leaving else low
     if low > unsure:
@@ -209,10 +211,10 @@ def judge(
 def judge_all(
     p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int, slack: float
 ) -> tuple[int, float, bool]:
-    """Judge the guards that bend in a window, by rows: the worst of them, and the least room.
+    """Judge the bending guards in a window, by rows: the worst judgement and the least room.
 
-    Room is the allowed error over the error: below 1, the rates are not those of the values. Last
-    is whether all guards move as their cubics say.
+    Room is the ratio of allowed error to error; below 1, rates and values disagree. The last result
+    is whether all guards follow their cubics.
     """
     g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, 1e300, True
     resolution, longest = time_resolution(m.clock[at.T], dt), LONGEST * (p.t_end - p.t_start)
@@ -242,7 +244,7 @@ def judge_all(
 
 @kernel_in_loop
 def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
-    """Tell whether ends and middle of the step tell all: the path is as good as its cubic then."""
+    """Return whether ends and middle of the step suffice because its cubic matches the path."""
     longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
     if dt > longest or p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
         return False
@@ -256,7 +258,7 @@ def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
 
 @kernel
 def any_past(p: Problem, m: Memory, row: int) -> int:
-    """Return the first guard that bends and is past its surface by a row; -1 if there is none."""
+    """Return the first bending guard that is past its surface in a row; -1 if there is none."""
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         if m.flags[at.BENT, k] != 0 and p.mode[k] * m.guards[row, k] < 0.0:
@@ -266,7 +268,7 @@ def any_past(p: Problem, m: Memory, row: int) -> int:
 
 @kernel
 def unused(a: int, b: int) -> int:
-    """Return a row of the guards, of three to spare, that is neither of two."""
+    """Return one of three spare rows of the guards that is neither `a` nor `b`."""
     if a != at.H and b != at.H:
         return at.H
     row = at.H0 + 2
@@ -275,9 +277,10 @@ def unused(a: int, b: int) -> int:
 
 @kernel_apart
 def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
-    """Return how much of the step is free of flips of the guards that bend, s.
+    """Return the time, s, from the step's start that is free of flips of bending guards.
 
-    If one may flip in the very first window, that window: its ends tell then, as WATCHED says.
+    If one may flip in the very first window, return that window: WATCHED then says that its ends
+    suffice.
     """
     prepare_interpolant(p, m, dt)
     run = (p.t_end - p.t_start) / dt
@@ -316,9 +319,9 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel_apart
 def watch(p: Problem, m: Memory, dt: float) -> float:
-    """Shorten the step to where its ends tell what the guards do; return its length, or a status.
+    """Shorten the step to where its ends suffice; return its length, or a status.
 
-    WATCHED says whether the guards that bend may flip in it: not if windows have said so.
+    WATCHED says whether bending guards may flip in it: not if windows have ruled that out.
     """
     if m.counts[at.N_BENT] < m.flags.width:
         find_bent(p, m, dt)
@@ -340,7 +343,7 @@ def watch(p: Problem, m: Memory, dt: float) -> float:
 
 @kernel_in_loop
 def watched(p: Problem, m: Memory, dt: float) -> float:
-    """Do the same; mostly the step is no longer than a window, and no guard moves quickly in it."""
+    """Do the same; usually the step is no longer than a window and no guard moves fast in it."""
     m.counts[at.WATCHED] = BY_ENDS
     if m.flags.width == 0:
         return dt
