@@ -1,1 +1,1 @@
-"""Figures from tidy tables; `catalogue` is the table of all of them."""
+"""Figures drawn from tidy tables; `catalogue` lists them all."""

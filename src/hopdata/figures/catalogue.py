@@ -1,7 +1,7 @@
 """Every figure of the workflow: the function that draws it, and the files it is drawn from.
 
-A figure is added by writing its function in one of this room's modules and its entry in
-``catalogue.toml``, under the job that draws it; its caption stands in
+To add a figure, write its function in one of this package's modules and its entry in
+``catalogue.toml``, under the job that draws it. Its caption is in
 ``workflow/captions/<name>.md``.
 """
 
@@ -13,8 +13,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-# A date or a library version in a file would change its bytes without a change of the data.
-#: Formats of figures, and what is written into a file beside the picture.
+# A date or library version in a file would change its bytes although the data are the same.
+#: Formats of figures, and the metadata written to each file.
 FORMATS: Mapping[str, Mapping[str, str | None]] = {
     "svg": {"Date": None, "Creator": "hopdata"},
     "png": {"Software": "hopdata"},
@@ -24,18 +24,18 @@ FORMATS: Mapping[str, Mapping[str, str | None]] = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """How a figure is made.
+    """Definition of a figure.
 
     Attributes
     ----------
     place
-        Module and function, which takes tables and numbers in the order of `files`.
+        Module and function; the function takes the contents of `files`, in order.
     files
-        CSV and JSON files, by their paths below the folder of results.
+        CSV and JSON files, as paths relative to the folder of results.
     options
         Keyword arguments of the function.
     truth
-        Further files, which only a simulated study has.
+        Further files, which only simulated studies have.
     """
 
     place: str
@@ -45,7 +45,7 @@ class Drawing:
 
 
 _FILE = Path(__file__).with_suffix(".toml")
-#: The jobs that draw, and by its name each figure that they draw.
+#: Jobs that draw, and the figures of each job by name.
 FIGURES: dict[str, dict[str, Drawing]] = {
     job: {name: Drawing(**drawing) for name, drawing in drawings.items()}
     for job, drawings in tomllib.loads(_FILE.read_text("utf-8")).items()
@@ -53,7 +53,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
 
 
 def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
-    """Return the files that a figure is drawn from, by their paths below the results."""
+    """Return the files that a figure is drawn from, as paths relative to the results."""
     drawing = _drawing(name)
     return (*drawing.files, *(drawing.truth if simulated else ()))
 

@@ -1,4 +1,4 @@
-"""Figure 2.5: how far apart the constraint subspaces of the mode schedules are."""
+"""Figure 2.5: distances between the constraint subspaces of the mode schedules."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from hopdata.figures import style
 from hopdata.figures.verdict import in_short
 
-# kind: what the reader sees, its colour, its line style.
+# Kind: its label, colour and line style.
 KINDS: dict[str, tuple[str, str, Any]] = {
     "in_class": ("in-class", style.BLUE, "-"),
     "cross_class": ("cross-class", style.VERMILION, (0, (5, 1.5))),
@@ -29,20 +29,20 @@ ONE_ORDER = "Only one order has enough touchdowns:\nthere is no cross-class to c
 
 @style.styled
 def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
-    """Draw Fig. 2.5: cumulative distribution and box of each kind of arc-length distance.
+    """Draw Fig. 2.5: cumulative distribution and box plot of each kind of arc-length distance.
 
     Parameters
     ----------
     distances : DataFrame
-        One row a pair of subspaces: ``kind``, ``distance_rad``.
+        One row per pair of subspaces: ``kind``, ``distance_rad``.
     summary : DataFrame
-        One row a kind: ``kind`` and the quantiles ``q05, q25, median, q75, q95``, rad.
+        One row per kind: ``kind`` and the quantiles ``q05, q25, median, q75, q95``, rad.
 
     Returns
     -------
     Figure
-        The distributions above, the boxes (whiskers from 5 % to 95 %) below on the same axis.
-        A kind without data is named, with the word "none".
+        The distributions, and below them the boxes on the same axis (whiskers from 5 % to 95 %).
+        A kind without data is marked "none".
     """
     if not distances["distance_rad"].notna().any():
         return style.message_figure("No distances: no mode schedule holds enough touchdowns.")
@@ -56,7 +56,7 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
 
 
 def _draw_study(upper: Axes, lower: Axes, distances: pd.DataFrame, summary: pd.DataFrame) -> None:
-    """Draw the distributions above and the boxes below, and name the axes."""
+    """Draw the distributions above and the boxes below, and label the axes."""
     boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
     for place, kind in enumerate(KINDS):
         sample = distances.loc[distances["kind"] == kind, "distance_rad"].dropna().to_numpy()
@@ -72,7 +72,7 @@ def _draw_study(upper: Axes, lower: Axes, distances: pd.DataFrame, summary: pd.D
 
 
 def _draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
-    """Draw the cumulative distribution of one kind; without data its name and the word "none"."""
+    """Draw the cumulative distribution of one kind, or its legend entry "none" without data."""
     label, colour, dash = KINDS[kind]
     if not len(sample):
         axes.plot([], [], color=colour, linestyle=dash, label=f"{label} (none)")
@@ -94,24 +94,24 @@ def _draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
     style.box(axes, place, values, colour, widths=0.55, orientation="horizontal")
 
 
-# Figure 2.5 for a landing that is C1 and for one that is not, side by side, with both verdicts.
+# Figure 2.5 for studies side by side, such as a C1 landing and one that is not, with verdicts.
 
 
 @style.styled
 def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
-    """Draw the distances between subspaces of several studies, each above its verdict.
+    """Draw the distances between subspaces of several studies, each with its verdict.
 
     Parameters
     ----------
     content
-        Of each study in turn: the two tables of `distances_figure`, and its ``verdict.json``.
+        For each study in turn: the two tables of `distances_figure`, and its ``verdict.json``.
     names
-        Of the studies, as titles.
+        Titles of the studies.
 
     Returns
     -------
     Figure
-        One column a study: distributions, boxes, and the verdict's conclusion with its size.
+        One column per study: distributions, boxes, and the verdict's conclusion with its size.
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 96.0)
     rows = figure.subplots(

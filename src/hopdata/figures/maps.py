@@ -1,4 +1,4 @@
-"""The landing map as a picture, and the scaling study: maps as landings draw together."""
+"""The landing map as a picture, and the scaling study of maps for ever smaller deviations."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from hopdata.arrays import FloatArray
 from hopdata.figures import style
 
-# The landing map as a picture: what is true, what was estimated, and the difference.
+# The landing map as a picture: exact and estimated maps, and their differences.
 
 INPUTS = {
     "pitch_rad": "pitch",
@@ -24,32 +24,32 @@ INPUTS = {
     "spin_z_rad_s": "spin z",
 }
 OUTPUTS = {"step_x_m": "step x", "step_y_m": "step y", "turn_rad": "turn", **INPUTS}
-# What is drawn; to first order the errors of the printed map are those of least squares.
+# Estimators needed; to first order, the errors of the printed map are those of least squares.
 NEEDED = ("printed", "ols", "corrected_curved")
 SURE, UNSURE = 2.0, "#d9d9d9"
-FIRST_VELOCITY = 5  # rows above are displacements, rows below come from velocities
+FIRST_VELOCITY = 5  # rows before this one are displacements, the others come from velocities
 COLOURS = "RdBu_r"
 WHAT_IS_GREY = "grey: within two standard errors of zero"
 
 
 @style.styled
 def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) -> Figure:
-    """Draw maps as images, 8 inputs across and 11 outputs down.
+    """Draw maps as images, with 8 input columns and 11 output rows.
 
     Parameters
     ----------
     estimates : DataFrame
-        ``estimator, input, output, standardised``: displacement of the markers, mm, by one standard
-        deviation of the input; ``value, standard_error``. ``printed`` and ``corrected_curved`` are
-        drawn, cells within `SURE` standard errors of zero in grey.
+        ``estimator, input, output, standardised`` (displacement of the markers, mm, for one
+        standard deviation of the input), ``value, standard_error``. ``printed`` and
+        ``corrected_curved`` are drawn; cells within `SURE` standard errors of zero are grey.
     exact : DataFrame, optional
-        The same without ``estimator``, where the exact map is known.
+        The same without ``estimator``, if the exact map is known.
 
     Returns
     -------
     Figure
-        Maps on the left, on one scale; differences on the right, on another: both estimates minus
-        the exact map, or, where it is not known, the printed one minus the corrected one.
+        Maps on the left, and differences on the right on another scale: both estimates minus the
+        exact map or, if it is unknown, the printed estimate minus the corrected one.
     """
     tables = {name: estimates[estimates["estimator"] == name] for name in NEEDED}
     if any(table.empty for table in tables.values()):
@@ -104,9 +104,9 @@ def _sure(matrix: FloatArray, error: FloatArray) -> FloatArray:
 
 
 def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
-    """Return the outputs (11) by the inputs (8), and their standard errors, zero if there are none.
+    """Return outputs (11) by inputs (8), and their standard errors, zero if there are none.
 
-    Both are displacements, as the column ``standardised``.
+    Both are displacements, like the column ``standardised``.
     """
     scale = (table["standardised"] / table["value"]).abs()
     known = table.assign(error=scale * table.get("standard_error", 0.0))
@@ -118,7 +118,7 @@ def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     return value, error
 
 
-# Name, column of the strength, colour and marker of each case that is not the scene itself.
+# Label, column of the strength, colour and marker of each case other than the scene itself.
 CASES = {
     "coupling": ("coupled forces", "coupling", style.VERMILION, "s"),
     "impulse": ("rigid impulses", "impulse", style.GREEN, "^"),
@@ -131,23 +131,23 @@ PANELS = {
     "pooled_over_specialised": "MSE of one map\nover one for each order",
     "map_difference": "largest difference between\nthe maps of two orders (relative)",
 }
-SEEN = 1e-6  # an exact difference below this is zero
+SEEN = 1e-6  # a smaller exact difference counts as zero
 
 
 @style.styled
 def scaling_study_figure(table: pd.DataFrame) -> Figure:
-    """Draw three panels over the scale of the deviations, one line a case.
+    """Draw three panels over the scale of the deviations, with one line per case.
 
     Parameters
     ----------
     table : DataFrame
-        As `hopdata.maps.truth.scaling.scaling_table` writes it.
+        From `hopdata.maps.truth.scaling.scaling_table`.
 
     Returns
     -------
     Figure
-        (a) Error of the pooled map, with its slope; (b) its mean square over that of the maps of
-        the schedules; (c) largest difference between these, dashed that of the exact maps.
+        (a) Error of the pooled map, with its slope. (b) Its mean square relative to that of the
+        schedules' maps. (c) Largest difference between these maps; dashed, between the exact maps.
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 78.0)
     panels = figure.subplots(1, 3)
@@ -171,7 +171,7 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
 
 
 def _shown(case: str) -> tuple[str, str, str, str]:
-    """Return how a case is shown: a control, or the scene itself by its name."""
+    """Return label, strength, colour and marker of a case: a control, or the scene itself."""
     return CASES.get(case, (case, "", style.BLUE, "o"))
 
 
@@ -185,7 +185,7 @@ def _draw_case(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:
 
 
 def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:
-    """Lines of slope 1 and 2, as a measure for the eye, below all curves."""
+    """Draw lines of slope 1 and 2 below all curves, as guides for the eye."""
     scales = np.array([table["scale"].min(), table["scale"].max()])
     place = float(scales[1] ** 0.8 * scales[0] ** 0.2)
     for power, share in ((1, 1.0), (2, 0.3)):
@@ -197,6 +197,6 @@ def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def _fraction(value: float) -> str:
-    """Write a scale as 1/n where it is one."""
+    """Format a scale as 1/n if it is one."""
     whole = round(1 / value)
     return f"1/{whole}" if whole > 1 and abs(whole * value - 1) < 1e-9 else f"{value:g}"

@@ -1,4 +1,4 @@
-"""Models of the frame change: Figure 3.3, the learning curve, and the smoothness of the kernel."""
+"""Models of the frame change: Figure 3.3, learning curve, and smoothness of the kernel."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from hopdata.arrays import FloatArray
 from hopdata.figures import style
 
-# Figure 3.3: the frame change of a hop over boom angle and swing, and how sure it is.
+# Figure 3.3: the frame change of a hop over boom angle and swing, and its uncertainty.
 
-# Column of the tables: what the reader sees, its unit, whether zero is a middle.
+# Column of the tables: title, label with unit, whether the colours are centred on zero.
 COMPONENTS = {
     "dx_mm": ("forward", "Δx (mm)", False),
     "dy_mm": ("sideways", "Δy (mm)", True),
@@ -24,20 +24,20 @@ ONE_SIDED, ABOUT_ZERO, SPREAD = "cividis", "RdBu_r", "Greys"
 
 @style.styled
 def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
-    """Draw three maps above their standard deviations, with the hops behind them.
+    """Draw three maps above their standard deviations, together with the hops.
 
     Parameters
     ----------
     maps : DataFrame
-        One row a node of an even grid: ``boom_angle_rad``, ``swing_rad``, the predictions ``dx_mm,
-        dy_mm, dtheta_deg``, and their standard deviations, with ``_sd``.
+        One row per node of an even grid: ``boom_angle_rad``, ``swing_rad``, the predictions
+        ``dx_mm, dy_mm, dtheta_deg``, and their standard deviations, with ``_sd``.
     hops : DataFrame
-        Hops learned from: the same columns but the standard deviations.
+        Training hops: the same columns without the standard deviations.
 
     Returns
     -------
     Figure
-        Each panel has a scale of its own. Dots are hops, in the colour of what was measured.
+        Each panel has its own scale. Dots are hops, coloured by the measured value.
     """
     if maps.empty:
         return style.message_figure("No map of frame changes to show.")
@@ -67,7 +67,7 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
 def _colours(
     predicted: pd.Series, measured: pd.Series, centred: bool
 ) -> tuple[str, tuple[float, float]]:
-    """Colour map and its limits, wide enough for map and all but the most extreme hops."""
+    """Return a colour map and limits that cover the map and all but the most extreme hops."""
     values = np.concatenate([predicted, np.quantile(measured, [0.02, 0.98])])
     low, high = float(values.min()), float(values.max())
     if centred:
@@ -87,7 +87,7 @@ def _draw(
 
 
 def _edges(nodes: FloatArray) -> tuple[float, float]:
-    """Return the ends of the cells around even nodes."""
+    """Return the outer edges of the cells around evenly spaced nodes."""
     half = (nodes[-1] - nodes[0]) / (len(nodes) - 1) / 2
     return float(nodes[0] - half), float(nodes[-1] + half)
 
@@ -106,9 +106,9 @@ def _axes(panels: Any) -> None:
         axes.set_ylabel("swing Δφ (rad)")
 
 
-# Error of predicted frame changes by the number of hops learned from.
+# Error of predicted frame changes over the number of training hops.
 
-# Model: what the reader sees, colour, line style, marker.
+# Model: its label, colour, line style and marker.
 LINES: dict[str, tuple[str, str, Any, str]] = {
     "printed": ("as printed", style.GREY, "-", "o"),
     "recommended": ("periodic, standardised", style.BLUE, "-", "s"),
@@ -118,18 +118,18 @@ PANELS = {"dx": "forward (mm)", "dy": "sideways (mm)", "dtheta": "turn (degrees)
 
 @style.styled
 def learning_curve_figure(table: pd.DataFrame) -> Figure:
-    """Draw the errors of three components, a panel each.
+    """Draw the errors of three components, one panel each.
 
     Parameters
     ----------
     table : DataFrame
-        One row a setting: ``model`` (of `LINES`; others are left out), ``component`` (of
+        One row per setting: ``model`` (of `LINES`; others are ignored), ``component`` (of
         `PANELS`), ``hops``, and over random sets of hops ``rmse, rmse_q05, rmse_q95``.
 
     Returns
     -------
     Figure
-        Logarithmic numbers of hops; means, and bands from 5 to 95 % of the sets.
+        Means over the number of hops (logarithmic), with bands from 5 to 95 % of the sets.
     """
     if not table["model"].isin(LINES).any():
         return style.message_figure("No learning curve to show.")
@@ -155,7 +155,7 @@ def _draw_learning_curve(axes: Axes, table: pd.DataFrame) -> None:
 
 # How well kernels of four smoothnesses predict, by what is fitted and in which units.
 
-# Reading: what the reader sees, colour, line style, marker.
+# Reading: its label, colour, line style and marker.
 READINGS: dict[str, tuple[str, str, Any, str]] = {
     "printed, all fixed": ("printed formula, nothing fitted", style.GREY, "-", "o"),
     "printed, length fitted": ("length fitted, mm", style.ORANGE, (0, (5, 1.5)), "v"),
@@ -175,18 +175,18 @@ FLOOR = -0.15  # lower values are drawn here
 
 @style.styled
 def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
-    """Draw the share of variance that is predicted, by smoothness.
+    """Draw the fraction of variance that is predicted, by smoothness.
 
     Parameters
     ----------
     table : DataFrame
-        One row a setting: ``data`` (of `DATA`), ``reading`` (of `READINGS`), ``component`` (of
+        One row per setting: ``data`` (of `DATA`), ``reading`` (of `READINGS`), ``component`` (of
         `COLUMNS`), ``smoothness``, ``r2`` and its standard error ``r2_se``.
 
     Returns
     -------
     Figure
-        Values below `FLOOR` are drawn there.
+        One row of panels per data set. Values below `FLOOR` are drawn at `FLOOR`.
     """
     rows = [name for name in DATA if (table["data"] == name).any()]
     if not rows:

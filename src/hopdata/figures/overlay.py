@@ -1,4 +1,4 @@
-"""Contacts found beside those known from elsewhere: errors, their distribution, one landing."""
+"""Contacts compared with those of another device: errors, their distribution, one landing."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,12 +13,12 @@ from hopdata.figures import style
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 UNMATCHED = {"missed": ("x", "missed"), "invented": ("1", "invented")}
-# Kind of an instant: what the reader sees, its line, its colour where feet are not told apart.
+# Kind of instant: its label, line style, and colour if feet are not distinguished.
 INSTANTS: dict[str, tuple[str, dict[str, Any], str]] = {
     "external": ("external contact", {"ls": "-", "lw": 1.2}, style.GREY),
     "found": ("contact found", {"ls": (0, (2, 1.2)), "lw": 1.0}, style.INK),
 }
-MANY = 300  # contacts, from which on their marks are small
+MANY = 300  # contacts: with more, the markers are small
 UNITS = {"N": "N", "body_weight": "body weights"}
 ALL = "all"
 
@@ -27,12 +27,12 @@ ALL = "all"
 def contact_overlay_figure(
     contacts: pd.DataFrame, summary: pd.DataFrame, example: pd.DataFrame
 ) -> Figure:
-    """Draw the contacts that hopdata found against those that another device knows.
+    """Draw the contacts that hopdata found against those known from another device.
 
     Parameters
     ----------
     contacts : DataFrame
-        Table ``contact_overlay``: one row a contact, see `hopdata.landings.overlay`.
+        Table ``contact_overlay``: one row per contact, see `hopdata.landings.overlay`.
     summary : DataFrame
         Table ``contact_overlay_summary``: ``recording, column, bias_s, bias_low_s, bias_high_s``.
     example : DataFrame
@@ -41,9 +41,9 @@ def contact_overlay_figure(
     Returns
     -------
     Figure
-        (a) found less external instant of each contact over time, with its standard error,
-        (b) the share of the contacts below each error, with the median and its 95 % interval,
-        (c) foot heights and (d) force in one landing.
+        (a) Difference, found minus external, of each contact over time, with its standard error.
+        (b) Cumulative distribution of the differences, with the median and its 95 % interval.
+        (c) Foot heights and (d) force in one landing.
     """
     if not (contacts["status"] == "matched").any():
         return style.message_figure("No contact could be matched with one known from elsewhere.")
@@ -115,7 +115,7 @@ def _draw_shares(
 
 
 def _draw_bias(axes: Axes, summary: pd.DataFrame, number: int) -> None:
-    """Draw the bias of a column with its interval: of all recordings, or of the only one."""
+    """Draw a column's bias with its interval, over all recordings if there are several."""
     together = summary[summary["recording"] == ALL]
     row = (together if len(together) else summary).iloc[-1]
     bias, low, high = (1e3 * float(row[key]) for key in ("bias_s", "bias_low_s", "bias_high_s"))
@@ -149,7 +149,7 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
 
 
 def _draw_instants(axes: Axes, example: pd.DataFrame, feet: list[str]) -> None:
-    """Draw a line at each instant: in its foot's colour where each foot has a column of its own."""
+    """Draw a line at each instant, in its foot's colour if each foot has its own column."""
     apart = set(example.loc[example["kind"] == "external", "name"]) <= set(feet)
     for kind, (label, line, shared) in INSTANTS.items():
         for row in example[example["kind"] == kind].to_dict("records"):

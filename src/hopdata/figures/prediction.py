@@ -1,4 +1,4 @@
-"""Figure 2.4: how well six models of the landing predict, over the bootstraps."""
+"""Figure 2.4: prediction errors of six models of the landing, over the bootstraps."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from hopdata.figures import style
 
-# The order in which the dissertation prints them, with what stands under each box.
+# In the order of the dissertation, with the label of each box.
 MODELS: Mapping[str, str] = {
     "specialised": "affine\n(specialised)",
     "near": "affine\n(near)",
@@ -22,9 +22,9 @@ MODELS: Mapping[str, str] = {
     "mean": "mean\n(all)",
 }
 AFFINE = ("specialised", "near", "all", "far")
-# A wider gap parts the affine models from the means.
+# A wider gap separates the affine models from the means.
 PLACES = {name: i + 0.4 * (name not in AFFINE) for i, name in enumerate(MODELS)}
-# Free part of the axis beyond the boxes, of their range: no whisker lies on its line.
+# Margin beyond the boxes, relative to their range, so that no whisker touches the frame.
 ROOM = 0.04
 QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
 ASKED = "How far each model misses the state after a landing (lower is better)"
@@ -36,14 +36,14 @@ NOT_DECIDED = (
 
 @style.styled
 def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure:
-    """Draw Fig. 2.4: boxes of the bootstrapped combined mean-squared prediction error.
+    """Draw Fig. 2.4: box plots of the bootstrapped combined mean-squared prediction error.
 
     Parameters
     ----------
     summary : DataFrame
-        One row a model: ``model``, the quantiles ``p2_5, q25, median, q75, p97_5`` of the MSE in
-        normalised units squared, and if there ``n_train``, ``n_test``, ``n_classes``.
-        A model without a row, or whose median is NaN, is drawn as "not fitted".
+        One row per model: ``model``, the quantiles ``p2_5, q25, median, q75, p97_5`` of the MSE in
+        squared normalised units, and optionally ``n_train``, ``n_test``, ``n_classes``.
+        A model without a row, or with a median of NaN, is marked "not fitted".
     units : mapping
         ``length_unit_m`` and ``time_unit_s``, the units of normalisation.
 
@@ -79,7 +79,7 @@ def _is_fitted(row: Mapping[Any, Any] | None) -> bool:
 def _write_share(
     axes: Axes, place: float, row: Mapping[Any, Any], mean: Mapping[Any, Any] | None
 ) -> None:
-    """Write the median beside its box, as a share of that of the mean where there is one."""
+    """Write the median beside its box, relative to that of the mean if there is one."""
     median, whole = (float((one or {}).get("median", np.nan)) for one in (row, mean))
     text = f"{significant(100 * median / whole)} %" if whole > 0 else significant(median)
     at = (place + 0.25, median)
@@ -95,14 +95,14 @@ def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str
     axes.set_xlabel(f"model (touchdowns to train / to test in each bootstrap){shares}")
     axes.set_title(f"{ASKED}\n{NOT_DECIDED}", loc="left")
     axes.set_ylabel(f"combined prediction MSE (units²)\n{units_text(units)}")
-    # The range is often below one decade.
+    # The range is often less than one decade.
     axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     style.plain_numbers(axes.yaxis)
     axes.grid(axis="y", which="major")
 
 
 def _round_limits(values: Sequence[float]) -> tuple[float, float]:
-    """Nearest 1, 2 or 5 of a decade well below and above all values: both ends bear a tick."""
+    """Return the nearest ticks (1, 2 or 5 times 10^n) outside all values and a margin."""
     low, high = min(values), max(values)
     if low <= 0:
         low = high / 1e6 if high > 0 else 1e-6
@@ -115,7 +115,7 @@ def _round_limits(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _split(row: Mapping[Any, Any] | None) -> str:
-    """Sizes of the training and test sets, as a third line under the model's name."""
+    """Return the sizes of training and test sets, as a third line under the model's name."""
     sizes = [(row or {}).get(key, np.nan) for key in ("n_train", "n_test")]
     if not _is_fitted(row) or not np.all(np.isfinite(sizes)):
         return ""
@@ -123,7 +123,7 @@ def _split(row: Mapping[Any, Any] | None) -> str:
 
 
 def units_text(units: Mapping[str, Any]) -> str:
-    """Say the units of normalisation as the dissertation does: ``units: 29.1 mm and 27 ms``."""
+    """Return the units of normalisation as in the dissertation: ``units: 29.1 mm and 27 ms``."""
     length, time = units.get("length_unit_m"), units.get("time_unit_s")
     if length is None or time is None:
         return "units not determined"

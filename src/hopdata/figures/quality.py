@@ -1,4 +1,4 @@
-"""Where each marker was seen, how stable the sections are, and what drifts."""
+"""Visibility of each marker, stability of the sections, and drift."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 
 from hopdata.figures import style
 
-# Where each marker was seen, and what looks wrong there, over the time of a recording.
+# When each marker was seen, and what looks wrong, over the time of a recording.
 
 ROW_MM, BETWEEN_MM, LEGEND_MM = 4.2, 14.0, 8.0
 BAR = 0.62
-SHORTEST = 0.0015  # of the duration: a shorter stretch is drawn this long, or nobody would see it
-# kind: colour, sign, what it means.
+SHORTEST = 0.0015  # of the duration: shorter gaps are drawn this long to be visible
+# Kind: colour, marker, label.
 SIGNS = {
     "swap": (style.VERMILION, "v", "swapped markers"),
     "spike": (style.INK, "x", "spike"),
@@ -29,17 +29,17 @@ SIGNS = {
 def recording_gaps_figure(
     markers: pd.DataFrame, gaps: pd.DataFrame, faults: pd.DataFrame
 ) -> Figure:
-    """Draw a bar for each marker of each recording: seen in blue, gaps left white, faults as signs.
+    """Draw a bar for each marker of each recording, blue where seen, with gaps and faults.
 
     Parameters
     ----------
     markers : DataFrame
-        ``recording, marker, duration_s``: one row a bar, the first on top.
+        ``recording, marker, duration_s``: one row per bar, the first on top.
     gaps : DataFrame
         ``recording, marker, start_s, stop_s``, from the first frame of the recording.
     faults : DataFrame
-        ``recording, marker`` (empty: of all), ``kind`` (a key of `SIGNS`, or ``"dropped"``; others
-        are left out), ``start_s``.
+        ``recording, marker`` (empty for all), ``kind`` (a key of `SIGNS`, or ``"dropped"``;
+        others are ignored), ``start_s``.
     """
     rows = markers["recording"].value_counts(sort=False)
     if rows.empty or not markers["duration_s"].min() > 0:
@@ -66,7 +66,7 @@ def recording_gaps_figure(
 
 
 def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> None:
-    """Draw the bar of one marker, and its gaps upon it."""
+    """Draw the bar of one marker, and its gaps on top."""
     label = "seen" if row == 0 else None
     axes.barh(row, duration_s, height=BAR, color=style.BLUE, alpha=0.55, linewidth=0, label=label)
     stretches = [
@@ -77,7 +77,7 @@ def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> N
 
 
 def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> None:
-    """Draw a sign for each fault in its marker's row, a line through all for dropped frames."""
+    """Draw a symbol for each fault in its marker's row, and lines across for dropped frames."""
     for kind, (colour, sign, meaning) in SIGNS.items():
         found = faults[faults["kind"] == kind]
         if len(found):
@@ -89,7 +89,7 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
         axes.axvline(time, color=style.GREY, linewidth=0.7, linestyle=":", label=label)
 
 
-# How stable the sections are, and what drifts between parts of a study.
+# Stability of the sections, and drift between parts of a study.
 
 SECTIONS = (
     ("pre_height_m", "pre section", style.BLUE, "o"),
@@ -101,20 +101,20 @@ MOST_IN_LEGEND = 6
 
 @style.styled
 def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
-    """Draw the sections of other bandwidths and parts, and the drift between parts.
+    """Draw the sections for other bandwidths and parts, and the drift between parts.
 
     Parameters
     ----------
     stability : DataFrame
-        ``kind, variant, pre_height_m, post_height_m``; the first row is what was chosen.
+        ``kind, variant, pre_height_m, post_height_m``; the first row is the chosen one.
     drift : DataFrame
         ``quantity, part, deviation, se, spread``.
 
     Returns
     -------
     Figure
-        (a) change of both sections, mm, a row a variant; (b) medians of the parts, in spreads
-        between touchdowns from the typical one, with two standard errors each way.
+        (a) Change of both sections, mm, one row per variant. (b) Median of each part relative to
+        the typical one, in spreads between touchdowns, with bars of two standard errors.
     """
     rows = max(len(stability) - 1, 2 * drift["quantity"].nunique(), 6)
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 26.0 + 5.5 * rows)
@@ -156,7 +156,7 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
             own["deviation"], place, xerr=error, linestyle="", capsize=0, markersize=3.5,
             marker=MARKS[number % len(MARKS)], color=style.foot_colour(number), label=part,
         )  # fmt: skip
-    # Broken near the middle.
+    # Break long labels near the middle.
     style.name_rows(axes, ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities])
     reach = max(1.0, *map(abs, axes.get_xlim()))
     told = "median of a part from that of all\n(in spreads between touchdowns)"

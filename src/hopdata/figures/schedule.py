@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 
 from hopdata.figures import style
 
-Contacts = Mapping[str, tuple[float, float]]  # instant and standard error of each foot, ms
+Contacts = Mapping[str, tuple[float, float]]  # instant and standard error for each foot, ms
 
 ARROW = " → "
 LONGEST_IN_ONE_LINE = 4
-UNDETERMINED_MS = 15.0  # as UNDETERMINED_S of the contacts: an error that says that none was seen
+UNDETERMINED_MS = 15.0  # UNDETERMINED_S of the contacts: such an error means that none was seen
 
 
 def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, Any]:
-    """Row of the touchdown table that `example` shows (``recording, index``); empty if none."""
+    """Return the touchdown that `example` shows (``recording, index``); empty if there is none."""
     if example.empty:
         return {}
     shown = example.iloc[0]
@@ -37,13 +37,13 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
         Tidy samples of one touchdown: its ``recording, index``; ``time_s`` (relative to the pre
         section), ``foot``, ``height_m``, ``velocity_m_s``.
     touchdowns : DataFrame
-        The touchdown table, of whose row are used ``t_pre_s``, ``t_post_s``,
-        ``contact_<foot>_s``, ``se_<foot>_s``, ``schedule`` and, if there, ``probability``.
+        The touchdown table; of the example's row, ``t_pre_s``, ``t_post_s``, ``contact_<foot>_s``,
+        ``se_<foot>_s``, ``schedule`` and, if present, ``probability`` are used.
 
     Returns
     -------
     Figure
-        (a) heights, (b) velocities with a plus at each contact, (c) the contacts with their
+        (a) Heights and (b) velocities, with a plus at each contact. (c) The contacts with their
         standard errors, earliest at the top.
     """
     names, touchdown = tuple(dict.fromkeys(example["foot"])), touchdown_of(example, touchdowns)
@@ -70,7 +70,7 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
 
 
 def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> Contacts:
-    """Contact instant after the pre section and its standard error, ms; NaN if unknown."""
+    """Return contact time after the pre section and standard error, ms; NaN if unknown."""
     t_pre, found = float(touchdown["t_pre_s"]), {}
     for foot in feet:
         instant, error = (float(touchdown.get(f"{k}_{foot}_s", np.nan)) for k in ("contact", "se"))
@@ -81,7 +81,7 @@ def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> Contacts:
 def _draw_signal(
     axes: Axes, example: pd.DataFrame, feet: Sequence[str], contacts: Contacts, column: str
 ) -> None:
-    """Draw one quantity of every foot, and a plus where its contact was found."""
+    """Draw one quantity of every foot, with a plus at its contact."""
     scale = 1e3 if column == "height_m" else 1.0
     for number, foot in enumerate(feet):
         rows = example[example["foot"] == foot]
@@ -96,7 +96,7 @@ def _draw_signal(
 
 
 def _level_at(instant: float, time: Any, value: Any, of_kink: bool) -> float:
-    """Return a signal between its frames, at a kink where the two before it lead."""
+    """Interpolate a signal between frames; at a kink, extrapolate from the two frames before it."""
     before = int(np.searchsorted(time, instant)) - 1
     if not of_kink or before < 1:
         return float(np.interp(instant, time, value))
@@ -115,7 +115,7 @@ def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) 
 def _draw_contacts(
     axes: Axes, feet: Sequence[str], contacts: Contacts, touchdown: Mapping[str, Any]
 ) -> None:
-    """Draw one row a foot, earliest contact on top, with an error bar of one standard error."""
+    """Draw one row per foot, earliest contact on top, with error bars of one standard error."""
     order = sorted(range(len(feet)), key=lambda i: np.nan_to_num(contacts[feet[i]][0], nan=np.inf))
     for row, number in enumerate(order):
         instant, error = contacts[feet[number]]

@@ -1,4 +1,4 @@
-"""Figure 2.2: how foot heights and body height choose the Poincaré sections."""
+"""Figure 2.2: how foot heights and body height determine the Poincaré sections."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,14 +22,14 @@ DASHED: dict[str, Any] = {"color": style.INK, "lw": 0.8, "ls": (0, (4, 2)), "zor
 
 @dataclass(frozen=True)
 class _Side:
-    """One half of the figure: a foot height, its threshold and the frames that it singles out."""
+    """One half of the figure: a foot height, its threshold and the frames that it selects."""
 
     letter: str
     section: str
-    foot: str  # whose height decides
-    where: str  # all feet are in the frames singled out
-    otherwise: str  # some feet are in the others
-    so: str  # beyond the section
+    foot: str  # decisive height
+    where: str  # all feet are in the selected frames
+    otherwise: str  # some feet are in the other frames
+    so: str  # what holds beyond the section
     colour: str
 
     @property
@@ -47,13 +47,14 @@ SIDES = (
 def sections_figure(
     frames: pd.DataFrame, densities: pd.DataFrame, sections: Mapping[str, Any]
 ) -> Figure:
-    """Draw Fig. 2.2: foot against body height, their densities, thresholds and sections.
+    """Draw Fig. 2.2: foot height over body height, their densities, thresholds and sections.
 
     Parameters
     ----------
     frames : DataFrame
-        One row a frame: ``min_foot_m``, ``max_foot_m``, ``body_m``, m; ``landing``, whether it is
-        of a descent in which all feet land: with sections of landings the others are grey.
+        One row per frame: ``min_foot_m``, ``max_foot_m``, ``body_m``, m; ``landing``, whether it
+        belongs to a descent in which all feet land. If the sections are of landings, other frames
+        are grey.
     densities : DataFrame
         Tidy curves: ``curve``, ``height_m``, ``density_per_m``. Curves drawn: ``min_foot`` and
         ``max_foot`` (marginal); body height ``body_given_all_up``, ``body_given_all_down`` and,
@@ -65,8 +66,8 @@ def sections_figure(
     Returns
     -------
     Figure
-        Two halves, one a section, of 2 x 2 axes that share their height axes; what lies between
-        the sections is yellow, as in Fig. 2.3. The scatter is rasterised.
+        Two halves, one per section, of 2 x 2 axes with shared height axes. The range between the
+        sections is yellow, as in Fig. 2.3. The scatter plot is rasterised.
     """
     if frames.empty:
         return style.message_figure("No frame to draw: the recording holds no complete frames.")
@@ -127,7 +128,7 @@ def _draw_scatter(
 
 
 def _name_branches(axes: Axes, body: Any, foot: Any, landing: Any, threshold: float) -> None:
-    """Write beside the two branches of what is in the air which of them goes down."""
+    """Label the two branches of frames in the air as descent and ascent."""
     low, high = threshold + np.array([0.25, 0.45]) * (foot.max() - threshold)
     inside = (low < foot) & (foot < high)
     branches = {"descent": inside & landing, "ascent": inside & ~landing}
@@ -177,7 +178,7 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
 
 
 def _draw_sections(both: tuple[Axes, Axes], sections: Mapping[str, Any], side: _Side) -> None:
-    """Draw the section of a half, and what lies between the two."""
+    """Draw the section of a half, and the range between both sections."""
     heights = {name: _height(sections, f"{name}_height_m") for name in ("post", "pre")}
     own, known = heights[side.section], [one for one in heights.values() if one is not None]
     for axes in both:
@@ -199,13 +200,13 @@ def _legend_handles() -> list[Artist]:
 
 
 def _height(sections: Mapping[str, Any], key: str) -> float | None:
-    """Height in mm, or None where the sections could not be found."""
+    """Return a height in mm, or None if the sections could not be found."""
     value = sections.get(key)
     return None if value is None or value != value else float(value) * 1e3
 
 
 def _curve(densities: pd.DataFrame, name: str) -> tuple[Any, Any]:
-    """Heights (mm) and density (1/m) of one curve, both empty if it is missing."""
+    """Return heights (mm) and density (1/m) of one curve, both empty if it is missing."""
     curve = densities[densities["curve"] == name]
     return curve["height_m"].to_numpy() * 1e3, curve["density_per_m"].to_numpy()
 
@@ -213,7 +214,7 @@ def _curve(densities: pd.DataFrame, name: str) -> tuple[Any, Any]:
 def _span(
     heights: pd.DataFrame, sections: Mapping[str, Any], keys: tuple[str, ...]
 ) -> tuple[float, float]:
-    """Limits in mm that hold all of these heights, those of the sections, and a margin."""
+    """Return limits in mm that include all heights and those of the sections, with a margin."""
     marks = [mark for mark in (_height(sections, key) for key in keys) if mark is not None]
     low = min([float(heights.min().min()) * 1e3, *marks])
     high = max([float(heights.max().max()) * 1e3, *marks])

@@ -1,4 +1,4 @@
-"""A run as a short film: from above, with path, body and boom, and from the side."""
+"""Figures of the steering study: a run as a film, outcomes, and a run in the arena."""
 
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,10 @@ from hopdata.errors import AnalysisError
 from hopdata.figures import style
 
 WIDTH_MM, HEIGHT_MM, DPI = 90.0, 112.0, 110.0
-SPEED = 2.0  # how much faster than it was
+SPEED = 2.0  # relative to real time
 COLOURS = 48
 MARGIN_M = 0.25
-LAST_S = 1.5  # how long the last picture stays
+LAST_S = 1.5  # duration of the last picture
 
 
 def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> None:
@@ -27,10 +27,10 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
     ----------
     path : path
     film : DataFrame
-        Markers of the run in evenly spaced frames: ``time_s, marker, x_m, y_m, z_m``; body markers,
-        and the boom's as ``boom``.
+        Markers of the run in evenly spaced frames: ``time_s, marker, x_m, y_m, z_m``; body
+        markers, and the boom's as ``boom``.
     curves : DataFrame
-        The same run's stances, as for `hopdata.figures.steering`: the rows of "measured".
+        Stances of the same run, as for `steering_run_figure`; the rows "measured" are used.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
 
 
 def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Images.Image]:
-    """Draw all frames: what stands still once, what moves on top of it."""
+    """Draw all frames: the static parts once, and the moving ones on top."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -79,7 +79,7 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
 
 
 def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
-    """Return the figure with the empty stage, what moves in it, and half the board's length, m."""
+    """Return the figure with static parts, the moving artists, and half the board's length, m."""
     figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
     above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
@@ -96,7 +96,7 @@ def _stage(places: Any) -> tuple[Figure, dict[str, Any], float]:
 
 
 def _moving(above: Any, side: Any) -> dict[str, Any]:
-    """Return what moves, made for drawing on top of the still picture."""
+    """Return the moving artists, animated so that they are drawn on top of the static picture."""
     return {
         "board_line": above.plot([], [], color="#8a6d2f", lw=3, animated=True)[0],
         "path": above.plot([], [], "o-", color=style.GREY, ms=2.5, lw=0.9, animated=True)[0],
@@ -111,7 +111,7 @@ def _moving(above: Any, side: Any) -> dict[str, Any]:
 
 
 def _board_axes(stances: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors into the board and along it, (2,) each; NaN without one."""
+    """Return unit vectors into the board and along it, (2,) each; NaN without a board."""
     way = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
     return way, np.array([-way[1], way[0]])
 
@@ -119,7 +119,7 @@ def _board_axes(stances: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
 def _move(
     moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFrame, reach: float
 ) -> None:
-    """Bring everything to where it was at this time."""
+    """Update all moving artists to this time."""
     body, boom = markers[:-1], markers[-1]
     centre = body.mean(axis=0)
     past = stances[stances["time_s"] <= time]
@@ -136,7 +136,7 @@ def _move(
     moving["board_line"].set_data(*ends.T)
 
 
-# Success rates and hops to the goal of all controllers, over the seeds.
+# Success rates, and hops to the goal, of all controllers over the seeds.
 
 LOOKS = {
     "none": ("boom at rest", style.GREY, "v"),
@@ -152,29 +152,29 @@ TASKS = {
     "turn": "half turn",
     "turn_board": "half turn,\nboard in the way",
 }
-APART = 0.17  # between controllers of one task
+APART = 0.17  # offset between controllers of one task
 
 
 @style.styled
 def steering_outcomes_figure(
     outcomes: pd.DataFrame, runs: pd.DataFrame, horizons: pd.DataFrame
 ) -> Figure:
-    """Draw the outcomes.
+    """Draw success rates and hops to the goal of all controllers.
 
     Parameters
     ----------
     outcomes : DataFrame
-        As from `hopdata.steering.experiments.outcomes.outcome_table`.
+        From `hopdata.steering.experiments.outcomes.outcome_table`.
     runs : DataFrame
-        One row a run: ``experiment, controller, seed, success, hops``.
+        One row per run: ``experiment, controller, seed, success, hops``.
     horizons : DataFrame
         ``horizon, runs, succeeded`` of the printed controller.
 
     Returns
     -------
     Figure
-        (a) Share of the runs of each seed that succeeded, from the worst seed to the best, and the
-        median, filled; (b) hops of those runs, median and from 5 to 95 %; (c) share by horizon.
+        (a) Success rate of each seed, from the worst to the best, and the median, filled. (b) Hops
+        of the successful runs, median and 5 to 95 %. (c) Success rate by horizon.
     """
     if outcomes.empty:
         return style.message_figure("No run was made.")
@@ -216,22 +216,22 @@ def steering_outcomes_figure(
     return figure
 
 
-# Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, beside what the model says.
+# Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, compared with the model.
 
-# Curve: its name, colour, line and mark. Drawn in this order, the measured motion on top.
+# Curve: its label, colour, line style and marker, in drawing order: the measured one is on top.
 CURVES: dict[str, tuple[str, str, Any, str]] = {
     "pure": ("pure simulation", style.VERMILION, (0, (1.2, 1.2)), ""),
     "response": ("simulated control response", style.BLUE, (0, (4, 1.5)), "x"),
     "measured": ("simulated run", style.INK, "-", "o"),
 }
-# Panel: its column, label, and factor.
+# Panel: its column, label and factor.
 OVER_TIME = {
     "x": ("x_m", "x (m)", 1.0),
     "y": ("y_m", "y (m)", 1.0),
     "h": ("heading_rad", "heading (°)", 180 / np.pi),
 }
-TICK_M = 0.07  # length of the line that shows a heading
-BESIDE_M = 0.12  # how far the board is drawn beyond the path on both sides
+TICK_M = 0.07  # length of a line that shows a heading
+BESIDE_M = 0.12  # drawn length of the board beyond the path on each side
 
 
 @style.styled
@@ -241,15 +241,15 @@ def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) 
     Parameters
     ----------
     curves : DataFrame
-        Three curves of one run, as from `hopdata.steering.experiments.study.run_experiment`.
+        Three curves of one run: the example of `hopdata.steering.experiments.study.experiments_of`.
     experiment : str, optional
-        Of which the run is, where `curves` holds several.
+        Experiment to draw, if `curves` holds several.
 
     Returns
     -------
     Figure
-        (a) The arena: path, headings, goal, and the board where it stood and where it was pushed
-        to; (b) x, (c) y and (d) heading over time.
+        (a) The arena: path, headings, goal, and the first and last place of the board. (b) x, (c) y
+        and (d) heading over time.
     """
     if experiment is not None:
         curves = curves[curves["experiment"] == experiment]
@@ -285,7 +285,7 @@ def _draw_curve(axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: An
 
 
 def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> None:
-    """Draw the goal as a thin line: zero in x and y, or half a turn to the side that was turned."""
+    """Draw the goal as a thin line: zero in x and y, or half a turn to the side turned to."""
     if not turn:
         for name in "xy":
             panels[name].axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
@@ -327,7 +327,7 @@ def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
 
 
 def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
-    """Draw the board, as wide as the path: pale where it stood, dark where it was pushed to."""
+    """Draw the board, as wide as the path: pale at its first place, dark at its last."""
     first, last = measured["board_first_m"].iloc[0], measured["board_m"].dropna()
     if np.isnan(first) or last.empty:
         return

@@ -1,4 +1,4 @@
-"""One look for all figures: paper sizes, colours that colour-blind readers can tell apart."""
+"""Style shared by all figures: paper sizes, colours that colour-blind readers can tell apart."""
 
 import os
 import re
@@ -27,18 +27,18 @@ from hopdata.errors import ConfigError, chosen, require, require_choice
 from hopdata.figures.catalogue import FORMATS, function_of
 from hopdata.jobs import read_json, read_table, whole_file
 
-# Lines with bands, and logarithmic axes with plain numbers: what figures of errors share.
+# Elements shared by figures: bands, boxes, row labels, notes, logarithmic axes with plain numbers.
 
 
 def banded_line(axes: Axes, x: pd.Series, y: pd.Series, band: Any, line: tuple[Any, ...]) -> None:
-    """Draw a line with a pale band from low to high; `line`: label, colour, dash and marker."""
+    """Draw a line with a pale band; `line` has its label, colour, dash pattern and marker."""
     label, colour, dash, marker = line
     axes.fill_between(x, *band, color=colour, alpha=0.15, linewidth=0)
     axes.plot(x, y, color=colour, linestyle=dash, marker=marker, markersize=2.5, label=label)
 
 
 def box(axes: Axes, place: float, quantiles: Sequence[float], colour: str, **options: Any) -> None:
-    """Draw a box from its five quantiles; `options` are those of `Axes.bxp` and ``alpha``."""
+    """Draw a box from its five quantiles; `options` are those of `Axes.bxp`, and ``alpha``."""
     line = {"color": INK, "linewidth": 0.8}
     names = ("whislo", "q1", "med", "q3", "whishi")
     face = {"facecolor": colour, "alpha": options.pop("alpha", 0.55), "edgecolor": INK}
@@ -50,27 +50,27 @@ def box(axes: Axes, place: float, quantiles: Sequence[float], colour: str, **opt
 
 
 def name_rows(axes: Axes, labels: Sequence[str]) -> None:
-    """Let rows 0, 1, ... stand from the top, each with its label."""
+    """Label rows 0, 1, ... from the top."""
     axes.set_yticks(range(len(labels)), labels)
     axes.set_ylim(max(len(labels), 1) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
 
 
 def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any) -> None:
-    """Write a small text beside a place, `offset` points from it; `options` of `annotate`."""
+    """Write a small text `offset` points from a place; `options` are those of `annotate`."""
     size = pt(options.pop("fontsize", 6))
     options = {"textcoords": "offset points", "fontsize": size, **options}
     axes.annotate(text, xy=at, xytext=offset, **options)
 
 
 def lacking(axes: Axes, x: float, y: float, text: str, transform: Any = None) -> None:
-    """Write in grey, about the middle of a place, what is not there."""
+    """Write in grey, centred on a place, what is missing."""
     look: Any = {"ha": "center", "va": "center", "color": GREY, "bbox": ON_WHITE}
     axes.text(x, y, text, transform=transform or axes.transData, **look)
 
 
 def plain_numbers(axis: Axis) -> None:
-    """Write the numbers of a logarithmic axis as they are, and none at minor ticks."""
+    """Show the numbers of a logarithmic axis as they are, and none at minor ticks."""
     axis.set_minor_locator(ticker.NullLocator())
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
 
@@ -92,7 +92,7 @@ PURPLE = "#CC79A7"
 GREY = "#8C8C8C"
 INK = "#222222"
 
-# Box behind a text that may stand on a line.
+# Box behind a text that may overlap a line.
 ON_WHITE = {"facecolor": "white", "linewidth": 0, "pad": 0.8}
 
 FOOT_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
@@ -106,13 +106,13 @@ FOOT_DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = (
 )
 
 LONGEST_LABEL = 24
-SHARE_OF_AXES = 0.77  # of the width and height of their place in a grid, before it is laid out
-TEXT_PT = 7.0  # of the style file, as the sizes that `pt` is given
+SHARE_OF_AXES = 0.77  # of an axes relative to its grid cell, before the layout
+TEXT_PT = 7.0  # text size of the style file, to which sizes given to `pt` refer
 
 
 @dataclass(frozen=True)
 class Journal:
-    """Widths of one and of two columns, mm, and what text and lines are multiplied by."""
+    """Widths of one and two columns, mm, and scale factors of text and lines."""
 
     single_mm: float = SINGLE_COLUMN_MM
     double_mm: float = DOUBLE_COLUMN_MM
@@ -133,9 +133,9 @@ SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @contextmanager
 def style_context() -> Iterator[None]:
-    """Let matplotlib's defaults and the hopdata style alone hold within.
+    """Apply matplotlib's defaults and the hopdata style only.
 
-    A sign that the font lacks is drawn as a box, and no more is said of it.
+    A glyph missing from the font is drawn as a box, without a warning.
     """
     with matplotlib.rc_context(fname=str(STYLE_FILE)), warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from font")
@@ -155,18 +155,18 @@ SCALED = re.compile(
 
 
 def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
-    """Let a drawing function run within the style and leave no trace of it outside.
+    """Run a drawing function within the style, without side effects on the user's own style.
 
-    It takes two more arguments: ``ax``, a figure or subfigure to draw into, or an axes of a grid
-    whose place is filled, with a figure that has one axes in that axes itself; and ``style``, one
-    of `STYLES`, for the width of the columns and the size of the text. With ``ax`` alone the
-    user's own style holds, with smaller text where there is less room than on paper. It returns
-    the figure, or with ``ax`` what was drawn into.
+    It gets two more arguments. ``ax`` is where to draw: a figure or subfigure, or an axes of a
+    grid. A figure with one axes is drawn into that axes itself; otherwise it fills the place of the
+    axes. ``style``, one of `STYLES`, sets the width of the columns and the size of the text. With
+    ``ax`` alone, the user's own style applies, with smaller text if there is less room than on
+    paper. It returns the figure or, with ``ax``, what was drawn into.
 
     Raises
     ------
     ConfigError
-        If there is no such style, or `ax` is nothing to draw into.
+        If the style is unknown, or `ax` is nothing to draw into.
     """
 
     @wraps(draw)
@@ -191,18 +191,18 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
 
 
 class _Place:
-    """What a user gave to draw into, with those methods of a figure that our functions call."""
+    """Where the user wants a figure drawn, with the methods of a figure that our functions call."""
 
     def __init__(self, ax: Any) -> None:
         if not isinstance(ax, Axes | FigureBase):
             raise ConfigError.at("ax", "axes or a figure", f"a {type(ax).__name__}")
         root = ax if isinstance(ax, Figure) else ax.figure
         if isinstance(root, Figure) and root.get_layout_engine() is None:
-            root.set_layout_engine("constrained")  # what stands outside the axes needs room
+            root.set_layout_engine("constrained")  # items outside the axes need room
         self.drawn: Any = ax
 
     def fit_text(self, width_mm: float, height_mm: float) -> None:
-        """Make text smaller where the place is small for what a figure of this size holds."""
+        """Shrink text if the place is smaller than a figure of this size."""
         box = self.drawn.get_window_extent() if isinstance(self.drawn, Axes) else self.drawn.bbox
         share = SHARE_OF_AXES if isinstance(self.drawn, Axes) else 1.0
         dots_a_mm = self.drawn.figure.dpi * share / MM_PER_INCH
@@ -214,7 +214,7 @@ class _Place:
                 axis.label.set_fontsize(matplotlib.rcParams["axes.labelsize"])
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the figure has, of an axes that of a subfigure in its place."""
+        """Return an attribute of the figure; for an axes, that of a subfigure in its place."""
         if isinstance(self.drawn, Axes) and name != "axes":
             own = {"legend": self._legend, "text": self._text}
             if name in own:
@@ -240,24 +240,24 @@ class _Place:
 
 
 def _fit_lines(figure: Any, journal: Journal) -> None:
-    """Fit lines and markers to the text, and tell locators how large the numbers at ticks are."""
+    """Scale lines and markers with the text, and update the size of tick labels."""
     for axes in figure.axes:
         axes.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
     if journal.line == 1.0:
         return
     for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection)):
         artist.set_linewidth(journal.line * np.asarray(artist.get_linewidth()))
-        if isinstance(artist, Line2D) and artist.get_marker() not in range(4):  # ticks
+        if isinstance(artist, Line2D) and artist.get_marker() not in range(4):  # skip ticks
             artist.set_markersize(journal.line * artist.get_markersize())
 
 
 def pt(size: float) -> float:
-    """Return a size of text in points, given as for the style file, in the style that holds."""
+    """Return a text size in points in the current style, given the size in the style file's."""
     return float(size * matplotlib.rcParams["font.size"] / TEXT_PT)
 
 
 def _write_powers(figure: Figure) -> None:
-    """Write powers of ten on logarithmic axes as 10⁻³, since text is not read as mathematics."""
+    """Write powers of ten on logarithmic axes as 10⁻³, since text is not parsed as mathematics."""
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if isinstance(axis.get_major_formatter(), ticker.LogFormatterMathtext):
             axis.set_major_formatter(_Powers())
@@ -266,7 +266,7 @@ def _write_powers(figure: Figure) -> None:
 
 
 class _Powers(ticker.LogFormatterSciNotation):
-    """Matplotlib's formatter of powers, but with the signs of Unicode."""
+    """Matplotlib's formatter of powers, with Unicode superscripts."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         text = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
@@ -275,7 +275,7 @@ class _Powers(ticker.LogFormatterSciNotation):
 
 
 def label_of(name: str) -> str:
-    """Return a name as figures show it: one short line, which a legend does not leave out."""
+    """Return a name as shown in figures: one short line that a legend does not omit."""
     plain = " ".join("".join(c if c.isprintable() else " " for c in name).split()) or "?"
     if len(plain) > LONGEST_LABEL:
         plain = plain[: LONGEST_LABEL - 1] + "…"
@@ -283,7 +283,7 @@ def label_of(name: str) -> str:
 
 
 def paper_figure(width_mm: float, height_mm: float) -> Figure:
-    """Return an empty figure of this size, mm, laid out without overlaps, or the user's own."""
+    """Return an empty figure of this size, mm, with automatic layout, or the user's own."""
     place, journal = _PLACE.get(), _JOURNAL.get()
     if place is not None:
         place.fit_text(width_mm, height_mm)
@@ -294,7 +294,7 @@ def paper_figure(width_mm: float, height_mm: float) -> Figure:
 
 
 class _Shown(Figure):
-    """A figure that a notebook shows without pyplot."""
+    """A figure that a notebook displays without pyplot."""
 
     def _repr_svg_(self) -> str:
         picture = StringIO()
@@ -305,44 +305,44 @@ class _Shown(Figure):
 
 @styled
 def message_figure(message: str, *, width_mm: float = SINGLE_COLUMN_MM) -> Figure:
-    """Return a figure that says in words why there is nothing to draw."""
+    """Return a figure that says why there is nothing to draw."""
     figure = paper_figure(width_mm, 25.0)
     figure.text(0.5, 0.5, message, ha="center", va="center", color=INK, wrap=True)
     return figure
 
 
 def foot_colour(number: int) -> str:
-    """Colour of the foot with this number, counted from 0; repeats after six feet."""
+    """Return the colour of a foot, numbered from 0; repeats after six feet."""
     return FOOT_COLOURS[number % len(FOOT_COLOURS)]
 
 
 def foot_dash(number: int) -> str | tuple[float, tuple[float, ...]]:
-    """Line style of the foot with this number, counted from 0; repeats after six feet."""
+    """Return the line style of a foot, numbered from 0; repeats after six feet."""
     return FOOT_DASHES[number % len(FOOT_DASHES)]
 
 
 def foot_line(number: int) -> dict[str, Any]:
-    """Colour and line style of the foot with this number, as keywords of a line."""
+    """Return colour and line style of a foot, numbered from 0, as keywords of a line."""
     return {"color": foot_colour(number), "linestyle": foot_dash(number)}
 
 
 def letters(panels: Iterable[Axes]) -> None:
-    """Write a bold a, b, c ... at the upper left of each panel in turn, outside the axes."""
+    """Write a bold a, b, c ... at the upper left of each panel, outside the axes."""
     look: Any = {"xycoords": "axes fraction", "ha": "right", "va": "bottom", "fontweight": "bold"}
     for axes, text in zip(panels, "abcdefghijklmnopqrstuvwxyz", strict=False):
         note(axes, text, (0, 1), (-4, 4), fontsize=8, **look)
 
 
 def lettered(figure: Figure, panels: Iterable[Axes], ncols: int) -> None:
-    """Letter the panels, and put the legend of the first above them all."""
+    """Letter the panels, and put the legend of the first panel above all of them."""
     panels = list(panels)
     letters(panels)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=ncols)
 
 
-# Figures to files: the same data give the same bytes, and all formats are written or none.
+# Figures to files: the same data give the same bytes, and either all formats are written or none.
 
-DECIMALS = 9  # of a place, in parts of the figure
+DECIMALS = 9  # of a position, as a fraction of the figure
 
 
 def save_figure(
@@ -357,7 +357,7 @@ def save_figure(
     Parameters
     ----------
     figure : Figure
-        As returned by the functions of this package.
+        From the functions of this package.
     path : path
         Name without suffix; ``.svg``, ``.png`` or ``.pdf`` is added.
     formats : sequence of str
@@ -393,13 +393,13 @@ def draw(name: str, files: Sequence[str], base: str | Path, **options: Any) -> N
     Parameters
     ----------
     name : str
-        Of `catalogue.FIGURES`.
+        A name in `catalogue.FIGURES`.
     files : sequence of path
-        As from `catalogue.tables_of`, in that order.
+        The files of `catalogue.tables_of`, in that order.
     base : path
         Path of the figure without its suffix.
     options
-        Of `save_figure`.
+        Options of `save_figure`.
     """
     content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
     save_figure(function_of(name)(*content), base, **options)
@@ -407,10 +407,10 @@ def draw(name: str, files: Sequence[str], base: str | Path, **options: Any) -> N
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """Lay the figure out once for all formats, not once in each.
+    """Lay the figure out once for all formats, instead of once for each.
 
-    Without an engine, and a style that asks for one, matplotlib draws once to save a format; with
-    one it draws twice.
+    Without a layout engine, and a style that asks for one, matplotlib draws once to save a format;
+    with one it draws twice.
     """
     engine = figure.get_layout_engine()
     if engine is not None and figure.axes:
@@ -425,9 +425,9 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _round_positions(figure: Figure) -> None:
-    """Round the places of the axes: the last bits of a layout differ from process to process.
+    """Round the positions of the axes: the last bits of a layout differ between processes.
 
-    In an SVG they would show in the names of clip paths, which are digests of their numbers.
+    In an SVG they would change the names of clip paths, which are digests of their numbers.
     """
     for axes in figure.axes:
         is_in_layout = axes.get_in_layout()
@@ -435,4 +435,4 @@ def _round_positions(figure: Figure) -> None:
             round(value, DECIMALS) for value in axes.get_position(original=True).bounds
         )
         axes.set_position((left, bottom, width, height))
-        axes.set_in_layout(is_in_layout)  # which `set_position` takes it out of
+        axes.set_in_layout(is_in_layout)  # `set_position` takes the axes out of the layout

@@ -1,4 +1,4 @@
-"""The verdict as one picture: the answer, how sure it is, and what it says of a landing."""
+"""The verdict as one picture: the answer, its certainty, and what it means for a landing."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -14,18 +14,18 @@ from hopdata.figures.schedule import ARROW
 
 ROW_MM, MEMBER_MM = 58.0, 4.2
 ASKED = "difference between the maps of the contact orders"
-# What the answer follows from: the words at its axis.
+# Quantity that decides the answer: its axis label.
 AXES = {
     "effect": f"{ASKED}\n(% of the map; 0: one and the same map)",
     "jump": "jump of the outcome between contact orders\n(% of what it varies; 0: none)",
 }
-# Conclusion: the answer in two words, and its colour.
+# Conclusion: a short answer, and its colour.
 ANSWERS = {
     "different": ("Different maps", style.VERMILION),
     "no difference": ("One smooth map", style.GREEN),
     "cannot tell": ("Cannot tell", style.GREY),
 }
-# An interval longer than this many times all else is cut and ends in an arrowhead.
+# An interval longer than this multiple of everything else is cut, and ends in an arrowhead.
 LONGEST = 3.0
 
 
@@ -40,15 +40,15 @@ def verdict_figure(
     verdict : mapping
         Contents of ``verdict.json``; see docs/verdict.md.
     touchdowns : DataFrame
-        The touchdown table, of which the two commonest orders of contact are drawn.
+        The touchdown table; its two most common orders of contact are drawn.
     truth : DataFrame, optional
-        The ``true_effect`` of a simulated study, which is marked on the axis.
+        The ``true_effect`` of a simulated study, marked on the axis.
 
     Returns
     -------
     Figure
-        (a) the difference with what is known of it, (b) what that means for two landings; the
-        verdict in words beneath. A study without an answer has the words beside (b).
+        (a) The difference and its uncertainty. (b) What it means for two landings. The verdict in
+        words is below. If a study has no answer, the words are beside (b).
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(_said(verdict, 90), width_mm=style.DOUBLE_COLUMN_MM)
@@ -65,14 +65,14 @@ def verdict_figure(
 
 @style.styled
 def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
-    """Draw verdicts of several studies one below the other, on one scale.
+    """Draw the verdicts of several studies below each other, on one scale.
 
     Parameters
     ----------
     content
         Verdict and touchdown table of each study in turn, as for `verdict_figure`.
     names : sequence of str
-        What to call the studies.
+        Titles of the studies.
     """
     rows = list(zip(content[::2], content[1::2], names, strict=True))
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, (ROW_MM + 9.0) * len(rows))
@@ -88,7 +88,7 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
 def _draw_row(
     figure: Figure | SubFigure, verdict: Mapping[str, Any], touchdowns: pd.DataFrame, top: float
 ) -> Axes:
-    """Draw size and landings side by side, or why there is no answer beside what was seen."""
+    """Draw size and landings side by side; without an answer, the reason replaces the size."""
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_landings(right, verdict["conclusion"], touchdowns)
     if verdict.get("effect") is None:
@@ -103,12 +103,12 @@ def _draw_row(
 
 
 def _decided(verdict: Mapping[str, Any]) -> str:
-    """Name what the answer follows from: the difference of the maps, or a jump of the outcome."""
+    """Return what decides the answer: the difference of the maps, or a jump of the outcome."""
     return str(verdict.get("decided_by", "effect"))
 
 
 def _top(verdict: Mapping[str, Any]) -> float:
-    """Upper end of the axis of differences, per cent: all points, and the end of the interval."""
+    """Return the upper end of the axis, per cent: above all points and the end of the interval."""
     effect = verdict[_decided(verdict)]
     if effect is None:
         return 0.0
@@ -117,12 +117,12 @@ def _top(verdict: Mapping[str, Any]) -> float:
 
 
 def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
-    """End of what is not excluded: of the interval where there is a difference, or the bound."""
+    """Return the end of what is not excluded: of the interval if different, else the bound."""
     return float(effect["high" if conclusion == "different" else "upper_bound"])
 
 
 def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
-    """Draw what is known of the difference above an axis that begins at none."""
+    """Draw what is known of the difference above an axis that begins at zero."""
     effect = verdict[_decided(verdict)]
     colour = ANSWERS[verdict["conclusion"]][1]
     margin, seen = 100.0 * verdict["margin"], 100.0 * effect["detectable"]
@@ -136,10 +136,10 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     if low > 0:
         axes.plot(100.0 * effect["estimate"], 1.2, "|", color="white", ms=7, mew=2)
     words = f"{sure} interval" if low > 0 else f"not excluded by this study\n(at {sure} confidence)"
-    is_short = max(end, margin) < 0.4 * top  # there is no room above the bar
+    is_short = max(end, margin) < 0.4 * top  # no room above the bar
     place = (max(end, margin), -7) if is_short and low <= 0 else (low, 7)
     _write(axes, words, (place[0], 1.2), place[1], colour, top)
-    if low <= 0:  # one that was found is none of those that count as none
+    if low <= 0:  # a difference that was found does not count as none
         axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
         none = f"smaller than {margin:g} %\ncounts as none"
         _write(axes, none, (margin, 1.8), -3, style.INK, top)
@@ -160,7 +160,7 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
 def _write(
     axes: Axes, words: str, at: tuple[float, float], above: float, colour: str, top: float
 ) -> None:
-    """Write beside a place, on the side that has room; `above` in points."""
+    """Write beside a place, on the side with more room; `above` is in points."""
     left = at[0] < 0.5 * top
     look = {"ha": "left" if left else "right", "color": colour, "bbox": style.ON_WHITE}
     style.note(axes, words, at, (3 if left else -3, above), fontsize=7, **look)
@@ -188,24 +188,24 @@ def _percent(share: float) -> str:
 
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
-    """Return the sentence and what could have been seen, in few lines as long as each other."""
+    """Return the sentence and the outlook, wrapped to as few, evenly long lines as possible."""
     said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(" %", "\u00a0%")
     filled = [textwrap.wrap(said, width) for width in range(20, longest + 1)]
     return "\n".join(next(lines for lines in filled if len(lines) == len(filled[-1])))
 
 
-# A landing as it is drawn: the feet that touch later are higher above the ground.
+# Drawing of a landing: feet that touch later are higher above the ground.
 WIDTH, STEP, HIP, ROW = 3.2, 0.32, 1.7, 3.6
 ORDINALS = ("1st", "2nd", "3rd", "4th", "5th", "6th")
 
 
 def _used(touchdowns: pd.DataFrame) -> pd.Series:
-    """Return the orders of the touchdowns that are used."""
+    """Return the orders of the touchdowns used."""
     return touchdowns.loc[~touchdowns["excluded"].astype(bool), "schedule"].dropna()
 
 
 def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> None:
-    """Draw the two commonest orders of contact, and the maps that lead on from them."""
+    """Draw the two most common orders of contact, and the maps that follow from them."""
     counts = _used(touchdowns).value_counts()
     orders = [str(order).split(">") for order in counts.index[:2]]
     grounds = [-ROW * row for row in range(len(orders))]
@@ -252,12 +252,12 @@ def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
         )  # fmt: skip
 
 
-# The verdicts of a group, one below the other: a forest plot.
+# The verdicts of a group below each other: a forest plot.
 
 
 @style.styled
 def group_figure(group: Mapping[str, Any]) -> Figure:
-    """Draw the sizes of all members that have an answer, and that of the group.
+    """Draw the sizes of all members with an answer, and the size of the group.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     for y, row, end in zip(places, (*rows, *whole), ends, strict=True):
         of_all = y == len(rows) + 0.5
         look: dict[str, Any] = {"color": ANSWERS[row["conclusion"]][1], "clip_on": False}
-        if "jump_low" in row:  # it is no share of the map
+        if "jump_low" in row:  # a jump is not a fraction of the map
             size, low, high = (_percent(row[f"jump_{one}"]) for one in ("estimate", "low", "high"))
             words = f"the outcome jumps, by {size} ({low} to {high}) of what it varies"
             white = {"va": "center", "color": look["color"], "bbox": style.ON_WHITE}
@@ -299,21 +299,21 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     return figure
 
 
-# How many landings a study takes.
+# How many landings a study needs.
 
 
 @style.styled
 def plan_figure(needed: Mapping[float, int], pilot: tuple[int, float], power: float) -> Figure:
-    """Draw the landings that it takes to see a difference.
+    """Draw the number of landings needed to detect a difference.
 
     Parameters
     ----------
     needed : mapping
-        Number of landings by difference, as a share of the map.
+        Number of landings by difference, as a fraction of the map.
     pilot : (int, float)
-        Landings of the pilot, and the difference that it can see.
+        Landings of the pilot, and the difference it can detect.
     power : float
-        Share of studies in which a difference is to be found.
+        Fraction of studies in which a difference is to be found.
     """
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 60.0)
     axes = figure.subplots()
