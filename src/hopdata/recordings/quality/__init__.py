@@ -1,1 +1,1 @@
-"""What is in a recording, and what is wrong with it: pure functions on arrays of positions."""
+"""Contents and faults of a recording: pure functions on arrays of positions."""

@@ -1,4 +1,4 @@
-"""All measures of one recording, in their order."""
+"""Inspect a recording: apply all quality measures in sequence."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 
 Progress = Callable[[str], None]
 
-RATE_TOLERANCE = 0.02  # relative, of the rate by the time stamps
-MOST_IRREGULAR = 20  # steps of the time stamps told of one by one
-STENCIL = 3  # frames on either side by which a position is judged
+RATE_TOLERANCE = 0.02  # relative error of the rate from the time stamps
+MOST_IRREGULAR = 20  # irregular time steps that are listed one by one
+STENCIL = 3  # frames on either side that are used to judge a position
 
 
 @dataclass(frozen=True)
 class Faults:
-    """What looks wrong; frames count from 0, lengths are in m."""
+    """What looks wrong; frame numbers start at 0, lengths are in m."""
 
     swaps: tuple[Swap, ...]
     spikes: tuple[Excursion, ...]
     jumps: tuple[Excursion, ...]
     frozen: tuple[stretches.Frozen, ...]
-    copies: tuple[tuple[int, int, int], ...] = ()  # as `stretches.copied_frames`
+    copies: tuple[tuple[int, int, int], ...] = ()  # as returned by `stretches.copied_frames`
 
     @property
     def count(self) -> int:
-        """Number of faults of all kinds."""
+        """Return the number of faults of all kinds."""
         return sum(map(len, (self.swaps, self.spikes, self.jumps, self.frozen, self.copies)))
 
 
@@ -53,9 +53,9 @@ class Suspect:
         ``swap, spike, jump, frozen, filled, copy, dropped, irregular, jitter, backward`` or
         ``rate``.
     markers : tuple of str
-        Those concerned; none for the time stamps.
+        Markers concerned; none for faults of the time stamps.
     start, stop : int
-        First frame, and the one after the last, from 0.
+        First frame, and the frame after the last, counted from 0.
     time_s : float
         Time after the first frame, s.
     text : str
@@ -72,7 +72,7 @@ class Suspect:
 
 @dataclass(frozen=True)
 class Inspection:
-    """What is in a recording.
+    """Contents of a recording and what looks wrong with it.
 
     Parameters
     ----------
@@ -81,27 +81,27 @@ class Inspection:
     time : (N,) array
         Time stamps, s.
     positions : (N, M, 3) array
-        In m, turned so that z is up.
+        Positions, m, with z up.
     rate_hz : float
         Nominal frame rate, Hz.
     unit, up, rate : Guess
-        Unit of the file, the direction in it that points up, and the frame rate, Hz.
+        Unit of the file, its direction that points up, and the frame rate, Hz.
     gaps : tuple of MarkerGaps
-        One a marker.
+        One per marker.
     timing : Timing
-        What the time stamps say.
+        Result of checking the time stamps.
     pairs : PairDistances
-        Between all markers, m.
+        Distances between all markers, m.
     clusters : tuple of Cluster
-        Rigid groups; their noise in m.
+        Rigid groups of markers, noise in m.
     noise_m : (M,) array
         Noise of each marker from frame to frame, m.
     faults : Faults
         What looks wrong.
     remarks : tuple of str
-        What the reader said of the file.
+        Remarks of the reader on the file.
     treated : tuple of str
-        What was done to the positions since they were recorded (`rigid.treated`).
+        Processing of the positions after they were recorded (`rigid.treated`).
     """
 
     markers: tuple[str, ...]
@@ -121,29 +121,29 @@ class Inspection:
     treated: tuple[str, ...] = ()
 
     def recording(self, feet: Iterable[str], body: Iterable[str], **named: str) -> Recording:
-        """Return the recording of its markers with these as feet and body."""
+        """Return the recording of the markers chosen as feet and body."""
         of = (self.time, self.positions, self.markers)
         return Recording.from_arrays(*of, feet=feet, body=body, **named)
 
     @property
     def duration_s(self) -> float:
-        """Time from the first frame to the last, s."""
+        """Return the time from the first frame to the last, s."""
         return float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
 
     @property
     def typical_noise_m(self) -> float:
-        """Median of the markers' noise from frame to frame, m; NaN if none is known."""
+        """Return the median frame-to-frame noise of the markers, m; NaN if none is known."""
         known = self.noise_m[np.isfinite(self.noise_m)]
         return float(np.median(known)) if len(known) else float("nan")
 
     @property
     def n_problems(self) -> int:
-        """Number of faults, those of the time stamps included."""
+        """Return the number of faults, including those of the time stamps."""
         return sum(1 for _ in self._faults())
 
     @property
     def lost(self) -> list[str]:
-        """Say how many frames are missing that no time stamp tells of."""
+        """Report how many frames are missing without a sign in the time stamps."""
         lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
         where = f"{counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}"
         told = f"about {where}, though no time stamp tells (all markers jump on); contacts there"
@@ -205,7 +205,7 @@ class Inspection:
 
 
 @one_blas_thread()
-@np.errstate(over="ignore", invalid="ignore")  # absurd numbers are for the checks
+@np.errstate(over="ignore", invalid="ignore")  # absurd numbers are left to the checks
 def inspect_recording(
     raw: RawRecording,
     *,
@@ -219,18 +219,18 @@ def inspect_recording(
     Parameters
     ----------
     raw : RawRecording
-        As read; its positions are left as they are.
+        As read; its positions are not changed.
     unit, up : str, optional
-        Unit, and the direction that is up, if the user knows them.
+        Unit, and the direction that points up, if the user knows them.
     rate_hz : float, optional
-        Frame rate, Hz, with which `raw` was read, if the user knows it.
+        Frame rate, Hz, used to read `raw`, if the user knows it.
     progress : callable
-        Told each step, in words, before it begins.
+        Called with a description of each step before it begins.
 
     Raises
     ------
     RecordingError
-        If there is no frame or no marker.
+        If there are no frames or no markers.
     """
     if not len(raw.time) or not len(raw.markers):
         found = f"{len(raw.time)} frames, {len(raw.markers)} markers"
@@ -279,9 +279,9 @@ def inspect_recording(
 
 
 def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
-    """Return (N, M, 3) positions in m and z up, NaN for what is infinite.
+    """Return (N, M, 3) positions in m with z up; infinite values become NaN.
 
-    Those that are so are not copied: of a long recording memory may hold no second one.
+    Positions already in that form are not copied, since memory may not hold a long recording twice.
     """
     if metres == 1.0 and up == "z" and not np.isinf(positions).any():
         return positions
@@ -299,9 +299,9 @@ def _explained(
     frozen: Iterable[stretches.Frozen],
     steps: Iterable[int],
 ) -> BoolArray:
-    """Mask (N, M) of frames whose jumps come from a swap, a marker that thaws, or stamps or copies.
+    """Mask frames (N, M) whose jumps come from swaps, thawing markers, time stamps or copies.
 
-    Of the last the frames are given after which all markers may jump.
+    For time stamps and copies, the given frames are those after which all markers may jump.
     """
     mask = np.zeros(shape, dtype=bool)
     spans: list[tuple[Any, int, int]] = [(slice(None), k + 1, k + 1) for k in steps]
@@ -314,7 +314,7 @@ def _explained(
     return mask
 
 
-# Gaps, faults and noise of the recordings of a study; times are from the first frame.
+# Gaps, faults and noise of a study's recordings; times count from the first frame.
 
 COLUMNS = {
     "markers": "recording marker role duration_s frames missing gaps longest_s noise_m",
@@ -337,10 +337,10 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
     Returns
     -------
     dict
-        ``markers``, a row a marker: frames missing, longest gap, noise of a coordinate. ``gaps``,
-        from the first missing frame to the next seen one. ``faults``, a row a fault and marker:
-        ``swap, spike, jump, frozen, filled``, and without a marker those of frames and stamps; a
-        pause, in which nothing was recorded, is none. ``remarks``, as `hopdata check` notes them.
+        ``markers``, a row per marker: missing frames, longest gap, noise of a coordinate. ``gaps``,
+        from the first missing frame to the next seen one. ``faults``, a row per fault and marker:
+        ``swap, spike, jump, frozen, filled``, and without a marker the faults of frames and time
+        stamps; pauses in the recording are not faults. ``remarks``, as noted by `hopdata check`.
     """
     rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in COLUMNS}
     for recording in recordings:

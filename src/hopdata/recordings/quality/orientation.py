@@ -1,4 +1,4 @@
-"""The unit of a file and the axis that points up, each with the reason for it."""
+"""Guess the unit of a file and the axis that points up, each with its reason."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,18 +12,18 @@ from hopdata.recording import extent, sampled
 from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction, scale_of_all
 from hopdata.recordings.raw import DIRECTIONS, FILE_AXES, METRES_PER_UNIT, RawRecording, along
 
-# The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
+# The range spans a factor of less than 1000, so at most one of mm and m can be plausible.
 PLAUSIBLE_EXTENT_M = (0.015, 12.0)
 
 
-# Which way is up, and the unit, from markers in free fall: they accelerate by g, downwards.
+# Up direction and unit, from markers in free fall, which accelerate downwards by g.
 
 HALF_WINDOW_S = 0.04
-WITHIN = 0.25  # of g: how far an acceleration may be from free fall
-LEAST_SHARE = 0.01  # of all frames of a marker, mean over markers
-UNIT_CLEARER = 2.0  # so many times the frames that are in free fall in the next best unit
-FREE_FALL_CLEARER = 4.0  # so many times the frames in free fall of the next best guess
-MOST_FRAMES = 20_000  # evaluated, evenly spaced
+WITHIN = 0.25  # of g: largest deviation of an acceleration from free fall
+LEAST_SHARE = 0.01  # of a marker's frames, mean over the markers
+UNIT_CLEARER = 2.0  # ratio of free-fall frames to those in the next best unit
+FREE_FALL_CLEARER = 4.0  # ratio of free-fall frames to those of the next best guess
+MOST_FRAMES = 20_000  # evenly spaced frames that are evaluated
 
 UNITS_IN_M = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0})
 
@@ -35,9 +35,9 @@ class FreeFall:
     Parameters
     ----------
     unit : str
-        The unit that shows most of it.
+        The unit in which most frames are in free fall.
     up : str
-        The direction away from which it falls: ``"z"``, ``"-y"`` and so on.
+        The direction opposite to the fall: ``"z"``, ``"-y"`` and so on.
     share : float
         Share of the frames in free fall, mean over the markers.
     next_share : float
@@ -54,15 +54,15 @@ class FreeFall:
 
     @property
     def is_clear(self) -> bool:
-        """Whether there is enough free fall, and much more than along any other direction."""
+        """Tell whether free fall is frequent, and much more so than along other directions."""
         return self.share >= LEAST_SHARE and self.share > FREE_FALL_CLEARER * self.next_share
 
 
 def accelerations(positions: FloatArray, rate_hz: float, *, metres: float) -> FloatArray:
-    """Second derivative of (N, M, 3) positions by parabolas over 80 ms, (K, M, 3), per s².
+    """Return accelerations of (N, M, 3) positions from parabolas over 80 ms, (K, M, 3), per s².
 
-    Shorter where the animal is small, if the unit has so many metres. At most about `MOST_FRAMES`
-    evenly spaced frames are evaluated.
+    The window is shorter for a small animal, with `metres` the length of one unit. At most about
+    `MOST_FRAMES` evenly spaced frames are evaluated.
     """
     pace = np.sqrt(scale_of_all(sampled(positions) * metres))
     half = max(2, round(HALF_WINDOW_S * pace * rate_hz))
@@ -87,7 +87,7 @@ def free_fall(
     rate_hz : float
         Frame rate, Hz.
     units : mapping
-        Units to try, in m.
+        Units to try, and their lengths in m.
 
     Returns
     -------
@@ -103,10 +103,10 @@ def free_fall(
 
 
 def _shares(measured: FloatArray, metres: float) -> dict[str, float]:
-    """Share of the accelerations (K, M, 3), per s², that are free fall, mean over markers seen.
+    """Return the share of accelerations (K, M, 3), per s², in free fall, mean over seen markers.
 
-    For every direction, in a unit of so many metres. With g in the unit, ``|a - g|² < (c g)²`` is
-    looked at as ``|a|² - 2 a·g < (c² - 1) g²``, so that squares are formed once for all.
+    One share per direction, for a unit that is `metres` long. With g in that unit, ``|a - g|² < (c
+    g)²`` is tested as ``|a|² - 2 a·g < (c² - 1) g²``, so that squares are formed only once.
     """
     known = np.asarray(np.isfinite(measured).all(axis=2))
     seen = known.any(axis=0)
@@ -122,14 +122,14 @@ def _shares(measured: FloatArray, metres: float) -> dict[str, float]:
     return shares
 
 
-# The unit of a file's positions: as given, as stated or by their size, and what is said of it.
+# The unit of a file's positions: given, stated or guessed from their size, with remarks.
 
 UNITS = ("auto", *METRES_PER_UNIT)
 UPWARD = ("auto", *FILE_AXES)
 
 
 def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
-    """Choose the unit: as given, or for ``"auto"`` the format's unless only another fits.
+    """Choose the unit as given; ``"auto"`` takes the format's unless only another one fits.
 
     Parameters
     ----------
@@ -150,19 +150,19 @@ def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
 def speak_for_silent(
     files: Sequence[str], pieces: Sequence[RawRecording], unit: str
 ) -> list[RawRecording]:
-    """Give files that do not state their unit that of the others, if these agree on one.
+    """Give files without a stated unit the unit of the others, if those agree on one.
 
     Parameters
     ----------
     files, pieces
-        Names of a recording's files, and what was read from each.
+        Names of a recording's files and what was read from each.
     unit : {"auto", "m", "mm"}
         ``input.unit`` of the configuration.
 
     Raises
     ------
     RecordingError
-        If none is given, and by its size a silent file has another unit than those that state it.
+        If no unit is given and the size of a file without one contradicts the unit of the others.
     """
     stating = [i for i, piece in enumerate(pieces) if piece.unit_is_stated]
     if len({pieces[i].unit for i in stating}) != 1:
@@ -182,22 +182,22 @@ def speak_for_silent(
 def unit_remarks(
     files: Sequence[str], pieces: Sequence[RawRecording], raw: RawRecording, taken: str
 ) -> tuple[str, ...]:
-    """Say that the unit is a guess: the files do not state it, or state one that cannot be.
+    """Remark that the unit is a guess because the files state none, or an impossible one.
 
     Parameters
     ----------
     files, pieces
-        Names of a recording's files, and what was read from each.
+        Names of a recording's files and what was read from each.
     raw : RawRecording
         The whole recording.
     taken : {"m", "mm"}
-        What `choose_unit` chose without being given a unit.
+        The unit that `choose_unit` chose for ``"auto"``.
 
     Returns
     -------
     tuple of str
-        A line for the files that are silent and one for those that are overruled, with the reason
-        and the key that settles it; none if all files state `taken`.
+        One line for files that state no unit and one for files that are overruled, each with the
+        reason and the key that settles it; none if all files state `taken`.
     """
     silent, stating = (
         [f for f, piece in zip(files, pieces, strict=True) if piece.unit_is_stated == stated]
@@ -218,7 +218,7 @@ def unit_remarks(
 
 
 def _guess(raw: RawRecording, taken: str) -> str:
-    """Say which unit was taken, what speaks for it and how to settle it."""
+    """Report which unit was taken, the evidence for it and how to settle it."""
     size = extent(raw.positions) * METRES_PER_UNIT[taken]
     fall = free_fall(raw.positions, raw.rate_hz, units=METRES_PER_UNIT)
     reason = f"in which the markers span {size:.3g} m" if _fits(size) else "which is usual"
@@ -228,24 +228,24 @@ def _guess(raw: RawRecording, taken: str) -> str:
 
 
 def _fits(size_m: float) -> bool:
-    """Whether an animal or a robot can have this size."""
+    """Tell whether an animal or a robot can have this size."""
     return PLAUSIBLE_EXTENT_M[0] <= size_m <= PLAUSIBLE_EXTENT_M[1]
 
 
 @dataclass(frozen=True)
 class Guess:
-    """A value and why it is believed.
+    """A value and the reason for it.
 
     Parameters
     ----------
     value : str
         The value.
     reason : str
-        A phrase for the user.
+        A phrase shown to the user.
     is_sure : bool
-        Whether the data speak for it; otherwise it is only what is usual.
+        Whether the data support it; otherwise it is only the usual value.
     other : str
-        What it may be as well, where it is not sure.
+        The alternative value, if this one is not sure.
     """
 
     value: str
@@ -264,12 +264,12 @@ def guess_unit_and_up(
     raw : RawRecording
         As read.
     unit, up : str, optional
-        Given by the user: taken as they are, but for an `up` of ``"auto"``.
+        Values given by the user, used as they are, except an `up` of ``"auto"``.
 
     Returns
     -------
     unit, up : Guess
-        The unit ``"m"``, ``"mm"``, ``"cm"`` or ``"inch"``; the direction as ``"z"`` or ``"-y"``.
+        The unit ``"m"``, ``"mm"``, ``"cm"`` or ``"inch"``; the direction such as ``"z"``, ``"-y"``.
     """
     units = UNITS_IN_M if unit is None else {unit: chosen("unit", unit, UNITS_IN_M)}
     raw = replace(raw, rate_hz=_rate_by_stamps(raw))
@@ -279,14 +279,14 @@ def guess_unit_and_up(
 
 
 def choose_up(asked: str, source: str, raw: RawRecording, unit: str) -> tuple[str, tuple[str, ...]]:
-    """Choose the direction of a file that is up: as asked, or for ``"auto"`` as things fall.
+    """Choose the file's up direction: as asked, or for ``"auto"`` opposite to the free fall.
 
-    Also say so, in remarks of the recording.
+    Also return remarks on that choice.
 
     Raises
     ------
     RecordingError
-        If it is to be found, and nothing shows it clearly.
+        If the direction has to be found and the data do not show it clearly.
     """
     if asked != "auto":
         return asked, ()
@@ -317,35 +317,36 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
     return Guess(unit, f"{told}; {nothing}", is_sure=False, other=other)
 
 
-# What runs, walks or hops accelerates like this: a middle marker, in the fastest tenth of the time.
-# Read in a unit ten times too small it hardly moves.
+# Range of accelerations of a running, walking or hopping animal: the median marker, in the fastest
+# tenth of the time. In a unit that is ten times too small it hardly moves.
 LIVELY_M_S2 = (5.0, 100.0)
 RATES_HZ = (25, 30, 50, 60, 100, 120, 150, 200, 240, 250, 300, 400, 500, 1000)
-OTHER_RATE = 0.02  # relative
-# Times the stated rate, and so many times the share that falls freely there belies the stated one.
+OTHER_RATE = 0.02  # relative difference
+# Multiples of the stated rate, and by how many times the share in free fall must exceed the stated
+# rate's to refute it.
 OTHER_RATES = ((0.5, 1.0), (1 / 1.2, UNIT_CLEARER), (1.2, UNIT_CLEARER), (2.0, 1.0))
-FALLING = (0.7, 1.3)  # g that pull a body down which leaves the ground, at the right rate
-SOME_CLEARER = 1.5  # so many times what falls along the next best direction
+FALLING = (0.7, 1.3)  # g, at the right rate: downward acceleration of a body that leaves the ground
+SOME_CLEARER = 1.5  # ratio of free fall to that along the next best direction
 
 
 def liveliness(positions: FloatArray, rate_hz: float, *, metres: float) -> float:
-    """Acceleration of the median marker that it exceeds in a tenth of the time, per s²."""
+    """Return the acceleration that the median marker exceeds in a tenth of the time, per s²."""
     size: FloatArray = np.linalg.norm(accelerations(positions, rate_hz, metres=metres), axis=2)
     of_seen = size[:, np.isfinite(size).any(axis=0)]
     return float(np.median(np.nanquantile(of_seen, 0.9, axis=0))) if of_seen.size else np.nan
 
 
 def guess_rate(raw: RawRecording, unit: str, *, up: str = "z", is_stated: bool = True) -> Guess:
-    """Guess the frame rate, Hz, by free fall: at twice the rate it is four times as fast.
+    """Guess the frame rate, Hz, from free fall, whose acceleration grows with the rate squared.
 
     Parameters
     ----------
     raw : RawRecording
-        As read, at the rate that is stated, or at any if none is.
+        As read, at the stated rate, or at any rate if none is stated.
     unit : str
-        Of the positions, one of `UNITS_IN_M`.
+        Unit of the positions, one of `UNITS_IN_M`.
     up : str
-        Direction that is up, one of `DIRECTIONS`.
+        Direction that points up, one of `DIRECTIONS`.
     is_stated : bool
         Whether the file states its rate.
     """
@@ -376,17 +377,18 @@ def guess_rate(raw: RawRecording, unit: str, *, up: str = "z", is_stated: bool =
 
 
 def _falls_by_rate(raw: RawRecording, units: Mapping[str, float]) -> list[tuple[str, float]]:
-    """Return the two usual rates, Hz, with which most frames fall freely, and what share does."""
+    """Return the two usual rates, Hz, with the most frames in free fall, and their shares."""
     shares = ((f"{r:g}", free_fall(raw.positions, r, units=units).share) for r in RATES_HZ)
     return sorted(shares, key=lambda found: -found[1])[:2]
 
 
 def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
-    """Acceleration of the middle marker against `up` that it exceeds in 2 % of the time, in g.
+    """Return the acceleration against `up` of the median marker, exceeded 2 % of the time, in g.
 
-    No body that nothing pulls down goes beyond 1, and one that leaves the ground comes near it: of
-    a rate stated as half it is a quarter, of one stated as twice four times as much. Legs are swung
-    down faster; so where it is too much, the quarter of the markers that is pulled least decides.
+    A body that is not pulled down does not exceed 1, and one that leaves the ground comes near it.
+    The result is a quarter of that if the stated rate is half the true one, and four times as much
+    if it is twice the true one. Legs are swung down faster, so if the result is too large, the
+    quarter of the markers with the least acceleration decides.
     """
     upward = along(accelerations(raw.positions, raw.rate_hz, metres=metres), up)
     seen = upward[np.isfinite(upward).any(axis=1)]
@@ -400,10 +402,10 @@ def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
 
 
 def _rate_by_stamps(raw: RawRecording) -> float:
-    """Rate of the time stamps, Hz, where it is clearly another than the one stated; else that."""
+    """Return the rate of the time stamps, Hz, if it clearly differs from the stated; else that."""
     steps = np.diff(raw.time)
     step = float(np.median(steps)) if len(steps) else 0.0
-    onward = np.count_nonzero(steps > 0) > 0.9 * len(steps)  # else they have too few digits
+    onward = np.count_nonzero(steps > 0) > 0.9 * len(steps)  # else too few digits
     apart = onward and abs(step * raw.rate_hz - 1) > OTHER_RATE
     return float(f"{1 / step:.4g}") if apart else raw.rate_hz
 
@@ -419,6 +421,6 @@ def _up(raw: RawRecording, fall: FreeFall) -> Guess:
         return Guess(direction, rest)
     if raw.stated_up:
         return Guess(raw.stated_up, "the file says so; nothing falls freely that would show it")
-    likely, other = "yz" if direction == "y" else "zy"  # both are usual
+    likely, other = "yz" if direction == "y" else "zy"  # both are common
     usual = f"nothing clearly falls or steps on a floor again and again: only usual, as is {other}"
     return Guess(likely, f"{usual}; input.vertical_axis settles it", is_sure=False, other=other)

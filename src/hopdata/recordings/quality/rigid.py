@@ -1,4 +1,4 @@
-"""Rigid clusters of markers and the noise of a marker, both from distances between pairs."""
+"""Rigid clusters and the noise of markers, both from distances between pairs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recordings.quality.stretches import near, quantiles, runs
 
 SAMPLE_FRAMES = 4000
-SAMPLE_NUMBERS, LEAST_SAMPLED = 10_000_000, 500  # of many markers fewer frames, but so many
+SAMPLE_NUMBERS, LEAST_SAMPLED = 10_000_000, 500  # fewer frames for many markers, down to these
 MOST_FRAMES = 200_000
-LEAST_FRAMES = 5  # with fewer, nothing lies between the outer fifths
-STRAIN = 0.025  # spread of a distance, relative, up to which a pair counts as rigid
-SIGMAS = 4.0  # or up to this many times what the markers' own noise makes of it
+LEAST_FRAMES = 5  # with fewer frames nothing lies between the outer fifths
+STRAIN = 0.025  # relative spread of a distance up to which a pair counts as rigid
+SIGMAS = 4.0  # or up to this multiple of the spread from the markers' own noise
 LEAST = 3
 MAD_TO_SD = 1.4826
 FIFTHS_TO_SD = 1.6832  # range from the 20 % to the 80 % quantile of a normal distribution
@@ -22,15 +22,15 @@ FIFTHS_TO_SD = 1.6832  # range from the 20 % to the 80 % quantile of a normal di
 
 @dataclass(frozen=True)
 class PairDistances:
-    """Distances between markers over a recording.
+    """Distances between markers during a recording.
 
     Parameters
     ----------
     median : (M, M) array
-        Median distance; NaN for pairs never seen together.
+        Median distance; NaN for pairs that are never seen together.
     spread : (M, M) array
-        Standard deviation by the range between the outer fifths: a fifth of the frames may be wrong
-        on either side, yet a leg that is stiff for half of the time is not taken for rigid.
+        Standard deviation from the range between the outer fifths. A fifth of the frames may be
+        wrong on either side, yet a leg that is stiff half of the time is not taken for rigid.
     """
 
     median: FloatArray
@@ -39,15 +39,15 @@ class PairDistances:
 
 @dataclass(frozen=True)
 class Cluster:
-    """Markers that keep their distances.
+    """Markers that keep their mutual distances.
 
     Parameters
     ----------
     markers : tuple of int
-        Their indices, at least three.
+        Indices of at least three markers.
     noise : float
-        Standard deviation of a marker's coordinate that the pairs' median spread amounts to, in
-        the unit of the positions; what bends or slips counts as noise.
+        Standard deviation of a marker's coordinate that corresponds to the pairs' median spread, in
+        the unit of the positions. Bending and slipping count as noise.
     """
 
     markers: tuple[int, ...]
@@ -55,9 +55,9 @@ class Cluster:
 
 
 def pair_distances(positions: FloatArray) -> PairDistances:
-    """Measure all distances of (N, M, 3) positions, over about `SAMPLE_FRAMES` frames.
+    """Measure all distances of (N, M, 3) positions over about `SAMPLE_FRAMES` frames.
 
-    Of more than fifty markers over fewer, such that the work stays the same. A spread needs
+    With more than fifty markers, fewer frames are used to keep the work the same. A spread needs
     `LEAST_FRAMES` frames.
     """
     n = positions.shape[1]
@@ -74,11 +74,11 @@ def pair_distances(positions: FloatArray) -> PairDistances:
 
 
 def frame_noise(positions: FloatArray, *, lag: int = 1) -> FloatArray:
-    """Noise of each marker that changes from frame to frame, (M,), by fourth differences.
+    """Return the frame-to-frame noise of each marker, (M,), from fourth differences.
 
-    The standard deviation of a coordinate, robust against the frames at which a foot lands; NaN
-    for a marker without five frames in a row, `lag` frames apart. Noise that a camera system has
-    smoothed is missed. At most `MOST_FRAMES` evenly spaced frames are looked at.
+    The standard deviation of a coordinate, robust against the frames at which a foot lands. NaN for
+    a marker without five frames in a row, `lag` frames apart. Noise that a camera system has
+    smoothed is not detected. At most `MOST_FRAMES` evenly spaced frames are used.
     """
     n, n_markers = len(positions) - 4 * lag, positions.shape[1]
     noise = np.full(n_markers, np.nan)
@@ -93,14 +93,14 @@ def frame_noise(positions: FloatArray, *, lag: int = 1) -> FloatArray:
 
 
 def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ...]:
-    """Group markers so that every pair of a group is rigid, the largest groups first.
+    """Group markers so that every pair in a group is rigid, the largest groups first.
 
     Parameters
     ----------
     pairs : PairDistances
-        Of all M markers.
+        Distances of all M markers.
     noise : (M,) array
-        Noise of each marker from frame to frame, in the same unit.
+        Frame-to-frame noise of each marker, in the same unit.
     """
     if len(pairs.median) < LEAST:
         return ()
@@ -119,7 +119,7 @@ def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ..
 
 
 def _local(median: FloatArray) -> FloatArray:
-    """Distances, but at most twice the way to a neighbour: far things seem rigid to all (M, M)."""
+    """Limit distances (M, M) to twice the distance to a neighbour: far pairs all seem rigid."""
     others = median + np.where(np.eye(len(median)), np.inf, 0.0)
     nearest = np.nanmin(np.where(np.isnan(others), np.inf, others), axis=1)
     return np.fmin(median, 2 * np.fmin(nearest[:, None], nearest[None]))
@@ -130,20 +130,21 @@ def _noise(spread: FloatArray, members: tuple[int, ...]) -> float:
     return float(np.median(inner) / np.sqrt(2.0))
 
 
-# What was done to positions before they were written: brought to another rate, or smoothed.
+# Processing of positions before they were written: resampling or smoothing.
 
 SPECTRUM_FRAMES, SEGMENT = 2**14, 256
-QUICKEST = 0.09  # of the rate: patterns that come back more slowly may be the animal's own
-PATTERN_SHARE, PATTERN_PEAK = 0.15, 60.0  # of their variance, and of what is usual beside it
-NO_CAMERA_M = 2e-5  # noise from frame to frame, of an animal of 1 m, that no cameras get below
-ABOVE_FLOOR, LAW_HOLDS = 30.0, 0.5  # of a spectrum above its rounding, and misses of its logarithm
-# What bends of the body is so many times slower than the last that is seen; powers of the frequency
-# that noise may go with; poles of a Butterworth filter, which runs once forth and once back.
+QUICKEST = 0.09  # of the rate; slower patterns may be the animal's own motion
+PATTERN_SHARE, PATTERN_PEAK = 0.15, 60.0  # of the total variance; of the usual power nearby
+NO_CAMERA_M = 2e-5  # m; least frame-to-frame noise of any camera, for an animal of 1 m
+ABOVE_FLOOR, LAW_HOLDS = 30.0, 0.5  # power over the rounding floor; largest misfit of log power
+# Range of fitted frequencies below the last one above the floor, as a ratio; above it the body does
+# not bend. Exponents of the frequency that noise may have. Poles of a Butterworth filter, which
+# runs forwards and backwards.
 SLOWER, NOISE_SLOPES, POLES = 5, (-2.5, 0.5), (2, 4)
 
 
 def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str]:
-    """Say what was done to the markers (N, m, 3), m, of a rigid part since they were recorded."""
+    """Report processing of the markers (N, m, 3), m, of a rigid part after recording."""
     body = middle(body)
     if pattern := frames_of_pattern(body):
         told = f"every {pattern:.3g} frames are alike, as if brought to {rate_hz:g} Hz from another"
@@ -158,23 +159,23 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
 
 
 def low_pass(body: FloatArray) -> float:
-    """Return the `cut_off` of markers (N, m, 3) of an animal of 1 m if they were filtered; or 0."""
+    """Return the `cut_off` of filtered markers (N, m, 3) of an animal of 1 m; 0 if unfiltered."""
     body = middle(body)
     quiet = quantiles(frame_noise(body)[:, None], [0.5])[0, 0] < NO_CAMERA_M
     return cut_off(body) if quiet else 0.0
 
 
 def middle(body: FloatArray) -> FloatArray:
-    """Return the frames from which it is told what was done to all of them."""
+    """Return the middle frames, from which the processing of all frames is inferred."""
     first = max(0, (len(body) - SPECTRUM_FRAMES) // 2)
     return body[first : first + SPECTRUM_FRAMES]
 
 
 def recorded_frames(body: FloatArray) -> slice:
-    """Return which frames (N, m, 3) were recorded: all, or every second one between made up ones.
+    """Select the recorded frames of (N, m, 3): all, or every second one between made-up frames.
 
-    Those have the more noise, and are no copies. Of other patterns too few frames fall on recorded
-    ones.
+    Recorded frames have more noise and are not copies. In other patterns too few frames coincide
+    with recorded ones.
     """
     body = middle(body[: len(body) // 2 * 2])
     if round(frames_of_pattern(body), 2) != 2:
@@ -185,9 +186,9 @@ def recorded_frames(body: FloatArray) -> slice:
 
 
 def frames_of_pattern(body: FloatArray) -> float:
-    """Return after how many frames positions (N, m, 3) are alike in their noise; 0 for none.
+    """Return the period, frames, of a pattern in the noise of positions (N, m, 3); 0 if none.
 
-    What lies between the recorded frames has less noise than they, or is a copy.
+    Frames between the recorded ones have less noise, or are copies.
     """
     if len(body) < SEGMENT or not body.size:
         return 0.0
@@ -205,10 +206,11 @@ def frames_of_pattern(body: FloatArray) -> float:
 
 
 def cut_off(body: FloatArray) -> float:
-    """Return the cut-off of a filter that markers (N, m, 3) of a rigid part went through, or 0.
+    """Return the cut-off of a filter applied to markers (N, m, 3) of a rigid part; 0 if none.
 
-    In shares of the rate, as of a Butterworth filter of zero phase (3 dB on each of two ways), by
-    the spectra of their distances; the noise that it filtered is a power of the frequency.
+    Relative to the frame rate, for a zero-phase Butterworth filter (3 dB in each of two
+    directions). It is fitted to the spectra of the distances, assuming that the unfiltered noise is
+    a power of the frequency.
     """
     from scipy.signal import welch
 
@@ -237,36 +239,36 @@ def cut_off(body: FloatArray) -> float:
 # Stretches in which two markers keep each other's distances to a rigid cluster.
 
 OFF = 6.0  # spreads: a distance further off is not the marker's own
-FITS = 3.0  # spreads, rms: exchanged distances further off are not the other's either
-EXACT = 1e-12  # m: no spread is smaller
-MOST_REFERENCES = 12  # markers of a cluster by which places are known, evenly spaced
+FITS = 3.0  # spreads, rms: exchanged distances further off do not fit the other marker either
+EXACT = 1e-12  # m; smallest spread
+MOST_REFERENCES = 12  # evenly spaced markers of a cluster that serve as references
 EXCHANGED_DISTANCES_LEAST_FRAMES = 2
-NEAR = 3  # frames within which both markers must jump, or be unseen, where a stretch ends
+NEAR = 3  # frames: both markers must jump or be unseen this close to the end of a stretch
 
 
 def exchanged_stretches(
     positions: FloatArray, pairs: PairDistances, clusters: tuple[Cluster, ...], *, breaks: BoolArray
 ) -> Iterator[tuple[int, int, int, int]]:
-    """Yield both markers, the first frame of a stretch, and the frame after its last.
+    """Yield both markers, the first frame of each stretch, and the frame after its last.
 
-    Names can be exchanged only where both tracks break, so a stretch must begin and end at breaks.
+    Names can only be exchanged where both tracks break, so a stretch must begin and end at breaks.
 
     Parameters
     ----------
     positions : (N, M, 3) array
         NaN where a marker was not seen.
-    pairs : PairDistances
+    Distances of all M markers.
         Of all M markers.
     clusters : tuple of Cluster
-        A marker of a cluster may have been exchanged with another of it or with any other; two
-        markers outside of it are told apart by where they usually are beside it.
+        A marker of a cluster may have been exchanged with any other marker. Two markers outside it
+        are told apart by their usual places relative to it.
     breaks : (N, M) bool array
         Frames in which a marker jumps or is not seen.
     """
-    # Before which frames a track breaks nearby, (N + 1, M); at both ends all do.
+    # Frame boundaries with a break of a track nearby, (N + 1, M); both ends count as breaks.
     around, end = near(breaks, NEAR - 1), np.ones((1, breaks.shape[1]), dtype=bool)
     breaking = np.concatenate([end, around[1:] | around[:-1], end])
-    edges = breaking[:-1] | breaking[1:]  # frames that may be the first of a stretch or its last
+    edges = breaking[:-1] | breaking[1:]  # frames that may be the first or last of a stretch
     for cluster in clusters:
         inside = set(cluster.markers)
         known = list(cluster.markers[:: -(-len(cluster.markers) // MOST_REFERENCES)])
@@ -287,7 +289,7 @@ def exchanged_stretches(
 def _stretches(mask: BoolArray, broken: BoolArray, both: BoolArray) -> Iterator[tuple[int, int]]:
     """Yield the stretches of a mask (N,) that begin and end where both tracks break (N + 1,).
 
-    Between them may lie frames in which one of the tracks is `broken` (N,).
+    A stretch may include frames in which one of the tracks is `broken` (N,).
     """
     for start, stop in runs(mask | broken):
         inside = start + np.flatnonzero(mask[start:stop])
@@ -300,7 +302,7 @@ def _stretches(mask: BoolArray, broken: BoolArray, both: BoolArray) -> Iterator[
 def _away(
     positions: FloatArray, pairs: PairDistances, known: list[int], a: int, frames: IntArray
 ) -> IntArray:
-    """Those of the frames (K,) in which some distance of marker `a` to the known is not its own."""
+    """Select the frames (K,) in which a distance of marker `a` to known markers is not its own."""
     away = np.zeros(len(frames), dtype=bool)
     track = positions[:, a][frames]
     for c in known:
@@ -313,12 +315,12 @@ def _away(
 def _exchanged(
     positions: FloatArray, pairs: PairDistances, inside: set[int], known: list[int], a: int, b: int
 ) -> BoolArray:
-    """Frames (N,) in which the exchanged names fit the cluster's distances, the own do not."""
+    """Mask frames (N,) in which exchanged names fit the cluster but the own names do not."""
     others = [c for c in known if c not in (a, b)]
     if len(others) < (1 if {a, b} <= inside else 2 if a in inside else 3):
         return np.zeros(len(positions), dtype=bool)
     terms = [(a, b, c) for c in others]
-    if (a in inside) == (b in inside):  # else nothing is known of where `b` should be
+    if (a in inside) == (b in inside):  # otherwise the place of `b` is unknown
         terms += [(b, a, c) for c in others]
     own, exchanged = np.zeros(len(positions)), np.zeros(len(positions))
     for m, other, c in terms:
@@ -331,5 +333,5 @@ def _exchanged(
 
 
 def norms(vectors: FloatArray) -> FloatArray:
-    """Lengths (...) of vectors (..., 3)."""
+    """Return the lengths (...) of vectors (..., 3)."""
     return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))

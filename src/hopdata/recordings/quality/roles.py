@@ -1,4 +1,4 @@
-"""Which marker is on the body, which on a foot, which on the boom: by motion and by name."""
+"""Guess which markers are on the body, feet and boom, from their motion and names."""
 
 import re
 from collections import Counter
@@ -14,7 +14,7 @@ from hopdata.recordings.quality.inspection import Inspection
 from hopdata.recordings.quality.rigid import PairDistances
 from hopdata.recordings.quality.stretches import BAND_M, at_rest, lowest, runs, scale_of_all
 
-# What a marker's name says about its part.
+# What a marker's name reveals about its body part.
 
 _WORDS = {
     "foot": """foot feet toe toes heel hee mt mth met fm metatarsal metatarsus hallux paw hoof claw
@@ -36,7 +36,7 @@ _OF_FEET = PARTS["foot"] | PARTS["ankle"]
 def part_by_name(name: str) -> str:
     """Return ``"foot"``, ``"ankle"``, ``"boom"``, ``"body"`` or ``""`` for a marker's name.
 
-    Case, digits and separators do not matter: ``R_mt1``, ``L.Heel.Top`` and ``FOOT3`` are feet.
+    Case, digits and separators are ignored: ``R_mt1``, ``L.Heel.Top`` and ``FOOT3`` are feet.
     """
     words = _words(name, r"[a-z]+")
     plain = {*words, *map(_without_side, words)}
@@ -44,9 +44,9 @@ def part_by_name(name: str) -> str:
 
 
 def place_by_name(name: str) -> tuple[int, str]:
-    """Return how telling a place on a foot is, 0 for heels, 1 for toes, else 2, and its name.
+    """Return the rank of a place on a foot (0 heels, 1 toes, 2 others) and its name.
 
-    The name is that of both sides: ``L_mt1`` and ``RMT1`` are ``mt1``.
+    The name is shared by both sides: ``L_mt1`` and ``RMT1`` are ``mt1``.
     """
     words = [w for w in _words(name, r"[a-z]+[0-9]*|[0-9]+") if w not in _SIDES]
     plain = [_without_side(w) if w.rstrip("0123456789") not in _OF_FEET else w for w in words]
@@ -59,49 +59,49 @@ def _words(name: str, pattern: str) -> list[str]:
 
 
 def _without_side(word: str) -> str:
-    """Drop a leading l or r, as in ``rheel``, or the word for a side."""
+    """Drop a leading l or r, as in ``rheel``, or a word for the side."""
     for side in _SIDES:
         if word.startswith(side) and len(word) > len(side) + 1:
             return word.removeprefix(side)
     return word
 
 
-# Lengths and speeds are those of an animal of 1 m; positions of another are brought to its scale.
+# Lengths and speeds refer to an animal of 1 m; positions are scaled to that size first.
 MOST_FEET, LEAST_FEET, LEAST_BODY = 6, 2, 3
-LEAST_RESTS = 3  # of a marker that nothing else tells to be on a foot
-RESTS_SHARE = (0.03, 0.95)  # of the frames
-LIFT_M = 0.05  # a marker that was so much higher, and then rests, has landed
-SEEN_SHARE = 0.01  # of the frames may be lacking of the home marker
-SEEN_SHARES = (SEEN_SHARE, 0.05)  # of a body marker's, of one that helps the others' gaps
-NEAR_FLOOR = 0.08  # of the height of the highest marker: how high a foot marker may rest
-TOGETHER = 0.5  # share of the shorter rests in which both rest: feet that land together
-STILL_M = 0.003  # a marker that stays within this is fixed in the world
-MOST_FIXED = 0.25  # share of the markers; where more stay, somebody stands still
-UNEVEN_M = 0.01  # markers of one part that rest further apart in height are not all on its sole
-SOLE_M = 0.025  # above the lowest of one part: higher markers are not on its sole
-BEND = 0.04  # relative spread of a distance up to which named body markers are taken as a body
+LEAST_RESTS = 3  # rests of a marker that no other evidence assigns to a foot
+RESTS_SHARE = (0.03, 0.95)  # least and greatest share of the frames at rest
+LIFT_M = 0.05  # m; a marker that rests after being this much higher has landed
+SEEN_SHARE = 0.01  # largest share of frames in which the home marker may be unseen
+SEEN_SHARES = (SEEN_SHARE, 0.05)  # of a body marker; of one that helps to fill gaps
+NEAR_FLOOR = 0.08  # of the highest marker's height: greatest height of a foot marker at rest
+TOGETHER = 0.5  # of the shorter rest: feet that rest together for this share land together
+STILL_M = 0.003  # m; a marker that moves less is fixed in the world
+MOST_FIXED = 0.25  # largest share of fixed markers; beyond it, somebody is standing still
+UNEVEN_M = 0.01  # m; if markers of one part rest further apart in height, some are not on its sole
+SOLE_M = 0.025  # m above the lowest marker of a part; higher ones are not on its sole
+BEND = 0.04  # largest relative spread of distances between named markers that form a body
 
 
 @dataclass(frozen=True)
 class Roles:
-    """Guessed roles; empty where nothing could be guessed, and `problems` says why.
+    """Guessed roles. Empty where none could be guessed; `problems` says why.
 
     Parameters
     ----------
     body, feet, boom : tuple of str
         Marker names.
     home : str
-        Marker of the body through which the home frame's axis is to run.
+        Body marker that defines the axis of the home frame.
     reasons : dict
-        Of ``"body"``, ``"feet"``, ``"boom"``, ``"home"``: why these.
+        Reasons for the choice of ``"body"``, ``"feet"``, ``"boom"`` and ``"home"``.
     other_feet : tuple of tuple of str
-        Further groups of feet, which land at other times.
+        Other groups of feet, which land at other times.
     problems : tuple of str
-        What could not be guessed, and what to do about it.
+        Roles that could not be guessed, and what to do about it.
     unsure : dict
-        Of ``"body"`` and ``"feet"``: what else they may be, where that is not clear.
+        Alternatives for ``"body"`` and ``"feet"`` where the choice is not clear.
     joined : dict
-        Names of feet with several of the markers in `feet`, such as heel and toe, and these.
+        Feet with several markers in `feet`, such as heel and toe: name and those markers.
     """
 
     body: tuple[str, ...]
@@ -118,9 +118,9 @@ class Roles:
 def guess_roles(inspection: Inspection) -> Roles:
     """Guess the roles of all markers.
 
-    Feet are markers that rest near the floor again and again, and together, or that land there at
-    least once if they are named as feet or no others are found; the body is the rigid cluster that
-    never does; the boom is what is named so, or stays fixed in the world.
+    Feet are markers that repeatedly rest near the floor at the same time. Markers named as feet, or
+    any if no others are found, need to land there only once. The body is the rigid cluster that
+    never rests there. The boom is whatever is named so or stays fixed in the world.
     """
     markers, scale = inspection.markers, scale_of_all(inspection.positions)
     positions = inspection.positions if scale == 1 else inspection.positions / scale
@@ -170,7 +170,7 @@ def guess_roles(inspection: Inspection) -> Roles:
 
 
 def _spare(spare: list[int], inspection: Inspection, rests: BoolArray) -> str:
-    """Say which markers that are no feet rest near the floor, how often, and how high."""
+    """Report which markers other than feet rest near the floor, how often, and how high."""
     name, often = inspection.markers, rests.mean(axis=0)
     height = lowest(inspection.positions[:, :, 2])
     height -= np.nanmin(height, initial=np.inf)
@@ -185,7 +185,7 @@ def _spare(spare: list[int], inspection: Inspection, rests: BoolArray) -> str:
 
 
 def subject_prefixes(markers: tuple[str, ...]) -> list[str]:
-    """Return what the names of each subject begin with: `A:`, or `A_` where five go on alike."""
+    """Return the prefixes of the subjects' names: `A:`, or `A_` where five names continue alike."""
     named: dict[str, set[str]] = {}
     for name in markers:
         first, mark, marker = name.partition("_")
@@ -197,10 +197,10 @@ def subject_prefixes(markers: tuple[str, ...]) -> list[str]:
 
 
 def _joined(group: list[int], inspection: Inspection) -> dict[str, list[str]]:
-    """Return the feet of several markers: of one side by name, which keep their distance.
+    """Return feet with several markers: those on one side by name that keep their distances.
 
-    Nothing where all are one foot, or each is one. Distances alone do not tell: feet that jump
-    together keep theirs; nor do sides alone: L1, L2 and L3 are legs.
+    Empty if all markers form one foot, or each is a foot by itself. Distances alone do not decide,
+    since feet that jump together keep theirs; nor do sides alone, since L1, L2 and L3 are legs.
     """
     names, bend = [inspection.markers[m] for m in group], _bend(group, inspection.pairs)
     sides = [_side(name) if part_by_name(name) else "" for name in names]
@@ -216,13 +216,13 @@ def _joined(group: list[int], inspection: Inspection) -> dict[str, list[str]]:
 
 
 def _side(name: str) -> str:
-    """Return ``"l"`` or ``"r"`` for the name of a marker on a foot that tells its side."""
+    """Return ``"l"`` or ``"r"`` if the name of a foot marker gives its side; else empty."""
     words = [w for w in _words(name, r"[a-z]+") if w not in _OF_FEET]
     return next((w[0] for w in words if w in _SIDES or _without_side(w) in _OF_FEET), "")
 
 
 def _doubt(feet: tuple[str, ...], markers: tuple[str, ...], rested: int) -> str:
-    """Say what speaks against feet: too few landings, or other markers that are named so."""
+    """Return a doubt about the feet: too few landings, or other markers with names of feet."""
     if rested < LEAST_RESTS:
         return "others, since these rest near the floor less than three times"
     named = [name for name in markers if part_by_name(name) == "foot"]
@@ -231,7 +231,7 @@ def _doubt(feet: tuple[str, ...], markers: tuple[str, ...], rested: int) -> str:
 
 
 def _high(feet: list[int], taken: set[int], inspection: Inspection) -> str:
-    """Say which markers are named as the feet are but for a number, and stay higher than they."""
+    """Report markers named like the feet but for a number that stay higher than they do."""
     stems = [re.sub(r"\d+", "", name) for name in inspection.markers]
     alike = {stems[m] for m in feet if part_by_name(stems[m]) == "foot"}
     above = lowest(inspection.positions[:, :, 2]) - lowest(inspection.positions[:, feet, 2]).min()
@@ -241,7 +241,7 @@ def _high(feet: list[int], taken: set[int], inspection: Inspection) -> str:
 
 
 def _fixed(positions: FloatArray) -> BoolArray:
-    """Markers that stay at one place of the world but for noise, (M,); none if many do."""
+    """Tell which markers stay in one place but for noise, (M,); none if many do."""
     ends = (stretches.quantiles(positions[:, :, axis], [0.02, 0.98]) for axis in range(3))
     fixed = np.logical_and.reduce([high - low < STILL_M for low, high in ends])
     return np.asarray(fixed & (fixed.mean() <= MOST_FIXED))
@@ -250,7 +250,7 @@ def _fixed(positions: FloatArray) -> BoolArray:
 def feet_between(
     markers: tuple[str, ...], positions: FloatArray, rate_hz: float, feet: Sequence[str]
 ) -> list[str]:
-    """Return the markers that rest on the floor again and again, but not when these feet do.
+    """Return the markers that repeatedly rest on the floor, but at other times than these feet.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def feet_between(
     rate_hz : float
         Frame rate, Hz.
     feet : sequence of str
-        Names of the feet that are followed.
+        Names of the feet that are analysed.
     """
     scale = scale_of_all(positions)
     rests = at_rest((positions := positions / scale)[:, :, 2], rate_hz * scale**0.5)
@@ -274,9 +274,9 @@ def feet_between(
 def _resting(
     markers: tuple[str, ...], heights: FloatArray, rests: BoolArray, fixed: BoolArray
 ) -> list[int]:
-    """Markers that rest near the floor, again and again but not always, or that land there.
+    """Return the markers that rest near the floor repeatedly but not always, or that land there.
 
-    Where the floor is does not depend on markers that are fixed in the world: they may be below it.
+    Markers fixed in the world do not define the floor, since they may be below it.
     """
     low = lowest(heights)
     known = np.flatnonzero(np.isfinite(low))
@@ -295,7 +295,7 @@ def _resting(
 
 
 def _landings(heights: FloatArray, rests: BoolArray) -> int:
-    """Count the rests before which a marker was well above the floor since the rest before."""
+    """Count the rests that follow a height well above the floor since the rest before."""
     high = heights > lowest(heights[:, None])[0] + BAND_M + LIFT_M
     starts = [start for start, _ in runs(rests)]
     return sum(bool(high[a:b].any()) for a, b in zip([0, *starts], starts, strict=False))
@@ -316,13 +316,13 @@ def _overlap(one: BoolArray, other: BoolArray) -> bool:
 
 
 def _chosen(groups: list[list[int]], inspection: Inspection) -> list[int]:
-    """Choose the group to analyse: at most six markers of it, of both sides alike.
+    """Choose the feet to analyse: at most six markers, the same ones on both sides.
 
-    Heels come first, of each rigid part the lowest alone, since those of one shoe land as one; then
-    toes, then low markers. Others than those named as feet are taken where no two are, ankles where
-    there is nothing else.
+    Heels come first, then toes, then low markers. Of each rigid part only the lowest heel counts,
+    since the heels of one shoe land together. Markers not named as feet are used only if fewer than
+    two are, and ankles only if there is nothing else.
     """
-    if len(groups[0]) == 1:  # one marker a foot, and no two land together
+    if len(groups[0]) == 1:  # one marker per foot, and no two land together
         groups = [[m for g in groups for m in g]]
     markers, low = inspection.markers, lowest(inspection.positions[:, :, 2])
     parts = {m: part_by_name(markers[m]) for m in groups[0]}
@@ -343,14 +343,14 @@ def _chosen(groups: list[list[int]], inspection: Inspection) -> list[int]:
 
 
 def _heel_again(m: int, chosen: list[int], inspection: Inspection) -> bool:
-    """Say whether a marker is on a heel that has one already: on one rigid part with it."""
+    """Tell whether a marker is on a heel already chosen, on the same rigid part."""
     heels = [k for k in [m, *chosen] if place_by_name(inspection.markers[k])[0] == 0]
     parts = [set(cluster.markers) for cluster in inspection.clusters]
     return m in heels and any({m, k} <= part for k in heels[1:] for part in parts)
 
 
 def _home(body: list[int], inspection: Inspection) -> tuple[str, str]:
-    """Return the first body marker that nothing is wrong with, or the least bad, and why."""
+    """Return the first body marker without faults, or the one with the fewest, and the reason."""
     markers = inspection.markers
     faults = Counter(name for one in inspection.suspects() for name in one.markers)
     unseen = 1.0 - np.isfinite(inspection.positions[:, body, 0]).mean(axis=0)
@@ -374,10 +374,10 @@ def _wrong(faults: int, unseen: float) -> str:
 
 
 def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str, str]:
-    """Return the body's markers, why, and what else it may be, if that is not clear.
+    """Return the body's markers, the reason, and any alternative if the choice is not clear.
 
-    It is a rigid cluster, or named markers that hardly bend; those that are nearly always seen, if
-    they are enough.
+    The body is a rigid cluster, or named markers that hardly bend. It is limited to markers that
+    are nearly always seen, if these are enough.
     """
     markers = inspection.markers
     named = [m for m, name in enumerate(markers) if part_by_name(name) == "body" and m not in taken]
@@ -412,9 +412,9 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str, str]
 
 
 def _well_seen(pool: list[int], seen: FloatArray) -> list[int]:
-    """Keep the markers that are seen in nearly all frames, if four or, with more gaps, three are.
+    """Keep the markers seen in nearly all frames if four are or, with more gaps, three.
 
-    Of four each one's gaps can be filled from the others.
+    With four, the gaps of each can be filled from the other three.
     """
     nearly, well = ([m for m in pool if seen[m] >= 1 - share] for share in SEEN_SHARES)
     well = nearly if len(nearly) > LEAST_BODY else well
@@ -422,7 +422,7 @@ def _well_seen(pool: list[int], seen: FloatArray) -> list[int]:
 
 
 def _stiffest(named: list[int], pairs: PairDistances) -> list[int]:
-    """Leave out, one by one, the marker that bends most, until the rest hardly bend."""
+    """Remove the marker that bends most, one by one, until the rest hardly bend."""
     kept = list(named)
     while len(kept) >= LEAST_BODY:
         bend = _bend(kept, pairs)
@@ -458,7 +458,7 @@ def _feet_reason(group: list[int], rests: BoolArray) -> str:
 
 
 def _sole(group: list[int], inspection: Inspection) -> tuple[list[int], str]:
-    """Of feet that are one rigid part, such as a shoe, keep those low on it, and say so."""
+    """Keep only the low markers of feet that form one rigid part such as a shoe; say so."""
     markers, scale = inspection.markers, scale_of_all(inspection.positions)
     two_sides = len({place_by_name(markers[m]) for m in group}) < len(group)
     one = any(set(group) <= set(cluster.markers) for cluster in inspection.clusters)
@@ -476,7 +476,7 @@ def _sole(group: list[int], inspection: Inspection) -> tuple[list[int], str]:
 
 
 def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, ...]) -> str:
-    """Say which markers that land with the feet are not among them, since there are too many."""
+    """Report which markers land with the feet but are left out because there are too many."""
     left = [markers[m] for g in groups if set(g) & set(group) for m in g if m not in group]
     most = f"{MOST_FEET} at most, " if len(group) + 1 >= MOST_FEET else ""
     one = " (of a shoe's heel one marker is enough)"
@@ -485,7 +485,7 @@ def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, 
 
 
 def _no_feet(group: list[int], inspection: Inspection) -> str:
-    """Say that no feet were found, and which may be meant: those named so, or the lowest."""
+    """Report that no feet were found, and the likely candidates: by name, or the lowest."""
     markers, low = inspection.markers, lowest(inspection.positions[:, :, 2])
     found = f"only {markers[group[0]]}" if group else "none"
     by_height = [markers[m] for m in np.argsort(low, kind="stable") if np.isfinite(low[m])]

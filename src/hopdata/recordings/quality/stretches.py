@@ -1,4 +1,4 @@
-"""Markers that come to rest at their lowest again and again, as feet do."""
+"""Stretches of frames: rests, gaps, frozen and copied positions, and faulty time stamps."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recording import scale_of
 from hopdata.recordings.raw import DIRECTIONS, along
 
-# Stretches of frames in which something holds.
+# Stretches of frames in which a condition holds.
 
 
 def runs(holds: BoolArray) -> IntArray:
-    """Return the stretches of True in an (N,) mask.
+    """Return the stretches of True values in an (N,) mask.
 
     Returns
     -------
@@ -26,7 +26,7 @@ def runs(holds: BoolArray) -> IntArray:
 
 
 def near(holds: BoolArray, reach: int) -> BoolArray:
-    """Tell which frames of a mask (N, ...) are at most so many from one that is True."""
+    """Tell which frames of a mask (N, ...) are at most `reach` frames from a True one."""
     found = holds.copy()
     for shift in range(1, reach + 1):
         found[shift:] |= holds[:-shift]
@@ -34,26 +34,26 @@ def near(holds: BoolArray, reach: int) -> BoolArray:
     return found
 
 
-# Frozen markers: the same position again and again, which noise makes all but impossible.
+# Frozen markers: one position repeated in a way that noise makes all but impossible.
 
 LEAST_REPEATS = 3
-CHANCE = 1e-3  # of any false alarm in a recording
-LEAST_STRAIGHT = 5  # frames between those that were seen
-CURVED = 5.0  # roundings: what a marker moves in a frame, and where it turns off a straight line
+CHANCE = 1e-3  # probability of any false alarm in a recording
+LEAST_STRAIGHT = 5  # frames between seen ones
+CURVED = 5.0  # roundings: least motion in a frame, and least deviation from the line at its ends
 
 
 @dataclass(frozen=True)
 class Frozen:
-    """A stretch in which a marker repeats one position, or runs along one straight line.
+    """A stretch in which a marker repeats one position or follows a straight line.
 
     Parameters
     ----------
     marker : str
-        Its name.
+        Name of the marker.
     start, stop : int
-        First frame with the repeated position, and the frame after the last.
+        First frame of the stretch, and the frame after its last.
     kind : str
-        ``frozen``, or ``filled``: along a line.
+        ``frozen``, or ``filled`` if along a line.
     """
 
     marker: str
@@ -65,19 +65,19 @@ class Frozen:
 def frozen_markers(
     positions: FloatArray, markers: tuple[str, ...], steps: Collection[tuple[int, int]] = ()
 ) -> tuple[Frozen, ...]:
-    """Find stretches of exact repeats that are too long to be chance, or that a jump ends.
+    """Find exact repeats that are too long to be chance, or that end with a jump.
 
-    A coarse file repeats positions by chance while a foot rests. How often a repeat is followed by
-    another is therefore estimated from all other runs of repeats of the same marker.
+    In a coarsely rounded file, positions repeat by chance while a foot rests. The probability that
+    one repeat follows another is therefore estimated from all other runs of the same marker.
 
     Parameters
     ----------
     positions : (N, M, 3) array
-        As in the file, not smoothed.
+        Positions as in the file, not smoothed.
     markers : tuple of str
         The M names.
     steps : collection of (frame, marker)
-        Gross steps from the frame before.
+        Gross steps relative to the frame before.
     """
     n_tests = max(len(positions) - 1, 1) * len(markers)
     found = []
@@ -91,13 +91,13 @@ def frozen_markers(
 
 
 def straight_stretches(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Frozen, ...]:
-    """Find stretches in which a marker moves along a straight line but for rounding: filled gaps.
+    """Find stretches in which a marker follows a straight line to within rounding: filled gaps.
 
-    Second differences are zero in all axes there, and are not before and after.
+    Second differences are zero in all axes within them, but not before and after.
     """
     found = []
     for name, track in zip(markers, np.moveaxis(positions, 1, 0), strict=True):
-        axes = track.T[..., None]  # each by itself: ten million frames are to fit into memory
+        axes = track.T[..., None]  # one axis at a time, so that ten million frames fit into memory
         digit = min(np.min(d, initial=np.inf, where=d > 0) for d in (_bends(x, 1) for x in axes))
         rounding = 2 * digit + 4 * np.finfo(np.float32).eps * np.nanmax(np.abs(track), initial=0)
         bends = max(quantiles(_bends(x), [0.5])[0, 0] for x in axes) > CURVED * rounding
@@ -115,7 +115,7 @@ def _bends(track: FloatArray, order: int = 2) -> FloatArray:
 
 
 def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
-    """Which runs of repeats, (K,), are longer than the other runs let expect."""
+    """Tell which runs of repeats, (K,), are longer than the other runs make plausible."""
     length = np.diff(stretches, axis=1)[:, 0]
     is_long = length >= LEAST_REPEATS
     others, again = max(len(length) - 1, 1), np.sum(length > 1) - 1
@@ -123,15 +123,15 @@ def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
     return np.asarray(is_long & (length > 1 + np.log(CHANCE / n_tests) / np.log(chance_again)))
 
 
-LEAST_COPIED = 5  # frames in a row, and frames after those that they repeat
-MOST_HELD = 0.1  # of the frames repeat the one before them; of more it is how the file was made
-ALL_MOVE = 0.9  # of the coordinates: nothing rests before and after a frame that is held
+LEAST_COPIED = 5  # consecutive frames, and distance to the frames that they repeat
+MOST_HELD = 0.1  # largest share of held frames; with more, holding is how the file was made
+ALL_MOVE = 0.9  # of the coordinates must move before and after a held frame
 
 
 def copied_frames(positions: FloatArray) -> IntArray:
     """Find blocks of frames of (N, M, 3) positions that are copies of earlier ones.
 
-    (K, 3): first frame, the frame after the last, and the first of the original.
+    Returns (K, 3): first frame, the frame after the last, and the first frame of the original.
     """
     tracks = [track for marker in np.moveaxis(positions, 0, 2) for track in marker]  # views
     weights = np.random.default_rng(0).uniform(1.0, 2.0, len(tracks))
@@ -156,7 +156,7 @@ def copied_frames(positions: FloatArray) -> IntArray:
     return np.array(found, dtype=np.int64).reshape(-1, 3)
 
 
-# Where each marker was not seen.
+# Frames in which each marker was not seen.
 
 
 @dataclass(frozen=True)
@@ -168,9 +168,9 @@ class MarkerGaps:
     marker : str
         Its name.
     stretches : (K, 2) array
-        First frame of each gap, and the frame after its last; frames count from 0.
+        First frame of each gap, and the frame after its last; frame numbers start at 0.
     n_frames : int
-        Frames of the recording.
+        Number of frames of the recording.
     """
 
     marker: str
@@ -179,22 +179,22 @@ class MarkerGaps:
 
     @property
     def count(self) -> int:
-        """Number of gaps."""
+        """Return the number of gaps."""
         return len(self.stretches)
 
     @property
     def longest(self) -> int:
-        """Length of the longest gap, frames; 0 without gaps."""
+        """Return the length of the longest gap, frames; 0 without gaps."""
         return int(np.diff(self.stretches, axis=1).max(initial=0))
 
     @property
     def missing(self) -> int:
-        """Frames in which the marker was not seen."""
+        """Return the number of frames in which the marker was not seen."""
         return int(np.diff(self.stretches, axis=1).sum())
 
     @property
     def share(self) -> float:
-        """Share of the frames in which the marker was not seen."""
+        """Return the share of frames in which the marker was not seen."""
         return self.missing / self.n_frames if self.n_frames else 0.0
 
 
@@ -218,32 +218,32 @@ def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Marker
     return tuple(MarkerGaps(name, runs(mask), len(mask)) for name, mask in unseen)
 
 
-BAND_M = 0.02  # above a marker's own lowest height
-SINKS_M = 0.06  # by which a soft floor or sole may give as a body lands on it
+BAND_M = 0.02  # m; a rest is at most this far above a marker's lowest height
+SINKS_M = 0.06  # m; how far a soft floor or sole may give when a body lands
 SPEED_M_S = 0.15
 WINDOW_S = 0.04
 LEAST_REST_S = 0.03
-FLAT = 0.05  # of the range of heights: the lowest tenth of the frames of a foot spans less
+FLAT = 0.05  # of the range of heights: largest span of the lowest tenth of a foot's frames
 CLEARER = 2.0
-ON_THE_FLOOR = 0.05  # of the extent: how far above the lowest one another may come to rest
-LEAST_TIMES_DOWN = 5  # of a marker that stands on a floor now and then
-MOST_FRAMES = 200_000  # of a longer recording, evenly spaced
+ON_THE_FLOOR = 0.05  # of the extent: largest height of another resting marker above the lowest
+LEAST_TIMES_DOWN = 5  # descents of a marker that stands on a floor repeatedly
+MOST_FRAMES = 200_000  # evenly spaced frames used of a longer recording
 OFF_THE_FLOOR = 0.1  # of the range of heights
-ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
+ONE_M = 1e-5  # below any camera's noise: heights whose difference varies less are copies
 
 
 def scale_of_all(positions: FloatArray) -> float:
-    """Scale of all markers (N, M, 3), m, of a file: at most 1, since some may be of the room."""
+    """Return the scale of markers (N, M, 3), m; at most 1, since some may belong to the room."""
     return min(scale_of(positions), 1.0)
 
 
 def lowest(heights: FloatArray) -> FloatArray:
-    """Lowest height of each marker but for 1 % of the frames, (M,); NaN if never seen."""
+    """Return the lowest height of each marker but for 1 % of frames, (M,); NaN if never seen."""
     return quantiles(heights, [0.01])[0]
 
 
 def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
-    """Say which feet, of heights (N, n) m, stay so far above where the lowest of them goes."""
+    """Report feet, of heights (N, n) m, that stay over `above_m` higher than the lowest one."""
     low = lowest(heights)
     floor = int(np.nanargmin(low))
     return [
@@ -254,10 +254,11 @@ def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> l
 
 
 def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
-    """Say which two feet, of heights (N, n) m, are always as far apart in height.
+    """Report pairs of feet, of heights (N, n) m, at a constant difference in height.
 
-    Markers of their own never are, for their noise. Asked are the frames in which one of the two is
-    off the floor, where rounding alone does not make them equal; the outer tenths may be wrong.
+    Noise prevents this for separate markers. Only frames in which one of the two is off the floor
+    are used, because on the floor rounding alone can make heights equal. The outer tenths may be
+    wrong.
     """
     remarks = []
     low, high = quantiles(heights, [0.01, 0.99])
@@ -272,19 +273,19 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
 
 
 def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
-    """Tell when each marker rests near its own lowest height, or where it settles on a soft floor.
+    """Tell when each marker rests near its lowest height, or where it settles on a soft floor.
 
     Parameters
     ----------
     heights : (N, M) array
-        Height, m, of an animal of about 1 m; NaN where not seen.
+        Heights, m, of an animal of about 1 m; NaN where not seen.
     rate_hz : float
         Frame rate, Hz.
 
     Returns
     -------
     (N, M) bool array
-        Rests shorter than `LEAST_REST_S` are left out.
+        True where a marker rests; rests shorter than `LEAST_REST_S` are left out.
     """
     half = max(1, round(WINDOW_S * rate_hz / 2))
     speed = np.full_like(heights, np.nan)
@@ -303,9 +304,9 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
 
 
 def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
-    """Find the direction at whose lower end at least two markers stay for a while, again and again.
+    """Find the direction at whose lower end at least two markers repeatedly stay for a while.
 
-    Who stands still does so once, along any direction.
+    Someone who stands still does so only once, along any direction.
 
     Parameters
     ----------
@@ -315,10 +316,10 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
     Returns
     -------
     direction : str
-        ``"z"``, ``"-y"`` and so on: up, if something stands on a floor.
+        ``"z"``, ``"-y"`` and so on: the up direction, if something stands on a floor.
     flatness, next_flatness : float
-        Range of the lowest tenth of the frames over that of all, of the second flattest marker,
-        for this direction and for the next best.
+        Range of the lowest tenth of the frames over the range of all, for the second flattest
+        marker, in this direction and in the next best.
     """
     found: dict[str, float] = {}
     positions = positions[:: max(1, -(-len(positions) // MOST_FRAMES))]
@@ -336,7 +337,7 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
 
 
 def _times_down(values: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
-    """Count how often each column (N, M) comes down from its upper half to its lowest tenth."""
+    """Count descents of each column (N, M) from its upper half to its lowest tenth."""
     counts = np.zeros(values.shape[1], dtype=np.int64)
     with np.errstate(invalid="ignore", divide="ignore"):
         level = (values - low) / (high - low)
@@ -347,7 +348,7 @@ def _times_down(values: FloatArray, low: FloatArray, high: FloatArray) -> IntArr
 
 
 def quantiles(values: FloatArray, levels: list[float]) -> FloatArray:
-    """Quantiles of each column of (N, M) values, (len(levels), M); NaN for an empty column."""
+    """Return quantiles of the columns of (N, M) values, (len(levels), M); NaN if all are NaN."""
     result = np.full((len(levels), values.shape[1]), np.nan)
     for m in range(values.shape[1]):
         known = values[np.isfinite(values[:, m]), m]
@@ -356,25 +357,25 @@ def quantiles(values: FloatArray, levels: list[float]) -> FloatArray:
     return result
 
 
-# Time stamps: frames that were dropped, steps that are irregular or run back.
+# Time stamps: dropped frames, and steps that are irregular or run backwards.
 
-IRREGULAR = 0.2  # of a frame: a step further from the median than this, but not by whole frames
+IRREGULAR = 0.2  # frames; least deviation from a whole number of median steps
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What the time stamps say.
+    """Result of checking the time stamps.
 
     Parameters
     ----------
     rate_hz : float
-        Rate by the median step, Hz; NaN with fewer than two frames.
+        Rate from the median step, Hz; NaN with fewer than two frames.
     drops : (K, 2) array
-        Frame (from 0) after which frames are missing, and how many.
+        Frame after which frames are missing, from 0, and how many.
     irregular : (J,) array
         Frames whose step to the next is irregular: neither one frame nor several whole ones.
     backward : (L,) array
-        Frames whose next time stamp is not later.
+        Frames whose successor does not have a later time stamp.
     jitter_s : float
         Largest deviation of the other steps from the median, s.
     """
@@ -387,12 +388,12 @@ class Timing:
 
     @property
     def n_dropped(self) -> int:
-        """Number of frames that are missing between the stamps."""
+        """Return the number of frames missing between the stamps."""
         return int(self.drops[:, 1].sum())
 
 
 def check_stamps(time: FloatArray) -> Timing:
-    """Judge (N,) time stamps, s, by their own median step."""
+    """Check time stamps (N,), s, against their own median step."""
     steps = np.diff(time)
     is_forward = steps > 0
     step = float(np.median(steps[is_forward])) if is_forward.any() else np.nan
@@ -406,43 +407,43 @@ def check_stamps(time: FloatArray) -> Timing:
         drops=np.column_stack([dropped, whole[dropped].astype(np.int64) - 1]),
         irregular=np.flatnonzero(is_forward & ~is_dropped & ~regular),
         backward=np.flatnonzero(~is_forward),
-        # Of a clock without a step it is not known either.
+        # NaN if the clock never moves forward.
         jitter_s=float(np.abs(steps[regular] - step).max(initial=0.0 * step)),
     )
 
 
 def lasting(frames: FloatArray) -> BoolArray:
-    """Tell which steps (K,) of a clock, in frames, no neighbour makes up for: frames were lost."""
+    """Tell which steps (K,), in frames, no neighbour compensates: frames were lost there."""
     near = np.pad(np.where(frames > 0, frames, 1.0), 1, constant_values=1.0)
     return np.asarray(near[:-2] + near[1:-1] + near[2:] > 3.5)
 
 
-# Frames that are missing though no time stamp says so: all markers go on from n frames later.
+# Frames missing without a sign in the time stamps: all markers skip ahead by n frames.
 
-HALF = 5  # frames on either side through which a cubic is laid
-BLOCK = 100_000  # frames at a time
-MOST_LOST = 10  # frames in a row
-MOST_MISFIT = 5.0  # of what is usual for a marker: beyond, something else happened to it
-FURTHER = 1.5  # times: where one frame is missing all move twice as far
-TELLING = 4.0  # log of how many times better all fit; contacts at 30 Hz reach 2.5
+HALF = 5  # frames on either side to which a cubic is fitted
+BLOCK = 100_000  # frames processed at a time
+MOST_LOST = 10  # consecutive frames
+MOST_MISFIT = 5.0  # times the usual misfit of a marker; beyond it, something else happened
+FURTHER = 1.5  # ratio to the usual step; with one frame missing, all markers move twice as far
+TELLING = 4.0  # total log gain of the fits; contacts at 30 Hz reach 2.5
 
 
 def lost_frames(positions: FloatArray) -> IntArray:
-    """Find where markers (N, M, 3) fit better if the later frames come n frames later still.
+    """Find where markers (N, M, 3) fit better if the later frames are n frames later.
 
-    Of each marker it counts by the logarithm how many times better, down to what is usual for it.
-    The marker that gains most is left out: it may have jumped alone.
+    A marker contributes the logarithm of the ratio by which its fit improves, counted down to its
+    usual misfit. The marker with the largest gain is left out, since it may have jumped alone.
 
     Returns
     -------
     (K, 2) array
-        Frame (from 0) after which frames are missing, and how many.
+        Frame after which frames are missing, from 0, and how many.
     """
     if len(positions) < 2 * HALF:
         return np.zeros((0, 2), dtype=np.int64)
     windows = np.lib.stride_tricks.sliding_window_view(positions, 2 * HALF, axis=0)
     usual = quantiles(_misfit(windows[:: 1 + len(windows) // BLOCK], 0), [0.5])[0]
-    usual[~(usual > 0)] = np.inf  # never seen, or it never moves
+    usual[~(usual > 0)] = np.inf  # the marker is never seen, or never moves
     blocks = (windows[k : k + BLOCK] for k in range(0, len(windows), BLOCK))
     worse = (np.log(np.fmax(_misfit(block, 0) / usual, 1.0)).sum(axis=1) for block in blocks)
     at, lost = np.flatnonzero(np.concatenate(list(worse)) > TELLING), range(MOST_LOST + 1)
@@ -458,7 +459,7 @@ def lost_frames(positions: FloatArray) -> IntArray:
 
 
 def _steps_out(positions: FloatArray, frames: IntArray) -> BoolArray:
-    """Tell at which frames (K,) all markers move further than just before and after: no kink."""
+    """Tell at which frames (K,) all markers move further than just before and after."""
     ends = (-3, -1), (-1, 0), (0, 2)
     ways = [positions[frames + b] - positions[frames + a] for a, b in ends]
     before, step, after = (np.nansum(way**2, axis=(1, 2)) ** 0.5 for way in ways)
@@ -466,7 +467,7 @@ def _steps_out(positions: FloatArray, frames: IntArray) -> BoolArray:
 
 
 def _misfit(windows: FloatArray, n_lost: int, at: IntArray | None = None) -> FloatArray:
-    """Sum of squares (K, M) that cubics leave of (K, M, 3, 2 HALF) positions, half of them late."""
+    """Return squares (K, M) left by cubics in (K, M, 3, 2 HALF) positions with a loss."""
     frames = np.arange(2.0 * HALF) + n_lost * (np.arange(2 * HALF) >= HALF)
     rest = np.linalg.qr(np.vander(frames, 4), mode="complete")[0][:, 4:]
     tracks = (track if at is None else track[at] for track in np.moveaxis(windows, 1, 0))

@@ -1,4 +1,4 @@
-"""Markers that are elsewhere for some frames, jump to another place, or exchange their names."""
+"""Find markers that spike, jump to another place or exchange names."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -10,35 +10,36 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches, norms
 from hopdata.recordings.quality.stretches import lowest, near, seen
 
-# How far positions are from what the frames before them, and those after them, let expect.
+# # Deviations of positions from predictions by the frames before and by those after.
 #
-# A contact bends a track, so one of the two sides still predicts every frame. A spike is foreseen
-# by neither side; a step is a miss of both sides in one and the same direction.
+# A contact bends a track, but one of the two sides still predicts every frame. Neither side
+# predicts a spike. At a step, both sides miss in the same direction.
 
 LONGEST_SPIKE = 3  # frames
-# A miss is gross above the marker's own 99.9 % quantile, the more so the heavier its tail (quantile
-# over 99 % quantile): noise has a light one, hard impacts a heavy one. All in units of quantiles.
+# A miss is gross above the marker's own 99.9 % quantile. The limit is higher for a heavier tail
+# (99.9 % over 99 % quantile), since noise has a light tail and hard impacts a heavy one. All in
+# units of quantiles.
 OF_MEDIAN, OF_99, OF_999, TAIL_POWER = 5.0, 10.0, 3.0, 4
 LEAST_M = 0.005
-MOST_FRAMES = 200_000  # of a longer recording, evenly spaced, what is usual is measured
-AHEAD = (1.0, 3.0, 6.0)  # a parabola's miss one to three frames ahead, in third differences
-# The middle of three frames that are off seems twice as far off by itself, so a longer excursion
-# goes before a shorter one within it from this share of its size on.
+MOST_FRAMES = 200_000  # evenly spaced frames used for limits in a longer recording
+AHEAD = (1.0, 3.0, 6.0)  # miss of a parabola one to three frames ahead, in third differences
+# The middle of three displaced frames seems displaced twice as far by itself. A longer excursion
+# therefore outranks a shorter one within it from this share of its size on.
 OF_SHORTER = 0.4
 
 
 @dataclass(frozen=True)
 class Excursion:
-    """Frames in which a marker is elsewhere.
+    """Consecutive frames in which a marker is displaced.
 
     Parameters
     ----------
     marker : int
-        Its index.
+        Index of the marker.
     start, stop : int
         First frame and the frame after the last.
     size : float
-        How far it is off at least, m.
+        Least displacement, m.
     """
 
     marker: int
@@ -54,13 +55,13 @@ class Surprises:
     Parameters
     ----------
     spikes : tuple of Excursion
-        Those that no larger one beside them explains.
+        Spikes that no larger one nearby explains.
     steps : tuple of Excursion
-        Gross steps from the frame before, as both sides see them; `stop` is the frame after.
+        Gross steps from the frame before, on which both sides agree; `stop` is the frame after.
     limit : (M,) array
-        Above this a step is gross for the marker, m.
+        Least size of a gross step of each marker, m.
     n_frames : int
-        Frames of the recording.
+        Number of frames of the recording.
     """
 
     spikes: tuple[Excursion, ...]
@@ -70,12 +71,12 @@ class Surprises:
 
     @property
     def is_step(self) -> BoolArray:
-        """Where a marker makes a gross step from the frame before, (N, M)."""
+        """Mask gross steps of markers from the frame before, (N, M)."""
         return self._mask(self.steps)
 
     @property
     def is_spike(self) -> BoolArray:
-        """Where a marker is in a spike, (N, M)."""
+        """Mask frames in which a marker is in a spike, (N, M)."""
         return self._mask(self.spikes)
 
     def _mask(self, excursions: tuple[Excursion, ...]) -> BoolArray:
@@ -88,14 +89,14 @@ class Surprises:
 def surprises(positions: FloatArray, *, scale: float = 1.0) -> Surprises:
     """Compare (N, M, 3) positions, m, with parabolas through three frames on either side.
 
-    No miss is gross below `LEAST_M` times the scale (`hopdata.recording.scale_of`).
+    No miss below `LEAST_M` times the scale (`hopdata.recording.scale_of`) is gross.
     """
     n_frames, n_markers = positions.shape[:2]
     limit = np.full(n_markers, np.inf)
     spikes: list[Excursion] = []
     steps: list[Excursion] = []
     for m in range(n_markers):
-        third = np.diff(positions[:, m], 3, axis=0)  # [k]: frame k + 3 less the three before
+        third = np.diff(positions[:, m], 3, axis=0)  # [k]: frame k + 3 relative to the three before
         if len(third) > 3:
             found, limit[m] = _spikes(third, m, LEAST_M * scale)
             spikes += found
@@ -104,10 +105,10 @@ def surprises(positions: FloatArray, *, scale: float = 1.0) -> Surprises:
 
 
 def _spikes(third: FloatArray, m: int, least_m: float) -> tuple[list[Excursion], float]:
-    """Excursions of one marker by its third differences (N - 3, 3), and its limit for one frame.
+    """Return excursions of one marker from third differences (N - 3, 3), and its one-frame limit.
 
-    An excursion is no larger than the miss of its first frame by the left side, so only frames
-    with a gross one are looked at. The limits are those of at most `MOST_FRAMES` frames.
+    An excursion is no larger than the miss of its first frame as predicted from before, so only
+    frames with a gross miss are examined. The limits come from at most `MOST_FRAMES` frames.
     """
     n_frames = len(third) + 3
     usual = np.arange(3, n_frames - 3, -(-n_frames // MOST_FRAMES))
@@ -132,9 +133,9 @@ def _spikes(third: FloatArray, m: int, least_m: float) -> tuple[list[Excursion],
 
 
 def _around(third: FloatArray, frames: IntArray) -> FloatArray:
-    """Third differences that judge up to three frames from each of the given ones (K,) on.
+    """Return the third differences that judge up to three frames from each frame (K,) on.
 
-    (6, K, 3): as seen from the left, then from the right.
+    Shape (6, K, 3): as seen from the left, then from the right.
     """
     places = frames + np.arange(-LONGEST_SPIKE, LONGEST_SPIKE)[:, None]
     return third[np.minimum(places, len(third) - 1)]
@@ -145,7 +146,7 @@ def _in_order(excursions: list[Excursion]) -> tuple[Excursion, ...]:
 
 
 def _separate(found: list[Excursion], shape: tuple[int, ...]) -> tuple[Excursion, ...]:
-    """Keep the largest, and those whose three frames on either side are free of larger ones."""
+    """Keep the largest, and those without a larger one within three frames on either side."""
     taken = np.zeros(shape[:2], dtype=bool)
     kept = []
     for spike in sorted(found, key=lambda e: (-e.size, e.marker, e.start)):
@@ -156,10 +157,10 @@ def _separate(found: list[Excursion], shape: tuple[int, ...]) -> tuple[Excursion
 
 
 def _excursions(around: FloatArray, length: int) -> FloatArray:
-    """How far `length` frames in a row are off, by both sides; (6, K, 3) to (K,).
+    """Return the displacement of `length` frames in a row by both sides; (6, K, 3) to (K,).
 
-    The least of the frames. A parabola through three frames misses the one after them by a third
-    difference, and later ones by sums of these with the weights 1, 3, 6.
+    This is the smallest of the frames' displacements. A parabola through three frames misses the
+    next one by a third difference, and later ones by sums of these with the weights 1, 3, 6.
     """
     before, after = around[:length], around[LONGEST_SPIKE : LONGEST_SPIKE + length]
     least = np.full(around.shape[1], np.inf)
@@ -171,7 +172,7 @@ def _excursions(around: FloatArray, length: int) -> FloatArray:
 
 
 def _steps(third: FloatArray, m: int, limit: float) -> list[Excursion]:
-    """Gross steps of one marker, as both sides see them."""
+    """Return gross steps of one marker on which both sides agree."""
     frames = 3 + np.flatnonzero(norms(third[:-2]) >= limit)
     sizes = _agreed(third[frames - 3], third[frames - 1])
     gross = sizes > limit
@@ -180,13 +181,13 @@ def _steps(third: FloatArray, m: int, limit: float) -> list[Excursion]:
 
 
 def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the smaller of two vectors' lengths, 0 where they point apart; (..., 3) to (...)."""
+    """Return the smaller length of two vectors, or 0 if they point apart; (..., 3) to (...)."""
     length = np.minimum(norms(one), norms(other))
     return np.where(np.einsum("...i,...i->...", one, other) > 0, length, 0.0 * length)
 
 
 def _limit(off: FloatArray, least_m: float) -> float:
-    """Limit of a marker, m, by how far it usually is off (K,); infinite if it is never seen."""
+    """Return a marker's limit, m, from its usual misses (K,); infinite if it is never seen."""
     values = off[np.isfinite(off)]
     if not len(values):
         return np.inf
@@ -199,9 +200,9 @@ def _limit(off: FloatArray, least_m: float) -> float:
 def find_spikes(
     missed: Surprises, *, explained: BoolArray, heights: FloatArray
 ) -> tuple[Excursion, ...]:
-    """List the spikes: markers that are elsewhere for up to three frames, and do not just land.
+    """List spikes: displacements of up to three frames that are not short landings.
 
-    Frames (N, M) that a swap explains are left out; `heights` (N, M) are in m.
+    Frames (N, M) explained by a swap are left out; `heights` (N, M) are in m.
     """
     low = lowest(heights) if missed.spikes else np.zeros(0)
     return tuple(
@@ -213,39 +214,39 @@ def find_spikes(
 
 
 def _touches(spike: Excursion, heights: FloatArray, low_m: float) -> bool:
-    """Tell whether a marker (N,) is at its lowest, and higher before and after: a short stance."""
+    """Tell whether a marker (N,) is lowest during a spike and higher around it: a short stance."""
     there, some = heights[spike.start : spike.stop], 0.5 * spike.size
     around = heights[[max(spike.start - 2, 0), min(spike.stop + 1, len(heights) - 1)]]
     return bool((np.abs(there - low_m) < some).all() and around.min() > there.max() + some)
 
 
 def find_jumps(missed: Surprises, *, explained: BoolArray) -> tuple[Excursion, ...]:
-    """List the jumps, to another place from a frame on, that no spike and no swap explains."""
+    """List jumps to another place that no spike and no swap explains."""
     told = explained | near(missed.is_spike, LONGEST_SPIKE)
     return tuple(e for e in missed.steps if not told[e.start, e.marker])
 
 
-# Frames at which markers go on from one another's places instead of their own.
+# Frames at which markers continue from one another's places instead of their own.
 
-BETTER = 0.2  # the exchanged places must fit better than the own ones by this factor
-BLOCK = 10_000  # frames looked at together
-LONGEST_GAP_S = 0.5  # after a longer one nobody can tell where a marker should be
+BETTER = 0.2  # largest ratio of the misfit of exchanged places to that of own places
+BLOCK = 10_000  # frames processed together
+LONGEST_GAP_S = 0.5  # s; after a longer gap a marker's place cannot be predicted
 
 
 def exchanges(
     positions: FloatArray, missed: Surprises, *, rate_hz: float
 ) -> Iterator[tuple[tuple[int, ...], int]]:
-    """Test every frame at which a marker jumps or comes back from a gap.
+    """Test every frame at which a marker jumps or returns from a gap.
 
-    Yields the indices of markers of which each goes on from the place of the next, the last from
-    that of the first, and the first frame of the exchanged names, from 0.
+    Yields marker indices and the first frame of the exchanged names, from 0. Each marker continues
+    from the place of the next, and the last from that of the first.
 
     Parameters
     ----------
     positions : (N, M, 3) array
         NaN where a marker was not seen.
     missed : Surprises
-        Of the same positions.
+        Misses of the same positions.
     rate_hz : float
         Frame rate, Hz.
     """
@@ -263,13 +264,13 @@ def exchanges(
         taking = moved[at] & (ends >= 0) & (at[:, None] - ends <= longest)
         way = positions[at] - positions[ends, np.arange(ends.shape[1])]
         far = taking & (np.linalg.norm(way, axis=2) > missed.limit)
-        for k in np.flatnonzero(np.count_nonzero(far, axis=1) > 1):  # else all are at home
+        for k in np.flatnonzero(np.count_nonzero(far, axis=1) > 1):  # else all are in place
             for cycle in _cycles_at(int(at[k]), positions, taking[k], ends[k], missed.limit):
                 yield cycle, int(at[k])
 
 
 def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatArray) -> BoolArray:
-    """Find steps (N, M) where the three frames that a parabola needs are not seen on one side."""
+    """Find steps (N, M) where one side lacks the three frames that a parabola needs."""
     whole = ~near(~is_seen, 3)
     whole[:3] = whole[-3:] = False
     steps = np.zeros_like(is_seen)
@@ -281,9 +282,9 @@ def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatAr
 
 
 def _last_seen(is_seen: BoolArray, frames: IntArray) -> IntArray:
-    """Frame at which each marker was last seen before each of the frames (K,), (K, M); -1: never.
+    """Return each marker's last seen frame before each of the frames (K,), (K, M); -1: never.
 
-    The first frame has none before it.
+    Nothing precedes the first frame.
     """
     last = np.full((len(frames), is_seen.shape[1]), -1, dtype=np.int64)
     later = frames > 0
@@ -296,9 +297,9 @@ def _last_seen(is_seen: BoolArray, frames: IntArray) -> IntArray:
 def _cycles_at(
     frame: int, positions: FloatArray, is_taking: BoolArray, last: IntArray, limit: FloatArray
 ) -> Iterator[tuple[int, ...]]:
-    """Yield the circles of markers that fit one another's tracks at a frame.
+    """Yield cycles of markers that fit one another's tracks at a frame.
 
-    Those that may take a track over (M,) were last seen in the frames `last` (M,).
+    Candidates to take over a track (M,) were last seen in the frames `last` (M,).
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -313,10 +314,10 @@ def _cycles_at(
 
 
 def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray) -> FloatArray:
-    """How far each marker (row) is from where each track (column) should be, (K, K).
+    """Return the distance of each marker (row) from the prediction of each track (column), (K, K).
 
-    A track goes on as it did, or as the marker that takes it over goes on, or with all others
-    that were seen at both ends of a gap: whatever fits best, in the same way for all pairs.
+    A track may continue on its own, like the marker that takes it over, or with all others that are
+    seen at both ends of a gap. The best fit is used, in the same way for all pairs.
     """
     here = positions[frame, taking]
     ends = last[taking]
@@ -334,7 +335,7 @@ def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray)
 
 
 def _common_move(positions: FloatArray, start: int, stop: int, without: IntArray) -> FloatArray:
-    """Median displacement of all other markers between two frames, (3,); 0 if none was seen."""
+    """Return the median displacement of other markers between two frames, (3,); 0 if none."""
     move = positions[stop] - positions[start]
     move[without] = np.nan
     move = move[np.isfinite(move).all(axis=1)]
@@ -342,7 +343,7 @@ def _common_move(positions: FloatArray, start: int, stop: int, without: IntArray
 
 
 def _cycles(goes_to: list[int]) -> Iterator[list[int]]:
-    """Yield the circles of a permutation that are longer than one."""
+    """Yield the cycles of a permutation that are longer than one."""
     left = set(range(len(goes_to)))
     while left:
         first = min(left)
@@ -355,24 +356,24 @@ def _cycles(goes_to: list[int]) -> Iterator[list[int]]:
 
 
 CONTINUITY, DISTANCES = "continuity", "pair distances"
-NEAR = 3  # frames by which the two tests may differ in when
+NEAR = 3  # frames by which the two tests may differ on the time
 
 
 @dataclass(frozen=True)
 class Swap:
-    """Markers that seem to have exchanged their names for a while.
+    """Markers that seem to exchange names for a while.
 
     Parameters
     ----------
     markers : tuple of str
-        Two names, or more if they went round in a circle.
+        Two names, or more if they are exchanged in a cycle.
     start : int
         First frame with the exchanged names, from 0.
     stop : int or None
-        The frame after the last; None if the names never came back, so that either part of the
-        recording may be the right one.
+        The frame after the last. None if the names are never restored; either part of the recording
+        may then be the correct one.
     found_by : tuple of str
-        The tests that saw it: ``"continuity"``, ``"pair distances"``.
+        The tests that found it: ``"continuity"``, ``"pair distances"``.
     """
 
     markers: tuple[str, ...]
@@ -399,7 +400,7 @@ def find_swaps(
     markers : tuple of str
         The M names.
     missed : Surprises
-        Of the same positions.
+        Misses of the same positions.
     pairs, clusters
         Distances and rigid clusters of the same positions.
     rate_hz : float
@@ -416,7 +417,7 @@ def find_swaps(
 
 
 def _paired(found: Iterable[tuple[tuple[int, ...], int]], markers: tuple[str, ...]) -> list[Swap]:
-    """Join an exchange and the next one of the same markers, which undoes it."""
+    """Pair each exchange with the next one of the same markers, which undoes it."""
     swaps: list[Swap] = []
     waiting: dict[frozenset[int], int] = {}
     for cycle, frame in found:
@@ -432,10 +433,10 @@ def _paired(found: Iterable[tuple[tuple[int, ...], int]], markers: tuple[str, ..
 
 
 def _merged(by_track: list[Swap], by_distance: list[Swap], longest: int) -> list[Swap]:
-    """Say of each swap who found it; both where they agree on the markers and overlap.
+    """Merge the swaps found by both tests if markers agree and spans overlap; record the tests.
 
     An exchange that nothing undoes may itself undo one that only the distances show, and that ends
-    in the gap (of `longest` frames at most) before it.
+    in the gap before it, of at most `longest` frames.
     """
     merged = list(by_track)
     for late in by_distance:
@@ -452,7 +453,7 @@ def _merged(by_track: list[Swap], by_distance: list[Swap], longest: int) -> list
                 merged[i] = replace(swap, stop=stop, found_by=both)
                 break
             if set(late.markers) < set(swap.markers) and _overlap(swap, late):
-                break  # a part of a longer circle
+                break  # part of a longer cycle
         else:
             merged.append(late)
     return merged

@@ -1,1 +1,1 @@
-"""One module a format, from a path to a `RawRecording`; `formats` chooses by suffix."""
+"""Readers, one module per format, from a path to a `RawRecording`; see `formats`."""

@@ -1,7 +1,7 @@
-"""Motion-BIDS: rows of numbers in ``_motion.tsv``, told by ``_channels.tsv`` and json beside it.
+"""Motion-BIDS: numbers in ``_motion.tsv``, described by ``_channels.tsv`` and JSON files.
 
-The brain imaging data structure lets a json file stand in a folder above as well, for all files
-whose names have the parts of its own.
+In the brain imaging data structure, a JSON file may also stand in a parent folder. It then applies
+to all files whose names contain the parts of its own name.
 """
 
 import json
@@ -15,25 +15,25 @@ from hopdata.recordings import raw
 from hopdata.recordings.readers import text
 
 ENDS = "_motion.tsv"
-_FOLDERS = 4  # of a dataset: motion, session, subject, dataset
+_FOLDERS = 4  # levels of a dataset: motion, session, subject, dataset
 _UP = {"S": "", "U": "", "I": "-", "D": "-"}  # superior, up, inferior, down
 _MISSING = ("", "n/a")
 
 
 def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
-    """Read the tracked points of a Motion-BIDS file that have a position in three axes.
+    """Read the tracked points of a Motion-BIDS file that have positions in three axes.
 
     Parameters
     ----------
-    path : path
+    The ``_motion.tsv`` file; ``_channels.tsv`` must stand beside it.
         The ``_motion.tsv`` file; ``_channels.tsv`` stands beside it.
     rate_hz : float, optional
-        Frame rate, for a file that does not state it.
+        Frame rate, for a file that states none.
 
     Raises
     ------
     RecordingError
-        Naming the file, the place in it, what was expected and what was found.
+        If the file cannot be read; names the file, the place, what was expected and found.
     """
     channels = path.with_name(path.name.removesuffix(ENDS) + "_channels.tsv")
     table = text.open_table(channels)
@@ -62,7 +62,7 @@ def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []
     with text.readable(path) as file:
         first = file.readline()
-    named = not any(map(text.is_number, text.split_line(path, first)))  # by the standard never
+    named = not any(map(text.is_number, text.split_line(path, first)))  # the standard forbids names
     rows = text.Rows(path, int(named), len(first) * named, len(kinds))
     _, numbers, stamps = rows.numbers([], at.ravel().tolist(), stamped)
     missing = told.get("MissingValues")
@@ -92,7 +92,7 @@ def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
 
 
 def _stated_up(path: Path) -> str:
-    """Axis that points up in the one reference frame that is described; empty if none is."""
+    """Return the up axis if exactly one reference frame is described; else empty."""
     frames = _told(path, "channels").get("reference_frame")
     levels = frames.get("Levels") if isinstance(frames, dict) else None
     levels = list(levels.values()) if isinstance(levels, dict) else []
@@ -103,7 +103,7 @@ def _stated_up(path: Path) -> str:
 
 
 def _told(path: Path, suffix: str) -> dict[str, Any]:
-    """Keys of the json files that hold for a file; nearer ones replace those of further ones."""
+    """Merge the JSON files that apply to a file; nearer ones override those further away."""
     parts, found = set(path.name.removesuffix(ENDS).split("_")), {}
     for folder in reversed(path.absolute().parents[:_FOLDERS]):
         for file in sorted(folder.glob(f"*_{suffix}.json")):

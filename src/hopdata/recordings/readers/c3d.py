@@ -1,7 +1,7 @@
-"""Reader of C3D files: whole numbers or floats, of any of the three byte orders.
+"""Reader of C3D files: integers or floats in any of the three byte orders.
 
-The format is that of the C3D user guide (c3d.org). The file is not believed: each count that it
-states is held against the bytes that are there before anything is read.
+The format follows the C3D user guide (c3d.org). Every count that the file states is checked against
+the bytes present before anything is read.
 """
 
 import os
@@ -22,28 +22,28 @@ from hopdata.recordings.readers.c3d_parameters import BLOCK, C3dHeader, Paramete
 from hopdata.recordings.readers.text import listed, only_place, readable
 
 MOST_PARAMETER_BYTES = 255 * BLOCK
-# Parameters of POINT that name points which are no markers, but what a model made of them.
+# Parameters of POINT that name model outputs, which are points but not markers.
 MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
-_OUTPUT = re.compile(r".*[a-z](Angles?|Forces?|Moments?|Powers?)")  # as Plug-in Gait names them
+_OUTPUT = re.compile(r".*[a-z](Angles?|Forces?|Moments?|Powers?)")  # as named by Plug-in Gait
 
 
 def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a C3D file.
 
-    A marker counts as unseen where its residual is negative, a coordinate is NaN, or all three are
-    0. Time is (frame number - 1) / rate, the clock of the file's events.
+    A marker counts as unseen if its residual is negative, a coordinate is NaN, or all three are 0.
+    Time is (frame number - 1) / rate, the clock of the file's events.
 
     Parameters
     ----------
     path : path
         The ``.c3d`` file.
     rate_hz : float, optional
-        Frame rate, for a file that does not state it.
+        Frame rate, for a file that states none.
 
     Raises
     ------
     RecordingError
-        Naming the file, the place in it, what was expected and what was found.
+        If the file cannot be read; names the file, the place, what was expected and found.
     """
     header, parameters, size = open_c3d(path)
     n_points, stated = header.n_points, parameters.number("POINT", "USED")
@@ -73,7 +73,7 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
 
 
 def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
-    """Header, parameters and size of a file."""
+    """Return header, parameters and size of a file."""
     with readable(path) as file:
         block = file.read(BLOCK)
         start = head.parameter_start(path, block)
@@ -94,7 +94,7 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
 
 
 def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
-    """Frame rate of the header and of ``POINT:RATE``, Hz, which must agree."""
+    """Return the frame rate, Hz; that of the header and ``POINT:RATE`` must agree."""
     stated = parameters.number("POINT", "RATE")
     if stated is None or not stated > 0:
         return header.rate_hz
@@ -109,7 +109,7 @@ def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
 def _markers(
     parameters: Parameters, n_points: int
 ) -> tuple[tuple[str, ...], list[int] | slice, tuple[str, ...]]:
-    """Names of the points that are markers, which points these are, and remarks."""
+    """Return the names and indices of the points that are markers, and remarks."""
     place = parameters.place("POINT", "LABELS")
     labels = parameters.texts("POINT", "LABELS")[:n_points]
     labels += [""] * (n_points - len(labels))
@@ -130,13 +130,13 @@ def _markers(
 
 
 def _stated_up(parameters: Parameters) -> str:
-    """Axis that points up on the screen, if it is one of x, y, z."""
+    """Return the axis that points up on the screen, if it is one of x, y, z."""
     axis = (parameters.texts("POINT", "Y_SCREEN") or [""])[0].upper()
     return axis[1].lower() if axis in ("+X", "+Y", "+Z") else ""
 
 
 def _numbers(path: Path, header: C3dHeader, parameters: Parameters, n_frames: int) -> NDArray[Any]:
-    """Numbers as they stand in the file, a row a frame: four a point, then the analog ones."""
+    """Return the file's numbers, a row per frame: four per point, then the analog samples."""
     stored = np.asarray(np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start))
     data, processor = stored[: n_frames * header.frame_bytes], parameters.processor
     numbers: NDArray[Any] = processor.floats(data) if header.scale < 0 else processor.whole(data)
@@ -144,7 +144,7 @@ def _numbers(path: Path, header: C3dHeader, parameters: Parameters, n_frames: in
 
 
 def _positions(header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice) -> FloatArray:
-    """Positions (N, M, 3) as stated of the points kept, NaN where unseen."""
+    """Return the stated positions (N, M, 3) of the selected points, NaN where unseen."""
     points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)[:, kept]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         positions = points[:, :, :3].astype(np.float64)
@@ -156,14 +156,14 @@ def _positions(header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice
 
 
 def _all_invalid(numbers: NDArray[Any], header: C3dHeader) -> bool:
-    """Tell whether all points are marked as invalid: some programs write no other residual."""
+    """Tell whether all points are marked invalid; some programs write no other residual."""
     return bool((numbers[:, 3 : 4 * header.n_points : 4] < 0).all())
 
 
 def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
-    """Events of the group ``EVENT``: labels, and times in minutes and seconds; and a remark.
+    """Return events of the group ``EVENT``, labels with times in minutes and seconds, and remarks.
 
-    Markers do not depend on them: events that do not fit together are not read.
+    Markers do not depend on them, so inconsistent events are skipped rather than refused.
     """
     used = int(parameters.number("EVENT", "USED") or 0)
     labels, times = parameters.texts("EVENT", "LABELS"), parameters.numbers("EVENT", "TIMES")
@@ -182,7 +182,7 @@ def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]
 
 @dataclass(frozen=True)
 class Analogs:
-    """Analog channels, scaled, on the clock of the file's frames and events.
+    """Scaled analog channels, on the clock of the file's frames and events.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class Analogs:
     names, units : tuple of str
         Label and unit of each of the C channels.
     time : (K,) array
-        Time of each sample, s; the first frame is number 1 at 0 s.
+        Time of each sample, s; frame number 1 is at 0 s.
     values : (K, C) array
         In `units`.
     """
@@ -208,7 +208,7 @@ class Analogs:
         Raises
         ------
         RecordingError
-            If no channel has this name, or several have.
+            If no channel or several channels have this name.
         """
         place = only_place(f"{self.path}: ANALOG:LABELS", name, self.names)
         return self.values[:, place], self.units[place]
@@ -228,7 +228,7 @@ def read_analogs(path: Path) -> Analogs:
     Raises
     ------
     RecordingError
-        Naming the file, the place in it, what was expected and what was found.
+        If the file cannot be read; names the file, the place, what was expected and found.
     """
     header, parameters, size = open_c3d(path)
     n_channels = int(parameters.number("ANALOG", "USED") or 0)
@@ -258,7 +258,7 @@ def read_analogs(path: Path) -> Analogs:
 def _per_channel(
     parameters: Parameters, name: str, n_channels: int, *, default: float
 ) -> FloatArray:
-    """One number a channel, (C,); the default where the file has none."""
+    """Return one number per channel, (C,); the default if the file has none."""
     found = parameters.numbers("ANALOG", name)
     if found and len(found) < n_channels:
         wanted = f"{n_channels} numbers"

@@ -1,7 +1,7 @@
-"""The parameter section of a C3D file: groups of named numbers and texts.
+"""Parameter section of a C3D file: groups of named numbers and texts.
 
-Layout after the C3D user guide (c3d.org), "The parameter section". Every length in it is checked
-against the section before it is used, so that a file cannot make the reader run away.
+The layout follows the C3D user guide (c3d.org), "The parameter section". Every length is checked
+against the section before use, so that a file cannot make the reader run away.
 """
 
 from collections.abc import Iterator
@@ -17,30 +17,30 @@ from hopdata.errors import RecordingError, mismatch
 from hopdata.recording import Event
 from hopdata.recordings.readers.text import decoded
 
-# Numbers in a C3D file, in the three byte orders that the format knows.
+# Numbers in a C3D file, in the three byte orders of the format.
 
 
 @dataclass(frozen=True)
 class Processor:
-    """The kind of computer whose numbers a C3D file holds.
+    """Type of computer whose number format a C3D file uses.
 
     Parameters
     ----------
     name : str
         ``"Intel"``, ``"DEC"`` or ``"MIPS"``.
     order : {"<", ">"}
-        Order of the bytes of a whole number, as numpy writes it.
+        Byte order of integers, in NumPy's notation.
     """
 
     name: str
     order: str
 
     def whole(self, data: bytes | NDArray[np.uint8]) -> NDArray[np.int16]:
-        """Decode 16-bit whole numbers with a sign."""
+        """Decode signed 16-bit integers."""
         return np.frombuffer(data, dtype=f"{self.order}i2").astype(np.int16)
 
     def floats(self, data: bytes | NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Decode 32-bit floating-point numbers; a DEC number has its halves exchanged."""
+        """Decode 32-bit floats; DEC floats have their halves exchanged."""
         raw = np.frombuffer(data, dtype=np.uint8)
         if self.name != "DEC":
             return raw.view(f"{self.order}f4")
@@ -50,22 +50,22 @@ class Processor:
         return quarter
 
 
-# By the number that the file's parameter section begins with.
+# Keyed by the number at the start of the file's parameter section.
 PROCESSORS = {84: Processor("Intel", "<"), 85: Processor("DEC", "<"), 86: Processor("MIPS", ">")}
 
 
 def unsigned(value: float) -> int:
-    """Whole number whose 16 bits may have been read with a sign: counts have none."""
+    """Return a count whose 16 bits may have been read as signed."""
     return int(value) + (65536 if value < 0 else 0)
 
 
-BLOCK = 512  # bytes; all sections begin at a multiple of it
-_WIDTH = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of an element: text, byte, whole number, float
+BLOCK = 512  # bytes; all sections begin at a multiple of this
+_WIDTH = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes per element: text, byte, integer, float
 
 
 @dataclass
 class Parameters:
-    """Parameters by group and name, both in upper case, and where they stand in the file."""
+    """Parameters by group and name, both in upper case, and their places in the file."""
 
     path: Path
     processor: Processor
@@ -73,11 +73,11 @@ class Parameters:
     remarks: tuple[str, ...] = ()
 
     def place(self, group: str, name: str) -> str:
-        """File and parameter, for messages."""
+        """Return file and parameter, for messages."""
         return f"{self.path}: {group}:{name}"
 
     def number(self, group: str, name: str) -> float | None:
-        """First number of a parameter; None if it is absent or empty.
+        """Return the first number of a parameter; None if it is absent or empty.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class Parameters:
         return numbers[0] if numbers else None
 
     def numbers(self, group: str, name: str) -> list[float]:
-        """All numbers of a parameter and of its continuations (``SCALE2`` ...), none if absent.
+        """Return all numbers of a parameter and its continuations (``SCALE2`` ...); none if absent.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class Parameters:
         return [float(x) for value in self._all(group, name, np.ndarray) for x in value]
 
     def texts(self, group: str, name: str) -> list[str]:
-        """All texts of a parameter and of its continuations (``LABELS2`` ...), none if absent.
+        """Return all texts of a parameter and its continuations (``LABELS2`` ...); none if absent.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class Parameters:
         return [text for value in self._all(group, name, list) for text in value]
 
     def _all(self, group: str, name: str, kind: type) -> Iterator[Any]:
-        """Yield the values of a parameter and of its continuations, which are of one kind."""
+        """Yield the values of a parameter and its continuations, which must be of one kind."""
         named = self.groups.get(group, {})
         for key in [name, *(f"{name}{i}" for i in range(2, len(named) + 2))]:
             if key not in named:
@@ -127,9 +127,9 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
     path : path
         The file, for messages.
     section : bytes
-        The file from the section's first byte on.
+        The file from the first byte of the section on.
     offset : int
-        Where in the file that is.
+        Place of that byte in the file.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
 
 @dataclass(frozen=True)
 class _Section:
-    """The bytes of the section, and where they stand in the file."""
+    """The bytes of the section and their place in the file."""
 
     path: Path
     data: bytes
@@ -174,7 +174,7 @@ class _Section:
     processor: Processor
 
     def records(self) -> Iterator[tuple[int, str, int]]:
-        """Yield the group's number (negative for a group itself), name and start of content."""
+        """Yield the group's number (negative for the group itself), name and start of content."""
         at = 4
         while at + 2 <= len(self.data) and self.data[at]:
             length, number = np.frombuffer(self.data, np.int8, 2, at).tolist()
@@ -189,11 +189,11 @@ class _Section:
             at = after + int(step)
 
     def kind(self, at: int) -> int:
-        """Type of a parameter."""
+        """Return the type of a parameter."""
         return int(np.frombuffer(self.take(at, 1), np.int8)[0])
 
     def value(self, at: int) -> Any:
-        """Value of a parameter: an array of its numbers or a list of its texts."""
+        """Return a parameter: an array of its numbers or a list of its texts."""
         kind, n_dimensions = self.kind(at), self.take(at + 1, 1)[0]
         sizes = list(self.take(at + 2, n_dimensions))
         data = self.take(at + 2 + n_dimensions, prod(sizes) * _WIDTH[kind])
@@ -206,7 +206,7 @@ class _Section:
         return self.processor.whole(data) if kind == 2 else self.processor.floats(data)
 
     def take(self, at: int, length: int) -> bytes:
-        """Bytes of the section, all of them."""
+        """Return the requested bytes of the section; raise an error if it is too short."""
         if at + length > len(self.data):
             raise self.fault(at, f"{length} bytes of a parameter, found the end of the section")
         return self.data[at : at + length]
@@ -215,19 +215,19 @@ class _Section:
         return RecordingError(f"{self.path}, byte {self.offset + at}: expected {what}")
 
 
-# The first block of a C3D file, and how many frames the file really holds.
+# First block of a C3D file, and the number of frames that the file really holds.
 
 MOST_16_BIT = 65535
-_EVENT_KEY = 12345  # word 150: what follows are events with labels of four letters
+_EVENT_KEY = 12345  # in word 150: events with four-letter labels follow
 _MOST_EVENTS = 18
 
 
 @dataclass(frozen=True)
 class C3dHeader:
-    """What the header says, before anything of it is believed.
+    """Contents of the header, before any check.
 
-    ``n_points`` markers and ``n_analog`` analog numbers stand in each frame; ``first`` and ``last``
-    are frame numbers; the data begin at byte ``data_start``, as floats if ``scale`` is negative.
+    Each frame holds ``n_points`` markers and ``n_analog`` analog numbers. ``first`` and ``last``
+    are frame numbers. Data begin at byte ``data_start``, as floats if ``scale`` is negative.
     """
 
     n_points: int
@@ -241,17 +241,17 @@ class C3dHeader:
 
     @property
     def frame_bytes(self) -> int:
-        """Bytes of one frame."""
+        """Return the number of bytes per frame."""
         return (4 * self.n_points + self.n_analog) * (4 if self.scale < 0 else 2)
 
 
 def parameter_start(path: Path, block: bytes) -> int:
-    """Byte at which the parameter section starts.
+    """Return the byte at which the parameter section starts.
 
     Raises
     ------
     RecordingError
-        If this is no C3D file.
+        If this is not a C3D file.
     """
     if not block:
         raise RecordingError.at(path, "a C3D file", "an empty file")
@@ -274,22 +274,23 @@ def read_c3d_header(block: bytes, processor: Processor) -> C3dHeader:
 
 
 def first_frame(header: C3dHeader, parameters: Parameters) -> int:
-    """Return the number of the first frame: a long recording has it in two words of ``TRIAL``."""
+    """Return the number of the first frame; long recordings store it in two words of ``TRIAL``."""
     return _two_words(parameters, "ACTUAL_START_FIELD") or header.first
 
 
 def count_frames(
     header: C3dHeader, parameters: Parameters, available: int
 ) -> tuple[int, tuple[str, ...]]:
-    """Agree on the number of frames between the file's claims and its own size.
+    """Find the number of frames on which the file's claims and its size agree.
 
-    Header and ``POINT:FRAMES`` have 16 bits and cannot count beyond 65,535: a claim that is full or
-    has wrapped round is no lie. The other claims must fit the bytes that are there, to the block.
+    Header and ``POINT:FRAMES`` have 16 bits and cannot count beyond 65,535, so a claim at that
+    limit or wrapped around is not a contradiction. The other claims must fit the bytes present, to
+    the block.
 
     Parameters
     ----------
     header, parameters
-        What the file says.
+        Counts stated by the file.
     available : int
         Bytes from the start of the data to the end of the file.
 
@@ -297,7 +298,7 @@ def count_frames(
     -------
     n_frames : int
     remarks : tuple of str
-        Claims that do not hold beside one that does.
+        Claims that contradict the valid one.
 
     Raises
     ------
@@ -306,7 +307,7 @@ def count_frames(
     """
     claims = _claims(header, parameters)
     most = available // header.frame_bytes
-    # Some writers fill up the last block, others a block more where it is full.
+    # Some writers pad the last block; others add a whole block if it is full.
     possible = range(most, max(0, -(-(available - BLOCK) // header.frame_bytes) - 1), -1)
     fitting = [n for n in claims.values() if n in possible]
     wrapped = [n for n in possible if all(_is_full(c) or c == n % 65536 for c in claims.values())]
@@ -328,7 +329,7 @@ def count_frames(
 
 
 def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
-    """Numbers of frames by where the file says so, the most trustworthy first."""
+    """Return the numbers of frames by place in the file, the most trustworthy first."""
     claims: dict[str, float] = {}
     last = _two_words(parameters, "ACTUAL_END_FIELD")
     if last:
@@ -337,14 +338,14 @@ def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
         stated = parameters.number("POINT", name)
         if stated is not None and isfinite(stated):
             claims[f"POINT:{name}"] = unsigned(stated) if stated > -32769 else stated
-    if header.last < MOST_16_BIT or not claims:  # a full last frame says nothing beside others
+    if header.last < MOST_16_BIT or not claims:  # a saturated last frame says nothing beside others
         full = header.last == MOST_16_BIT
         claims["header"] = MOST_16_BIT if full else header.last - header.first + 1
     return claims
 
 
 def _two_words(parameters: Parameters, name: str) -> int:
-    """Whole number in two 16-bit words of ``TRIAL``, the lower one first; 0 if absent."""
+    """Return the integer in two 16-bit words of ``TRIAL``, low word first; 0 if absent."""
     words = parameters.numbers("TRIAL", name)
     if len(words) != 2 or not all(abs(word) <= MOST_16_BIT for word in words):
         return 0
@@ -360,7 +361,7 @@ def _is_16_bit(claim: float, n: float) -> bool:
 
 
 def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:
-    """Events of the header, whose labels have four letters."""
+    """Return the events of the header, whose labels have four letters."""
     words = processor.whole(block[298:302])
     if words[0] != _EVENT_KEY or not 0 < words[1] <= _MOST_EVENTS:
         return ()

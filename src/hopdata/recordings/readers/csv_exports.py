@@ -1,10 +1,10 @@
-"""Text exports of many programs: Motive, Vicon Nexus, keypoints from video, Qualisys and tables.
+"""Text exports of many programs: Motive, Vicon Nexus, keypoints, Qualisys and plain tables.
 
-The suffix says little, so the first lines decide: Motive begins with its format version, Nexus with
-the name of a section, DeepLabCut with three rows from its scorer on, Anipose names columns of
-coordinates; the rest is for the reader of QTM's exports and of plain tables. What stands between
-the cells may be a comma, a semicolon or a tab; then a comma is one of decimals.
-Lines above that begin with # are comments.
+The suffix says little, so the first lines decide. Motive begins with its format version, Nexus with
+the name of a section, DeepLabCut with three rows from its scorer on, and Anipose names columns of
+coordinates. The reader of QTM's exports and plain tables handles the rest. Cells are separated by
+commas, semicolons or tabs; with the last two, a comma is the decimal mark. Lines above the
+table that begin with # are comments.
 """
 
 import codecs
@@ -20,7 +20,7 @@ from hopdata.recordings.readers.keypoints import AXES, SCORES, Columns, keypoint
 
 _KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 _TRAJECTORIES = "trajectories"
-_SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of Nexus, not read
+_SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of Nexus; not read
 _MOST_HEADER_LINES, _MOST_NAME_LINES = 40, 8
 _KNOWN = (
     "an export of Motive (Format Version), Vicon Nexus (a section Trajectories), DeepLabCut "
@@ -36,7 +36,7 @@ Row = list[str]
 
 @dataclass(frozen=True)
 class _Sheet:
-    """The first lines of a table, of which `n_above` lines of `offset` bytes are above."""
+    """The first lines of a table, of which `n_above` lines (`offset` bytes) precede it."""
 
     path: Path
     lines: list[bytes]
@@ -46,15 +46,15 @@ class _Sheet:
 
     @cached_property
     def rows(self) -> list[Row]:
-        """Cells of these lines."""
+        """Return the cells of these lines."""
         return [text.fields_of(text.decoded(line), self.mark) for line in self.lines]
 
     def line(self, index: int) -> str:
-        """Place of a line, from 0, for messages."""
+        """Return the place of a line, counted from 0, for messages."""
         return f"{self.path}, line {self.n_above + index + 1}"
 
     def below(self, index: int, *, is_section: bool = False) -> text.Rows:
-        """Rows below a line, as wide as the first of them."""
+        """Return the rows below a line, as wide as the first of them."""
         offset = self.offset + sum(map(len, self.lines[: index + 1]))
         if index + 1 >= len(self.rows):
             raise RecordingError.at(self.path, "rows of numbers after the header", "none")
@@ -74,14 +74,14 @@ def read_export(
     path : path
         The file.
     rate_hz : float, optional
-        Frame rate, for a file that does not state it, as keypoints from video.
+        Frame rate, for a file that states none, such as keypoints from video.
     least_score : float
-        Keypoints with a smaller likelihood or score count as unseen.
+        Keypoints with a lower likelihood or score count as unseen.
 
     Raises
     ------
     RecordingError
-        Naming the file, the line, what was expected and what was found.
+        If the file cannot be read; names the file, the line, what was expected and found.
     """
     if path.name.endswith(bids.ENDS):
         return bids.read_bids(path, rate_hz=rate_hz)
@@ -118,9 +118,9 @@ def read_export(
 
 
 def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
-    """Find a row of axes below one that names each three of them: its place, and the columns.
+    """Find a row of axes below a row that names each three of them; return its index and columns.
 
-    JARVIS writes so, Visual3D, and pandas, which may name the index in a row below.
+    This is the form of JARVIS, Visual3D, and pandas, which may name the index in a further row.
     """
     for at, row in enumerate(rows[:_MOST_NAME_LINES]):
         axes = [cell.lower() for cell in row]
@@ -177,7 +177,7 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
 
 
 def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
-    """Read the section of trajectories; devices and the outputs of models stand in others."""
+    """Read the section of trajectories; devices and model outputs have other sections."""
     path, others, n_above, offset = sheet.path, [], 0, 0
     with text.readable(path) as file:
         for line in file:
@@ -218,10 +218,10 @@ def _recording(
     remarks: tuple[str, ...],
     counters: tuple[str, ...] = ("frame",),
 ) -> raw.RawRecording:
-    """Read the blocks of three columns that begin at `starts` in the rows below a header.
+    """Read blocks of three columns that begin at `starts` in the rows below a header.
 
-    The first columns are `counters`, the frame's number and perhaps its time; rates are the one
-    that is stated and the one that is given, a unit has its place for a message.
+    The first columns are `counters`: the frame's number and possibly its time. `rates_hz` holds the
+    stated and the given rate; the unit comes with its place for messages.
     """
     path = sheet.path
     kept, left_out = raw.labelled(str(path), names)
@@ -259,6 +259,6 @@ def _row_of(sheet: _Sheet, first: str, others: str = "") -> int:
 
 
 def _stated(place: str, keys: dict[str, str], *names: str) -> float | None:
-    """Return the first of some keys as a number; None if the file has none of them."""
+    """Return the first of several keys as a number; None if the file has none of them."""
     name = next((name for name in names if keys.get(name)), "")
     return text.stated_number(place, name, keys.get(name, ""))

@@ -1,4 +1,4 @@
-"""Which reader a file's suffix calls for; the readers are imported when they are needed."""
+"""Choice of the reader by file suffix; readers are imported only when needed."""
 
 from dataclasses import replace
 from functools import cache
@@ -13,12 +13,12 @@ from hopdata.recording import SLOWEST_S
 from hopdata.recordings import raw as reading
 from hopdata.recordings.readers.text import require_file
 
-LARGEST = 1e9  # mm or m: no camera sees so far
+LARGEST = 1e9  # mm or m: beyond the range of any camera
 
 
 LEAST_SCORE = 0.6  # as the default of input.least_score in the schema
 
-# The reader of each suffix, and which limits it is given.
+# Reader for each suffix, and the limits passed to it.
 _EXPORT = ("hopdata.recordings.readers.csv_exports:read_export", ("least_score",))
 _HDF5 = ("hopdata.recordings.readers.keypoints:read_hdf5", ("most_unpacked_mb", "least_score"))
 READERS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -32,13 +32,13 @@ READERS: dict[str, tuple[str, tuple[str, ...]]] = {
 
 @cache
 def _others() -> dict[str, EntryPoint]:
-    """Return the readers of installed packages (``hopdata.readers``) by their suffix."""
+    """Return the readers of installed packages (``hopdata.readers``) by suffix."""
     found = {one.name: one for one in entry_points(group="hopdata.readers")}
     return {suffix: one for suffix, one in found.items() if suffix not in READERS}
 
 
 def suffixes() -> tuple[str, ...]:
-    """File suffixes that can be read."""
+    """Return the file suffixes that can be read."""
     return (*READERS, *_others())
 
 
@@ -49,23 +49,23 @@ def read_raw(
     most_unpacked_mb: float = reading.MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
 ) -> reading.RawRecording:
-    """Read all markers of a file, by the reader that its suffix calls for.
+    """Read all markers of a file with the reader for its suffix.
 
     Parameters
     ----------
     path : path
         A file whose suffix is one of `suffixes`.
     rate_hz : float, optional
-        Frame rate, for files that do not state it, or not the true one.
+        Frame rate, for files that state none or a wrong one.
     most_unpacked_mb : float
-        Memory that a packed file (MAT, HDF5) may ask for, MB.
+        Most memory that a packed file (MAT, HDF5) may use, MB.
     least_score : float
-        Keypoints from video that are less sure count as unseen.
+        Keypoints from video with a lower score count as unseen.
 
     Raises
     ------
     RecordingError
-        If there is no such file or no reader for it, or if the reader finds a fault.
+        If the file or a reader for it does not exist, or if the reader finds a fault.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -87,7 +87,7 @@ def read_raw(
 
 
 def _check_numbers(path: Path, raw: reading.RawRecording) -> None:
-    """Require finite times in s, and positions that are NaN or such as can be."""
+    """Require finite times, s, and positions that are NaN or possible."""
     if not np.isfinite(raw.time).all():
         frame = int(np.argmin(np.isfinite(raw.time)))
         raise RecordingError.at(f"{path}: frame {frame + 1}", "a finite time", raw.time[frame])

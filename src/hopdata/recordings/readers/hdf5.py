@@ -1,4 +1,4 @@
-"""Recordings (and the truth of synthetic ones) as HDF5 files."""
+"""Recordings, and the truth of synthetic ones, as HDF5 files."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from hopdata.jobs import whole_file
 from hopdata.recording import ROLES, Event, Recording, Truth, check_sizes
 from hopdata.recordings.raw import FILE_AXES, require_unpacked
 
-# Datasets and attributes of HDF5 files that may be damaged: none is read before it is looked at.
-#
-# The library that reads HDF5 believes what a file says of itself: it would make an array of any
-# size, and follow a type that is none into memory that is not its own.
+# Datasets and attributes of HDF5 files that may be damaged are checked before they are read.
 
-_DEFLATE_MOST = 1032  # no byte of deflated data gives more bytes than that
-NUMBER_BYTES = 8  # what a number takes that is read, however it is stored
-_SMALL = 1 << 20  # bytes that any dataset may ask for
+# The HDF5 library trusts the file: it would allocate an array of any size, and follow an invalid
+# type into memory outside its own.
+
+_DEFLATE_MOST = 1032  # most bytes that one byte of deflated data can expand to
+NUMBER_BYTES = 8  # bytes of a number in memory, however it is stored
+_SMALL = 1 << 20  # bytes that any dataset may use
 
 
 def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
-    """Refuse a file that reaches for other files, or would unpack to more than it may.
+    """Refuse a file that refers to other files or would unpack to more than the limit.
 
     Raises
     ------
     ValueError
-        Naming a link or dataset that lies outside of the file, or the size of all.
+        If it does; names the link or dataset outside the file, or the total size.
     """
     links: list[tuple[str, Any]] = []
-    file.visititems_links(lambda name, link: links.append((name, link)))  # which must not raise
+    file.visititems_links(lambda name, link: links.append((name, link)))  # must not raise
     total = 0
     for name, link in links:
         if isinstance(link, h5py.ExternalLink):
@@ -61,15 +61,15 @@ def _outside(name: str, what: str, where: str) -> str:
 
 
 def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any]:
-    """Read a dataset, if its size can be true, as it is or as numbers of another type.
+    """Read a dataset of plausible size, as stored or converted to another type.
 
-    A shape is a claim; what is stored is not. A dataset of chunks that were never written would
-    come back as zeros without end.
+    A shape is only a claim, unlike the stored bytes. A dataset whose chunks were never written
+    would be read as endless zeros.
 
     Raises
     ------
     ValueError
-        If the dataset claims more than its stored bytes can hold.
+        If the claimed size exceeds what the stored bytes can hold.
     """
     claimed = prod(dataset.shape) * dataset.dtype.itemsize
     stored = int(dataset.id.get_storage_size())
@@ -81,12 +81,12 @@ def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any
 
 
 def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """Read an attribute that is numbers or text; None if there is none of this name.
+    """Read a numeric or text attribute; None if it does not exist.
 
     Raises
     ------
     ValueError
-        If it is of another type, or too large.
+        If it has another type, or is too large.
     """
     if name not in item.attrs:
         return None
@@ -100,18 +100,18 @@ def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     return item.attrs[name]
 
 
-# Datasets and attributes of an HDF5 group: of the kind that is expected, or refused.
+# Datasets and attributes of an HDF5 group are refused unless they are of the expected kind.
 
-_NUMBERS = "biuf"  # kinds of dtype; complex numbers, text and records are none
+_NUMBERS = "biuf"  # kinds of dtype; complex numbers, text and records are not numbers
 
 
 def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
-    """Read an array of numbers as float64, or of truth values as they are.
+    """Read an array of numbers as float64, or of booleans unchanged.
 
     Raises
     ------
     ValueError
-        If there is no such dataset, or it holds something else.
+        If the dataset does not exist, or holds something else.
     """
     found = group.get(name)
     if not isinstance(found, h5py.Dataset):
@@ -131,7 +131,7 @@ def attribute(group: h5py.Group, name: str, kind: str) -> Any:
     Raises
     ------
     ValueError
-        If there is no such attribute, or it is something else.
+        If the attribute does not exist, or is something else.
     """
     found = checked_attribute(group, name)
     value = found.tolist() if isinstance(found, np.ndarray | np.generic) else found
@@ -150,7 +150,7 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
     Raises
     ------
     ValueError
-        If there is no such dataset, or it holds something else.
+        If the dataset does not exist, or holds something else.
     """
     found = group.get(name)
     if not isinstance(found, h5py.Dataset) or h5py.check_string_dtype(found.dtype) is None:
@@ -162,19 +162,19 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
 
 
 CHUNK_FRAMES = 16384
-COMPRESSION = 6  # of 9, which takes twice the time for 0.2 % of the bytes
-SIGNATURE = b"\x89HDF\r\n\x1a\n"  # with which HDF5 files begin
+COMPRESSION = 6  # of 9; 9 takes twice the time to save 0.2 % of the bytes
+SIGNATURE = b"\x89HDF\r\n\x1a\n"  # start of every HDF5 file
 _TRUTH_ATTRIBUTES = ("noise_m", "parameters_json", "true_effect")
 _TRUTH_DATASETS = tuple(f.name for f in fields(Truth) if f.name not in _TRUTH_ATTRIBUTES)
 _TEXT_ATTRIBUTES = ("name", "source", "source_sha256", "vertical_axis")
 
 
 def write_recording(path: str | Path, recording: Recording, truth: Truth | None = None) -> None:
-    """Write a recording, and its truth if there is one, to an HDF5 file.
+    """Write a recording, and its truth if available, to an HDF5 file.
 
-    The file appears under its name only once it is whole. Positions are stored as float32 (their
-    rounding, 0.06 um within 1 m of the origin, is far below any marker's noise), one coordinate
-    of one marker after the other, shuffled and deflated. Equal content gives equal bytes.
+    The file appears under its name only when complete. Positions are stored as float32, whose
+    rounding (0.06 um within 1 m of the origin) is far below any marker's noise. Coordinates of each
+    marker are stored one after the other, shuffled and deflated. Equal content gives equal bytes.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     recording : Recording
     truth : Truth, optional
     """
-    # A chunk that waits in memory when no more can be written crashes the process at its end.
+    # If writing fails, a chunk left in memory crashes the process when it ends.
     with whole_file(path) as partial, h5py.File(partial, "w", rdcc_nbytes=0, locking=False) as file:
         _dataset(file, "time", recording.time)
         _dataset(file, "positions", recording.positions, np.float32)
@@ -209,7 +209,7 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
 
 
 def as_stored(recording: Recording) -> Recording:
-    """Return a recording as `read_recording` gives it back after `write_recording`."""
+    """Return a recording as `read_recording` returns it after `write_recording`."""
     return replace(recording, positions=recording.positions.astype(np.float32).astype(float))
 
 
@@ -220,13 +220,13 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
     ----------
     path : path
     most_unpacked_mb : float
-        Memory that the file may ask for, MB; without limit for files that hopdata has written.
+        Most memory that the file may use, MB; by default unlimited, for files written by hopdata.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read, or lacks a dataset or attribute, or their kinds or sizes are
-        not those of a recording.
+        If the file cannot be read, lacks a dataset or attribute, or their kinds or sizes do not
+        form a recording.
     """
     with opened(path, "not a recording", most_unpacked_mb) as file:
         recording = Recording(
@@ -248,18 +248,18 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
 
 
 def read_truth(path: str | Path) -> Truth | None:
-    """Read the truth of a synthetic recording; None if the file holds none.
+    """Read the truth of a synthetic recording; None if the file has none.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read or its truth is not whole.
+        If the file cannot be read or its truth is incomplete.
     """
     with opened(path, "truth is not whole") as file:
         if "truth" not in file:
             return None
         group = file["truth"]
-        known = "true_effect" in group.attrs  # few files say it
+        known = "true_effect" in group.attrs  # few files have it
         truth = Truth(
             **{key: numbers(group, key) for key in _TRUTH_DATASETS},
             noise_m=float(attribute(group, "noise_m", "a number")),
@@ -272,7 +272,7 @@ def read_truth(path: str | Path) -> Truth | None:
 
 @contextmanager
 def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
-    """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
+    """Open a file; convert any error in or with it to a RecordingError that names it."""
     if not Path(path).is_file():
         raise RecordingError.at(f"{path}: no such file", "a recording", "none")
     try:
@@ -307,7 +307,7 @@ def _read_events(file: h5py.File) -> tuple[Event, ...]:
 
 
 def _dataset(group: h5py.Group, name: str, array: NDArray[Any], dtype: type | None = None) -> None:
-    """Store an array in chunks that run along its first axis, which compresses best."""
+    """Store an array in chunks along its first axis, which compresses best."""
     if array.size == 0:
         group.create_dataset(name, data=array, track_times=False)
         return
@@ -315,6 +315,6 @@ def _dataset(group: h5py.Group, name: str, array: NDArray[Any], dtype: type | No
     packed = {"shuffle": True, "compression": "gzip", "compression_opts": COMPRESSION}
     kind = {"shape": array.shape, "dtype": dtype or array.dtype}
     stored = group.create_dataset(name, **kind, chunks=chunks, track_times=False, **packed)
-    for first in range(0, len(array), CHUNK_FRAMES):  # in no memory of the array's size
+    for first in range(0, len(array), CHUNK_FRAMES):  # without a temporary array of full size
         part = slice(first, first + CHUNK_FRAMES)
         stored[part] = array[part].astype(stored.dtype, copy=False)

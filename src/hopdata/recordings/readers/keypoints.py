@@ -1,7 +1,7 @@
-"""Keypoints from video in three dimensions: tables of DeepLabCut, Anipose, JARVIS; CSV or HDF5.
+"""3-D keypoints from video: tables of DeepLabCut, Anipose and JARVIS, as CSV or HDF5.
 
-They state no unit, seldom a clock, but how sure each point is. In HDF5 they are tables of pandas:
-one of rows with the names of its columns pickled beside it, or arrays of blocks with their names.
+They state no unit and rarely a clock, but the confidence of each point. In HDF5 they are pandas
+tables: either rows with pickled column names beside them, or arrays of blocks with their names.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ def keypoints(
     path: Path, columns: Columns, values: FloatArray, rate_hz: float | None, least_score: float,
     unit: str = "",
 ) -> raw.RawRecording:  # fmt: skip
-    """Make a recording of named columns.
+    """Make a recording from named columns.
 
     Parameters
     ----------
     path : path
         The file, for messages.
     columns : list of tuple of str
-        The K names: of DeepLabCut the scorer, perhaps the individual, the body part and the
-        coordinate; of Anipose one name such as ``toe_x``.
+        The K names. For DeepLabCut: scorer, possibly individual, body part and coordinate. For
+        Anipose: one name such as ``toe_x``.
     values : (N, K) array
         NaN where missing.
     rate_hz : float or None
-        ``input.rate_hz``, which the file does not state.
+        ``input.rate_hz``, since the file states no rate.
     least_score : float
-        Points with a smaller likelihood or score count as unseen.
+        Points with a lower likelihood or score count as unseen.
     unit : str
-        Of the values, taken for mm if it is empty.
+        Unit of the values; mm is assumed if it is empty.
 
     Raises
     ------
     RecordingError
-        If there is no rate, a name is there twice, or no point has three coordinates.
+        If there is no rate, a name occurs twice, or no point has three coordinates.
     """
     split = [
         c[0].rpartition("_")[::2] if len(c) == 1 else (" ".join(c[1:-1]), c[-1]) for c in columns
@@ -77,7 +77,7 @@ def keypoints(
         remarks = [f"{path}: {told} (input.least_score) and count as unseen"] * bool(unsure.any())
     number = np.arange(1.0, len(values) + 1)
     steps = np.diff(number if frame is None else values[:, frame])
-    if steps.min(initial=1.0) > 0 and not (steps % 1).any():  # rows may have been dropped
+    if steps.min(initial=1.0) > 0 and not (steps % 1).any():  # rows may be missing
         number[1:] += np.cumsum(steps / steps.min(initial=np.inf) - 1)
     return raw.assembled(
         str(path),
@@ -94,11 +94,11 @@ def keypoints(
 def read_hdf5(
     path: Path, *, rate_hz: float | None = None, most_unpacked_mb: float, least_score: float
 ) -> raw.RawRecording:
-    """Read a recording of ours or a table of keypoints, whichever an HDF5 file holds."""
+    """Read an HDF5 file that holds either a hopdata recording or a table of keypoints."""
     if (table := pandas_table(path, most_unpacked_mb)) is not None:
         return keypoints(path, *table, rate_hz, least_score)
     own = hdf5.read_recording(path, most_unpacked_mb=most_unpacked_mb)
-    if own.filled is not None:  # what was filled in was not seen
+    if own.filled is not None:  # filled positions were not seen
         own.positions[own.filled] = np.nan
     raw.blank_unseen(own.positions)
     names, renamed = raw.distinct_names(str(path), own.markers)
@@ -117,7 +117,7 @@ def read_hdf5(
 
 
 def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArray] | None:
-    """Read the first table that pandas wrote to an HDF5 file; None if there is none.
+    """Read the first pandas table of an HDF5 file; None if there is none.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArr
     Raises
     ------
     RecordingError
-        If the file cannot be read, or its table is not one of numbers.
+        If the file cannot be read, or its table does not hold numbers.
     """
     with hdf5.opened(path, "not a table of keypoints", most_unpacked_mb) as file:
         groups = (item for item in map(file.get, file) if hasattr(item, "attrs"))
@@ -143,7 +143,7 @@ def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArr
 
 
 def _rows_of(table: h5py.Dataset) -> list[tuple[Columns, FloatArray]]:
-    """Blocks of a dataset of rows, each with an index and fields ``values_block_<k>``."""
+    """Return blocks of a row dataset with an index and fields ``values_block_<k>``."""
     rows = hdf5.whole_array(table)
     fields = [f for f in rows.dtype.names or () if f.startswith("values_block_")]
     return [
@@ -153,7 +153,7 @@ def _rows_of(table: h5py.Dataset) -> list[tuple[Columns, FloatArray]]:
 
 
 def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
-    """Blocks of ``block<k>_values``, with the levels of their names, or the names themselves."""
+    """Return blocks of ``block<k>_values``, with the levels of their names or the names."""
     blocks = []
     for k in range(int(hdf5.attribute(group, "nblocks", "a number"))):
         at = f"block{k}_items"
@@ -179,7 +179,7 @@ def _numbers(array: Any) -> FloatArray:
 
 
 def _named(names: Any) -> Columns:
-    """Require names of columns: texts, or tuples of texts."""
+    """Require column names to be texts or tuples of texts."""
     if not isinstance(names, Sequence) or isinstance(names, str | bytes):
         raise ValueError(f"expected names of columns, found {type(names).__name__}")
     columns = [name if isinstance(name, tuple) else (name,) for name in names]
@@ -191,7 +191,7 @@ def _text(name: Any) -> str:
 
 
 class _Plain(pickle.Unpickler):
-    """Unpickles texts, numbers, lists and tuples; a pickle that asks for more is refused."""
+    """Unpickles only texts, numbers, lists and tuples; refuses any other pickle."""
 
     def find_class(self, module: str, name: str) -> Any:
         raise ValueError(f"expected names of columns, found a pickle of {module}.{name}")

@@ -1,11 +1,11 @@
-"""MAT files, by SciPy and, from 7.3 on, h5py; and what QTM exports into them.
+"""MAT files, read by SciPy or, from version 7.3 on, h5py; and QTM's exports in that format.
 
-Either library makes an array of whatever size a file claims. So the claims of a damaged file are
-held against its bytes, and against the memory that it may ask for, before a library reads it.
+Both libraries allocate whatever size a file claims. The claims are therefore checked against the
+file's bytes and the memory limit before a library reads it.
 
-Of QTM's one struct, named after the file, are read: ``FrameRate``, ``Frames``, ``StartFrame``,
-``Timestamp``, ``Events`` and ``Trajectories.Labeled`` with ``Labels``, ``Data`` (marker, x y z
-residual, frame), in mm.
+A QTM export is one struct named after the file. Fields read are ``FrameRate``, ``Frames``,
+``StartFrame``, ``Timestamp``, ``Events`` and ``Trajectories.Labeled`` with ``Labels`` and ``Data``
+(marker, x y z residual, frame), in mm.
 """
 
 import io
@@ -26,17 +26,17 @@ from hopdata.recordings.readers.hdf5 import SIGNATURE, checked_attribute, requir
 from hopdata.recordings.readers.qtm import moment
 from hopdata.recordings.readers.text import one_line
 
-Element = tuple[int, int, int]  # its type, and where its content starts and stops
+Element = tuple[int, int, int]  # type, start and end of content
 
 _HEADER_BYTES = 128
 _INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED = 1, 5, 6, 14, 15  # types of elements
 _NUMBERS, _TEXTS = frozenset({*range(1, 8), 9, 12, 13}), frozenset({1, 2, 4, 16, 17, 18})
-# Types of what stands in a matrix of each class: cells, structs, text and numbers.
+# Allowed element types in each class of matrix: cells, structs, text and numbers.
 _HOLDS = {1: frozenset({_MATRIX}), 2: frozenset({_INT8, _INT32, _MATRIX}), 4: _TEXTS}
 _HOLDS |= dict.fromkeys(range(6, 16), _NUMBERS)
 _IS_COMPLEX = 0x800
-_DEEPEST = 12  # levels of structs in structs
-_MOST_ITEMS = 20_000  # of version 7.3: a damaged file may refer to itself
+_DEEPEST = 12  # levels of nested structs
+_MOST_ITEMS = 20_000  # in version 7.3, where a damaged file may refer to itself
 
 
 def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
@@ -47,19 +47,19 @@ def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
     path : path
         The file.
     most_unpacked_mb : float
-        Memory that all numbers may ask for, MB.
+        Most memory that all numbers may use, MB.
 
     Returns
     -------
     dict
-        By name: a struct is a dict (an array of them a list of dicts, in version 7.3 a dict of
-        lists), a cell array a list, text is str, numbers are arrays in MATLAB's order of axes.
-        Anything else is None.
+        Variables by name. A struct is a dict; an array of structs is a list of dicts, or in version
+        7.3 a dict of lists. A cell array is a list and text is str. Numbers are arrays with
+        MATLAB's order of axes. Anything else is None.
 
     Raises
     ------
     RecordingError
-        Naming the file, what was expected and what was found.
+        If the file cannot be read; names the file, what was expected and found.
     """
     try:
         with path.open("rb") as file:
@@ -86,17 +86,17 @@ def _version_5(data: bytes, most_mb: float) -> dict[str, Any]:
         raise ValueError(f"byte 126: expected 'IM' or 'MI', found {data[126:128]!r}")
     body = b"".join(_unpacked(data, order, most_mb))
     count = sum(_count(body, element, order) for element in _elements(body, 0, len(body), order))
-    raw.require_unpacked(8 * count, most_mb)  # a float each, in the end
+    raw.require_unpacked(8 * count, most_mb)  # each number ends up as a float
     header = b"MATLAB 5.0 MAT-file".ljust(124) + np.array(0x100, f"{order}u2").tobytes()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that a variable cannot be read: it may not be needed
+        warnings.simplefilter("ignore")  # about unreadable variables, which may not be needed
         codec = "utf-16-le" if order == "<" else "utf-16-be"
         found = scipy.io.loadmat(io.BytesIO(header + data[126:128] + body), uint16_codec=codec)
     return {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
 
 
 def _plain(value: Any) -> Any:
-    """Return what SciPy made of a variable as a dict, a list, text or numbers."""
+    """Convert SciPy's form of a variable to a dict, a list, text or numbers."""
     if not isinstance(value, np.ndarray):
         return None
     if names := value.dtype.names:
@@ -108,7 +108,7 @@ def _plain(value: Any) -> Any:
 
 
 def _unpacked(data: bytes, order: str, most_mb: float) -> Iterator[bytes]:
-    """Yield the elements of a file, decompressed, each of the size that its first bytes state."""
+    """Yield a file's elements, decompressed, each of the size stated by its first bytes."""
     total = 0
     for kind, start, stop in _elements(data, _HEADER_BYTES, len(data), order):
         if kind != _COMPRESSED:
@@ -127,9 +127,9 @@ def _unpacked(data: bytes, order: str, most_mb: float) -> Iterator[bytes]:
 
 
 def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
-    """Count what a matrix says that it and those inside it hold; refuse it if it cannot.
+    """Count the numbers that a matrix and those inside it claim to hold; refuse impossible claims.
 
-    SciPy takes types and sizes for what they should be, and crashes where they are not.
+    SciPy trusts types and sizes, and crashes if they are wrong.
     """
     kind, start, stop = element
     if kind != _MATRIX or depth > _DEEPEST:
@@ -159,13 +159,13 @@ def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
 
 
 def _elements(data: bytes, at: int, end: int, order: str) -> list[Element]:
-    """List the elements between two bytes."""
+    """List the elements between two byte positions."""
     found = []
     while at < end:
         kind, size = np.frombuffer(data[at : at + 8].ljust(8, b"\0"), f"{order}u4").tolist()
         start, room = at + 8, end - at - 8
         after = start + size + (0 if kind == _COMPRESSED else -size % 8)
-        if kind >> 16:  # a small element: its size stands before its type
+        if kind >> 16:  # small element: the size precedes the type
             kind, size, start, room, after = kind & 0xFFFF, kind >> 16, at + 4, 4, at + 8
         if size > room or at + 8 > end:
             raise ValueError(f"byte {at}: expected an element of {size} bytes, found {room}")
@@ -175,7 +175,7 @@ def _elements(data: bytes, at: int, end: int, order: str) -> list[Element]:
 
 
 def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
-    """Decode the HDF5 file that version 7.3 is; its axes are reversed, and are turned back."""
+    """Decode a version 7.3 file, which is HDF5 with reversed axes; restore their order."""
     room = iter(range(_MOST_ITEMS))
 
     def decoded(item: Any) -> Any:
@@ -203,22 +203,22 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
         return {name: decoded(file[name]) for name in file if not name.startswith("#")}
 
 
-# QTM's exports: one struct, in either kind of MAT file.
+# QTM's exports: one struct, in either version of MAT file.
 
 
 def read_qtm_mat(
     path: Path, *, rate_hz: float | None = None, most_unpacked_mb: float
 ) -> raw.RawRecording:
-    """Read the labelled trajectories of a MAT file that QTM exported.
+    """Read the labelled trajectories of a MAT file exported by QTM.
 
     Parameters
     ----------
     path : path
         The ``.mat`` file, version 5 to 7.3.
     rate_hz : float, optional
-        Frame rate, for a file that does not state it.
+        Frame rate, for a file that states none.
     most_unpacked_mb : float
-        Memory that the file may ask for, MB.
+        Most memory that the file may use, MB.
 
     Returns
     -------
@@ -228,7 +228,7 @@ def read_qtm_mat(
     Raises
     ------
     RecordingError
-        Naming the file, the field, what was expected and what was found.
+        If the file cannot be read; names the file, the field, what was expected and found.
     """
     name, export = _export(path, read_mat(path, most_unpacked_mb))
     place = f"{path}: {name}"
@@ -260,7 +260,7 @@ def read_qtm_mat(
 
 
 def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Name and content of the one struct with trajectories."""
+    """Return name and content of the one struct with trajectories."""
     for name, value in variables.items():
         if isinstance(value, dict) and "Trajectories" in value:
             return name, value
@@ -299,7 +299,7 @@ def _labels(labelled: Any, place: str) -> list[str]:
 
 
 def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
-    """Return a finite number of a struct; None if it is absent or empty."""
+    """Return a finite number from a struct; None if it is absent or empty."""
     value = struct.get(name)
     if value is None or (isinstance(value, np.ndarray) and not value.size):
         return None
@@ -309,7 +309,7 @@ def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
 
 
 def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
-    """Events: an array of structs, in version 7.3 a struct of lists."""
+    """Return events, stored as an array of structs, or in version 7.3 as a struct of lists."""
     found = export.get("Events")
     if isinstance(found, dict) and any(isinstance(value, list) for value in found.values()):
         lists = [value if isinstance(value, list) else [value] for value in found.values()]

@@ -1,8 +1,8 @@
 """QTM's motion-data exports (TSV), and plain tables with a column row.
 
-Layout after Qualisys' manual, "Motion data (.tsv)": one key a line, values after tabs, keys in any
-order; ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, ``FILE_VERSION`` came with 2.0.0, and the
-column row (``Frame  Time  <name> X ...``) stands only where the exporter was told to write it.
+The layout follows Qualisys' manual, "Motion data (.tsv)": one key per line, values after tabs, keys
+in any order. ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, and ``FILE_VERSION`` was added in
+2.0.0. The column row (``Frame  Time  <name> X ...``) exists only if the export asked for it.
 """
 
 import re
@@ -29,23 +29,23 @@ KEYS = (
 _DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
 _SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
 _IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
-_PLAIN = re.compile("(.*) ([xyz])", re.I)  # `toe X`, as QTM writes it, whatever the name ends with
+_PLAIN = re.compile("(.*) ([xyz])", re.I)  # `toe X`, as QTM writes it; any name may precede X
 # `toe_x`, `toe (x)`, `toe.X [mm]`
 _AXIS = re.compile(
     r"(.*[^ ._:/\[(-]|)[ ._:/-]*[ ._:/\[(-]([xyz])[\])]?\.?([ _]?[\[( _](mm|cm|m|in)[\])]?)?", re.I
 )
-COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
+COUNTERS = ("Frame", "Time")  # columns that may precede the coordinates
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
 
 
 @dataclass
 class QtmHeader:
-    """What stands before the first row of numbers.
+    """Contents of the file before the first row of numbers.
 
-    ``values`` maps a key to its fields and ``lines`` to its line number; ``columns`` is the column
-    row (empty if there is none); the numbers start at byte ``offset``, after ``n_lines`` lines,
-    with the fields ``first_row``.
+    ``values`` maps a key to its fields and ``lines`` to its line number. ``columns`` is the column
+    row, empty if there is none. The numbers start at byte ``offset``, after ``n_lines`` lines, with
+    the fields ``first_row``.
     """
 
     path: Path
@@ -61,11 +61,11 @@ class QtmHeader:
     mark: str = "\t"
 
     def place(self, key: str) -> str:
-        """File and line of `key`, for messages."""
+        """Return the file and line of `key`, for messages."""
         return f"{self.path}, line {self.lines[key]}" if key in self.lines else str(self.path)
 
     def number(self, key: str) -> float | None:
-        """Value of `key` as a number; None if the key is absent.
+        """Return the value of `key` as a number; None if the key is absent.
 
         Raises
         ------
@@ -75,18 +75,18 @@ class QtmHeader:
         return text.stated_number(self.place(key), key, self.stated(key))
 
     def stated(self, key: str, otherwise: str = "") -> str:
-        """First field of `key`, or what stands for a key that is absent."""
+        """Return the first field of `key`, or `otherwise` if the key is absent."""
         return (self.values.get(key) or [otherwise])[0]
 
 
 def read_header(path: Path) -> QtmHeader:
-    """Read the header of the file at `path`, up to the first row of numbers.
+    """Read the header of a file up to the first row of numbers.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read, a line is neither a key, nor a column row, nor numbers, or there
-        are no numbers.
+        If the file cannot be read, has no numbers, or has a line that is neither a key, a column
+        row nor numbers.
     """
     header = QtmHeader(path)
     with text.readable(path) as file:
@@ -106,7 +106,7 @@ def read_header(path: Path) -> QtmHeader:
 
 
 def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
-    """Tell whether this row is the first of the numbers."""
+    """Tell whether this row is the first row of numbers."""
     if fields == [""] or fields[0].startswith("#"):
         return False
     first = next((f for f in fields if f not in text.TEXT_TABLE_MISSING), None)
@@ -128,13 +128,13 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
 
 
 def _units(fields: list[str]) -> set[str]:
-    """Units of a row below the names of columns: one of length, and perhaps seconds; else none."""
+    """Return the units in a row below column names: a length, possibly seconds; else none."""
     found = {field.strip("[]()").lower() for field in fields} - {"", "-"}
     return found if found <= _SECONDS | _LENGTHS and len(found & _LENGTHS) == 1 else set()
 
 
 def _take(header: QtmHeader, fields: list[str]) -> None:
-    """Put one line that is not numbers into the header."""
+    """Add a line that is not numbers to the header."""
     key = fields[0]
     if header.columns and _units(fields):
         header.unit = (_units(fields) - _SECONDS).pop()
@@ -165,13 +165,13 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
 
 
 def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
-    """Counters and names of markers of a row of columns; None if the others are no coordinates."""
+    """Return counters and marker names of a column row; None if others are not coordinates."""
     counters = list(filter(None, map(counter, fields[: len(COUNTERS)])))
     return counters, coordinate_stems(text.trimmed(fields)[len(counters) :])
 
 
 def is_known(fields: list[str]) -> bool:
-    """Tell whether a first row is one of QTM's exports: a key, names of columns or numbers."""
+    """Tell whether a first row is from a QTM export: a key, column names or numbers."""
     first = fields[0]
     columns = is_column_row(fields) or coordinate_stems(fields[1:4])
     return first in KEYS or bool(columns) or text.is_number(text.pointed(first))
@@ -183,27 +183,28 @@ def is_column_row(fields: list[str]) -> bool:
 
 
 def counter(column: str) -> str:
-    """Return Frame or Time if a column is that, as ``t``, ``Time [s]`` are; else nothing."""
+    """Return Frame or Time if a column is a counter, such as ``t`` or ``Time [s]``; else empty."""
     name = _IN_SECONDS.sub("", column)
     return "Time" if name == "t" else name.title() if name.title() in COUNTERS else ""
 
 
 def coordinate(column: str) -> tuple[str, ...]:
-    """Return nothing, marker and axis of a column's name where these are apart; else the name."""
+    """Split a column's name into marker and axis if they are apart; else return it unsplit."""
     found = _PLAIN.fullmatch(column) or _AXIS.fullmatch(column)
     return ("", found[1].strip(), found[2].lower()) if found else (column,)
 
 
 def unit_of(columns: list[str]) -> str:
-    """Return the unit of length behind names of coordinates; of several all, which is none."""
+    """Return the unit of length in column names; several are joined, which is not a unit."""
     units = {found[4].lower() for found in map(_AXIS.fullmatch, columns) if found and found[4]}
     return ", ".join(sorted(units))
 
 
 def coordinate_stems(columns: list[str]) -> list[str] | None:
-    """Marker names of columns that come in threes of ``<name> X``, ``Y``, ``Z``, else None.
+    """Return marker names of columns in threes ``<name> X``, ``Y``, ``Z``; else None.
 
-    Axes may be small letters. Between name and axis may stand what `coordinate` takes, or nothing.
+    Axes may be in lower case. Between name and axis there may be a separator as in `coordinate`, or
+    nothing.
     """
     stems, names = [], [" ".join(coordinate(column)[-2:]) for column in columns]
     for i in range(0, len(names) - 2, 3):
@@ -214,14 +215,14 @@ def coordinate_stems(columns: list[str]) -> list[str] | None:
     return stems if stems and len(columns) % 3 == 0 else None
 
 
-# Which column of a QTM export holds what.
+# Meaning of each column of a QTM export.
 
 
 def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...]]:
-    """Place of the marker names, the names, the counters before the coordinates, and remarks.
+    """Return the place of the marker names, the names, the counters, and remarks.
 
-    Names are those of ``MARKER_NAMES``, or of the column row; a file of nothing but numbers has
-    ``marker1``, ``marker2`` and so on.
+    Names come from ``MARKER_NAMES`` or the column row. A file of only numbers gets ``marker1``,
+    ``marker2`` and so on.
 
     Raises
     ------
@@ -268,7 +269,7 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
 
 
 def _numbered_names(header: QtmHeader) -> list[str]:
-    """Names of the markers of a file that has neither header nor column row."""
+    """Return names for the markers of a file with neither header nor column row."""
     n_columns = len(header.first_row)
     if n_columns % 3 == 0 and not header.first_row[-1] and all(header.first_row[:2]):
         since = f"since {n_columns} columns of which the last is empty can be read in two ways"
@@ -277,13 +278,13 @@ def _numbered_names(header: QtmHeader) -> list[str]:
     return [f"marker{i + 1}" for i in range(n_columns // 3)]
 
 
-# The date and time that QTM writes into its exports.
+# Date and time in QTM's exports.
 
 _FORMS = ("%Y-%m-%d, %H:%M:%S.%f", "%Y-%m-%d, %H:%M:%S")
 
 
 def moment(stated: Any) -> datetime | None:
-    """Return when the measurement began; None if it is no date, or in a form of its own."""
+    """Return the start of the measurement; None unless it is a date in a known form."""
     for form in _FORMS if isinstance(stated, str) else ():
         with suppress(ValueError):
             return datetime.strptime(stated.split("\t")[0].strip(), form)
@@ -296,15 +297,15 @@ def moment(stated: Any) -> datetime | None:
 def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read a 3-D motion-data export of Qualisys Track Manager.
 
-    A marker counts as unseen where a coordinate is missing in one of its spellings (empty,
-    ``NULL``, ``NaN``), or where all three are 0; a single 0 is a valid coordinate.
+    A marker counts as unseen if a coordinate is missing (empty, ``NULL``, ``NaN``), or if all three
+    are 0. A single 0 is a valid coordinate.
 
     Parameters
     ----------
     path : path
         The ``.tsv`` file, with or without header, column row, Frame and Time columns.
     rate_hz : float, optional
-        Frame rate, needed where the file does not state one (``FREQUENCY`` is ``EXT``).
+        Frame rate, needed if the file states none (``FREQUENCY`` is ``EXT``).
 
     Returns
     -------
@@ -314,7 +315,7 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
     Raises
     ------
     RecordingError
-        Naming the file, the line, what was expected and what was found.
+        If the file cannot be read; names the file, the line, what was expected and found.
     """
     header = read_header(path)
     if (kind := header.stated("DATA_INCLUDED", "3D")) != "3D":
@@ -341,7 +342,7 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
         rates_hz=(_stated_rate(header, rate_hz), rate_hz),
         rate_place=header.place("FREQUENCY"),
         remarks=header.remarks + wrong,
-        # Exports are in mm; of a bare table nothing says so.
+        # Exports are in mm; a bare table states no unit.
         unit_is_stated=bool(header.unit) or not header.values.keys().isdisjoint(KEYS),
         events=tuple(event for event, _ in header.events),
         started=moment(header.stated("TIME_STAMP")),
@@ -354,7 +355,7 @@ def _is_triggered(header: QtmHeader) -> bool:
 
 
 def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
-    """Frame rate by the header, Hz; None if it tells none. With an external trigger, the given."""
+    """Return the header's frame rate, Hz, or None; with an external trigger the given one."""
     near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
     if near and "FREQUENCY" not in header.values:
         raise RecordingError.at(f"{header.path}: header", "the key FREQUENCY", f"none{near}")
@@ -364,7 +365,7 @@ def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
 
 
 def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
-    """Remark on events whose time is not that of their frame, from 1."""
+    """Return a remark on events whose time does not match their frame, from 1."""
     off = sum(abs(event.time_s * rate_hz - (frame - 1)) > 1 for event, frame in header.events)
     told = f"in {off} of {len(header.events)} events the time is not that of the frame"
     return (f"{header.path}: EVENT: {told}; the time is used",) * bool(off)

@@ -16,21 +16,21 @@ from hopdata.arrays import FloatArray, pd
 from hopdata.errors import RecordingError, did_you_mean
 
 BLOCK = 1 << 20  # bytes
-ROWS = 20_000  # read at a time
-MARKS = "\t;,"  # what may stand between fields, the likelier first
-# Programs print what is missing as nothing, in words, or as their C library prints a NaN.
+ROWS = 20_000  # rows read at a time
+MARKS = "\t;,"  # field separators, the most likely first
+# Programs write missing values as nothing, in words, or as their C library's NaN.
 _NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 TEXT_TABLE_MISSING = (
     *("", "NULL", "Null", "null", "n/a", "N/A", "NA", "<NA>", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
 CUT = "; the file ends here, was it cut short? export it again, or delete the last line"
-HELD = "\x1f"  # in place of a mark that belongs to its field
+HELD = "\x1f"  # placeholder for a separator within a field
 
 
 @contextmanager
 def readable(path: Path) -> Iterator[BinaryIO]:
-    """Open a file to read its bytes; a text in UTF-16, or with CR for line ends, as UTF-8 with LF.
+    """Open a file to read its bytes; convert UTF-16 to UTF-8, and CR line ends to LF.
 
     Raises
     ------
@@ -53,12 +53,12 @@ def readable(path: Path) -> Iterator[BinaryIO]:
 
 
 def require_file(path: Path) -> None:
-    """Require that there is a file; say which of the folder's files has a similar name.
+    """Require a file to exist; otherwise suggest one in the folder with a similar name.
 
     Raises
     ------
     RecordingError
-        If there is none.
+        If it does not exist.
     """
     if path.is_file():
         return
@@ -69,7 +69,7 @@ def require_file(path: Path) -> None:
 
 
 def decoded(data: bytes) -> str:
-    """Text of a file, which may be older than UTF-8 or in UTF-16."""
+    """Decode the text of a file, which may be in UTF-16 or an encoding older than UTF-8."""
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
     try:
@@ -79,16 +79,16 @@ def decoded(data: bytes) -> str:
 
 
 def mark_between(lines: Sequence[str]) -> str:
-    """Return what separates the fields: a tab if half of the first lines have one."""
+    """Return the field separator: a tab if half of the first lines have one."""
     if 2 * sum("\t" in line for line in lines) >= sum(bool(line.strip()) for line in lines):
         return "\t"
     return max(";,", key="".join(lines).count)
 
 
 def fields_of(line: str, mark: str = "\t") -> list[str]:
-    """Fields of a line without the blanks about them; a mark between quotes belongs to its field.
+    """Split a line into fields, stripped; a separator in quotes belongs to its field.
 
-    The mark may be a blank, which stands for any number of them.
+    If the separator is a blank, it stands for any number of blanks.
     """
     if mark == " ":
         return line.split() or [""]
@@ -100,12 +100,12 @@ def fields_of(line: str, mark: str = "\t") -> list[str]:
 
 
 def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
-    """Fields of a line of bytes; between tabs a quote is a letter like any other.
+    """Split a line of bytes into fields; with tabs, a quote is an ordinary character.
 
     Raises
     ------
     RecordingError
-        If the line holds binary data.
+        If the line contains binary data.
     """
     if b"\0" in line:
         raise RecordingError.at(path, "text", "binary data")
@@ -115,12 +115,12 @@ def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
 
 
 def trimmed(fields: list[str]) -> list[str]:
-    """Without the empty fields that some exports leave at a line's end."""
+    """Remove the empty fields that some exports leave at the end of a line."""
     return fields[: max((i for i, field in enumerate(fields, 1) if field), default=0)]
 
 
 def is_number(text: str) -> bool:
-    """Tell whether a field is a number, with a point."""
+    """Tell whether a field is a number with a decimal point."""
     with suppress(ValueError):
         float(text)
         return True
@@ -128,12 +128,12 @@ def is_number(text: str) -> bool:
 
 
 def pointed(text: str) -> str:
-    """Write a number of a header with a point, if its only mark is a comma."""
+    """Replace the comma in a header's number by a point, if it is the only mark."""
     return text.replace(",", ".") if text.count(",") == 1 and "." not in text else text
 
 
 def no_number(text: str) -> str:
-    """Say that a field is no finite number; empty if it is one."""
+    """Describe a field that is not a finite number; empty if it is one."""
     if is_number(text) and np.isfinite(float(text)):
         return ""
     comma = "; write decimals with a point" if "," in text else ""
@@ -141,12 +141,12 @@ def no_number(text: str) -> str:
 
 
 def stated_number(place: str, key: str, field: str) -> float | None:
-    """Return the number that a header states under a key; None if it states none.
+    """Return the number stated under a key of a header; None if there is none.
 
     Raises
     ------
     RecordingError
-        If it states something else.
+        If the value is not a number.
     """
     stated = pointed(field)
     if stated and (fault := no_number(stated)):
@@ -155,29 +155,29 @@ def stated_number(place: str, key: str, field: str) -> float | None:
 
 
 def one_line(text: str) -> str:
-    """Without the line ends that other libraries put into their messages."""
+    """Remove the line ends that other libraries put into their messages."""
     return " ".join(text.split())
 
 
-# Rows of numbers, of a file that may be larger than memory allows to hold twice.
+# Rows of numbers in a file that may be too large to hold twice in memory.
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Where rows of fields stand: from byte `offset` of a text, after `n_lines` lines.
+    """Location of rows of fields: after `offset` bytes and `n_lines` lines of a text.
 
     Parameters
     ----------
     path : Path
         The file.
     n_lines, offset : int
-        Lines and bytes before the rows.
+        Lines and bytes before the first row.
     width : int
-        Fields of each row.
+        Number of fields in each row.
     mark : str
-        What stands between the fields: one of `MARKS`, or blanks.
+        Field separator: one of `MARKS`, or blanks.
     may_be_short : bool
-        Whether what a row lacks at its end is missing, rather than a fault.
+        Whether fields lacking at the end of a row are missing values rather than a fault.
     is_section : bool
         Whether an empty line ends the rows.
     """
@@ -191,19 +191,19 @@ class Rows:
     is_section: bool = False
 
     def line(self, row: int) -> str:
-        """File and line of a row, for messages; rows count from 0."""
+        """Return file and line of a row, for messages; rows count from 0."""
         return f"{self.path}, line {self.n_lines + 1 + row}"
 
     def numbers(self, *columns: Sequence[int]) -> tuple[FloatArray, ...]:
         """Read an array (N, C) for each list of columns, NaN where a field is missing.
 
-        Decimals are as in the first row. Rows at the end in which all of the first list is missing
-        are none.
+        The decimal mark is that of the first row. Rows at the end in which all columns of the first
+        list are missing are dropped.
 
         Raises
         ------
         RecordingError
-            Naming line and column of the first field that is no finite number, or the first row
+            Naming line and column of the first field that is not a finite number, or the first row
             that is too short or too long.
         """
         if (most := 1 + max(map(max, filter(len, columns)))) > self.width:
@@ -229,7 +229,7 @@ class Rows:
     def markers(
         self, counters: Sequence[str], coordinates: Sequence[int]
     ) -> tuple[FloatArray, FloatArray]:
-        """Read what the first columns count, (N, C), and positions (N, M, 3), NaN where none is.
+        """Read the counters (N, C) in the first columns and positions (N, M, 3), NaN where missing.
 
         Raises
         ------
@@ -245,14 +245,14 @@ class Rows:
         return counted, flat.reshape(len(flat), -1, 3)
 
     def texts(self, column: int) -> list[str]:
-        """Read a column as it stands."""
+        """Read a column as text, unchanged."""
         with readable(self.path) as file:
             rows = [row for _, block, _ in self._blocks(file) for row in block]
         fields = (fields_of(decoded(row), self.mark)[column] for row in rows)
         return [field.replace(HELD, self.mark) for field in fields]
 
     def _count(self, file: BinaryIO) -> int:
-        """Most rows that there can be, by the lines and by the bytes that fields take at least."""
+        """Return the most rows possible, given the lines and the fewest bytes that fields take."""
         file.seek(self.offset)
         n_lines = n_bytes = 0
         while block := file.read(BLOCK):
@@ -260,9 +260,9 @@ class Rows:
         return min(n_lines, n_bytes // (1 if self.may_be_short else self.width)) + 1
 
     def _blocks(self, file: BinaryIO) -> Iterator[tuple[int, list[bytes], bool]]:
-        """Yield number of the first line, rows of `width` fields, and whether the file ends here.
+        """Yield the first line's number, rows of `width` fields, and whether the file ends here.
 
-        Empty lines are no rows, but where rows may be short those before another row are.
+        Empty lines are skipped. If rows may be short, empty lines before another row count as rows.
         """
         file.seek(self.offset)
         mark, number, idle = self.mark.encode(), self.n_lines + 1, 0
@@ -283,7 +283,7 @@ class Rows:
             number += n_lines
 
     def _fitted(self, line: bytes, number: int, is_last: bool) -> bytes:
-        """Return a row with the right number of marks; nothing for an empty line."""
+        """Return a row with the right number of separators; nothing for an empty line."""
         mark = self.mark.encode()
         is_row = line.count(mark) == self.width - 1 or self.may_be_short
         if not (is_row or line.strip(mark + b" \t\r\n")):
@@ -298,7 +298,7 @@ class Rows:
     def _values(
         self, number: int, rows: list[bytes], columns: Sequence[Sequence[int]], is_last: bool
     ) -> list[FloatArray]:
-        """Read by pandas, which finds the kind of each column faster than it obeys a given one."""
+        """Read with pandas, which infers a column's type faster than it applies a given one."""
         block, wanted = b"".join(rows), sorted({c for of in columns for c in of})
         cause = "other text"
         try:
@@ -324,7 +324,7 @@ class Rows:
         raise RecordingError.at(self.path, f"rows of {self.width} numbers", cause)
 
 
-# Named columns of a text table, as other devices and programs export them.
+# Named columns of text tables, as exported by other devices and programs.
 
 STORAGE = (".mot", ".sto")  # OpenSim's files, whose columns may be separated by blanks
 MOST_LISTED = 12
@@ -339,9 +339,9 @@ class ColumnTable:
     names : tuple of str
         Column names, in the file's order.
     rows : Rows
-        What stands below them.
+        Rows below the names.
     clock : str, optional
-        The column that is time, in s, if the format says so.
+        Column of times in s, if the format defines one.
     """
 
     names: tuple[str, ...]
@@ -359,7 +359,7 @@ class ColumnTable:
         return self.rows.numbers([], [self.place_of(name)])[1][:, 0]
 
     def texts(self, name: str) -> list[str]:
-        """Read a column as text; short rows have empty cells.
+        """Read a column as text; missing cells of short rows are empty.
 
         Raises
         ------
@@ -369,23 +369,23 @@ class ColumnTable:
         return self.rows.texts(self.place_of(name))
 
     def place_of(self, name: str) -> int:
-        """Find the number of a column, from 0.
+        """Return the index of a column, from 0.
 
         Raises
         ------
         RecordingError
-            If no column has this name, or several have.
+            If no column or several columns have this name.
         """
         return only_place(f"{self.rows.line(-1)}: column", name, self.names)
 
 
 def open_table(path: str | Path) -> ColumnTable:
-    """Read the row of column names, in OpenSim's files that below the line ``endheader``.
+    """Open a table by its row of column names, in OpenSim's files below ``endheader``.
 
     Raises
     ------
     RecordingError
-        If there is no such file, it is not text, or its first row holds no name.
+        If the file does not exist, is not text, or its first row holds no name.
     """
     path = Path(path)
     require_file(path)
@@ -411,12 +411,12 @@ def open_table(path: str | Path) -> ColumnTable:
 
 
 def only_place(place: str, name: str, names: Sequence[str]) -> int:
-    """Find the number, from 0, of a column or channel.
+    """Return the index, from 0, of a column or channel.
 
     Raises
     ------
     RecordingError
-        If none has this name, or several have; it begins with `place`.
+        If none or several have this name; the message begins with `place`.
     """
     n_found = names.count(name)
     if n_found == 1:
@@ -426,6 +426,6 @@ def only_place(place: str, name: str, names: Sequence[str]) -> int:
 
 
 def listed(names: Sequence[str]) -> str:
-    """List names for a message, the first dozen of many."""
+    """List names for a message; only the first dozen if there are many."""
     more = f", ... {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return ", ".join(names[:MOST_LISTED]) + more

@@ -14,7 +14,7 @@ KEYS = (
 )
 COUNTERS = ["Frame#", "Time"]
 _COUNTERS = (r"frames? ?#?", r"times?( ?\(s(ec)?\))?")
-_HEADER_LINES = 5  # file type, keys, values, marker names, axes; then perhaps an empty one
+_HEADER_LINES = 5  # file type, keys, values, marker names, axes; possibly an empty line follows
 
 
 def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -25,12 +25,12 @@ def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     path : path
         The ``.trc`` file.
     rate_hz : float, optional
-        Frame rate, for a file that does not state it.
+        Frame rate, for a file that states none.
 
     Raises
     ------
     RecordingError
-        Naming the file, the line, what was expected and what was found.
+        If the file cannot be read; names the file, the line, what was expected and found.
     """
     values, markers, rows, remarks = _read_header(path)
     place, columns = f"{path}, line 3", range(2, 2 + 3 * len(markers))
@@ -51,12 +51,12 @@ def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
 
 
 def _stated(path: Path, values: dict[str, str], key: str) -> float | None:
-    """Value of a key as a finite number; None if the key is absent."""
+    """Return the value of a key as a finite number; None if the key is absent."""
     return text.stated_number(f"{path}, line 3", key, values.get(key, ""))
 
 
 def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
-    """Values by key, marker names, where the rows of numbers stand, and remarks."""
+    """Return values by key, marker names, the location of the numbers, and remarks."""
     lines: list[list[str]] = []
     with text.readable(path) as file:
         for line in islice(file, _HEADER_LINES):
@@ -91,16 +91,16 @@ def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows
 
 
 def _mark(line: bytes) -> str:
-    """Return what separates the fields of a line: tabs, or blanks where it has none."""
+    """Return the field separator of a line: a tab, or a blank if it has no tabs."""
     return "\t" if b"\t" in line.strip() else " "
 
 
 def _values(
     path: Path, keys: list[str], values: list[str]
 ) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Values by key, and remarks on keys that nobody knows, which are not read."""
+    """Return values by key, and remarks on unknown keys, which are ignored."""
     known = {key.lower(): key for key in KEYS}
-    keys, values = " ".join(keys).split(), " ".join(values).split()  # some have blanks for tabs
+    keys, values = " ".join(keys).split(), " ".join(values).split()  # some use blanks for tabs
     keys = [known.get(key.lower(), key) for key in keys]
     if len(keys) != len(values) or len(set(keys)) != len(keys):
         wanted = f"a value for each of {len(keys)} different keys"
@@ -112,7 +112,7 @@ def _values(
 
 
 def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
-    """Marker names, each in the first of its three columns, or all there in whatever columns."""
+    """Return marker names, from the first of three columns each, or from anywhere if complete."""
     place = f"{path}, line 4"
     if not (len(fields) > 1 and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))):
         raise RecordingError.at(place, " and ".join(COUNTERS), fields[:2])
@@ -135,10 +135,10 @@ def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
 
 
 def _count_axes(path: Path, fields: list[str]) -> int:
-    """Require the fifth line to say X1, Y1, Z1, X2 and so on."""
+    """Require the fifth line to be X1, Y1, Z1, X2 and so on."""
     found = [field for field in fields if field]
     for i, have in enumerate(found):
-        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"  # some count from 0, go on after a gap or not at all
+        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"  # some count from 0, skip numbers or do not count
         if not re.fullmatch(rf"{want[0]}\d*", have.upper()):
             raise RecordingError.at(f"{path}, line 5", f"'{want}'", f"'{have[:40]}'")
     if len(found) % 3:
