@@ -118,7 +118,7 @@ def test_every_table_is_there(full):
         "Used touchdowns by mode schedule",
         "Prediction errors",
         "Arc-length distances",
-        "Found against known",
+        "Estimates and truth",
         "Run",
         "Inputs",
         "Versions",
@@ -150,7 +150,7 @@ def test_long_lists_of_faults_and_exclusions_end_with_how_many_more():
 
 
 def test_without_remarks_that_is_said():
-    assert "nothing to remark" in Page(build_report(full_study(remarks=remarks(0)))).text
+    assert "no remarks on the recordings" in Page(build_report(full_study(remarks=remarks(0)))).text
 
 
 def test_the_figures_are_inside_and_described(full):
@@ -292,7 +292,7 @@ def test_figures_are_read_with_their_captions(tmp_path):
     ]
     page = Page(build_report(ReportInputs("s", figures=read)))
     assert len(page.images) == 2
-    assert "made in no format that a page can show" in page.text
+    assert "not made in a format that a page can show" in page.text
 
 
 def test_every_placed_figure_has_a_caption_file():

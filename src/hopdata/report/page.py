@@ -194,7 +194,7 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
     possible = f"of {show.count(math.factorial(feet))} possible, in the touchdowns used"
     of_all = [possible] if feet > 1 else []
     apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
-    weigh = "position and velocity errors weigh alike"
+    weigh = "position and velocity errors weigh the same"
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
         ("Quality of the data", *tables.quality_summary(inputs.quality)),

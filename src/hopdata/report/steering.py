@@ -23,8 +23,8 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
         "worst seed": _of_seed("worst"),
         "median seed": _of_seed("median"),
         "hops": show.decimals("hops", 1),
-        "times those that knew": show.decimals("ratio", 2),
-        "in the worst seed": show.decimals("worst_ratio", 2),
+        "ratio to the true map": show.decimals("ratio", 2),
+        "ratio in the worst seed": show.decimals("worst_ratio", 2),
         "not in time": show.counted("late"),
         "fell": show.counted("fell"),
         "touched the board": show.counted("touched"),
@@ -52,7 +52,7 @@ def horizons_table(horizons: pd.DataFrame | None) -> show.Table | None:
         "succeeded": lambda row: f"{show.count(row['succeeded'])} of {show.count(row['runs'])}",
         "hops": show.decimals("hops", 1),
     }
-    note = "From the same starts, with the same chance: nothing is changed but the horizon."
+    note = "Same starts and same random disturbances: only the horizon differs."
     title = "The printed controller to the origin, by its horizon"
     return show.table_of(title, show.records(horizons), columns, note=note)
 
@@ -82,7 +82,7 @@ def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
         for reason, number in numbers.items()
         if number
     )
-    head, title = ("recording", "what", "reason", "number"), "What was left out, or leans on others"
+    head, title = ("recording", "what", "reason", "number"), "Left out, or relying on other frames"
     return show.Table(title, head, rows, text_columns=3) if rows else None
 
 
@@ -165,7 +165,7 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     used = sum(entry["used"] for entry in inputs.counts or ())
     pairs = sum(entry["pairs"] for entry in inputs.counts or ())
     cards.append(
-        ("Hops used", show.count(used), f"of {show.count(pairs)}; what was left out stands below")
+        ("Hops used", show.count(used), f"of {show.count(pairs)}; those left out are listed below")
     )
     for key, name in (("heading_rms", "Error of the heading"), ("boom_angle_rms", "Boom angle")):
         entry = (inputs.truth or {}).get(key)

@@ -236,7 +236,7 @@ def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | N
         (_capital(str(entry.get("what") or name)), *_measured(name, entry))
         for name, entry in (truth or {}).items()
     )
-    return show.Table("Found against known", ("quantity", "value", "unit"), rows) if rows else None
+    return show.Table("Estimates and truth", ("quantity", "value", "unit"), rows) if rows else None
 
 
 def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
@@ -291,9 +291,9 @@ AGREEMENT: show.Columns = {
     "not compared": show.counted("n_not_compared"),
     "bias (ms)": show.decimals("bias_s", 2, 1e3),
     "95 % interval (ms)": lambda row: f"{_ms(row['bias_low_s'])} to {_ms(row['bias_high_s'])}",
-    "clocks part by (ms)": show.decimals("drift_s", 1, 1e3),
+    "clock drift (ms)": show.decimals("drift_s", 1, 1e3),
     "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
-    "largest from bias (ms)": show.decimals("largest_s", 2, 1e3),
+    "largest deviation from bias (ms)": show.decimals("largest_s", 2, 1e3),
     "scatter / standard error": show.decimals("scatter_over_se", 2),
 }
 
@@ -334,7 +334,7 @@ def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
         "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     }
     rows = show.records(overlay.get("contact_overlay_thresholds"))
-    return show.table_of("The same at other thresholds of the force", rows, columns, text_columns=2)
+    return show.table_of("Agreement at other force thresholds", rows, columns, text_columns=2)
 
 
 def _ms(value: Any) -> str:

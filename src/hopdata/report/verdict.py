@@ -10,7 +10,7 @@ from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
 
-OF_WHAT = {"effect": "the map", "jump": "what the outcome varies, which jumps by so much"}
+OF_WHAT = {"effect": "the map", "jump": "the outcome's variation, as a jump"}
 ENDS = ("estimate", "low", "high", "upper_bound")
 MEANING: str = show.NOTES["meaning"]
 

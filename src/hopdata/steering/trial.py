@@ -218,7 +218,7 @@ def _numbers(swings_rad: Iterable[float]) -> FloatArray:
     swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
     count = len(swings) if isinstance(swings, list) else 0
     sound = count > 0 and is_finite(swings, (count,))
-    require(sound, "swings_rad", "a list of one finite number or more", str(swings)[:60])
+    require(sound, "swings_rad", "a list of at least one finite number", str(swings)[:60])
     return np.array(swings, dtype=float)
 
 
@@ -320,7 +320,7 @@ def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> pl
     hop = plant.steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
     if hop.stance.fell:
         swung = f"a swing of {swing_rad:.2f} rad from {apex.boom_angle_rad:.2f} rad"
-        found = f"one that did after {swung}: {hop.hop.ending}"
+        found = f"one that fell after {swung}: {hop.hop.ending}"
         raise AnalysisError.at("true map", "a hopper that does not fall", found)
     return hop
 

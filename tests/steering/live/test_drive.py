@@ -181,7 +181,7 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
     log = read_log(tmp_path / "drive.h5")
     assert {h for h in heard if h} <= set(log.decisions.command_rad)
     assert f"the drive was ended by {told}" in set(log.events.text)
-    (rest,) = log.events[log.events.text == f"told to end by {told}"].itertuples()
+    (rest,) = log.events[log.events.text == f"ended by {told}"].itertuples()
     assert rest.kind == "rest"
     assert rest.sent_s > told_s
     print(f"{told}: at rest {1e3 * (rest.sent_s - told_s):.1f} ms after it")

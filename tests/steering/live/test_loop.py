@@ -198,7 +198,7 @@ def test_a_stance_that_is_told_too_late_is_held():
         bench.frame(stance=True, age_s=2 * LONG_S)
         (decision,) = bench.decided()
     assert bench.boom.swings == [0.0]
-    assert "told too late" in decision.reason
+    assert "reported too late" in decision.reason
 
 
 def test_a_plan_that_comes_too_late_is_not_sent():

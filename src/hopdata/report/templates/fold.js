@@ -1,4 +1,4 @@
-// Sections fold at their headings. Without this script all of them stand open, as they do in print.
+// Sections fold at their headings. Without this script all are open, as in print.
 {
   const sections = [...document.querySelectorAll("main > section")];
   const folds = sections.filter((section) => section.id !== "glance").map((section) => {
@@ -20,14 +20,14 @@
   addEventListener("beforeprint", () => folds.forEach((fold) => (fold.open = true)));
   unfold();
 }
-// In a narrow window the panels of a figure stand one below the other, their letters as large as before.
+// In a narrow window, stack the panels of a figure without shrinking their text.
 if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".picture img[src*='svg']").forEach((wide) => {
-  const room = 0.75 * document.querySelector("main").clientWidth / 0.8; // in points, shrunk to 80 % at most
+  const room = 0.75 * document.querySelector("main").clientWidth / 0.8; // in points; panels shrink to 80 % at most
   const bytes = Uint8Array.from(atob(wide.src.split(",")[1]), (sign) => sign.charCodeAt(0));
   const drawn = new DOMParser().parseFromString(new TextDecoder().decode(bytes), "image/svg+xml").documentElement;
   const inside = (group, names) => names.flatMap((name) => [...group.querySelectorAll(`:scope > [id^=${name}_]`)]);
   const within = (one, other) => one.left >= other.left - 2 && one.right <= other.right + 2;
-  // Axes above each other are one part, with the words between their sides; a half that fits stays whole.
+  // Axes above each other form one part, with the texts within their width; a half that fits stays whole.
   const parts = (group) => {
     const found = [], sides = (one) => {
       const { x, y, width, height } = one.getBBox();
@@ -40,7 +40,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
     };
     const boxed = (one) => {
       const clipped = [...one.querySelectorAll("[clip-path]")], show = (how) => clipped.forEach((path) => (path.style.display = how));
-      show("none"); // a line that leaves its axes is longer than what is seen of it
+      show("none"); // a clipped line is longer than its visible part
       const found = { ...sides(one), of: [one] };
       show("");
       for (const clip of new Set(clipped.map((path) => path.getAttribute("clip-path"))))

@@ -1,4 +1,4 @@
-// Markers in 3-D on a canvas: turned by hand, scrubbed in time. The page loads nothing else.
+// Markers in 3-D on a canvas: drag to turn, scrub in time. The page loads nothing else.
 for (const root of document.querySelectorAll(".scene")) {
   const { speed, parts } = JSON.parse(root.querySelector("script").textContent);
   const [canvas, slider, which, play, told] =
@@ -100,7 +100,7 @@ for (const root of document.querySelectorAll(".scene")) {
         names.push([x + 12, y + 4, down + markers[marker]]);
       }
     }
-    // The names of feet that are near each other stand one below the other.
+    // Stack the names of feet that are close together.
     pen.fillStyle = ink;
     names.sort((one, other) => one[1] - other[1]).forEach((own, k) => {
       const [x, , name] = own, end = x + pen.measureText(name).width;

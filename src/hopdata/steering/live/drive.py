@@ -140,7 +140,7 @@ def drive(
                             on_look(loop, stream)
                 finally:
                     first = signals.first
-                    loop.rest(f"told to end by {first.name}" if first else "the end")
+                    loop.rest(f"ended by {first.name}" if first else "the end")
         finally:
             with suppress(Exception):  # the robot may be gone
                 boom.swing(0.0)

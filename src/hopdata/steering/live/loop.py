@@ -196,7 +196,7 @@ class ControlLoop(Worker):
         if silent_s > limit:
             return f"no frame for {silent_s:.3f} s, beyond {limit:g} s"
         if now > self._due_s:
-            return f"planned too late: nothing {self.limits.command_s:g} s after the stance"
+            return f"planned too late: no plan {self.limits.command_s:g} s after the stance"
         return self._fault()
 
     def decisions(self) -> tuple[Decision, ...]:
@@ -300,7 +300,7 @@ class ControlLoop(Worker):
         if self.watch.cause:
             return "held", self.watch.cause
         if stance_age_s > self.limits.command_s:
-            return "held", f"the stance was told too late, {stance_age_s:.3f} s after it"
+            return "held", f"the stance was reported too late, {stance_age_s:.3f} s after it"
         for name, age in (("pose", pose_age_s), ("boom angle", boom_age_s)):
             if not math.isfinite(age):
                 return "held", f"no {name} yet"

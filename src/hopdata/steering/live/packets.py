@@ -66,7 +66,7 @@ def header_fault(size: int, kind: int) -> str:
     longest = LONGEST_XML if kind == XML else LONGEST
     if kind in PACKET_TYPES and HEADER.size <= size <= longest:
         return ""
-    return f"packet of type {kind} and {size} bytes, where {HEADER.size} to {longest} are sound"
+    return f"packet of type {kind} with {size} bytes, expected {HEADER.size} to {longest} bytes"
 
 
 def payload_fault(kind: int, payload: bytes) -> str:

@@ -296,7 +296,7 @@ class MarkerStream(buffer.Stream):
     def _keep(self, number: int, time_s: float, arrival_s: float, markers: np.ndarray) -> None:
         verdict = self._timeline.judge(number, time_s)
         if verdict == "implausible":
-            self._note_garbled(f"frame {number} at {time_s:.3f} s does not follow on the last")
+            self._note_garbled(f"frame {number} at {time_s:.3f} s does not follow the last one")
         self.counts.outdated += verdict == "outdated"
         if verdict in ("implausible", "outdated"):
             return

@@ -133,7 +133,7 @@ class FrameChangeProcess:
                 factors = np.linalg.cholesky(covariances)
             except np.linalg.LinAlgError as error:
                 wanted = "a positive definite covariance"
-                found = "one that is not; the noise is too small for hops that are so much alike"
+                found = "one that is not; the noise is too small for hops that are this similar"
                 raise AnalysisError.at("Gaussian process", wanted, found) from error
             return np.array([solve_triangular(one, unit, lower=True) for one in factors])
 

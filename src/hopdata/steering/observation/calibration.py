@@ -99,7 +99,7 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     points = points[:: -(-len(points) // MOST_POINTS)]
     start = _start(points)
     if not np.isfinite(start.radius_m):
-        raise AnalysisError("boom: expected it to move, found all its places in one or on a line")
+        raise AnalysisError("boom: expected it to move, found its positions at a point or line")
     kept = _near(points, start, 4 * noise_m)
     for _ in range(ROUNDS):
         circle = _circle_through(kept)
@@ -148,9 +148,9 @@ def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
     residual = float(np.sqrt(np.mean(circle.misses(points) ** 2)))
     if not circle.radius_m > LEAST_RADIUS_RESIDUALS * residual:
         raise AnalysisError(
-            "boom: expected it to move on a circle about the body of more than "
-            f"{LEAST_RADIUS_RESIDUALS:.0f} times the rms distance of its places from it, found "
-            f"{1e3 * circle.radius_m:.2g} mm at {1e3 * residual:.2g} mm: does the boom move in "
+            "boom: expected it to move on a circle with a radius of more than "
+            f"{LEAST_RADIUS_RESIDUALS:.0f} times its rms distance from the circle, found "
+            f"{1e3 * circle.radius_m:.2g} mm and {1e3 * residual:.2g} mm: does the boom move in "
             "this recording?"
         )
     span = arc_span(circle.angles(points))
@@ -218,7 +218,7 @@ def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
         return shape
     telling = frames[np.isfinite(frames).all(axis=2).sum(axis=1) > 3]
     if len(telling) < LEAST_FRAMES:
-        wanted = f"four off one plane in {LEAST_FRAMES} frames, to tell their mirror image"
+        wanted = f"four in sight in {LEAST_FRAMES} frames, to rule out their mirror image"
         raise AnalysisError.at("body markers", wanted, len(telling))
     three = [shape * [1, 1, side] for side in (0, 1, -1)]
     return min(three, key=lambda one: float(np.median(rigid_fit(telling, one).residual_m)))
@@ -246,7 +246,7 @@ def _from_distances(frames: FloatArray) -> FloatArray:
     largest = np.argsort(values)[: -len(square) - 1 : -1][:3]
     width = np.sqrt(np.maximum(values[largest], 0.0))
     if width[1] < ON_A_LINE * width[0]:
-        raise AnalysisError("body markers: expected them off one line, found them on it")
+        raise AnalysisError("body markers: expected them not to be on one line, found they are")
     return np.asarray(vectors[:, largest] * width)
 
 
