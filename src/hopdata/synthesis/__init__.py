@@ -1,4 +1,4 @@
-"""Synthesis: a scene as a motion-capture system would see it, with its truth."""
+"""Synthesis: a scene as seen by a motion-capture system, with its truth."""
 
 from hopdata.synthesis.simulate import simulate_recording
 

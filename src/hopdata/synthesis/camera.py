@@ -1,4 +1,4 @@
-"""Where the markers are, given the body's motion and contacts, and what a camera sees of them."""
+"""Marker places from the body's motion and contacts, and what a camera sees of them."""
 
 from dataclasses import dataclass, field
 
@@ -13,12 +13,12 @@ from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Tri
 
 @dataclass(frozen=True)
 class CurvedFloor:
-    """Height of the measured floor: a bowl that levels off, and waves; no polynomial.
+    """Height of the measured floor: a bowl that levels off, plus waves; not a polynomial.
 
     Parameters
     ----------
     options : FloorOptions
-        Bowl, and amplitude of each wave.
+        The bowl, and the amplitude of the waves.
     wave_vectors : (W, 2) array
         Wave vectors, rad/m.
     phases : (W,) array
@@ -30,7 +30,7 @@ class CurvedFloor:
     phases: FloatArray
 
     def height(self, xy: FloatArray) -> FloatArray:
-        """Height, (...), m, at points (..., 2), m."""
+        """Return the height, (...), m, at points (..., 2), m."""
         square = np.sum(xy**2, axis=-1) / self.options.bowl_radius_m**2
         waves = np.sin(xy @ self.wave_vectors.T + self.phases).sum(axis=-1)
         bowl = self.options.bowl_depth_m * square / (1.0 + square)
@@ -47,17 +47,17 @@ def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionCapture:
-    """The config's ``motion_capture``: how the scene is seen.
+    """The block ``motion_capture`` of the configuration: how the scene is observed.
 
     Parameters
     ----------
     rate_hz : float
         Frame rate, Hz.
     noise_m : float
-        Standard deviation of the noise on each coordinate of each marker, m. The default takes
-        the dissertation's 0.6 mm as that; a distance between markers then varies by 0.85 mm.
+        Standard deviation of the noise on each coordinate of each marker, m. The default is the
+        dissertation's 0.6 mm; distances between markers then vary by 0.85 mm.
     resolution_m : float
-        Step to which coordinates are rounded, m; 0 for none. A power of two packs well.
+        Rounding step of coordinates, m; 0 for none. A power of two compresses well.
     floor, gaps, markers
         See their classes.
     """
@@ -72,18 +72,18 @@ class MotionCapture:
     def observe(
         self, positions: FloatArray, floor: CurvedFloor, hidden: BoolArray, rng: np.random.Generator
     ) -> FloatArray:
-        """Marker positions as the cameras report them.
+        """Return the marker positions reported by the cameras.
 
         Parameters
         ----------
         positions : (N, M, 3) array
             True positions over a flat floor, m.
         floor : CurvedFloor
-            Its height at a marker's own x and y is added to that marker's z.
+            The floor; its height at a marker's x and y is added to the marker's z.
         hidden : (N, M) bool array
             Markers not seen; their coordinates become NaN.
         rng : numpy Generator
-            Of the independent normal noise.
+            Source of the independent normal noise.
 
         Returns
         -------
@@ -98,10 +98,10 @@ class MotionCapture:
         return seen
 
     def draw_gaps(self, frames: int, markers: int, rng: np.random.Generator) -> BoolArray:
-        """Draw which markers are hidden in which frames, (N, M).
+        """Draw the markers hidden in each frame, (N, M).
 
         Drop-outs of each marker begin at random (Poisson) and last a geometrically distributed
-        number of frames, at least one; those that overlap merge.
+        number of frames, at least one. Overlapping ones merge.
         """
         hidden = np.zeros((frames, markers), dtype=bool)
         expected = self.gaps.rate_per_min / 60.0 * frames / self.rate_hz
@@ -114,12 +114,12 @@ class MotionCapture:
         return hidden
 
 
-RUNNING_AHEAD_S = 0.1  # time after the apex in which feet come to run ahead
+RUNNING_AHEAD_S = 0.1  # s after the apex within which feet begin to run ahead
 
 
 @dataclass(frozen=True)
 class MarkerTracks:
-    """True marker positions over a flat floor, with names, roles and contact at each frame.
+    """True marker positions over a flat floor, with names, roles and contacts in each frame.
 
     `positions` (N, M, 3) m, world frame; body markers first, then feet, then a boom's.
     `foot_down` (N, n): whether each foot is in contact.
@@ -134,10 +134,10 @@ class MarkerTracks:
 def track_markers(
     trial: Trial, scene: Scene, options: MarkerOptions, *, delay_s: float = 0.0
 ) -> MarkerTracks:
-    """Follow all markers of a trial, at its frames.
+    """Follow all markers of a trial at its frames.
 
-    With a control's `delay_s`, contact is where the guard says: the feet run ahead by this time as
-    they come down, and so are on the floor at that instant.
+    With a control's `delay_s`, contacts happen when the guard says so. The feet run ahead by this
+    time on their way down, and so are on the floor at that instant.
     """
     down, feet = _follow_feet(trial, scene, options.retraction_s, delay_s)
     body = fixed_markers(trial.states, np.array(options.body_m))
@@ -154,12 +154,12 @@ def track_markers(
 
 
 def fixed_markers(states: FloatArray, points_m: FloatArray) -> FloatArray:
-    """World positions, (N, B, 3) m, of points (B, 3) fixed in the body, for states (N, 12)."""
+    """Return world positions, (N, B, 3) m, of body-fixed points (B, 3), for states (N, 12)."""
     return in_world(states, np.broadcast_to(points_m, (len(states), *points_m.shape)))
 
 
 def in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
-    """World positions, (N, B, 3) m, of points (N, B, 3) in body axes, for states (N, 12)."""
+    """Return world positions, (N, B, 3) m, of points (N, B, 3) in body axes, states (N, 12)."""
     turned = np.einsum("nij,nbj->nbi", rotation_matrices(states[:, 3:6]), points_m)
     return states[:, None, :3] + turned
 
@@ -167,11 +167,11 @@ def in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
 def _follow_feet(
     trial: Trial, scene: Scene, retraction_s: float, delay_s: float
 ) -> tuple[BoolArray, FloatArray]:
-    """Contact (N, n) and position (N, n, 3) of every foot at every frame.
+    """Return contact (N, n) and position (N, n, 3) of every foot in every frame.
 
-    In contact a foot is on the floor, under its rest place or where it touched. In flight it is at
-    its rest place plus the extension with which it lifted off, which stays with the body and fades
-    within `retraction_s`, with no jump in place, speed or acceleration.
+    A foot in contact is on the floor, below its rest place or where it touched down. A foot in
+    flight is at its rest place plus its extension at lift-off, which stays fixed in the body and
+    fades within `retraction_s`. Place, speed and acceleration do not jump.
     """
     time = np.arange(len(trial.states)) / trial.rate_hz
     rotations = rotation_matrices(trial.states[:, 3:6])
@@ -192,7 +192,7 @@ def _follow_feet(
 def _running_ahead(
     trial: Trial, scene: Scene, leg: int, since: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """Vertical speed of a foot that has not touched since the apex, m/s, faded in; else 0; (N,)."""
+    """Return a foot's climb rate, m/s, faded in, until it touches after the apex; then 0; (N,)."""
     falling = time - trial.apex_s[np.searchsorted(trial.apex_s, time, side="right") - 1]
     share = np.where(since > falling, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
     return np.asarray(share * rest_foot_climb(scene, trial.states, leg))
@@ -203,14 +203,14 @@ def _last_event(
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Find the last contact event of a leg before each of N frames.
 
-    Returns the time since, s; the place of the foot on the floor then, (N, 3), world, m; where it
-    was from its rest place, (N, 3), body frame, m; whether it touched (else it lifted off).
+    Returns the time since, s; the foot's place on the floor then, (N, 3), world, m; its offset from
+    the rest place, (N, 3), body frame, m; and whether it touched down (else it lifted off).
     """
     mine = np.flatnonzero(trial.event_leg == leg)
     states, touches = trial.event_state[mine], trial.event_down[mine]
     rest = rest_foot(scene, states, leg)
     place = rest * [1.0, 1.0, 0.0]
-    if not scene.feet_slide:  # where it touched before it lifted off
+    if not scene.feet_slide:  # place of the touchdown before the lift-off
         place[~touches] = place[np.flatnonzero(~touches) - 1]
     extension = np.einsum("nji,nj->ni", rotation_matrices(states[:, 3:6]), place - rest)
     # Before the first event: in flight, at rest length.

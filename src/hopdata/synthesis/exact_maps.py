@@ -1,11 +1,13 @@
-"""The linear map from section to section of each mode schedule, exactly.
+"""Exact linear map from section to section for each mode schedule.
 
-At the trajectory on which all feet touch at once the map through a landing has one derivative for
-each order in which its neighbours touch: flow to the contacts, a product of saltation matrices,
-flow to the post section, projected on the sections. They are equal if the map is C1 there.
+On the trajectory with simultaneous contact of all feet, the map through a landing has one
+derivative for each order in which its neighbours touch: flow to the contacts, a product of
+saltation matrices, flow to the post section, projected on the sections. The derivatives are equal
+if the map is C1 there.
 
-Feet on one rigid body do not touch in any order: of six, a dozen or so of the 720 orders border on
-the simultaneous contact. The others have a product of matrices too, but no landing obeys it.
+Feet on one rigid body cannot touch in every order. For six feet, about a dozen of the 720 orders
+border on the simultaneous contact. The others also have a product of matrices, but no landing
+follows it.
 """
 
 from dataclasses import dataclass
@@ -28,10 +30,10 @@ from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import landings
 from hopdata.synthesis.hops import padded
 
-# What may vary of an apex state whose place and heading are left out.
+# Free components of an apex state, without place and heading.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
 RTOL = 1e-12
-# By one method: what carries the derivative takes seconds to compile for each.
+# A single method, since code that carries the derivative takes seconds to compile for each.
 EXACTLY: dict[str, Any] = {"rtol": RTOL, "atol": 1e-14, "method": "dop853", "jacobian": True}
 SAME_INSTANT_S = 1e-13
 MOST_STEPS = 20
@@ -39,14 +41,14 @@ MOST_STEPS = 20
 
 @dataclass(frozen=True)
 class SimultaneousLanding:
-    """A flight at whose end all feet touch at once.
+    """A flight that ends with all feet touching at once.
 
     Parameters
     ----------
     apex_state : (12,) array
-        State of the body at the apex, place and heading zero.
+        State of the body at the apex, with place and heading zero.
     contact_time_s : float
-        Instant of the contacts, from the apex, s.
+        Time of the contacts from the apex, s.
     """
 
     apex_state: FloatArray
@@ -55,12 +57,12 @@ class SimultaneousLanding:
 
 @cache
 def flying_system(system: System) -> System:
-    """Return a scene's field without guards: all legs up (mode -1) or down (+1) for good."""
+    """Return a scene's field without guards: all legs stay up (mode -1) or down (+1)."""
     return System(field=system.field, n_states=system.n_states, n_extra_modes=system.n_modes)
 
 
 def homed(states: FloatArray) -> FloatArray:
-    """States (L, 12) moved to the origin and turned to heading zero."""
+    """Move states (L, 12) to the origin and turn them to heading zero."""
     moved = states.copy()
     moved[:, [0, 1, 3]] = 0.0
     moved[:, 6:9] = turned(states[:, 6:9], states[:, 3])
@@ -72,20 +74,20 @@ def simultaneous_landing(
 ) -> SimultaneousLanding:
     """Find the apex state nearest to the mean from which all feet touch at once.
 
-    Newton's method on the contact instants to first order; of all corrections the smallest is
-    taken, by the covariance of the landings.
+    Newton's method on the linearised contact instants. Each step takes the smallest correction, as
+    measured by the covariance of the landings.
 
     Parameters
     ----------
     scene, control
-        What lands.
+        The system that lands.
     apex_states : (L, 12) array
         States of the landings at their apexes.
 
     Raises
     ------
     AnalysisError
-        If it does not converge: the landings are far from a simultaneous one.
+        If it does not converge, since the landings are far from a simultaneous contact.
     """
     moved = homed(apex_states)[:, FREE]
     mean, wide = moved.mean(axis=0), np.cov(moved.T)
@@ -97,7 +99,7 @@ def simultaneous_landing(
             return SimultaneousLanding(apex, fall)
         slope = (delays @ jacobian)[:, FREE]
         slope, apart = slope - slope.mean(axis=0), instants - instants.mean()
-        # The nearest point of the linearised set to the mean, not to the last guess.
+        # The point of the linearised set nearest to the mean, not to the last guess.
         missing = apart - slope @ (apex[FREE] - mean)
         weights = np.linalg.lstsq(slope @ wide @ slope.T, missing, rcond=1e-10)[0]
         apex[FREE] = mean - wide @ slope.T @ weights
@@ -110,8 +112,9 @@ def _contact(
 ) -> tuple[FloatArray, float, FloatArray, FloatArray]:
     """Fly to the mean contact instant.
 
-    Returns the derivative of the state there by the apex state, the instant, the derivatives of
-    the contact instants by that state, and these instants relative to it.
+    Returns the derivative of the state there with respect to the apex state, the instant, the
+    derivatives of the contact instants with respect to that state, and these instants relative to
+    it.
     """
     n, system, vector = scene.n_legs, scene.system(control), scene.vector(None, control)
     fall = fall or float(np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2))
@@ -129,37 +132,37 @@ def _contact(
 def _flown(
     system: System, vector: FloatArray, t_span: tuple[float, float], state: FloatArray
 ) -> Solution:
-    """Fly with all legs up, with the derivative by the state."""
+    """Fly with all legs up, carrying the derivative with respect to the state."""
     start, mode = padded(state, system), flight_mode(system, -1.0).tolist()
     return solve(flying_system(system), t_span, start, params=vector, mode=mode, **EXACTLY)
 
 
 def _slopes(solution: Solution) -> FloatArray:
-    """Return the derivatives of all states by those of the body, (s, 12)."""
+    """Return the derivatives of all states with respect to those of the body, (s, 12)."""
     return np.asarray(solution.jacobian)[:, :N_STATES]
 
 
-ALL_ORDERS_UP_TO = 3  # feet that can touch in any order
+ALL_ORDERS_UP_TO = 3  # largest number of feet that can touch in any order
 
 
 @dataclass(frozen=True)
 class SectionJacobians:
-    """Derivatives of a landing at its simultaneous contact, for each of S schedules.
+    """Derivatives of a landing at its simultaneous contact for each of S schedules.
 
     Parameters
     ----------
     landing : SimultaneousLanding
         The trajectory.
     pre_state : (12,) array
-        Its state at the pre section.
+        State of the trajectory at the pre section.
     schedules : tuple of str
         Names such as ``"2>3>1"``.
     maps : (S, 11, 8) array
-        Derivatives of the outcome by the input: see `hopdata.synthesis.landings`.
+        Derivatives of outcome with respect to input; see `hopdata.synthesis.landings`.
     x : (8,) array
         Input of the trajectory.
     y : (S, 11) array
-        Its outcome in each order; they differ only if contacts make the state jump.
+        Its outcome in each order; outcomes differ only if contacts make the state jump.
     """
 
     landing: SimultaneousLanding
@@ -173,26 +176,26 @@ class SectionJacobians:
 def section_jacobians(
     scene: Scene, control: Control, apex_states: FloatArray, sections: landings.SectionHeights
 ) -> SectionJacobians:
-    """Return the linear map of each schedule at the simultaneous contact nearest to the mean.
+    """Return each schedule's linear map at the simultaneous contact nearest to the mean.
 
     Parameters
     ----------
     scene, control
-        What lands, its preloads all alike. A boom that swings has to rest before the pre section:
-        else the map depends on the time of the apex, which is no coordinate.
+        The system that lands, with equal preloads. A swinging boom must rest before the pre
+        section. Otherwise the map depends on the time of the apex, which is not a coordinate.
     apex_states : (L, 12) array
-        States of the landings at their apexes, at least ten. Of more than three feet only the
-        orders have a map in which these landings touch when they are drawn together.
+        States of the landings at their apexes, at least ten. With more than three feet, the only
+        orders with a map are those in which these landings touch when drawn together.
     sections : SectionHeights
         The sections.
 
     Raises
     ------
     AnalysisError
-        If there is no simultaneous contact between the sections, or the control has impulses and a
-        delay: after the first contact the others come later, or are over.
+        If there is no simultaneous contact between the sections, or the control has both impulses
+        and a delay; after the first contact the others are then later, or over.
     """
-    if control.impulse and control.delay_s:  # an impulse moves the guards that ask for velocities
+    if control.impulse and control.delay_s:  # an impulse moves guards that depend on velocities
         raise AnalysisError("simultaneous contact: expected impulses or a delay, found both")
     landing = simultaneous_landing(scene, control, apex_states)
     preloads = np.full((1, scene.n_legs), scene.preload_n)
@@ -225,9 +228,9 @@ def _orders(
     apex_states: FloatArray,
     vector: FloatArray,
 ) -> tuple[tuple[int, ...], ...]:
-    """Return the orders, sorted: all of up to three feet, and of more those that occur.
+    """Return the sorted orders: all for up to three feet, otherwise those that occur.
 
-    These are the orders in which the landings touch if they are drawn together about the
+    An order occurs if some landing touches in it when the landings are drawn together about the
     simultaneous one.
     """
     if len(tree.guards) <= ALL_ORDERS_UP_TO:

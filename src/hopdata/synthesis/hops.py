@@ -1,4 +1,4 @@
-"""Single hops, from apex to apex, by the event-driven integrator."""
+"""Single hops from apex to apex, computed by the event-driven integrator."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,23 +12,23 @@ from hopdata.hybrid.layout import SLIDING, TERMINATED, TOO_MANY_EVENTS, ZENO
 from hopdata.scenes.body import N_STATES, euler_rates, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene, Variant
 
-# In a hop a foot that comes and goes so often does neither.
+# A foot with this many contact events in one hop is chattering: it neither stands nor flies.
 OPTIONS: dict[str, Any] = {"rtol": 1e-10, "atol": 1e-12, "max_events": 100_000}
 
 
 @dataclass(frozen=True)
 class Hop:
-    """One hop: what was put in, what came out, and the contacts on the way.
+    """One hop: its inputs, its outcome, and the contacts on the way.
 
     States are those of the body, see `hopdata.scenes.body`. `ending` is "apex", "tipped over", "no
-    apex in time", or "stuck": at rest on legs that have not been released, whose force jumps at the
-    very place where they would stand (a sliding mode, or contacts without end).
+    apex in time", or "stuck". A stuck hopper rests on legs that have not been released, whose force
+    jumps at the very place where they would stand (a sliding mode, or contacts without end).
 
-    Times count from the apex at which the hop began, in s. Contact events, in order of time:
+    Times count from the apex at which the hop began, s. Contact events in order of time:
     `event_time` (E,), `event_leg` (E,), `event_down` (E,) True for a touchdown and False for a
-    lift-off, `event_state` (E, 12). `states` (K, 12) are those at the frame times asked for, up to
+    lift-off, `event_state` (E, 12). `states` (K, 12) are those at the requested frame times, up to
     the end, and `boom` (K, 3) the places of the boom then, body frame, m; (K, 0) without one.
-    `touched_s` is when a standing hopper first touched a board in its way, NaN if never.
+    `touched_s` is when a standing hopper first touched a board in its way; NaN if it never did.
     """
 
     start_state: FloatArray
@@ -46,23 +46,23 @@ class Hop:
 
     @property
     def fell(self) -> bool:
-        """Whether the hop ended otherwise than at an apex."""
+        """Tell whether the hop ended in any other way than at an apex."""
         return self.ending != "apex"
 
     def first_contacts(self) -> IntArray:
-        """Index of each leg's first touchdown among the events, (n,); -1 if it did not touch."""
+        """Return the event index of each leg's first touchdown, (n,); -1 if it did not touch."""
         first = np.full(len(self.preloads_n), -1)
         for k in np.flatnonzero(self.event_down)[::-1]:
             first[self.event_leg[k]] = k
         return first
 
     def legs_down(self) -> IntArray:
-        """Legs still in contact at the end."""
+        """Return the legs still in contact at the end."""
         steps = np.where(self.event_down, 1, -1)
         return np.flatnonzero(np.bincount(self.event_leg, steps, len(self.preloads_n)))
 
     def all_stood(self) -> bool:
-        """Whether all legs were in contact at once."""
+        """Tell whether all legs were in contact at once."""
         return bool(np.any(np.cumsum(np.where(self.event_down, 1, -1)) == len(self.preloads_n)))
 
 
@@ -75,7 +75,7 @@ def fly_hop(
     frame_times_s: FloatArray | None = None,
     limit_s: float = 3.0,
 ) -> Hop:
-    """Integrate one hop from flight until the next apex.
+    """Integrate one hop from flight to the next apex.
 
     Parameters
     ----------
@@ -83,18 +83,19 @@ def fly_hop(
     state : (12,) array
         State in flight, at or near the apex.
     variant : Variant, optional
-        What flies and lands in its place, as a `Control`; by default the scene itself.
+        A `Control` or other variant that flies and lands instead of the scene; by default the scene
+        itself.
     preloads_n : (n,) array, optional
         Preload of each leg in this hop, N.
     frame_times_s : (K,) array, optional
-        Times after the start at which the state is wanted, s.
+        Times after the start at which states are returned, s.
     limit_s : float
-        Give up if no apex has come by then, s.
+        Time after which to give up if there has been no apex, s.
 
     Raises
     ------
     AnalysisError
-        If the integrator fails, or the scene has no guards of the names that `Scene` tells.
+        If the integrator fails, or the scene lacks guards with the names listed in `Scene`.
     """
     n = scene.n_legs
     preloads = np.full(n, scene.preload_n) if preloads_n is None else preloads_n
@@ -105,7 +106,7 @@ def fly_hop(
         raise AnalysisError.at("guards of the scene", ", ".join(wanted), system.guard_names)
     first = system.guard_names.index("foot1")
     mode = flight_mode(system, state[8])
-    if first and variant is not None:  # a board before the feet, which it may be beyond already
+    if first and variant is not None:  # a board, which it may have passed already
         _, x, y, front = variant.numbers
         mode[0] = 1 if x * state[0] + y * state[1] > front else -1
     solution = solve(
@@ -145,7 +146,7 @@ def _first_touch(events: Any, contact: BoolArray, *, beyond: bool) -> float:
 
 
 def padded(states: FloatArray, system: System) -> FloatArray:
-    """States (..., 12) in flight with the system's memory of its feet behind them, at zero."""
+    """Append zeros to flight states (..., 12) for the system's memory of its feet."""
     memory = np.zeros((*states.shape[:-1], system.n_states - N_STATES))
     return np.concatenate([states, memory], axis=-1)
 
@@ -161,34 +162,35 @@ def _ending(solution: Solution, apex: int) -> str:
 
 
 def place_of(point_m: FloatArray, states: Any) -> Any:
-    """Place of a point (3,) of the body, body frame, in the world, (..., 3), m."""
+    """Return the world place, (..., 3), m, of a point (3,) in the body frame."""
     return states[..., :3] + rotation_matrices(states[..., 3:6]) @ point_m
 
 
 def rest_foot(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
-    """Place of one leg's foot at rest length, world frame, (..., 3), m."""
+    """Return the place of one leg's foot at rest length, world frame, (..., 3), m."""
     return np.asarray(place_of(scene.rest_feet()[leg], states))
 
 
 def rest_foot_climb(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
-    """Rate of the height of one leg's foot at rest length, (...), m/s."""
+    """Return the rate of height of one leg's foot at rest length, (...), m/s."""
     turning = np.cross(states[..., 9:12], scene.rest_feet()[leg])
     up = rotation_matrices(states[..., 3:6])[..., 2, :]
     return np.asarray(states[..., 8] + np.sum(up * turning, axis=-1))
 
 
 def level_state(scene: Scene, height_m: float) -> FloatArray:
-    """State of a level body at rest whose feet are this high above the floor, (12,)."""
+    """Return a level state at rest with the feet at this height above the floor, (12,)."""
     state = np.zeros(N_STATES)
     state[2] = scene.leg_length_m + height_m
     return state
 
 
-# A control that hops on from where it lands soon hops otherwise than the scene itself, and their
-# landings cannot be compared. So each of its hops begins in an apex state of the scene's gait; in
-# the flight after its last lift-off it is led to the next one, so that the recording goes on.
+# A control that hops on from its own landings soon hops differently from the scene, and their
+# landings can no longer be compared. Each of its hops therefore begins in an apex state of the
+# scene's gait. In the flight after its last lift-off it is led to the next apex state, so that the
+# recording continues.
 
-LEAST_FLIGHT_S = 0.05  # in a shorter one the body would be pulled about visibly
+LEAST_FLIGHT_S = 0.05  # s; a shorter flight would visibly pull the body about
 
 
 def control_hop(
@@ -203,13 +205,13 @@ def control_hop(
     gait : Hop
         The scene's own hop.
     frame_times_s, limit_s
-        As for `fly_hop`.
+        See `fly_hop`.
 
     Returns
     -------
     Hop
-        It ends in the state in which the hop of the gait ended, unless either fell or the control's
-        flight is too short to lead it there.
+        It ends in the final state of the gait's hop, unless either fell or the control's flight is
+        too short to be led there.
     """
     times: dict[str, Any] = {"frame_times_s": frame_times_s, "limit_s": limit_s}
     hop = fly_hop(scene, gait.start_state, variant=control, preloads_n=gait.preloads_n, **times)
@@ -219,17 +221,17 @@ def control_hop(
 
 
 def led_to(hop: Hop, end_state: FloatArray, times_s: FloatArray) -> Hop:
-    """Lead a hop to another end state within the flight after its last lift-off.
+    """Lead a hop to another end state during the flight after its last lift-off.
 
-    The pose is blended by a quintic into the flight that ends in that state, so that position,
-    velocity and acceleration go on without a jump at either end. Contacts stay as they are.
+    A quintic blends the pose into the flight that ends in that state, so that position, velocity
+    and acceleration are continuous at both ends. Contacts do not change.
     """
     take_off = hop.event_time[-1]
     flight = hop.end_time_s - take_off
     s = np.clip((times_s - take_off) / flight, 0.0, 1.0)[:, None]
     before_end = (times_s - hop.end_time_s)[:, None]
     share, growth = smooth_step(s), smooth_step_rate(s) / flight
-    # Both fly under gravity, so to first order their distance changes at a constant rate.
+    # Both fly under gravity, so to first order their difference changes at a constant rate.
     rate = pose_rate(end_state) - pose_rate(hop.end_state)
     apart = end_state[:6] - hop.end_state[:6] + rate * before_end
     states = hop.states.copy()
@@ -240,12 +242,12 @@ def led_to(hop: Hop, end_state: FloatArray, times_s: FloatArray) -> Hop:
 
 
 def pose_rate(state: FloatArray) -> FloatArray:
-    """Rate of position and of yaw, pitch and roll, (6,), m/s and rad/s."""
+    """Return the rates of position and of yaw, pitch and roll, (6,), m/s and rad/s."""
     return np.concatenate([state[6:9], euler_rates.py_func(state[4], state[5], *state[9:12])])
 
 
 def smooth_step(s: FloatArray) -> FloatArray:
-    """Quintic from 0 to 1 on [0, 1] whose first two derivatives vanish at both ends."""
+    """Return a quintic from 0 to 1 on [0, 1] with zero first and second derivatives at the ends."""
     s = np.clip(s, 0.0, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 

@@ -1,4 +1,4 @@
-"""True landings of a simulated body: its states at the two sections, and what is read of them."""
+"""True landings of a simulated body: states at both sections and their coordinates."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -17,15 +17,15 @@ from hopdata.scenes.body import N_STATES, rotation_entries, rotation_matrices, v
 from hopdata.scenes.scene import Scene, Variant
 from hopdata.synthesis.hops import padded, place_of
 
-# A landing as the sections cut it out: the scene's system with one guard in the place of that for a
-# fall, the height of a point of the body (the mean of the body markers) over a section, which ends
-# the integration as it falls through zero. The instants of the first contacts are kept in further
-# states, so that many landings can be integrated at once without their events being logged.
+# A landing between the sections. It is the scene's system, with the guard for a fall replaced by
+# the height of a body point (the mean of the body markers) over a section, which ends the
+# integration as it falls through zero. Further states hold the instants of the first contacts, so
+# that many landings can be integrated at once without logging their events.
 
-NOT_YET = -1.0  # instant of a contact that has not been
-SECTION = 4  # parameters of the section, before those of the scene: point of the body and height
+NOT_YET = -1.0  # placeholder for the instant of a contact that has not happened
+SECTION = 4  # section parameters, before the scene's: point of the body and height
 
-# What these stand for is put in by `landing_system`: the scene's functions and number of states.
+# Placeholders filled by `landing_system`: the scene's functions and its number of states.
 scene_field: Any = None
 scene_guards: Any = None
 scene_event: Any = None
@@ -46,7 +46,7 @@ def landing_vectors(
     Parameters
     ----------
     scene, variant
-        What lands.
+        The system that lands.
     preloads_n : (L, n) array
         Preload of each leg, N.
     point_m : (3,) array_like
@@ -62,7 +62,7 @@ def landing_vectors(
 
 
 def _field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
-    """Fill `dy` as the scene does; the instants stay."""
+    """Fill `dy` as the scene does; the contact instants stay constant."""
     scene_field(t, y, mode, p[SECTION:], dy)
     dy[scene_states:] = 0.0
 
@@ -76,7 +76,7 @@ def _guards(
     h: FloatArray,
     hdot: FloatArray,
 ) -> None:
-    """Fill `h` and `hdot` as the scene does, and the height of the point over the section."""
+    """Fill `h` and `hdot` as the scene does, and add the point's height over the section."""
     scene_guards(t, y, dy, mode, p[SECTION:], h, hdot)
     rot, last = rotation_entries(y[3], y[4], y[5]), len(h) - 1
     tx, ty, tz = vertical_rate(y, dy, rot)
@@ -87,7 +87,7 @@ def _guards(
 def _event(
     t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Do as the scene does, and note the instant of a leg's first contact."""
+    """Do as the scene does, and record the instant of a leg's first contact."""
     n = len(y) - scene_states
     if guard < n and direction > 0 and y[scene_states + guard] < 0.0:
         y[scene_states + guard] = t
@@ -96,10 +96,10 @@ def _event(
 
 @cache
 def landing_system(system: System) -> System:
-    """Return the landing of a scene's system, with n states more, the instants.
+    """Return the system of a landing: the scene's, with n more states for the contact instants.
 
-    The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as the scene's does)
-    and ``section`` (stops). Nothing stops a fall.
+    The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as in the scene) and
+    ``section`` (stops). Nothing stops a fall.
     """
     feet = system.n_guards - 2
     return System(
@@ -114,7 +114,7 @@ def landing_system(system: System) -> System:
 
 @cache
 def _functions(own: Any, own_guards: Any, own_event: Any, n_states: int) -> dict[str, Any]:
-    """Return the functions of a landing; systems that differ in the number of feet share them."""
+    """Return the functions of a landing; systems that differ only in feet share them."""
     inside = {
         "scene_field": njit(error_model="numpy")(own.function),
         "scene_guards": njit(error_model="numpy")(own_guards.function),
@@ -134,19 +134,19 @@ ATOL_PER_RTOL = 1e-2
 
 @dataclass(frozen=True)
 class TrueLandings:
-    """States at the sections of L landings of n feet; NaN where there is none.
+    """States at the sections of L landings of n feet; NaN where a section is not reached.
 
     Parameters
     ----------
     pre_time_s, post_time_s : (L,) array
-        Instants at which the mean of the body markers falls through the sections, from the apex, s.
+        Times at which the mean of the body markers falls through the sections, from the apex, s.
     pre_state, post_state : (L, 12) array
-        States of the body there, see `hopdata.scenes.body`.
+        States of the body there; see `hopdata.scenes.body`.
     contact_s : (L, n) array
         Instant of each foot's first contact, from the apex, s.
     whole : (L,) array of bool
-        Whether a landing counts: both sections are reached, with all feet up at the pre section and
-        down at the post section, as the pipeline asks for.
+        Whether a landing counts. It must reach both sections, with all feet up at the pre section
+        and down at the post section, as the pipeline requires.
     """
 
     pre_time_s: FloatArray
@@ -161,7 +161,7 @@ class TrueLandings:
 
     @property
     def schedule(self) -> list[str]:
-        """Feet in the order of their contacts, such as ``"2>3>1"``; empty if it does not count."""
+        """Return the feet in order of contact, such as ``"2>3>1"``; empty if it does not count."""
         orders = np.argsort(self.contact_s, axis=1, kind="stable") + 1
         landings = zip(orders, self.whole, strict=True)
         return [">".join(map(str, order)) if whole else "" for order, whole in landings]
@@ -169,7 +169,7 @@ class TrueLandings:
 
 @dataclass(frozen=True)
 class SectionHeights:
-    """What the sections cut: heights of the mean of the body markers.
+    """Heights of the sections, at which the mean of the body markers crosses them.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ class SectionHeights:
 
     @property
     def centre_m(self) -> FloatArray:
-        """Mean of the body markers, body frame, (3,), m."""
+        """Return the mean of the body markers, body frame, (3,), m."""
         return np.asarray(np.mean(self.points_m, axis=0))
 
 
@@ -203,12 +203,12 @@ def true_landings(
     rtol: float = 1e-8,
     workers: int | None = None,
 ) -> TrueLandings:
-    """Integrate landings from their apexes, to the pre section and on to the post section.
+    """Integrate landings from their apexes to the pre section and on to the post section.
 
     Parameters
     ----------
     scene, variant
-        What lands. A boom is that of the first hop.
+        The system that lands. A boom stays as in the first hop.
     apex_states : (L, 12) array
         States in flight above the pre section.
     preloads_n : (L, n) array
@@ -218,12 +218,13 @@ def true_landings(
     rtol : float
         Relative tolerance of the integration; the absolute one is a hundredth of it.
     workers : int, optional
-        Threads.
+        Number of threads.
 
     Returns
     -------
     TrueLandings
-        Ends at the first passage through the post section, whether or not all feet are down there.
+        Each ends at the first passage through the post section, whether or not all feet are down
+        there.
     """
     what, count = (scene, variant, sections), len(apex_states)
     options: dict[str, Any] = {"rtol": rtol, "atol": ATOL_PER_RTOL * rtol, "workers": workers}
@@ -256,7 +257,7 @@ def _fall(
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Integrate until the body falls through a height.
 
-    Returns the time it took, the states, the instants of contact, and whether it did; times and
+    Returns the time taken, the states, the contact instants, and whether it fell through; times and
     states are NaN where it did not.
     """
     own, centre = scene.system(variant), sections.centre_m
@@ -271,7 +272,7 @@ def _fall(
         mode=[0] * system.n_modes,
         **options,
     )
-    # Only a section that was crossed has its mode down; an apex ends with it as it was.
+    # Only crossing the section sets its mode to down; ending at an apex leaves it unchanged.
     fell = above & (solution.status == TERMINATED) & (solution.mode[:, system.n_guards - 1] < 0)
     return (
         np.where(fell, solution.t_end, np.nan),
@@ -281,9 +282,9 @@ def _fall(
     )
 
 
-# Coordinates of a rigid body on a section, on which the mean of the body markers (the centre) has a
-# given height. With place and heading left out, eight remain (the input of a landing): pitch and
-# roll, velocity of the centre in the heading frame, angular velocity in body axes. The outcome has
+# Coordinates of a rigid body on a section, where the mean of the body markers (the centre) has a
+# given height. Without place and heading, eight remain as the input of a landing: pitch and roll,
+# velocity of the centre in the heading frame, angular velocity in body axes. The outcome has
 # eleven: the steps of centre and heading since the pre section, and the same eight at the post
 # section, with the velocity in the heading frame of the pre section.
 
@@ -292,7 +293,7 @@ COMPLEX_STEP = 1e-30
 
 
 def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
-    """Coordinates of states (n, 12) at the pre section, (n, 8).
+    """Return the coordinates of states (n, 12) at the pre section, (n, 8).
 
     Parameters
     ----------
@@ -305,7 +306,7 @@ def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
 
 
 def output_coordinates(pre: FloatArray, post: FloatArray, centre_m: FloatArray) -> FloatArray:
-    """Outcome of landings, (n, 11), from their states (n, 12) at both sections."""
+    """Return the outcome of landings, (n, 11), from their states (n, 12) at both sections."""
     yaw = pre[..., 3]
     step = turned(place_of(centre_m, post) - place_of(centre_m, pre), yaw)[..., :2]
     turn = (post[..., 3] - yaw)[..., None]
@@ -313,9 +314,9 @@ def output_coordinates(pre: FloatArray, post: FloatArray, centre_m: FloatArray) 
 
 
 def section_tangents(pre: FloatArray, centre_m: FloatArray) -> FloatArray:
-    """Return the changes of a state (12,) at the pre section by its coordinates, (12, 8).
+    """Return derivatives of a state (12,) at the pre section by its coordinates, (12, 8).
 
-    Height, place and heading of the centre stay.
+    Height, place and heading of the centre are held fixed.
     """
 
     def every(state: Any) -> Any:
@@ -326,17 +327,17 @@ def section_tangents(pre: FloatArray, centre_m: FloatArray) -> FloatArray:
 
 
 def output_slopes(pre: FloatArray, post: FloatArray, centre_m: FloatArray) -> FloatArray:
-    """Return the derivatives of the outcome by the state at the post section, (11, 12)."""
+    """Return derivatives of the outcome by the state at the post section, (11, 12)."""
     return derivative(lambda state: output_coordinates(pre, state, centre_m), post)
 
 
 def height_slope(state: FloatArray, centre_m: FloatArray) -> FloatArray:
-    """Return the derivative of the height of the centre by the state, (12,)."""
+    """Return derivatives of the height of the centre by the state, (12,)."""
     return derivative(lambda y: place_of(centre_m, y)[..., 2:], state)[0]
 
 
 def derivative(function: Any, state: FloatArray) -> FloatArray:
-    """Return the derivative (k, 12) of a function at a state (12,), by complex steps."""
+    """Return the derivative (k, 12) of a function at a state (12,) by complex steps."""
     moved = state + 1j * COMPLEX_STEP * np.eye(len(state))
     return np.asarray(np.array([function(row) for row in moved]).imag.T / COMPLEX_STEP)
 

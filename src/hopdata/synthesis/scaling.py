@@ -1,8 +1,8 @@
-"""Landings whose deviations from the simultaneous contact are scaled down, without noise.
+"""Noise-free landings whose deviations from simultaneous contact are scaled down.
 
-What a map does as its inputs draw together about a point is its derivative there: the error of the
-best linear map falls with the square of the scale if there is one, and with the scale itself if
-each order of the contacts has its own.
+As the inputs of a map draw together about a point, its behaviour there is that of its derivative.
+The error of the best linear map falls with the square of the scale if a derivative exists, and with
+the scale itself if each order of contacts has its own.
 """
 
 import json
@@ -25,19 +25,19 @@ from hopdata.synthesis.camera import fixed_markers, in_world
 from hopdata.synthesis.exact_maps import homed, section_jacobians
 from hopdata.synthesis.landings import SectionHeights, true_landings
 
-# What a synthetic recording's truth says of the scene it was made with.
+# The scene that the truth of a synthetic recording was made with.
 
 
 @dataclass(frozen=True)
 class KnownScene:
-    """What landed, and where the body markers were.
+    """The system that landed, and the places of its body markers.
 
     Parameters
     ----------
     name : str
-        Of the scene, in `hopdata.scenes.SCENES`.
+        Name of the scene in `hopdata.scenes.SCENES`.
     scene, control
-        What landed; a boom is that of the first hop.
+        The system that landed; a boom stays as in the first hop.
     body_points_m : (B, 3) array
         Body markers, body frame, m.
     """
@@ -48,12 +48,12 @@ class KnownScene:
     body_points_m: FloatArray
 
     def points_of(self, body: Sequence[str]) -> FloatArray:
-        """Places of the body markers with these names (``body1`` ...), body frame, (k, 3), m."""
+        """Return places of the named body markers (``body1`` ...), body frame, (k, 3), m."""
         return self.body_points_m[[int(name.removeprefix("body")) - 1 for name in body]]
 
 
 def known_scene(truth: Truth) -> KnownScene:
-    """Read the scene from the parameters that a truth keeps."""
+    """Read the scene from the parameters stored in a truth."""
     parameters = json.loads(truth.parameters_json)
     simulation, camera = parameters["simulation"], parameters["motion_capture"]
     name = simulation.get("scene", STANDARD)
@@ -62,12 +62,12 @@ def known_scene(truth: Truth) -> KnownScene:
 
 
 def common_scene(truths: Iterable[Truth]) -> KnownScene:
-    """Return the scene that all recordings of a study share.
+    """Return the scene shared by all recordings of a study.
 
     Raises
     ------
     AnalysisError
-        If there is none, or they differ.
+        If there are no scenes, or they differ.
     """
     scenes = [known_scene(truth) for truth in truths]
     same = {(s.scene, s.control, s.body_points_m.tobytes()) for s in scenes}
@@ -83,18 +83,18 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ScaledLandings:
-    """Landings of one kind at one scale; n of them count.
+    """Landings of one kind at one scale, of which n count.
 
     Parameters
     ----------
     case : str
         Name of the scene, "coupling", "impulse", "delay", or "study" for a mixture.
     control : Control
-        Its strengths.
+        Strengths of the control.
     scale : float
-        By which the deviations were multiplied.
+        Factor applied to the deviations.
     x, y : (n, 8) and (n, 11) array
-        Inputs and outcomes, see `hopdata.synthesis.landings`.
+        Inputs and outcomes; see `hopdata.synthesis.landings`.
     preloads_n : (n, legs) array
         Deviations of the preloads, N.
     contact_s : (n, legs) array
@@ -102,9 +102,9 @@ class ScaledLandings:
     schedule : (n,) array of str
         Orders of the contacts.
     n_failed : int
-        Landings that do not count.
+        Number of landings that do not count.
     exact_maps : (S, 11, 8) array
-        Derivatives at the simultaneous contact, one a schedule.
+        Derivatives at the simultaneous contact, one per schedule.
     """
 
     case: str
@@ -132,22 +132,23 @@ def study_landings(
     delay_s: float = 0.01,
     workers: int | None = None,
 ) -> Iterator[ScaledLandings]:
-    """Yield the landings of a simulated study, scaled, of the scene and of each kind of control.
+    """Yield the scaled landings of a simulated study, for the scene and each kind of control.
 
     Parameters
     ----------
     truths : sequence of Truth
-        Of all its recordings; of a boom that swings, only hops with the first hop's are taken.
+        Truths of all its recordings. With a swinging boom, only hops with the boom as in the first
+        hop are used.
     body : sequence of str
-        Names of the body markers that the study uses.
+        Names of the body markers used by the study.
     pre_m, post_m : float
         Heights of the sections, m.
     landings : int
-        Landings taken at most, evenly from all.
+        Largest number of landings, taken evenly from all.
     scales, coupling, impulse, delay_s
-        Factors of the deviations, and strengths of the controls that are not the study's own.
+        Factors of the deviations, and strengths of controls other than the study's own.
     workers : int, optional
-        Threads.
+        Number of threads.
     """
     known = common_scene(truths)
     apexes, preloads = _starts(truths, known.scene)
@@ -159,16 +160,16 @@ def study_landings(
 
 
 def _starts(truths: Sequence[Truth], scene: Scene) -> tuple[FloatArray, FloatArray]:
-    """Apex states and preloads of all hops whose boom is where it is in the first."""
+    """Return apex states and preloads of all hops with the boom as in the first hop."""
     pairs = [(truth, next(scene.by_hop(len(truth.apex_states)))[1]) for truth in truths]
     apexes, preloads = ([t.apex_states[k] for t, k in pairs], [t.preloads_n[k] for t, k in pairs])
     return np.concatenate(apexes), np.concatenate(preloads)
 
 
 def scaling_cases(known: KnownScene, **strengths: float) -> dict[str, Control]:
-    """Name the scene and the controls that it knows, each with its own strength or this one.
+    """Name the scene and its controls, each with its own strength or the one given here.
 
-    The study's own control takes the place of that of its kind, or comes last if it mixes kinds.
+    The study's own control replaces that of its kind, or is added last if it mixes kinds.
     """
     own, cases = known.control, {known.name: Control()}
     for name in known.scene.controls:
@@ -192,7 +193,7 @@ def scaled_landings(
     ----------
     scene : Scene
     cases : dict
-        Name -> what lands.
+        Name -> system that lands.
     apex_states : (L, 12) array
         States at the apexes.
     preloads_n : (L, legs) array
@@ -202,13 +203,13 @@ def scaled_landings(
     scales : sequence of float
         Factors of the deviations.
     workers : int, optional
-        Threads.
+        Number of threads.
 
     Yields
     ------
     ScaledLandings
-        Without landings for a case whose simultaneous contact does not lie between the sections, or
-        that does not sink to the lower one; the log says why.
+        Without landings for a case whose simultaneous contact is not between the sections, or that
+        does not sink to the lower one; the log gives the reason.
     """
     apart, still = preloads_n - scene.preload_n, scene.still()
     for case, control in cases.items():
@@ -235,7 +236,7 @@ def scaled_landings(
 
 
 def _nothing(case: str, control: Control, scale: float, preloads_n: FloatArray) -> ScaledLandings:
-    """Return that no landing of a case counts."""
+    """Return the result for a case in which no landing counts."""
     shape, none = (len(OUTPUT_NAMES), len(INPUT_NAMES)), np.empty((0, preloads_n.shape[1]))
     x, y = np.empty((0, shape[1])), np.empty((0, shape[0]))
     return ScaledLandings(
@@ -244,20 +245,20 @@ def _nothing(case: str, control: Control, scale: float, preloads_n: FloatArray) 
     )  # fmt: skip
 
 
-# What a simulated study would measure at the sections without noise, and its exact linear maps.
+# Noise-free states at the sections of a simulated study, and its exact linear maps.
 
 TRUE_SECTIONS_RTOL = 1e-9
 
 
 @dataclass(frozen=True)
 class TrueStates:
-    """Marker states of one recording at the sections; n landings count.
+    """Marker states of one recording at the sections, of which n landings count.
 
     Parameters
     ----------
     x, y : (n, 6B) array
-        Positions of the B body markers (x1, y1, z1, x2, ...), m, and their velocities, m/s, in the
-        world, at the pre and at the post section.
+        World positions of the B body markers (x1, y1, z1, x2, ...), m, followed by their
+        velocities, m/s, at the pre and the post section.
     schedule : (n,) array of str
         Orders of the contacts.
     spread_s : (n,) array
@@ -280,9 +281,9 @@ def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> Tr
     Parameters
     ----------
     truth : Truth
-        Its apex states and preloads.
+        Truth with the apex states and preloads.
     known : KnownScene
-        What landed.
+        The system that landed.
     sections : SectionHeights
         The sections of the study.
     """
@@ -301,9 +302,9 @@ def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> Tr
 
 
 def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Positions and velocities, (n, 6B), of points (B, 3) of the body, for states (n, 12)."""
+    """Return positions and velocities, (n, 6B), of body points (B, 3), for states (n, 12)."""
     turning = np.cross(states[:, None, 9:12], points_m[None])
-    velocities = in_world(states[:, [6, 7, 8, 3, 4, 5]], turning)  # turned and added as places are
+    velocities = in_world(states[:, [6, 7, 8, 3, 4, 5]], turning)  # turned and added like places
     both = (fixed_markers(states, points_m), velocities)
     return np.hstack([one.reshape(len(states), -1) for one in both])
 

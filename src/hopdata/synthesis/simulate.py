@@ -1,4 +1,4 @@
-"""A recording of a simulated scene, with its truth, from two blocks of the configuration."""
+"""Simulate a recording and its truth from two blocks of the configuration."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hopdata.synthesis.hops import rest_foot
 
 @dataclass(frozen=True, kw_only=True)
 class Simulation:
-    """The config's ``simulation``: how many hops, of which scene, how disturbed and handled.
+    """The block ``simulation`` of the configuration: hops, scene, disturbances and handling.
 
     Parameters
     ----------
@@ -31,13 +31,14 @@ class Simulation:
     duration_s : float, optional
         Cut the recording at this time, s.
     name : str
-        The config's ``scene``.
+        Name of the scene, the key ``scene`` of the block.
     scene : Scene
-        The block of that name.
+        Parameters of the scene, from the block of that name.
     kicks, operator
         See their classes.
     control : Control
-        What lands in the scene's place, from the apexes of its gait; at strength zero itself.
+        System that lands instead of the scene, from the apexes of its gait; at strength zero, the
+        scene itself.
     """
 
     hops: int = 1000
@@ -57,12 +58,12 @@ class Simulation:
 
     @classmethod
     def of(cls, values: Mapping[str, Any] | None) -> Simulation:
-        """Build it from the block of the configuration; keys not given take their defaults.
+        """Build it from the block of the configuration; missing keys take their defaults.
 
         Raises
         ------
         HopdataError
-            If a key or the scene is unknown, or a value out of range.
+            If a key or the scene is unknown, or a value is out of range.
         """
         given = dict(values or {})
         name = given.pop("scene", STANDARD)
@@ -70,7 +71,7 @@ class Simulation:
         return replace(trials.from_mapping(cls, given), name=name, scene=scene)
 
     def said(self) -> dict[str, Any]:
-        """Return the block as plain data; a control, and another scene, only if there is one."""
+        """Return the block as plain data; a control or non-standard scene only if there is one."""
         said = asdict(self)
         said[said.pop("name")] = said.pop("scene")
         if not self.control.active:
@@ -91,18 +92,18 @@ def simulate_recording(
     Parameters
     ----------
     simulation, motion_capture : mapping, optional
-        Blocks of the configuration (fields of `Simulation` and `MotionCapture`); keys not given
-        take their defaults.
+        Blocks of the configuration (fields of `Simulation` and `MotionCapture`); missing keys take
+        their defaults.
     seed : int or sequence of int
-        Seed of everything random. Kicks, floor, noise and gaps have streams of their own, so that
-        changing one leaves the others as they were.
+        Seed of all random numbers. Kicks, floor, noise and gaps have separate streams, so that
+        changing one leaves the others unchanged.
     name : str
         Name of the recording.
 
     Raises
     ------
     HopdataError
-        If a key is unknown or a value out of range.
+        If a key is unknown or a value is out of range.
     """
     simulated = Simulation.of(simulation)
     camera = trials.from_mapping(cameras.MotionCapture, motion_capture)
@@ -148,7 +149,7 @@ def observed(
     noise_rng: np.random.Generator,
     gaps_rng: np.random.Generator,
 ) -> Recording:
-    """Return what a motion-capture system records of marker tracks."""
+    """Return the motion-capture record of marker tracks."""
     frames, markers, _ = tracks.positions.shape
     hidden = camera.draw_gaps(frames, markers, gaps_rng)
     positions = camera.observe(tracks.positions, floor, hidden, noise_rng)
@@ -157,7 +158,7 @@ def observed(
 
 
 def first_contacts(trial: trials.Trial, scene: Scene) -> tuple[FloatArray, FloatArray]:
-    """When and where each foot first touched in each landing: (L, n) s and (L, n, 2) m, or NaN."""
+    """Return time (L, n), s, and place (L, n, 2), m, of each foot's first contact, or NaN."""
     shape = (len(trial.hops), scene.n_legs)
     times, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan)
     for i, hop in enumerate(trial.hops):

@@ -1,4 +1,4 @@
-"""A trial: hop after hop, each kicked at its apex, with an operator who keeps it in the arena."""
+"""Trials: hop after hop, each kicked at its apex, with an operator who keeps it in the arena."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from hopdata.scenes.body import N_STATES
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.hops import Hop, control_hop, fly_hop, level_state, pose_rate
 
-# Options of a synthetic recording, as they stand in the configuration.
+# Options of a synthetic recording, as in the configuration.
 
 Options = TypeVar("Options")
 Point = tuple[float, float, float]
@@ -21,7 +21,7 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Kicks:
-    """Random disturbance at each apex, each normal with mean zero and this standard deviation.
+    """Random disturbance at each apex; each value is normal with mean zero and this deviation.
 
     Parameters
     ----------
@@ -40,20 +40,20 @@ class Kicks:
 
 @dataclass(frozen=True, kw_only=True)
 class Operator:
-    """The person who lets the body go, and carries it back when it has strayed or fallen.
+    """The person who releases the body and carries it back if it strays or falls.
 
     Parameters
     ----------
     release_height_m : float
-        Height of the feet above the floor at which it is let go, at rest and level.
+        Height of the feet above the floor at release, at rest and level.
     release_spread_m : float
-        It is let go within this distance of the centre, in x and in y.
+        Largest distance of the release from the centre, in x and in y.
     arena_m : float
-        It is carried back at the first apex farther than this from the centre, in x or y.
+        It is carried back at the first apex further than this from the centre, in x or y.
     carry_s : float
-        How long that takes.
+        Duration of carrying.
     hop_limit_s : float
-        Time without an apex after which it has fallen.
+        Time without an apex after which it counts as fallen.
     """
 
     release_height_m: float = 0.24
@@ -65,16 +65,16 @@ class Operator:
 
 @dataclass(frozen=True, kw_only=True)
 class FloorOptions:
-    """Curvature of the measured floor: a bowl and a few waves of random direction and phase.
+    """Curvature of the measured floor: a bowl and waves of random direction and phase.
 
     Parameters
     ----------
     bowl_depth_m, bowl_radius_m : float
-        Rise of the bowl far from the centre, and the distance at which half of it is reached.
+        Rise of the bowl far from the centre, and the distance at which it reaches half of that.
     waves : int
         Number of waves.
     wave_amplitude_m, wave_length_m : float
-        Amplitude of each wave, and the shortest wave length; the longest is 1.5 times that.
+        Amplitude of each wave, and the shortest wave length; the longest is 1.5 times as long.
     """
 
     bowl_depth_m: float = 0.004
@@ -102,7 +102,7 @@ class GapOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class MarkerOptions:
-    """Where the markers are glued, and how fast a leg draws back after lift-off.
+    """Places of the markers, and how fast a leg retracts after lift-off.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class MarkerOptions:
     boom_m : (x, y, z)
         Boom marker relative to the end of the boom, body axes.
     retraction_s : float
-        Time in which a leg extended at lift-off comes back to its rest length.
+        Time in which a leg extended at lift-off returns to its rest length.
     """
 
     body_m: tuple[Point, ...] = ((0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055))
@@ -120,7 +120,7 @@ class MarkerOptions:
 
 
 def from_mapping(kind: type[Options], values: Mapping[str, Any] | None) -> Options:
-    """Build options, and those within them, from a mapping of some fields; others keep defaults.
+    """Build options, including nested ones, from a mapping; missing fields keep defaults.
 
     Raises
     ------
@@ -139,31 +139,31 @@ def _frozen(value: Any) -> Any:
     return tuple(_frozen(v) for v in value) if isinstance(value, list | tuple) else value
 
 
-# What happens in a trial, written down while the clock runs: frames, hops and contacts.
+# Record of a trial while the clock runs: frames, hops and contacts.
 
 
 @dataclass(frozen=True)
 class Trial:
-    """States at every frame, all hops, and all contacts, on one clock.
+    """States in every frame, all hops and all contacts of a trial, on one clock.
 
     Parameters
     ----------
     rate_hz : float
         Frame rate, Hz; frame k is at k / rate_hz.
     states : (N, 12) array
-        State at each frame.
+        State in each frame.
     boom : (N, 3) array
-        Place of the boom at each frame, body frame, m; (N, 0) without one.
+        Place of the boom in each frame, body frame, m; (N, 0) without one.
     hops : tuple of Hop
         Hops that ended before the last frame, in order.
     hop_start_s : (L,) array
         Time of the apex at which each hop began, s.
     apex_s : (A,) array
-        The same of every hop, also of one that was cut off, s.
+        Start times of all hops, including one that was cut off, s.
     event_time, event_leg, event_down, event_state
-        All contact events, (E,), (E,), (E,) and (E, 12), ordered in time.
+        All contact events, (E,), (E,), (E,) and (E, 12), in order of time.
     n_carries : int
-        How often the operator carried the hopper back.
+        Number of times the operator carried the hopper back.
     """
 
     rate_hz: float
@@ -191,17 +191,17 @@ class Tape:
         self.n_carries = 0
 
     def frames_within(self, duration_s: float) -> FloatArray:
-        """Frame times still to come within this duration, counted from the clock, s."""
+        """Return the frame times still to come within this duration, relative to the clock, s."""
         last = math.ceil((self.clock + duration_s) * self.rate_hz)
         return np.maximum(np.arange(self.n_frames, last) / self.rate_hz - self.clock, 0.0)
 
     def add_frames(self, states: FloatArray, boom: FloatArray) -> None:
-        """Keep the states and the places of the boom of the next frames."""
+        """Append the states and boom places of the next frames."""
         self.frames.append((states, boom))
         self.n_frames += len(states)
 
     def add_hop(self, hop: Hop) -> None:
-        """Keep a hop that began at the clock, and set the clock to its end."""
+        """Append a hop that began at the clock, and move the clock to its end."""
         self.add_frames(hop.states, hop.boom)
         self.hops.append(hop)
         self.starts.append(self.clock)
@@ -210,7 +210,7 @@ class Tape:
         self.clock += hop.end_time_s
 
     def carry(self, hop: Hop, release: FloatArray, carry_s: float, scene: Scene) -> None:
-        """Log the operator's handling after a hop; the boom stays where it is."""
+        """Log the operator's handling after a hop; the boom does not move."""
         frames, legs = self.frames_within(carry_s), hop.legs_down()
         when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
         self.events.append((when, legs, up, np.tile(hop.end_state, (len(legs), 1))))
@@ -220,7 +220,7 @@ class Tape:
         self.n_carries += 1
 
     def trial(self, duration_s: float) -> Trial:
-        """Return what is on the tape, cut at this time."""
+        """Return the recorded trial, cut at this time."""
         time, leg, down, state = (np.concatenate(part) for part in zip(*self.events, strict=True))
         states, boom = (np.concatenate(part) for part in zip(*self.frames, strict=True))
         frames = min(self.n_frames, math.ceil(min(self.clock, duration_s) * self.rate_hz))
@@ -234,10 +234,10 @@ class Tape:
 def carried(
     state: FloatArray, release: FloatArray, duration_s: float, times_s: FloatArray
 ) -> FloatArray:
-    """States, (K, 12), of a body moved by hand: cubic in each coordinate, with no jump in speed.
+    """Return states, (K, 12), of a body moved by hand: cubics without a jump in speed.
 
-    It starts with the motion of `state` and ends with that of `release`; `times_s` (K,) count from
-    the start. The angular velocity of these states is not used by anybody and left at zero.
+    The motion starts as in `state` and ends as in `release`; `times_s` (K,) count from the start.
+    The angular velocity of these states is unused and left at zero.
     """
     from scipy.interpolate import CubicHermiteSpline
 
@@ -261,31 +261,31 @@ def run_trial(
     changes: Iterable[Mapping[str, Any]] = (),
     preloads_n: FloatArray | None = None,
 ) -> Trial:
-    """Let a body hop so many times, or for so long, whichever ends first.
+    """Let a body make a number of hops, or hop for a time, whichever ends first.
 
-    A control lands from the apexes of the scene's own gait, whatever became of its last landing;
-    see `hopdata.synthesis.hops.control_hop`.
+    A control lands from the apexes of the scene's own gait, whatever the outcome of its last
+    landing; see `hopdata.synthesis.hops.control_hop`.
 
     Parameters
     ----------
     scene : Scene
-        What hops. If its boom swings, it does so to and fro, hop by hop, unless changed.
+        What hops. A swinging boom moves to and fro, hop by hop, unless changed.
     hops : int
         Number of hops.
     rate_hz : float
-        Frame rate at which states are kept, Hz.
+        Rate at which states are recorded, Hz.
     rng : numpy Generator
-        Source of the kicks and of the places of release.
+        Random source for the kicks and places of release.
     kicks, operator : optional
-        Disturbances and handling; the defaults of their classes if absent.
+        Disturbances and handling; by default those of their classes.
     control : Control, optional
-        What lands; by default the scene itself.
+        System that lands; by default the scene itself.
     duration_s : float
         Cut the trial at this time, s.
     changes : iterable of mapping, optional
-        Parameters of the scene that are other ones in the first hop, the second, and so on.
+        Parameters of the scene that change in the first hop, the second, and so on.
     preloads_n : (n,) array, optional
-        Preload of each leg but for chance, N; by default that of the scene.
+        Preload of each leg before random changes, N; by default that of the scene.
     """
     kicks, operator, changes = kicks or Kicks(), operator or Operator(), iter(changes)
     preloads = scene.preload_n if preloads_n is None else preloads_n
