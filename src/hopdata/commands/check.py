@@ -1,4 +1,4 @@
-"""``hopdata check``: a configuration and all its recordings."""
+"""``hopdata check``: check a configuration and all its recordings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Check a configuration, read all its recordings and foretell what its first study finds."""
+    """Check a configuration, read all its recordings and forecast its first study."""
     from hopdata.config.consistency import feet_of, files_of, simulation_of
     from hopdata.config.loading import load_config, place_of, read_yaml
     from hopdata.group import read_group
@@ -73,12 +73,12 @@ def check(options: argparse.Namespace) -> int:
 
 
 def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
-    """Say what the study will find, and return why it is hardly worth running, if it is.
+    """Print a forecast of the study; return why it is hardly worth running, if so.
 
     Raises
     ------
     AnalysisError
-        If it will stop.
+        If the study will stop.
     """
     from hopdata.commands.forecast import foretell, told
 
@@ -91,7 +91,7 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
 
 
 def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
-    """Say in a line what looks wrong with the study's markers, and ask for a rate not given."""
+    """Return a line on suspect data of the study's markers, and ask for a missing rate."""
     from hopdata.recordings.quality.inspection import inspect
 
     with terminal.progress_line(f"looking for faults in {recording.place}"):
@@ -103,7 +103,7 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
-    """Say in a few lines what a recording holds."""
+    """Summarise the contents of a recording in a few lines."""
     from hopdata.recording import body_over_feet, fraction_seen
 
     duration = recording.time[-1] - recording.time[0]
@@ -120,17 +120,17 @@ def _summary(recording: Recording, config: dict[str, Any]) -> str:
 
 
 def _percent(share: float) -> str:
-    """Write a share in per cent, rounded down: 100 is all."""
+    """Write a share in per cent, rounded down so that 100 means all."""
     return f"{np.floor(1e4 * share) / 100:g} %"
 
 
-# What the external files of a recording hold, in a few lines.
+# Contents of a recording's external files, in a few lines.
 
-# Mass over the cube of the markers' span, kg/m³: of a runner about 40, of the hopper 20, and of a
-# runner of whom only a shoe is seen 5000. A wrong unit is a factor of 1000.
+# Mass over the cube of the markers' span, kg/m³: about 40 for a runner, 20 for the hopper, 5000 for
+# a runner of whom only a shoe is seen. A wrong unit changes it by a factor of 1000.
 PLAUSIBLE_MASS = (1.0, 5000.0)
-PLAUSIBLE_SHARE = (0.02, 3.0)  # mean force over body weight, also of a plate for one foot
-LEAST_OVERLAP = 0.75  # of the recording and of the signal, below which their clocks are in doubt
+PLAUSIBLE_SHARE = (0.02, 3.0)  # mean force over body weight, including a plate under one foot
+LEAST_OVERLAP = 0.75  # of the recording and of the signal; below it, their clocks are doubtful
 
 
 def describe_external(
@@ -141,7 +141,7 @@ def describe_external(
     rate_hz: float | None = None,
     extent_m: float | None = None,
 ) -> list[str]:
-    """Read the contacts and forces that a recording names, and say what they are.
+    """Read the contacts and forces named by a recording, and describe them.
 
     Parameters
     ----------
@@ -154,12 +154,12 @@ def describe_external(
     rate_hz : float, optional
         ``input.rate_hz``.
     extent_m : float, optional
-        Span of the markers, m, by which a body weight can be or not.
+        Span of the markers, m, from which a plausible body weight follows.
 
     Returns
     -------
     list of str
-        One line a column; none where nothing is known from elsewhere.
+        One line per column; none without external files.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def describe_external(
 
 
 def _misplaced(span_s: tuple[float, float], recording_s: tuple[float, float]) -> str:
-    """Say if a signal leaves much of the recording out, or is much outside it: a wrong clock."""
+    """Report a signal that misses much of the recording or lies far outside it: a wrong clock."""
     overlap = max(0.0, min(span_s[1], recording_s[1]) - max(span_s[0], recording_s[0]))
     covered = overlap / max(recording_s[1] - recording_s[0], 1e-9)
     inside = overlap / max(span_s[1] - span_s[0], 1e-9)
@@ -195,7 +195,7 @@ def _misplaced(span_s: tuple[float, float], recording_s: tuple[float, float]) ->
 
 
 def _misjudged(signal: ForceSignal, extent_m: float | None) -> str:
-    """Say if the mean force cannot be a body weight: a wrong unit."""
+    """Report a mean force that cannot be a body weight: a wrong unit."""
     mean, weight = float(np.nanmean(signal.force)), signal.options["body_weight_n"]
     if signal.unit == "body_weight" or weight is not None:
         share = mean if signal.unit == "body_weight" else mean / weight

@@ -1,4 +1,4 @@
-"""``hopdata drive``: steer a hopper live, simulated or real; ``hopdata replay``: its log again."""
+"""``hopdata drive``: steer a simulated or real hopper live; ``hopdata replay``: replay its log."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 GEOMETRY, MODEL = "geometry.json", "model.npz"
 LEARNED_HOPS, SEED = 100, 1
-START = (1.0, 0.0, 0.0)  # of the simulated hopper, m, m, rad
+START = (1.0, 0.0, 0.0)  # pose of the simulated hopper: m, m, rad
 DRAW_S = 0.25
 
 
 def drive(options: argparse.Namespace) -> int:
-    """Drive until the time is up, something ends it, or the operator does."""
+    """Drive until the time is up, a fault ends it, or the operator does."""
     from hopdata.steering.live.drive import drive as driven
     from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.safety import Limits, NoBoom, UdpBoom
@@ -78,7 +78,7 @@ def drive(options: argparse.Namespace) -> int:
 
 
 def replay(options: argparse.Namespace) -> int:
-    """Play a log into the same controller; exit code 1 if a plan differs."""
+    """Feed a log to the same controller; exit code 1 if a plan differs."""
     from hopdata.steering.live.log import read_log
     from hopdata.steering.live.log import replay as replayed
     from hopdata.steering.live.loop import observers_of
@@ -100,7 +100,7 @@ def replay(options: argparse.Namespace) -> int:
 
 
 def _require_whole(options: argparse.Namespace) -> None:
-    """Refuse what would move nothing, or something nobody has named."""
+    """Refuse options that would move nothing, or something that nobody has named."""
     real = options.host is not None
     if real and options.model is None:
         raise ConfigError("--model: expected the folder of what was learned from this robot")
@@ -113,7 +113,7 @@ def _require_whole(options: argparse.Namespace) -> None:
 
 
 def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:
-    """Return the files of the model; without a folder, of one learned from the simulated hopper."""
+    """Return the model's files; without a folder, those of a model of the simulated hopper."""
     from hopdata.steering.models.process import load_process, save_process
     from hopdata.steering.observation.geometry import load_geometry
 
@@ -124,7 +124,7 @@ def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:
             folder = Path(temporary)
             geometry.save(folder / GEOMETRY)
             save_process(folder / MODEL, process)
-        load_geometry(folder / GEOMETRY)  # which say what is wrong, and with which file
+        load_geometry(folder / GEOMETRY)  # these report what is wrong, and with which file
         load_process(folder / MODEL)
         return {name: (folder / name).read_bytes() for name in (GEOMETRY, MODEL)}
 
@@ -147,7 +147,7 @@ def _learned() -> tuple[Any, Any]:
 def _parts(
     setup: Mapping[str, Any], files: Mapping[str, bytes]
 ) -> tuple[HopperGeometry, Controller]:
-    """Return geometry and controller, the same for a drive and for its replay."""
+    """Return geometry and controller, which are the same for a drive and its replay."""
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
     from hopdata.steering.control.planner import AdaptivePlanner, planner
     from hopdata.steering.models.process import load_process
@@ -176,9 +176,9 @@ def _title(options: argparse.Namespace) -> str:
 
 
 class Screen:
-    """Shows pose, hop, plan, time left and faults: a picture on a terminal, else a line a hop.
+    """Shows pose, hop, plan, time left and faults: a picture on a terminal, else a line per hop.
 
-    On a terminal Enter is the operator's key: the boom rests, and the drive is over.
+    On a terminal, Enter is the operator's stop key: the boom rests and the drive is over.
     """
 
     def __init__(self, title: str, seconds: float | None, command_s: float) -> None:
@@ -189,7 +189,7 @@ class Screen:
         print(title + ("\nEnter or Ctrl-C: the boom rests, and it ends" if self._live else ""))
 
     def decided(self, decision: Decision) -> None:
-        """Take the decision at a stance; called in the loop's thread."""
+        """Record the decision at a stance; called in the loop's thread."""
         self._hops += 1
         x, y, heading = decision.pose
         spare = 1e3 * (self._command_s - decision.since_stance_s)
@@ -205,7 +205,7 @@ class Screen:
             print(" ".join(self._last.split()), flush=True)
 
     def look(self, loop: ControlLoop, stream: Stream) -> None:
-        """Heed the operator's key, and show what there is."""
+        """React to the operator's key and update the display."""
         if self._live and _enter_pressed():
             loop.rest("the operator's key")
         rests, now = loop.watch.rests, time.monotonic()
@@ -227,7 +227,7 @@ class Screen:
             + (f", the last: {rests[-1].cause}" if rests else ""),
         ]
         up = f"\033[{self._lines}A" if self._lines else ""
-        width = os.get_terminal_size().columns - 1  # a line that wraps would leave its rest behind
+        width = os.get_terminal_size().columns - 1  # wrapped lines would leave remains
         print(up + "\n".join(f"\033[K{line[:width]}" for line in lines), flush=True)
         self._lines = len(lines)
 

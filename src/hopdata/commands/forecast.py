@@ -1,7 +1,7 @@
-"""What a study will find, told before it is run: landings used, and what its verdict can tell.
+"""Forecast of a study before it runs: landings used, and what its verdict can show.
 
-The study in one process, without tables and figures. Of the verdict nothing is
-told but how small a difference it can show, so that no choice is made by its answer.
+The study runs in one process, without tables and figures. Of the verdict, only the smallest
+difference that it can show is reported, so that no choice depends on its answer.
 """
 
 from __future__ import annotations
@@ -29,41 +29,41 @@ from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 from hopdata.report.formatting import WORDS
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
-MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
-LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
-LEFT_BY_BEST = 0.5  # of the landings: a section that holds no more at any height cannot be mended
-MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
-MOST_UNSURE = 0.5  # of the orders, beyond which they tell little
-FEW_LANDINGS = 10  # in a recording, from which contacts are learned less well
-#: The bound of a study without a difference is some 0.75 to 1 of what it detects.
+MOST_FRAMES = 60_000  # frames examined; of longer studies, the middle of each recording
+LEAST_SHARE = 0.1  # of the landings: least cost of a reason that is worth a change
+LEFT_BY_BEST = 0.5  # of the landings: a section that holds fewer at any height cannot be improved
+MOST_ALIKE = 0.8  # of the landings in one contact order: beyond it, more of them hardly help
+MOST_UNSURE = 0.5  # of the orders: beyond it they reveal little
+FEW_LANDINGS = 10  # per recording; with fewer, contacts are learned less well
+#: Bound of a study without a difference, as a share of the difference it detects (0.75 to 1).
 BOUND_SHARE = 0.75
-#: What to change where a reason costs landings.
+#: Advice for each reason that costs landings.
 CHANGES: dict[str, str] = WORDS["changes"]
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a study will find.
+    """Results to be expected from a study.
 
     Attributes
     ----------
     touchdowns
-        Table of the touchdowns that were looked at: see `touchdown_table`.
+        Table of the touchdowns examined: see `touchdown_table`.
     frames_share
-        Share of the study's frames that were looked at.
+        Share of the study's frames that were examined.
     detectable
-        Difference that the verdict finds with its power, of all landings; None if it can tell
-        nothing.
+        Difference that the verdict detects with its power, given all landings; None if it cannot
+        show any.
     allowed
-        Difference up to which nothing is evidence, with any number of landings.
+        Largest difference that is no evidence, with any number of landings.
     reason
-        Why it can tell nothing; empty if it can.
+        Why the verdict cannot show a difference; empty if it can.
     stops
-        Whether the study has too few touchdowns even to run to its end.
+        Whether the study has too few touchdowns to run to its end.
     best
-        Share of the landings that the best height holds, of a section that loses many.
+        Share of the landings held by the best height of a section that loses many.
     kinds
-        By what the landings are of two kinds; empty if they are of one.
+        What divides the landings into two kinds; empty if they are of one.
     """
 
     touchdowns: pd.DataFrame
@@ -77,34 +77,34 @@ class Forecast:
 
     @property
     def landings(self) -> int:
-        """Number of landings of the study's feet."""
+        """Return the number of landings of the study's feet."""
         return self._scaled((self.touchdowns["reason"] != NO_FOOT_LANDED).sum())
 
     @property
     def used(self) -> int:
-        """Number of those that will be used."""
+        """Return the number of landings that will be used."""
         return self._scaled((~self.touchdowns["excluded"]).sum())
 
     def timed(self, foot: str) -> float:
-        """Share of the landings in which the contact of a foot is found."""
+        """Return the share of landings in which the contact of a foot is found."""
         landed = self.touchdowns[self.touchdowns["reason"] != NO_FOOT_LANDED]
         return float(landed[f"contact_{foot}_s"].notna().mean()) if len(landed) else 0.0
 
     @property
     def unsure(self) -> float:
-        """Share of the landings used whose order is less probable than the study asks for."""
+        """Return the share of landings used with an order less probable than required."""
         used = self.touchdowns[~self.touchdowns["excluded"]]
         return float((used["class"] == AMBIGUOUS).mean()) if len(used) else 0.0
 
     def unsure_without(self, foot: str, feet: Sequence[str], below: float) -> float:
-        """Share of the landings used whose order would be less probable if a foot were left out."""
+        """Return the share of landings used with an order too improbable without a foot."""
         used, others = self.touchdowns[~self.touchdowns["excluded"]], [f for f in feet if f != foot]
         of = [used[[f"{what}_{f}_s" for f in others]].to_numpy() for what in ("contact", "se")]
         return float((order_probability(*of) < below).mean())
 
     @property
     def vain(self) -> str:
-        """Why little is to be learned from the study; empty if there is much."""
+        """Return why little can be learned from the study; empty if much can."""
         if self.unsure > MOST_UNSURE:
             return f"{100 * self.unsure:.0f} % of its contact orders are unsure"
         if self.detectable is None or self.detectable > 1:
@@ -122,12 +122,12 @@ class Forecast:
 
 
 def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecast:
-    """Say what the study of these recordings will find.
+    """Forecast the study of these recordings.
 
     Parameters
     ----------
     config
-        Configuration, complete and sound.
+        Configuration, complete and valid.
     recordings
         All its recordings, as imported.
 
@@ -157,7 +157,7 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
 
 
 def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording], float]:
-    """Return the recordings, or their middles with so many frames at most, and their share."""
+    """Return the recordings, or their middles with at most `most` frames, and that share."""
     total = sum(len(one.time) for one in recordings)
     share, parts = min(1.0, most / total), []
     for one in recordings:
@@ -170,7 +170,7 @@ def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording
 def told(
     forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
 ) -> list[str]:
-    """Say a forecast in lines: landings and feet, what is left out, the verdict, what to change."""
+    """Describe a forecast in lines: landings and feet, losses, the verdict, what to change."""
     feet, about = feet_of(config), "about " * (forecast.frames_share < 1)
     timed = ", ".join(f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet)
     out = [
@@ -189,7 +189,7 @@ def told(
 
 
 def _reach(forecast: Forecast, config: Mapping[str, Any]) -> str:
-    """Say whether the verdict can be reached."""
+    """Report whether the verdict can be reached."""
     seen, margin = forecast.detectable, config["verdict"]["margin"]
     if seen is None:
         return f"out of reach: {forecast.reason}"
@@ -205,7 +205,7 @@ def _reach(forecast: Forecast, config: Mapping[str, Any]) -> str:
 def _changes(
     forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
 ) -> list[str]:
-    """Say what to change, the most costly first."""
+    """List what to change, the most costly reason first."""
     feet, body = feet_of(config), config["markers"]["body"]
     idle = [foot for foot in feet if forecast.timed(foot) < LEAST_SHARE]
     if idle and len(feet) - len(idle) >= MIN_FEET:

@@ -1,4 +1,4 @@
-"""``hopdata init``: a first configuration for a recording."""
+"""``hopdata init``: write a first configuration for a recording."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def config_docs(options: argparse.Namespace) -> int:
-    """Write the page on the configuration's keys."""
+    """Write the page that documents the configuration's keys."""
     from hopdata.config.schema import configuration_page
 
     page = configuration_page()
@@ -35,7 +35,7 @@ def config_docs(options: argparse.Namespace) -> int:
     return terminal.OK
 
 
-# A first configuration of a study, with a comment for every choice that was made.
+# A first configuration of a study, with a comment on every choice made.
 
 WIDTH = 96
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*")
@@ -44,31 +44,31 @@ _WORDS = {"true", "false", "yes", "no", "on", "off", "null"}
 
 @dataclass(frozen=True)
 class Draft:
-    """What a first configuration says.
+    """Contents of a first configuration.
 
     Parameters
     ----------
     study, file : str
-        Name of the study, and the path of the file that it was drafted from.
+        Name of the study, and path of the file it was drafted from.
     recordings : sequence of (str, str)
         Name and file of each.
     markers : mapping
         Names for ``body``, ``feet`` and ``boom``.
     reasons : mapping
-        Why, by key: ``"markers.body"``, ``"input.vertical_axis"`` and so on.
+        Reason for each key, such as ``"markers.body"`` or ``"input.vertical_axis"``.
     settings : mapping
-        Values of further sections that differ from the defaults, such as
-        ``{"input": {"vertical_axis": "y"}}``.
+        Values of other sections that differ from the defaults, such as ``{"input":
+        {"vertical_axis": "y"}}``.
     remarks : sequence of str
-        What the user should do first; stands on top.
+        What the user should do first; written at the top.
     notes : sequence of str
-        What the reader of the file had to say, with which nothing is to be done.
+        Remarks of the reader on the file that need no action.
     all_markers : sequence of str
         All names in the file.
     home : str
         Marker of the home frame; none by default.
     joined : mapping
-        Feet of several markers, and these.
+        Feet with several markers, and those markers.
     """
 
     study: str
@@ -90,9 +90,9 @@ def draft_config(draft: Draft, *, path: str) -> str:
     Parameters
     ----------
     draft : Draft
-        What it says.
+        Contents of the configuration.
     path : str
-        Where it is going to be, for the comment on how to run it.
+        Path of the new file, for the comment on how to run it.
     """
     lines = [
         *_comment(f"Study of {draft.file}, drafted by hopdata init from what is in the file."),
@@ -126,7 +126,7 @@ def draft_config(draft: Draft, *, path: str) -> str:
 
 
 def scalar(value: object) -> str:
-    """Write a value as YAML, quoted only where it must be."""
+    """Write a value as YAML, quoted only if necessary."""
     import yaml
 
     if not isinstance(value, str):
@@ -138,7 +138,7 @@ def scalar(value: object) -> str:
 
 
 def _markers(draft: Draft) -> list[str]:
-    """Write the section of the markers, and the names left over."""
+    """Write the section of the markers, with the unused names."""
     lines = ["markers:  # names as in the file"]
     for key in ("body", "feet", "boom"):
         names = list(draft.markers.get(key) or ())
@@ -164,11 +164,11 @@ def _comment(text: str, *, indent: str = "") -> list[str]:
 
 
 READABLE_UNITS = ("mm", "m")
-ROUGH = 0.005  # of the scale: how sure a sloping floor must be on its rim to tell feet
+ROUGH = 0.005  # of the scale: largest error of a sloping floor at its rim when searching for feet
 
 
 def init(options: argparse.Namespace) -> int:
-    """Write a configuration with guessed roles; exit code 1 if something must be filled in."""
+    """Write a configuration with guessed roles; exit code 1 if anything must be filled in."""
     from hopdata.landings.floor import moving
     from hopdata.recordings.plausibility import check_order
 
@@ -202,7 +202,7 @@ def init(options: argparse.Namespace) -> int:
 
 
 def guessed_roles(inspection: Inspection) -> Roles:
-    """Guess the roles; where feet may be lacking, again on the floor of these, if that slopes."""
+    """Guess the roles; if feet may be missing on a sloping floor, guess again on it levelled."""
     from hopdata.landings.floor import fit_floor, level
     from hopdata.recordings.quality.roles import guess_roles, part_by_name
 
@@ -215,7 +215,7 @@ def guessed_roles(inspection: Inspection) -> Roles:
             floor = fit_floor(recording, degree=1, largest_error_m=ROUGH * recording.scale)
         except AnalysisError:
             break
-        plane = replace(floor, rim_m=1e3 * floor.rim_m)  # goes on beyond the feet that are known
+        plane = replace(floor, rim_m=1e3 * floor.rim_m)  # extends beyond the known feet
         roles = guess_roles(replace(inspection, positions=level(recording, plane).positions))
         if "slopes" not in floor.note or roles.problems or not {*found.feet} < {*roles.feet}:
             break
@@ -267,20 +267,20 @@ _WHAT = {"body": "The body:", "feet": "The feet, numbered in this order:", "boom
 
 
 def _recordings(files: Sequence[Path]) -> list[tuple[str, str]]:
-    """Name the recordings by their files, with a number where two have one name."""
+    """Name the recordings after their files, with a number if two share a name."""
     names = [study_name(file.stem) for file in files]
     numbers = [f"-{k}" * (names.count(name) > 1) for k, name in enumerate(names, start=1)]
     return [(n + k, _relative(file)) for n, k, file in zip(names, numbers, files, strict=True)]
 
 
 def _relative(file: Path) -> str:
-    """Path from the working directory, if the file is below it; else as it was given."""
+    """Return the path relative to the working directory if below it; else as it was given."""
     path = Path(os.path.abspath(file))
     return path.relative_to(Path.cwd()).as_posix() if path.is_relative_to(Path.cwd()) else str(file)
 
 
 def _remarks(inspection: Inspection) -> list[str]:
-    """Say what of the file needs a hand before the study can be trusted."""
+    """List what in the file needs manual attention before the study can be trusted."""
     remarks, unit = terminal.notes(inspection), inspection.unit
     if unit.value not in READABLE_UNITS:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")

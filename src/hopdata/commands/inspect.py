@@ -1,4 +1,4 @@
-"""``hopdata inspect``: what is in a recording, and what looks wrong."""
+"""``hopdata inspect``: show what is in a recording, and what looks wrong."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def inspect(options: argparse.Namespace) -> int:
-    """Say what is in a file; exit code 1 if anything looks wrong."""
+    """Show what is in a file; exit code 1 if anything looks wrong."""
     inspection = inspected(options)
     encoding = sys.stdout.encoding or "ascii"
     print(terminal.listing(inspection, str(options.file), encoding=encoding))
@@ -34,7 +34,7 @@ def inspect(options: argparse.Namespace) -> int:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Write the 3-D page of a file, roles guessed as `init` does, and open it in a browser."""
+    """Write the 3-D page of a file, roles guessed as in `init`, and open it in a browser."""
     import tempfile
     import webbrowser
     from pathlib import Path
@@ -57,7 +57,7 @@ def view(options: argparse.Namespace) -> int:
 
 
 def inspected(options: argparse.Namespace) -> Inspection:
-    """Read and measure the file of ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
+    """Read and measure the file given by ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
     from hopdata.recording import extent
     from hopdata.recordings.quality.inspection import inspect_recording
     from hopdata.recordings.quality.orientation import choose_unit, guess_rate
@@ -83,7 +83,7 @@ def inspected(options: argparse.Namespace) -> Inspection:
         return inspect_recording(raw, **guessed, progress=progress)
 
 
-# An inspection as one self-contained page.
+# An inspection as a self-contained page.
 
 
 def inspection_html(inspection: Inspection, file: str) -> str:
@@ -119,7 +119,7 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
 
 
 def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tuple[float, ...]]:
-    """Draw the picture as SVG, and say between which shares of its width its time axis runs."""
+    """Draw the timeline as SVG; return it with the span of its time axis as shares of its width."""
     from hopdata.figures.catalogue import FORMATS
     from hopdata.figures.quality import recording_gaps_figure
     from hopdata.figures.style import style_context

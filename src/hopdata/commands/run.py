@@ -1,4 +1,4 @@
-"""``hopdata run``, ``plan``, ``clean``, ``doctor``: the workflow, what it leaves and needs."""
+"""``hopdata run``, ``plan``, ``clean``, ``doctor``: the workflow, its results and its needs."""
 
 import argparse
 import filecmp
@@ -24,13 +24,13 @@ from hopdata.report.tables import quality_summary
 GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE, SAMPLE_CONFIG = Path("data/sample/hopper.h5"), Path("config/config.yaml")
 OPTIONAL = {"xarray": "Recording.to_xarray", "qtm-rt": "hopdata drive --host"}
-# What Snakemake says of a job: that it begins, that it is done, and how many are.
+# Snakemake's messages on jobs: start, end and count.
 _SAID = re.compile(r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \(")
 _LAST_LINES, _DRY = 12, {"-n", "--dry-run", "--dryrun"}
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a study or a group in the current folder, and say what came out and where it stands."""
+    """Run a study or a group in the current folder; report its results and their place."""
     from hopdata.config.loading import load_config, read_yaml
 
     if options.provenance is not None:
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run_again(options: argparse.Namespace) -> int:
-    """Make the study of a ``provenance.json`` again, as ``STUDY_again``, and compare all tables."""
+    """Repeat the study of a ``provenance.json`` as ``STUDY_again``, and compare all tables."""
     import yaml
 
     from hopdata import __version__
@@ -95,7 +95,7 @@ def _run_again(options: argparse.Namespace) -> int:
 
 
 def _values(file: Path, name: str, *keys: str) -> list[Any]:
-    """Return values of a JSON file that a study left."""
+    """Return values from a JSON file of a study's results."""
     try:
         content = read_json(file)
         return [content[key] for key in keys]
@@ -106,18 +106,18 @@ def _values(file: Path, name: str, *keys: str) -> list[Any]:
 
 
 def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE) -> int:
-    """Run Snakemake on a configuration, show how far it is, and return its exit code.
+    """Run Snakemake on a configuration, show progress, and return its exit code.
 
-    What it says on stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
+    Its stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
     """
     require(snakefile.exists(), str(snakefile), "the workflow", "no file; install hopdata anew")
     log = Path("results", study, "logs", "run.log")
-    # In this order: any number of files may follow --configfile, and a target would be one.
-    profile = SNAKEFILE.parent / "profiles" / "default"  # of a group's too
+    # The order matters: --configfile takes any number of files, so a target would be one.
+    profile = SNAKEFILE.parent / "profiles" / "default"  # also that of a group
     places = ["--configfile", config, "--snakefile", snakefile, "--workflow-profile", profile]
     listed = ["--quiet", "rules", "host", "reason"] * ("--dry-run" in options)
     command = [sys.executable, "-m", "snakemake", *map(str, places), "--nocolor", *options, *listed]
-    if not os.access(os.path.expanduser("~"), os.W_OK):  # where Snakemake keeps what it fetched
+    if not os.access(os.path.expanduser("~"), os.W_OK):  # Snakemake caches downloads there
         os.environ.setdefault("XDG_CACHE_HOME", os.path.abspath(".snakemake"))
     given = options[options.index("--cores") + 1]
     cores = int(given) if given.isdigit() else os.cpu_count() or 1
@@ -144,11 +144,11 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
                     last = f"{last}, about {words} left" if left else f"after {words}"
                     print(f"{study}: {done} of {number} jobs done, {last}", file=sys.stderr)
             told, code = "".join(snakemake.stdout or ()), snakemake.wait()
-        except KeyboardInterrupt:  # Snakemake got it too: it ends its jobs and unlocks the folder
+        except KeyboardInterrupt:  # Snakemake receives it too, ends its jobs and unlocks the folder
             snakemake.wait()
             raise
     if not _DRY & set(options):
-        with suppress(OSError):  # a folder that cannot be written is Snakemake's to complain of
+        with suppress(OSError):  # Snakemake itself complains if a folder is not writable
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_text("".join(said), encoding="utf-8")
     if listed and not code:
@@ -161,14 +161,14 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
 
 
 def _stages(study: str, told: str) -> str:
-    """Say what would run, a line a stage, from Snakemake's table of a dry run."""
+    """List what would run, a line per stage, from Snakemake's table of a dry run."""
     table = re.findall(r"^(\w+) +(\d+)$", told.partition("\ntotal ")[0], re.MULTILINE)
     lines = [f"  {rule:18} {counted(int(n), 'job')}" for rule, n in table if rule != "all"]
     return "\n".join([f"{study}: {'would run' if lines else 'nothing to do'}", *lines])
 
 
 def _bring(file: Path) -> None:
-    """Copy a bundled file to where its configuration, as any, names it."""
+    """Copy a bundled file to the place named by its configuration."""
     source = SNAKEFILE.parent / file
     if not file.exists():
         print(f"{file}: copied from the installation", flush=True)
@@ -179,7 +179,7 @@ def _bring(file: Path) -> None:
 
 
 def plan(options: argparse.Namespace) -> int:
-    """Print a table of differences and the landings that show them; draw the curve if asked."""
+    """Print a table of differences and the landings that show them; draw the curve on request."""
     from hopdata.maps.verdict.effect import landings_needed
 
     pilot = options.pilot
@@ -210,7 +210,7 @@ def plan(options: argparse.Namespace) -> int:
 
 
 def _verdict_of(config: Path) -> Path:
-    """Run a study, which may be simulated, as far as its verdict, and return where that is."""
+    """Run a study, which may be simulated, up to its verdict, and return that file."""
     from hopdata.config.loading import load_config
 
     study = load_config(config)["study"]
@@ -222,7 +222,7 @@ def _verdict_of(config: Path) -> Path:
 
 
 def doctor(_options: argparse.Namespace) -> int:
-    """Say what there is of versions, cores, memory, caches and space; exit code 1 if it lacks."""
+    """Report versions, cores, memory, caches and space; exit code 1 if any is insufficient."""
     import hopdata
 
     places = [Path(hopdata.__file__).parent, os.environ.get("NUMBA_CACHE_DIR")]
@@ -257,7 +257,7 @@ def _memory() -> str:
 
 
 def clean(options: argparse.Namespace) -> int:
-    """Remove the results of a study, or with ``--all`` of all, and what Snakemake keeps here."""
+    """Remove the results of a study, or with ``--all`` of all studies and Snakemake's data here."""
     from hopdata.config.loading import read_yaml
 
     if options.config is None and not options.all:

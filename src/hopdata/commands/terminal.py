@@ -1,4 +1,4 @@
-"""An inspection as text for a terminal."""
+"""Text output on a terminal: an inspection, progress, and written files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
     from hopdata.recordings.quality.orientation import Guess
 
-# What a command's exit code says; argparse itself ends with 2 on a wrong command line.
+# Exit codes of a command; argparse itself exits with 2 on a wrong command line.
 
 OK, PROBLEM, INTERRUPTED = 0, 1, 130
 
@@ -36,16 +36,16 @@ PLAIN = str.maketrans(HEIGHTS + PARTLY + UNSEEN, "#" * len(HEIGHTS) + "+.")
 
 
 def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> str:
-    """Say what is in a recording.
+    """Describe the contents of a recording.
 
     Parameters
     ----------
     inspection : Inspection
-        What was measured.
+        Result of the inspection.
     file : str
         The file, for the first line.
     encoding : str
-        Of the terminal; the picture is drawn in ASCII where it needs to be.
+        Encoding of the terminal; the picture is in ASCII if necessary.
     """
     said = [line for note in notes(inspection) for line in _wrapped("note", note)]
     lines = [file, *_facts(inspection), *said, "", *_rigid(inspection), ""]
@@ -59,7 +59,7 @@ def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> st
 
 
 def answer(inspection: Inspection) -> str:
-    """Say in one sentence whether there is anything wrong."""
+    """Answer in one sentence whether anything is wrong."""
     kinds = Counter(suspect.kind for suspect in inspection.suspects())
     if not kinds:
         return "No swapped or frozen markers, spikes, jumps, dropped frames or irregular stamps."
@@ -83,9 +83,9 @@ def _facts(inspection: Inspection) -> list[str]:
 
 
 def notes(inspection: Inspection) -> list[str]:
-    """Ask for what is not sure with its two candidates, and say what needs no answer.
+    """Ask about what is unsure, with two candidates, and list what needs no answer.
 
-    That is what the reader said of the file, what was done to it, and which markers are unseen.
+    The latter are remarks of the reader, processing of the positions, and unseen markers.
     """
     questions = question("input.unit", inspection.unit)
     questions += question("input.vertical_axis", inspection.up)
@@ -99,7 +99,7 @@ def notes(inspection: Inspection) -> list[str]:
 
 
 def question(key: str, guess: Guess) -> list[str]:
-    """Ask for a key with its two candidates, unless the guess is sure."""
+    """Ask about a key with its two candidates, unless the guess is sure."""
     asked = f"{key}: {guess.value} or {guess.other}? {guess.value} is not sure ({guess.reason})"
     return [] if guess.is_sure else [asked]
 
@@ -118,7 +118,7 @@ def _rigid(inspection: Inspection) -> list[str]:
 
 
 def _gaps(inspection: Inspection) -> list[str]:
-    """One line of heights a marker, and its gaps in numbers."""
+    """Return a line of heights per marker, and its gaps in numbers."""
     import numpy as np
 
     width = max(map(len, inspection.markers), default=0)
@@ -139,7 +139,7 @@ def _gaps(inspection: Inspection) -> list[str]:
 
 
 def _bar(level: FloatArray, n_columns: int) -> str:
-    """Draw one line; a column is partly unseen if a single frame in it is missing."""
+    """Draw one line; a column counts as partly unseen if a single frame in it is missing."""
     import numpy as np
 
     columns = ((np.isnan(part), part) for part in np.array_split(level, n_columns))
@@ -163,14 +163,14 @@ def _wrapped(key: str, text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=f"  {key:8} ", subsequent_indent=" " * 11)
 
 
-# Progress on stderr: one line that is replaced where a person looks; elsewhere lines, or nothing.
+# Progress on stderr: one line, replaced, on a terminal; elsewhere lines, or nothing.
 
 CLEAR_LINE = "\r\033[K"
 
 
 @contextmanager
 def progress_line(first: str = "") -> Iterator[Callable[[str], None]]:
-    """Show the first step on a terminal, yield what shows others; leave an empty line behind."""
+    """Show the first step on a terminal, yield a function for the others; clear the line after."""
     shown = sys.stderr.isatty()
 
     def show(text: str) -> None:
@@ -184,11 +184,11 @@ def progress_line(first: str = "") -> Iterator[Callable[[str], None]]:
         show("")
 
 
-# Files that a command writes: whole or not at all, or one clear message.
+# Files written by a command: complete or not at all, with one clear message.
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file and the folders on its way.
+    """Write a text file, creating the folders on its path.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Configuration: one schema, loaded, checked and documented."""
+"""Configuration: one schema that is loaded, checked and documented."""

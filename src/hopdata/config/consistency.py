@@ -1,4 +1,4 @@
-"""What the schema cannot see: whether the parts of a configuration fit each other."""
+"""Checks beyond the schema: whether the parts of a configuration fit together."""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,7 +16,7 @@ from hopdata.scenes import STANDARD
 
 
 def _unknown(what: str, known: list[str], places: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Yield which names are not among those that are there, of pairs of key and name."""
+    """Yield an error for each name, given as (key, name), that is not among the known ones."""
     for key, name in places:
         if name not in known:
             found = f"'{name}'{did_you_mean(name, known)}"
@@ -24,7 +24,7 @@ def _unknown(what: str, known: list[str], places: Iterable[tuple[str, str]]) -> 
 
 
 def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Yield what has been named before, of pairs of key and name."""
+    """Yield an error for each name, given as (key, name), that occurred before."""
     seen: dict[str, str] = {}
     for key, name in places:
         first = seen.setdefault(name, key)
@@ -32,26 +32,26 @@ def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
             yield mismatch(key, f"each {what} once", f"'{name}' in {first} as well")
 
 
-# Mistakes in what a configuration says of external contacts and forces.
+# Mistakes in the blocks for external contacts and forces.
 
 BLOCKS = ("contacts", "forces")
 
 
 def _blocks(config: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield key and content of each block."""
+    """Yield key and content of each such block."""
     for i, recording in enumerate(config["recordings"]):
         yield from ((f"recordings[{i}].{kind}", recording[kind]) for kind in BLOCKS)
 
 
 def external_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield key and file of each block that names one."""
+    """Yield key and file of each block that names a file."""
     for key, block in _blocks(config):
         if block["file"] is not None:
             yield f"{key}.file", block["file"]
 
 
 def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
-    """Yield what is wrong with columns, feet and thresholds."""
+    """Yield mistakes in columns, feet and thresholds."""
     feet = feet_of(config)
     for key, block in _blocks(config):
         columns = list(enumerate(block["columns"]))
@@ -69,18 +69,18 @@ def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
             yield mismatch(f"{key}.threshold_n", wanted, f"{block['threshold_n']:g} N")
 
 
-# What the configuration says of one recording.
+# Configuration of a single recording.
 
 
 def simulation_of(config: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return the block ``simulation`` as it holds for one recording.
+    """Return the block ``simulation`` that applies to one recording.
 
     Parameters
     ----------
     config : dict
         As returned by `load_config`.
     name : str
-        Name of the recording; its own values take the place of the block's where they are given.
+        Name of the recording, whose own values override those of the block.
     """
     own = next(entry["simulation"] for entry in config["recordings"] if entry["name"] == name)
     given = {key: value for key, value in own.items() if value is not None}
@@ -93,35 +93,35 @@ def files_of(entry: Mapping[str, Any]) -> list[str]:
     return [] if file is None else [file] if isinstance(file, str) else list(file)
 
 
-# What follows from several keys.
+# Settings that follow from several keys.
 
 
 def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options of `find_landings`; other ``touchdowns`` say what becomes of contacts."""
+    """Return options of `find_landings`; other ``touchdowns`` keys decide on contacts found."""
     taken = signature(resolve_name("hopdata.landings.contacts.find:find_landings")).parameters
     return {key: value for key, value in config["touchdowns"].items() if key in taken}
 
 
 def fills(config: Mapping[str, Any]) -> bool:
-    """Say whether gaps are filled: three markers cannot be placed by three others."""
+    """Tell whether gaps are filled; a marker's place needs three others."""
     return config["filling"]["longest_s"] != 0 and len(config["markers"]["body"]) > 3
 
 
 def is_simulated(config: Mapping[str, Any]) -> bool:
-    """Say whether all recordings are simulated: their scenes are known, and can be integrated."""
+    """Tell whether all recordings are simulated, so that scenes are known and can be integrated."""
     return not any(files_of(entry) for entry in config["recordings"])
 
 
 def expected_noise_m(config: Mapping[str, Any]) -> float:
-    """Return the markers' noise that the quality is held against, m."""
+    """Return the marker noise that the quality is compared with, m."""
     simulated: float = config["motion_capture"]["noise_m"]
     expected: float = config["report"]["expected_noise_m"]
     return simulated if is_simulated(config) else expected
 
 
-# The files that a configuration names, and whether they are there.
+# Files named by a configuration, and whether they exist.
 
-YAML = (".yaml", ".yml")  # what is no recording, and the only configuration
+YAML = (".yaml", ".yml")  # not recordings; the only formats of a configuration
 
 
 def recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
@@ -133,7 +133,7 @@ def recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def missing_files(config: dict[str, Any]) -> Iterator[str]:
-    """Yield what is said of each file that does not exist."""
+    """Yield a message for each file that does not exist."""
     for key, name in [*recording_files(config), *external_files(config)]:
         file = Path(name)
         if file.is_file():
@@ -143,7 +143,7 @@ def missing_files(config: dict[str, Any]) -> Iterator[str]:
 
 
 def nearest_file(file: Path) -> str:
-    """Say what there is instead: it is nearby, the nearest name, others, or not even the folder."""
+    """Suggest an existing file: nearby, of a similar name, or others; or report no folder."""
     for folder in (*Path.cwd().parents[:2], *sorted(Path.cwd().glob("*/"))):
         if os.path.isfile(folder / file):
             return f"; it is in {folder}: paths hold from where hopdata runs, so go there (cd)"
@@ -158,13 +158,13 @@ def nearest_file(file: Path) -> str:
     return f"; in that folder are {', '.join(same)}" if same else f" in {Path.cwd()}"
 
 
-# Mistakes in what a configuration says of steering.
+# Mistakes in the block ``steering``.
 
 ROUNDING = 1e-9
 
 
 def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
-    """Yield what does not fit together in the block ``steering``."""
+    """Yield inconsistencies in the block ``steering``."""
     steering = config["steering"]
     yield from _wrong_recordings(config) if steering["recordings"] else _wrong_excitation(steering)
 
@@ -189,19 +189,19 @@ def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
         found = f"{steps} steps of {2 * pi / angles:.4g} rad"
         yield mismatch("steering.excitation.n_steps", wanted, found)
     hops, asked = angles * (2 * steps + 1) * repeats, steering["model"]["training_hops"]
-    # The first stance ends no hop, and a test takes two.
+    # The first stance does not end a hop, and a test needs two hops.
     if asked > hops - 3:
         most = f"at most {max(0, hops - 3)} of the {hops} hops of the excitation"
         left = f"{most}, so that some are left to test with"
         yield mismatch("steering.model.training_hops", left, asked)
 
 
-RESERVED_STUDIES = ("benchmarks", "both_sides")  # whose results have these folders already
+RESERVED_STUDIES = ("benchmarks", "both_sides")  # their folders hold other results already
 
 
 def _repeated(config: dict[str, Any]) -> Iterator[str]:
-    """Yield what is named twice; the landings of a file would count twice."""
-    named = enumerate(config["recordings"])  # some file systems do not tell case apart
+    """Yield names that occur twice; the landings of a file would count twice."""
+    named = enumerate(config["recordings"])  # some file systems ignore case
     yield from _once("name", ((f"recordings[{i}].name", one["name"].lower()) for i, one in named))
     roles = config["markers"].items()
     markers = (
@@ -230,7 +230,7 @@ MOST_FEET = 6
 
 
 def feet_of(config: Mapping[str, Any]) -> list[str]:
-    """Return the names of the feet, in order; those of the block ``feet`` have several markers."""
+    """Return the names of the feet, in order; the block ``feet`` joins several markers in one."""
     taken = {marker: foot["name"] for foot in config["feet"] for marker in foot["markers"]}
     return list(dict.fromkeys(taken.get(one, one) for one in config["markers"]["feet"]))
 
@@ -283,12 +283,12 @@ def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
-    """Yield what the simulation, where there is one, cannot do: the first marker not made."""
+    """Yield the first configured marker that the simulation, if any, does not make."""
     if all(recording["file"] is not None for recording in config["recordings"]):
         return
     n_body = len(config["motion_capture"]["markers"]["body_m"])
     simulation = config["simulation"]
-    if simulation["scene"] == STANDARD:  # without loading it, which every start would pay for
+    if simulation["scene"] == STANDARD:  # not loaded, since every start would pay for it
         n_feet, has_boom = simulation[STANDARD]["n_legs"], True
     else:
         from hopdata.synthesis.simulate import Simulation
@@ -314,21 +314,21 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _braces(config: dict[str, Any]) -> Iterator[str]:
-    """Yield files that the workflow cannot name: it takes what stands in braces for a wildcard."""
+    """Yield files with braces, which the workflow would take for wildcards."""
     for key, name in [*recording_files(config), *external_files(config)]:
         if "{" in name or "}" in name:
             yield mismatch(key, "a path without braces", f"'{name}'; rename the file")
 
 
 def _reserved_study(config: dict[str, Any]) -> Iterator[str]:
-    """Yield a study whose folder is that of the project's own results."""
+    """Yield a study name whose folder holds the project's own results."""
     if config["study"] in RESERVED_STUDIES:
         taken = f"{' and '.join(RESERVED_STUDIES)}, whose folders under results/ are taken"
         yield mismatch("study", f"another name than {taken}", f"'{config['study']}'")
 
 
 def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
-    """Yield a number of sign flips with which no p-value can be small enough."""
+    """Yield a number of sign flips too small for any p-value to be small enough."""
     flips, confidence = (config["verdict"][key] for key in ("flips", "confidence"))
     if (1 + flips) * (1 - confidence) <= 1:
         small = f"with fewer no p-value is below {1 - confidence:.3g}"

@@ -1,4 +1,4 @@
-"""Load a configuration: read, fill in the defaults, check against the schema and with itself."""
+"""Load a configuration: read it, fill in defaults, check the schema and consistency."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,22 +14,22 @@ from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
 from hopdata.scenes import SCENES, STANDARD
 
-# The line of each key of a configuration file.
+# Line numbers of the keys of a configuration file.
 
-MOST_DEPTH = 50  # a file within itself has no end
+MOST_DEPTH = 50  # a file that contains itself has no end
 
 
 def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
-    """Name file and line of the key with which a mistake begins.
+    """Return the file and line of the key with which a mistake begins.
 
     Parameters
     ----------
     mistake : str
-        Such as ``"verdict.margn: expected ..."``.
+        For example ``"verdict.margn: expected ..."``.
     files : iterable of path
-        Where to look; the last one that has the key counts, as it does for its value.
+        Where to look; the last file with the key counts, as it does for its value.
     otherwise : str
-        What to return where no file has it, for instance because it is missing.
+        What to return if no file has the key, for example because it is missing.
     """
     key, _, told = mistake.partition(": expected")
     if told.startswith(" this key,"):
@@ -41,7 +41,7 @@ def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
 
 
 def key_lines(file: str | Path) -> dict[str, int]:
-    """Return the line, from 1, of each key and entry of a YAML file, by its dotted path."""
+    """Return the line, from 1, of each key and entry of a YAML file, by dotted path."""
     try:
         root = yaml.compose(Path(file).read_text(encoding="utf-8"), yaml.SafeLoader)
     except (OSError, ValueError, RecursionError, yaml.YAMLError):
@@ -63,7 +63,7 @@ def _lines(node: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str |
             yield from _lines(value, (*path, i))
 
 
-# YAML as a user writes it: a key that stands twice is a mistake, not a choice.
+# YAML as written by users: a duplicate key is a mistake, not a choice.
 
 MOST_ENTRIES = 100_000
 
@@ -74,8 +74,8 @@ def read_yaml(path: str | Path) -> Any:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, names a key twice, or has aliases that would
-        unfold to more than `MOST_ENTRIES`.
+        If the file cannot be read, is not YAML, has a duplicate key, or has aliases that would
+        expand to more than `MOST_ENTRIES`.
     """
     path = Path(path)
     try:
@@ -105,9 +105,9 @@ def read_yaml(path: str | Path) -> Any:
 
 
 def _expanded(node: Any, known: dict[int, int]) -> int:
-    """Count the entries of a node with its aliases written out, each node looked at once."""
+    """Count the entries of a node with aliases expanded, visiting each node once."""
     if id(node) not in known:
-        known[id(node)] = 0  # one within itself is refused elsewhere
+        known[id(node)] = 0  # recursive nodes are refused elsewhere
         inner = node.value if isinstance(node.value, list) else []
         parts = [
             part for entry in inner for part in (entry if isinstance(entry, tuple) else [entry])
@@ -117,7 +117,7 @@ def _expanded(node: Any, known: dict[int, int]) -> int:
 
 
 def _hint(problem: str | None, character: str) -> str:
-    """Say what usually is behind a message of the YAML parser about this character."""
+    """Return the usual cause of the YAML parser's message about this character."""
     problem = problem or ""
     if "':'" in problem or "mapping values" in problem:
         return "; is there a space behind each colon, also in the line above?"
@@ -127,7 +127,7 @@ def _hint(problem: str | None, character: str) -> str:
 
 
 class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """The safe loader, which by itself lets the last of two equal keys win."""
+    """Safe loader that refuses duplicate keys; by default the last one would win."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         seen = set()
@@ -156,11 +156,11 @@ def load_config(
     Parameters
     ----------
     source : path or mapping
-        A YAML file, or what others have read from `files` (and perhaps changed since).
+        A YAML file, or a mapping read from `files` (and possibly changed since).
     files : iterable of path
-        Where the mapping comes from: named in messages, and looked into for keys that stand twice.
+        Origin of the mapping: named in messages, and searched for duplicate keys.
     check_files : bool
-        Whether the recordings' files must exist; they are relative to the working directory.
+        Whether the recordings' files must exist, relative to the working directory.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def load_config(
     Raises
     ------
     ConfigError
-        One line for each mistake: file, key, what was expected and what was found.
+        With a line for each mistake: file, key, what was expected and what was found.
     """
     files = list(files or ())
     if isinstance(source, Mapping):
@@ -196,22 +196,22 @@ def load_config(
 
 
 def check_keys(place: str, keys: Mapping[str, Any]) -> None:
-    """Check some sections of a configuration; raise a `ConfigError` that begins with `place`."""
+    """Check sections of a configuration; raise a `ConfigError` that begins with `place`."""
     schema = {**load_schema(_scene_of(keys)), "required": []}
     _raise_all(place, [], _schema_mistakes(dict(keys), schema))
 
 
 def _scene_of(content: Mapping[str, Any]) -> str:
-    """Return the scene that is simulated; the standard one if the content names none that is."""
+    """Return the scene to be simulated; the standard one if no known scene is named."""
     simulation = content.get("simulation")
     name = simulation.get("scene", STANDARD) if isinstance(simulation, Mapping) else STANDARD
     return name if isinstance(name, str) and name in SCENES else STANDARD
 
 
 def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
-    """Copy `value` into plain types, with the defaults of all keys that it leaves out."""
+    """Copy `value` into plain types, adding the defaults of missing keys."""
     if value is None and schema.get("default") == {}:
-        value = {}  # a section whose keys are all commented out
+        value = {}  # a section with all keys commented out
     if isinstance(value, Mapping):
         properties = schema.get("properties", {})
         filled = {key: _with_defaults(v, properties.get(key, {})) for key, v in value.items()}
@@ -222,14 +222,14 @@ def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
     if isinstance(value, list | tuple):
         return [_with_defaults(v, schema.get("items", {})) for v in value]
     if isinstance(value, str) and "number" in schema.get("type", ()) and _POWER.fullmatch(value):
-        value = float(value)  # YAML 1.1 takes 1e-3 for text, 1.0e-3 for a number
+        value = float(value)  # YAML 1.1 reads 1e-3 as text, 1.0e-3 as a number
     is_whole = "integer" in schema.get("type", ()) and "number" not in schema.get("type", ())
-    # The schema takes 1000.0 for a whole number, Python does not.
+    # The schema accepts 1000.0 as a whole number, Python does not.
     return int(value) if isinstance(value, float) and value.is_integer() and is_whole else value
 
 
 def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str]:
-    """Return what the schema rejects, and numbers that are not finite."""
+    """Return violations of the schema, and numbers that are not finite."""
     from jsonschema import Draft202012Validator
 
     mistakes = describe(Draft202012Validator(schema).iter_errors(config), schema)

@@ -1,4 +1,4 @@
-"""The schema of the configuration, as a plain dict, and what it says in words."""
+"""Schema of the configuration as a plain dict, and its descriptions in words."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _BOUNDS = {
 
 @cache
 def load_schema(scene: str = STANDARD) -> dict[str, Any]:
-    """Return the JSON schema of the configuration with the keys of a scene; do not change it."""
+    """Return the JSON schema of the configuration with a scene's keys; do not modify it."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     schema: dict[str, Any] = yaml.load(SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader)
     _take_choices(schema)
@@ -47,7 +47,7 @@ def load_schema(scene: str = STANDARD) -> dict[str, Any]:
 
 
 def _take_choices(schema: dict[str, Any]) -> None:
-    """Put the names of a table where the schema says which: ``enum: module:TABLE``."""
+    """Replace ``enum: module:TABLE`` in the schema by the names of that table."""
     for key, inner in schema.items():
         if key == "enum" and isinstance(inner, str):
             schema[key] = list(resolve_name(inner))
@@ -56,7 +56,7 @@ def _take_choices(schema: dict[str, Any]) -> None:
 
 
 def _scene_block(name: str) -> dict[str, Any]:
-    """Return the schema of a scene's parameters, as its dataclass declares them."""
+    """Return the schema of a scene's parameters, as declared by its dataclass."""
     kind = scene_class(name)
     keys = {
         one.name: {"type": _KINDS[type(one.default)], "default": one.default, **one.metadata}
@@ -75,7 +75,7 @@ _KINDS = {int: "integer", float: "number"}
 
 
 def in_words(schema: dict[str, Any]) -> str:
-    """Say what a value must be, for example ``"a number above 0 and at most 1, or null"``.
+    """Describe a valid value, for example ``"a number above 0 and at most 1, or null"``.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def in_words(schema: dict[str, Any]) -> str:
 
 
 def _items_in_words(schema: dict[str, Any]) -> str:
-    """Say how many entries a list has, and of what kind."""
+    """Describe how many entries a list has, and of what kind."""
     if schema.get("type") != "array":
         return ""
     least, most = schema.get("minItems", 0), schema.get("maxItems")
@@ -108,13 +108,13 @@ def _items_in_words(schema: dict[str, Any]) -> str:
     return words + kind + (f", each {in_words(items)}" if "enum" in items else "")
 
 
-# The page of documentation that the schema makes.
+# Documentation page generated from the schema.
 
 HEAD = "| key | meaning | unit | default | value |\n|---|---|---|---|---|\n"
 
 
 def configuration_page(schema: dict[str, Any] | None = None) -> str:
-    """Write the Markdown page on all keys.
+    """Write the Markdown page that lists all keys.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
     Returns
     -------
     str
-        Markdown, with a table for each section.
+        Markdown with a table for each section.
     """
     if schema is None:
         schema = deepcopy(load_schema())
@@ -172,14 +172,14 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def hint(value: Any, schema: dict[str, Any]) -> str:
-    """Say how to write the value, as the end of a message; empty if nothing comes to mind.
+    """Return advice on how to write the value, to end a message; empty if there is none.
 
     Parameters
     ----------
     value : any
-        What stands in the file.
+        Value in the file.
     schema : dict
-        Schema of its key.
+        Schema of the value's key.
     """
     kinds = schema.get("type", ())
     kinds = [kinds] if isinstance(kinds, str) else list(kinds)
@@ -191,7 +191,7 @@ def hint(value: Any, schema: dict[str, Any]) -> str:
         return _of_list(value, schema)
     if {"number", "integer"} & set(kinds):
         return _of_number(value, schema)
-    is_slip = not isinstance(value, str | list | dict) and value is not None  # of YAML's
+    is_slip = not isinstance(value, str | list | dict) and value is not None  # a YAML misreading
     return "; put it in quotes, as it is to be read" if is_slip and "string" in kinds else ""
 
 
@@ -215,7 +215,7 @@ def _of_list(value: Any, schema: dict[str, Any]) -> str:
 
 
 def _of_number(value: Any, schema: dict[str, Any]) -> str:
-    """Percent, a unit behind the number, a decimal comma."""
+    """Handle percent, a unit after the number, and a decimal comma."""
     if isinstance(value, str):
         if _COMMA.fullmatch(value):
             return f"; write {value.replace(',', '.')}, with a point"
@@ -235,9 +235,9 @@ def _as_share(percent: float) -> str:
     return f"; write {percent / 100:g} for {percent:g} %"
 
 
-# From what the schema rejects to a line that a user can act on.
+# Turn a violation of the schema into a message that a user can act on.
 
-SURE = 0.8  # similarity above which a neighbour is meant, rather than the same key elsewhere
+SURE = 0.8  # similarity from which a neighbour is meant rather than the same key elsewhere
 _OF_VALUE = {"type", "enum", "minItems", "maxItems", "pattern", "minLength", *_BOUNDS}
 
 
@@ -250,16 +250,16 @@ def dotted(path: Iterable[str | int]) -> str:
 
 
 def describe(errors: Iterable[ValidationError], schema: dict[str, Any]) -> list[str]:
-    """One line for each mistake: key, what was expected, what was found.
+    """Return one line for each mistake: key, what was expected, what was found.
 
     Parameters
     ----------
     errors : iterable of ValidationError
-        What the schema rejects.
+        Violations of the schema.
     schema : dict
-        The whole schema; an unknown key is looked for elsewhere in it.
+        The whole schema, in which unknown keys are searched for.
     """
-    # Each line once: 3.5 breaks both type and range of a whole number.
+    # Drop duplicate lines: 3.5 violates both type and range of a whole number.
     return list(dict.fromkeys(line for error in errors for line in _lines(error, schema)))
 
 
@@ -280,7 +280,7 @@ def _lines(error: ValidationError, schema: dict[str, Any]) -> list[str]:
     return [
         f"{_join(place, key)}: expected this key, found none"
         for key in local["required"]
-        if key not in present and not did_you_mean(key, unknown)  # a misspelt key is told already
+        if key not in present and not did_you_mean(key, unknown)  # misspelt: reported already
     ]
 
 
