@@ -1,4 +1,4 @@
-"""First-order information: saltation, Bouligand derivatives, and what they say of smoothness."""
+"""First-order analysis: saltation matrices, Bouligand derivatives, and tests of smoothness."""
 
 from hopdata.hybrid.first_order.saltation import (
     NotTransversalError,

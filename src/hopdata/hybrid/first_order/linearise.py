@@ -1,6 +1,6 @@
-"""What a system is to first order at one instant: its field, its guards' slopes, its handler.
+"""The linearisation of a system at one instant: its field, guard gradients and handler.
 
-The functions of the system are run as plain Python: a few hundred evaluations need no compiler.
+The system's functions are run as plain Python, because a few hundred evaluations need no compiler.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.system import System
 
-STEP = 1e-3  # of differences, in units of a coordinate's size; extrapolated, they err by STEP^4
-SAME_SLOPE = 1e-6  # differences and rates along unit vectors are then two views of one slope
-ON_GUARD = 1e-9  # of the guard's own scale: how far off a surface a state still lies on it
+STEP = 1e-3  # difference step in units of a coordinate's size; extrapolated, the error is STEP^4
+SAME_SLOPE = 1e-6  # tolerance within which differences and rates along unit vectors agree
+ON_GUARD = 1e-9  # fraction of the guard's scale: a state this close to a surface lies on it
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class Linearisation:
     Parameters
     ----------
     instant : Instant
-        Where.
+        The instant at which the system is linearised.
     rate : (n,) array
-        The field f.
+        Field f.
     gradients : (n_guards, n) array
         Derivative Dh of each event function with respect to the state.
     time_rates : (n_guards,) array
-        Derivative of each event function with respect to time, at a state at rest.
+        Derivative of each event function with respect to time, at a fixed state.
     """
 
     instant: Instant
@@ -64,14 +64,14 @@ class Linearisation:
 
     @property
     def guard_scales(self) -> FloatArray:
-        """The sums |Dh_i f_i| + |dh/dt| that bound the rates, (n_guards,); they have no sign."""
+        """Sums |Dh_i f_i| + |dh/dt| that bound the rates, (n_guards,); always non-negative."""
         return np.abs(self.gradients) @ np.abs(self.rate) + np.abs(self.time_rates)
 
 
 def instant(
     system: System, state: ArrayLike, *, params: ArrayLike, mode: Sequence[int], t: float
 ) -> Instant:
-    """Return a state of the hybrid system, checked; all locks must be set."""
+    """Return a checked state of the hybrid system; all locks must be set."""
     y = np.array(state, dtype=np.float64)
     locks = np.array(mode, dtype=np.int64)
     expect(y.shape == (system.n_states,), "state", f"shape ({system.n_states},)", y.shape)
@@ -91,14 +91,14 @@ def state_scale(system: System, scale: ArrayLike | None) -> FloatArray:
 
 
 def field_at(system: System, at: Instant) -> FloatArray:
-    """Return the field, (n,)."""
+    """Return the field at an instant, (n,)."""
     rate = np.zeros(len(at.y))
     system.field.function(at.t, at.y, at.mode, at.params, rate)
     return rate
 
 
 def guards_at(system: System, at: Instant, dy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return event functions, and their rates when the state changes at the rate `dy`."""
+    """Return the event functions, and their rates for the state's rate `dy`."""
     h, rates = np.zeros(system.n_guards), np.zeros(system.n_guards)
     if system.guards is not None:
         system.guards.function(at.t, at.y, dy, at.mode, at.params, h, rates)
@@ -111,9 +111,9 @@ def guards_at(system: System, at: Instant, dy: FloatArray) -> tuple[FloatArray, 
 def differentiate(
     function: Callable[[Instant], FloatArray], at: Instant, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives (r, n) and (r,) with respect to state and time, by differences.
+    """Return the derivatives (r, n) and (r,) with respect to state and time.
 
-    Central differences at two steps, extrapolated (Richardson).
+    Central differences at two steps are extrapolated (Richardson).
     """
     steps = STEP * np.maximum(scale, np.abs(at.y))
     columns = [
@@ -131,11 +131,11 @@ def _extrapolated(along: Callable[[float], FloatArray], step: float) -> FloatArr
 
 
 def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
-    """Return the field and the slopes of the guards.
+    """Return the linearisation: the field and the gradients of the guards.
 
-    The rates of the guards are linear in `dy`: unit vectors give their slopes exactly, if the
-    scene computes them from `dy`. A scene may also use velocities of the state instead, since on a
-    trajectory both are the same; then differences of the event functions give the slopes.
+    The guards' rates are linear in `dy`, so unit vectors give their gradients exactly if the scene
+    computes rates from `dy`. A scene may instead use velocities in the state, which equal `dy` on a
+    trajectory. In that case differences of the event functions give the gradients.
     """
     nothing = np.zeros(system.n_states)
     h, in_time = guards_at(system, at, nothing)
@@ -151,7 +151,7 @@ def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
 
 
 def cross(system: System, at: Instant, guard: int) -> Instant:
-    """Return the hybrid state after the crossing of one guard: lock flipped, handler run."""
+    """Return the hybrid state after one guard is crossed: lock flipped and handler run."""
     y, mode, params = at.y.copy(), at.mode.copy(), at.params.copy()
     mode[guard] = -mode[guard]
     if system.on_event is not None:
@@ -162,7 +162,7 @@ def cross(system: System, at: Instant, guard: int) -> Instant:
 def active_guards(
     system: System, here: Linearisation, guards: Sequence[int | str] | None, scale: FloatArray
 ) -> tuple[int, ...]:
-    """Return the numbers of the guards named, or of those on whose surface the state lies."""
+    """Return the indices of the guards named, or of those on whose surface the state lies."""
     if guards is None:
         h = guards_at(system, here.instant, here.rate)[0]
         on_surface = np.abs(h) <= ON_GUARD * (np.abs(here.gradients) @ scale)
@@ -174,16 +174,16 @@ def active_guards(
     return chosen
 
 
-# The system in every combination of the locks of some guards.
+# The system for each combination of the locks of some guards.
 
 ALL_COMBINATIONS_UP_TO = 8
 Combination = tuple[int, ...]
 
 
 def lock_combinations(guards: Sequence[int], seed: int = 0) -> Iterator[Combination]:
-    """Yield the sets of guards that may have been crossed, as increasing numbers.
+    """Yield the sets of guards that may have been crossed, with increasing indices.
 
-    All 2^n up to n = 8; beyond, 256: none, each one, all, and others drawn.
+    These are all 2^n sets up to n = 8. Beyond, they are 256: none, each one, all, and random ones.
     """
     chosen = tuple(sorted(guards))
     n = len(chosen)
@@ -202,7 +202,7 @@ def lock_combinations(guards: Sequence[int], seed: int = 0) -> Iterator[Combinat
 def mode_fields(
     system: System, start: Instant, guards: Sequence[int], scale: FloatArray, seed: int = 0
 ) -> dict[Combination, Linearisation]:
-    """Return field and guards in each combination of locks, by the guards crossed."""
+    """Return field and guards for each combination of locks, keyed by the guards crossed."""
 
     def after(crossed: Combination) -> Linearisation:
         return linearise(system, reduce(partial(cross, system), crossed, start), scale)

@@ -1,4 +1,4 @@
-"""Saltation matrices: what a guard's crossing makes of a small deviation of the state."""
+"""Saltation matrices: the effect of a guard's crossing on a small deviation of the state."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from hopdata.hybrid.system import System
 
 
 class NotTransversalError(ValueError):
-    """A guard is not crossed: its event function has no rate along the field."""
+    """A guard is not crossed transversally: its event function has no rate along the field."""
 
 
 def saltation_matrix(
@@ -30,19 +30,19 @@ def saltation_matrix(
 ) -> FloatArray:
     """Return the saltation matrix of one crossing (Aizerman and Gantmacher 1958).
 
-    With r the reset and h the event function,
+    With the reset r and the event function h, the matrix is
     Dr + (f+ - Dr f- - dr/dt) Dh / (Dh f- + dh/dt).
 
     Parameters
     ----------
     before, after : (n,) array_like
-        Field f- before and f+ after the crossing, the latter at the state after the reset.
+        Field f- before and f+ after the crossing; f+ is taken at the state after the reset.
     gradient : (n,) array_like
         Derivative Dh of the event function with respect to the state.
     time_rate : float
-        Its derivative with respect to time.
+        Derivative of the event function with respect to time.
     reset, reset_rate : (n, n) and (n,) array_like, optional
-        Derivatives of the reset with respect to state and time. By default the state is kept.
+        Derivatives of the reset with respect to state and time. By default there is no reset.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def _rate(f: FloatArray, slope: FloatArray, time_rate: float) -> float:
     return rate
 
 
-BESIDE = 1e-7  # of a coordinate's size
+BESIDE = 1e-7  # displacement that reveals a reset, as a fraction of a coordinate's size
 
 
 def crossing(
@@ -75,7 +75,7 @@ def crossing(
 ) -> tuple[FloatArray, Linearisation]:
     """Return the saltation matrix of a guard's crossing, and the linearisation after it.
 
-    The derivative of a handler that changes the state, here or beside it, is found by differences.
+    If the handler changes this state or a neighbouring one, differences give its derivative.
     """
     at = here.instant
     there = local.linearise(system, local.cross(system, at, guard), scale)
@@ -94,18 +94,18 @@ def crossing(
     return matrix, there
 
 
-# The orders in which guards that meet at one state are crossed, each with its matrix.
+# The orders in which guards that meet at one state may be crossed, each with its matrix.
 
-NARROW = 1e-9  # a cone of deviations that is thinner than this is taken for a plane
+NARROW = 1e-9  # a cone of deviations thinner than this counts as a plane
 MOST_ORDERS = 720
 
 
 @dataclass(frozen=True)
 class Node:
-    """Where a trajectory stands after some of the crossings.
+    """The trajectory after some of the crossings.
 
-    `product` (n, n) takes a deviation before the first crossing to one from the nominal
-    trajectory of the mode that has been reached.
+    `product` (n, n) maps a deviation before the first crossing to the deviation from the nominal
+    trajectory of the mode reached.
     """
 
     here: Linearisation
@@ -113,26 +113,25 @@ class Node:
 
     @property
     def delays(self) -> FloatArray:
-        """Functionals whose values on a deviation are the instants of crossing, (n_guards, n)."""
+        """Functionals that map a deviation to the times of crossing, (n_guards, n)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return -(self.here.gradients @ self.product) / self.here.guard_rates[:, None]
 
 
 @dataclass(frozen=True)
 class CrossingOrder:
-    """One order of the guards.
+    """One order in which the guards may be crossed.
 
     Parameters
     ----------
     guards : tuple of int
-        Numbers of the guards, the first crossed first.
+        Indices of the guards, the first crossed first.
     matrix : (n, n) array
         Product of the saltation matrices.
     direction : (n,) array
-        A deviation of unit length whose trajectory crosses in this order, and that keeps well clear
-        of other orders.
+        Unit deviation whose trajectory crosses in this order and stays well clear of other orders.
     state : (n,) array
-        State after the crossings: it depends on the order only where handlers change the state.
+        State after the crossings; it depends on the order only if handlers change the state.
     """
 
     guards: tuple[int, ...]
@@ -142,14 +141,14 @@ class CrossingOrder:
 
 
 class BouligandDerivative:
-    """The crossings of some guards in any order from one state; each is computed when asked for.
+    """The crossings of some guards in any order from one state, each computed on demand.
 
-    Called with deviations v from that state, (n,) or (n, m), at the instant at which the nominal
-    trajectory meets the guards, it returns D_v, of the same shape: where the neighbour is relative
-    to the nominal trajectory once both have crossed all guards, carried back to that instant by the
-    last field. It is linear on each cone of deviations whose trajectories cross the guards in one
-    order, and continuous from cone to cone (Burden, Sastry, Koditschek and Revzen 2016;
-    dissertation, section 1.2).
+    It is called with deviations v from that state, (n,) or (n, m), at the instant at which the
+    nominal trajectory meets the guards. It returns D_v, of the same shape: the position of the
+    neighbour relative to the nominal trajectory once both have crossed all guards, carried back to
+    that instant by the last field. D_v is linear on each cone of deviations whose trajectories
+    cross the guards in one order, and continuous across cones (Burden, Sastry, Koditschek and
+    Revzen 2016; dissertation, section 1.2).
     """
 
     def __init__(
@@ -174,7 +173,7 @@ class BouligandDerivative:
         if order not in self._nodes:
             before, guard = self.node(order[:-1]), order[-1]
             rate, mode = before.here.guard_rates[guard], before.here.instant.mode
-            if not -mode[guard] * rate > 0:  # it is not approached from the side of its lock
+            if not -mode[guard] * rate > 0:  # not approached from its lock's side
                 name = self.system.guard_names[guard]
                 raise NotTransversalError(
                     f"guard {name}: expected to be approached, found a rate of {rate:.3g} on the "
@@ -187,8 +186,8 @@ class BouligandDerivative:
     def order(self, deviation: ArrayLike) -> tuple[int, ...]:
         """Return the order in which the neighbour at a deviation (n,) crosses the guards.
 
-        It is exact to first order: the neighbour follows one constant field after the other. Of
-        guards crossed together the first named comes first.
+        The order is exact to first order: the neighbour follows one constant field after another.
+        Guards crossed simultaneously keep the order in which they are named.
         """
         order: tuple[int, ...] = ()
         while len(order) < len(self.guards):
@@ -200,8 +199,8 @@ class BouligandDerivative:
     def pieces(self, *, seed: int = 0) -> tuple[CrossingOrder, ...]:
         """Return the orders that occur among the deviations, with their matrices.
 
-        An order occurs if a set of deviations with an interior crosses in it. With up to six guards
-        all orders are tried; with more, those are returned in which 720 random deviations cross.
+        An order occurs if the deviations that cross in it have an interior. With up to six guards
+        all orders are tried; with more, those in which 720 random deviations cross.
         """
         if factorial(len(self.guards)) <= MOST_ORDERS:
             inside = {guards: self._inside(guards) for guards in permutations(self.guards)}
@@ -217,7 +216,7 @@ class BouligandDerivative:
         return tuple(found)
 
     def _inside(self, guards: tuple[int, ...]) -> FloatArray | None:
-        """Return a deviation that crosses in this order and keeps clear of others, if any."""
+        """Return a deviation that crosses in this order and stays clear of others, if any."""
         delays = [self.node(guards[:i]).delays[guard] for i, guard in enumerate(guards)]
         scaled = np.array(delays) * self.scale
         found = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
@@ -227,9 +226,9 @@ class BouligandDerivative:
 def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
     """Return v with rows @ v > 0, or None: then rows sum to zero with weights >= 0 (Gordan 1873).
 
-    The smallest |rows.T w|^2 + (1 - sum w)^2 over w >= 0 is positive in the first case, and its
-    minimiser gives v = rows.T w. Rows that vanish beside `size` are of guards with one surface,
-    which are crossed together by all: they ask for nothing.
+    The minimum of |rows.T w|^2 + (1 - sum w)^2 over w >= 0 is positive in the first case, and its
+    minimiser gives v = rows.T w. Rows negligible beside `size` belong to guards that share a
+    surface, which all deviations cross together; they impose no condition.
     """
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     asking = lengths[:, 0] > NARROW * size
@@ -263,16 +262,16 @@ def bouligand_derivative(
     state : (n,) array_like
         State at which the guards meet.
     params, mode, t
-        As for `solve`; `mode` is that before the crossings, with all locks set.
+        As for `solve`; `mode` is the mode before the crossings, with all locks set.
     guards : sequence of int or str, optional
-        Guards that are crossed. By default those on whose surface the state lies.
+        Guards that are crossed; by default those on whose surface the state lies.
     scale : (n,) array_like, optional
-        Size of each coordinate, for the steps of differences. By default 1.
+        Size of each coordinate, which scales difference steps. By default 1.
 
     Returns
     -------
     BouligandDerivative
-        Raises `NotTransversalError` when it meets an order in which a guard is not approached.
+        Raises `NotTransversalError` when it reaches an order in which a guard is not approached.
     """
     sizes = local.state_scale(system, scale)
     start = local.instant(system, state, params=params, mode=mode, t=t)
@@ -280,7 +279,7 @@ def bouligand_derivative(
     return BouligandDerivative(system, start, chosen, sizes)
 
 
-# Derivative of the state at which trajectories meet a section, from that of the flow.
+# Derivative of the state at which trajectories meet a section, from the derivative of the flow.
 
 
 def project_onto_section(
@@ -288,19 +287,19 @@ def project_onto_section(
 ) -> FloatArray:
     """Return the derivative of the impact state, (I - f Dh / (Dh f + dh/dt)) Phi.
 
-    The flow's derivative tells where a neighbour is at the same time, this one where it meets the
-    surface h = 0: that differs by the time which it still needs, at the rate f.
+    The flow's derivative locates a neighbour at the same time; this one locates it where it meets
+    the surface h = 0. The two differ by the remaining time, multiplied by the rate f.
 
     Parameters
     ----------
     flow : (n, k) array_like
         Derivative Phi of the state at the instant of the event, before its handler.
     rate : (n,) array_like
-        Field f there.
+        Field f at that state.
     gradient : (n,) array_like
         Derivative Dh of the event function with respect to the state.
     time_rate : float
-        Its derivative with respect to time.
+        Derivative of the event function with respect to time.
 
     Returns
     -------

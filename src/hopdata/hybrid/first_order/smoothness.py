@@ -1,11 +1,11 @@
-"""Is the flow through a state C1? The first column of table 1.1, and what decides.
+"""Test whether the flow through a state is C1, by the first column of table 1.1.
 
 The table's first column is event-selection (definitions 1.2.1 and 1.2.2 of the dissertation): every
 active guard is approached, whichever of the others have been crossed, and the state does not jump.
-Then every trajectory nearby crosses each of them exactly once: rates that are above zero here are
-so around here. Whether the crossings commute is computed: the flow has a Jacobian at the state if
-all orders that occur around it have one matrix. (The second column, forces that add and guards of
-position alone, suffices for that, and is not needed.)
+Every nearby trajectory then crosses each guard exactly once, because rates that are positive here
+are positive in a neighbourhood. Whether the crossings commute is computed: the flow has a Jacobian
+at the state if all orders that occur around it have the same matrix. (The second column, additive
+forces and guards that depend on position alone, is sufficient for that but not necessary.)
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from hopdata.hybrid.first_order.linearise import Combination, Instant, Linearisa
 from hopdata.hybrid.first_order.saltation import BouligandDerivative, NotTransversalError
 from hopdata.hybrid.system import System
 
-# Findings, and the table that shows them.
+# Findings, and their table.
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One condition: what was found, and what is needed.
+    """One condition: the value found and the value needed.
 
     Parameters
     ----------
     condition : str
-        What should hold.
+        The condition.
     passed : bool
-        Whether it does.
+        Whether it holds.
     value : float
-        What was found; NaN if it could not be computed.
+        Value found; NaN if it could not be computed.
     needed : str
-        What the value has to be.
+        Required value.
     detail : str
-        What the value is.
+        Meaning of the value.
     """
 
     condition: str
@@ -53,22 +53,22 @@ class Finding:
 
     @classmethod
     def at_most(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
-        """Return a finding that passes if the value is not above a bound."""
+        """Return a finding that passes if the value does not exceed a bound."""
         return cls(condition, bool(value <= bound), float(value), f"<= {bound:g}", detail)
 
     @classmethod
     def above(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
-        """Return a finding that passes if the value is above a bound."""
+        """Return a finding that passes if the value exceeds a bound."""
         return cls(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
 
     def cells(self) -> tuple[str, ...]:
-        """Return the row of a table."""
+        """Return one row of a table."""
         value = "-" if isnan(self.value) else f"{self.value:.3g}"
         return ("yes" if self.passed else "NO", self.condition, value, self.needed, self.detail)
 
     @staticmethod
     def table(findings: Sequence[Finding]) -> str:
-        """Return findings as aligned lines."""
+        """Return the findings as aligned lines."""
         head = "", "condition", "found", "needed", "the number is"
         rows = [head, *(finding.cells() for finding in findings)]
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
@@ -76,7 +76,7 @@ class Finding:
         return "\n".join(line.rstrip() for line in lines)
 
 
-# Event-selection: how the active guards are crossed, in all combinations of their locks.
+# Event-selection: how the active guards are crossed, for all combinations of their locks.
 
 CONTINUOUS, CROSSED = "trajectories are continuous", "each guard is crossed"
 ONCE, KEPT = "each guard is crossed only once", "contact keeps penetration velocity"
@@ -87,14 +87,14 @@ UNCHANGED = 1e-12
 def event_selection(
     system: System, start: Instant, active: Sequence[int], scale: FloatArray, seed: int
 ) -> tuple[Finding, ...]:
-    """Return whether the state does not jump, and each guard is crossed, once, and not held up.
+    """Return findings on jumps of the state, and on guards being crossed, once, and not held up.
 
-    Over all 2^n combinations of locks up to n = 8 active guards, over 256 beyond. The rates are
-    over the sums |Dh_i f_i| + |dh/dt|: 1 if all terms pull together, negative if a guard runs back.
-    They do not change with the units of state, guard or time.
+    All 2^n combinations of locks are checked up to n = 8 active guards, and 256 beyond. Rates are
+    normalised by the sums |Dh_i f_i| + |dh/dt|: 1 means that all terms act together, and a negative
+    value that a guard runs back. They do not depend on the units of state, guard or time.
     """
     guards, views = list(active), local.mode_fields(system, start, active, scale, seed)
-    ways = -start.mode[guards]  # in which they are crossed
+    ways = -start.mode[guards]  # directions of crossing
     rates = {crossed: ways * view.guard_rates[guards] for crossed, view in views.items()}
     shares = [_share(rates[c], view.guard_scales[guards]) for c, view in views.items()]
     size = np.maximum(scale, np.abs(start.y))
@@ -117,7 +117,7 @@ def event_selection(
 
 
 def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
-    """Return parts of wholes, 0 of nothing."""
+    """Return parts divided by wholes, with 0 / 0 = 0."""
     return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
 
 
@@ -136,7 +136,7 @@ def _pushed_back(
     system: System, views: Mapping[Combination, Linearisation], guards: list[int], ways: IntArray,
     scale: FloatArray,
 ) -> float:  # fmt: skip
-    """Return how far handlers move a guard against its lock, in units of its scale."""
+    """Return the largest step of a handler against a guard's lock, in units of its scale."""
     surfaces = {
         crossed: local.guards_at(system, view.instant, view.rate)[0][guards]
         for crossed, view in views.items()
@@ -152,7 +152,7 @@ def _pushed_back(
     return worst
 
 
-# Measures of smooth guards, and of crossings that commute.
+# Tests of smooth guards, and of crossings that commute.
 
 REFINEMENT = 8.0
 
@@ -160,9 +160,10 @@ REFINEMENT = 8.0
 def one_sided_gaps(
     system: System, here: Linearisation, guards: list[int], scale: FloatArray
 ) -> tuple[float, float]:
-    """Return how much the guards' slopes from both sides differ, for a step and an eighth of it.
+    """Return the difference of the guards' one-sided gradients, for a step and an eighth of it.
 
-    Relative to the slope. A smooth guard's difference shrinks with the step, that of a kink stays.
+    It is relative to the gradient. The difference shrinks with the step for a smooth guard, and
+    remains for a kink.
     """
     coarse, fine = (_gap(system, here, guards, scale, local.STEP / r) for r in (1.0, REFINEMENT))
     size = np.abs(here.gradients[guards]) @ scale
@@ -185,7 +186,7 @@ def _gap(
 
 
 def rates_agree(system: System, here: Linearisation, guards: list[int]) -> float:
-    """Return how far rates that the guards report are from Dh f + dh/dt, relative to their size."""
+    """Return the difference of the reported rates from Dh f + dh/dt, relative to their size."""
     reported = local.guards_at(system, here.instant, here.rate)[1][guards]
     off = np.abs(reported - here.guard_rates[guards])
     return float(np.max(_share(off, here.guard_scales[guards])))
@@ -194,7 +195,8 @@ def rates_agree(system: System, here: Linearisation, guards: list[int]) -> float
 def spread(products: Sequence[FloatArray]) -> float:
     """Return the largest distance of two saltation products over the largest effect of one.
 
-    The distance is Frobenius' norm, in units of the coordinates' sizes; the effect that to 1.
+    The distance is the Frobenius norm in units of the coordinates' sizes; the effect of a product
+    is its distance from 1.
     """
     stack = np.array(products)
     effect = np.linalg.norm(stack - np.eye(stack.shape[-1]), axis=(1, 2)).max()
@@ -210,7 +212,7 @@ NOT_SELECTED, SELECTED, C1 = "not event-selected", "event-selected, not C1", "C1
 def smooth_guards(
     system: System, here: Linearisation, active: list[int], scale: FloatArray, tolerance: float
 ) -> tuple[Finding, ...]:
-    """Guards have one slope from both sides, and report rates that agree with it."""
+    """Return findings on equal one-sided gradients, and on reported rates that agree with them."""
     coarse, fine = one_sided_gaps(system, here, active, scale)
     return (
         Finding.at_most(
@@ -225,7 +227,7 @@ def smooth_guards(
 
 
 def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Finding:
-    """Return whether the orders that occur agree in their saltation product."""
+    """Return the finding on whether all orders that occur have the same saltation product."""
     scale = flow.scale
     try:
         orders = flow.pieces(seed=seed)
@@ -242,17 +244,17 @@ def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Findi
 
 @dataclass(frozen=True)
 class SmoothnessReport:
-    """What `check_c1` found.
+    """Result of `check_c1`.
 
     Parameters
     ----------
     guards : tuple of str
         The active guards.
     selection : tuple of Finding
-        First column of table 1.1: what makes the system event-selected.
+        First column of table 1.1: the conditions for an event-selected system.
     products : Finding
         Whether all orders of crossing that occur have one saltation product; the value is the
-        largest distance of two of them over the largest distance of one from 1.
+        largest distance between two of them over the largest distance of one from 1.
     """
 
     guards: tuple[str, ...]
@@ -268,7 +270,7 @@ class SmoothnessReport:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """The conditions that do not hold."""
+        """Conditions that do not hold."""
         return tuple(f.condition for f in (*self.selection, self.products) if not f.passed)
 
     def __str__(self) -> str:
@@ -301,25 +303,25 @@ def check_c1(
     state : (n,) array_like
         State at which the guards meet.
     params, mode, t
-        As for `solve`; `mode` is that before the crossings, with all locks set.
+        As for `solve`; `mode` is the mode before the crossings, with all locks set.
     guards : sequence of int or str, optional
-        The guards that are crossed. By default those on whose surface the state lies.
+        Guards that are crossed; by default those on whose surface the state lies.
     scale : (n,) array_like, optional
         Size of each coordinate: unit of differences and norms. By default 1.
     seed : int
-        Which combinations of more than eight guards, and orders of more than six, are looked at.
+        Seed for sampling combinations of more than eight guards, and orders of more than six.
     tolerance : float
-        Up to which two numbers are taken as equal, relative to their size.
+        Relative difference below which two numbers count as equal.
 
     Returns
     -------
     SmoothnessReport
-        Print it for the table.
+        Printing it shows the table.
 
     Raises
     ------
     ValueError
-        If there is no guard to be crossed.
+        If no guard is crossed.
     """
     sizes = local.state_scale(system, scale)
     start = local.instant(system, state, params=params, mode=mode, t=t)

@@ -1,4 +1,4 @@
-"""The loop in lanes, made for a system: whether that can be done, and its machine code."""
+"""The loop in lanes for one system: whether it is possible, and its machine code."""
 
 import hashlib
 import re
@@ -26,8 +26,8 @@ from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
 from hopdata.hybrid.system import System
 
-MOST_GUARDS = 62  # their numbers are bits
-MOST_READ = 12  # integers of the mode: with more, lanes would seldom agree
+MOST_GUARDS = 62  # their indices are bits of an integer
+MOST_READ = 12  # most integers of the mode: with more, lanes would seldom agree
 AIMS = 7
 BRANCH = "it branches on the state or the time: choose between values by np.where, min or max"
 _F, _I = types.float64, types.int64
@@ -37,7 +37,7 @@ NATIVE = _I(
     types.float64[::1], types.float64[::1], _I, _INTS, _FLOATS, _INTS, _INTS,
     _F, _F, _F, _F, _F, _I, _I,
 )  # fmt: skip
-# The parts of the loop that a system goes into, each after those that it calls.
+# The parts of the loop that depend on the system, each after the parts that it calls.
 PARTS = (
     code.group, code.take_systems, code.settle, code.give_up, code.close, code.fire,
     code.refresh, code.first_step, code.clipped, code.look, code.look_along, code.judge, code.cut,
@@ -48,7 +48,7 @@ STATE_ROWS = {"y": 1, "k": written.SLOPES, "inner": 1, "end": 1, "moved": 1, "wo
 
 
 def reason_against(system: System, method: str, jacobian: bool) -> str:
-    """Return why lanes cannot integrate a system, as far as that is known without compiling."""
+    """Return why lanes cannot integrate a system, as far as known without compiling; "" if none."""
     if jacobian:
         return "the Jacobian of the flow is carried by the driver only"
     if method not in ("auto", "dop853"):
@@ -77,8 +77,8 @@ def lane_runner(
     system, method, jacobian
         As in `solve_batch`.
     arrays : tuple of array
-        Initial states, parameters and modes; room for status, ends, modes, counts and samples; the
-        wanted times and absolute tolerances.
+        Initial states, parameters and modes; room for status, ends, modes, counts and samples;
+        requested times and absolute tolerances.
     options : tuple
         Start, end, relative tolerance, largest and first step, most steps and events.
     """
@@ -104,21 +104,21 @@ def lane_runner(
 
 
 class LaneCode:
-    """The machine code for a system.
+    """The machine code for one system.
 
     Parameters
     ----------
     system : System
-        What is integrated.
+        System to integrate.
     n_params : int
-        Length of its parameters, with the memory.
+        Number of its parameters, including the memory.
     in_lanes : bool
-        Whether each system has its own.
+        Whether each lane has its own parameters.
 
     Attributes
     ----------
     reason : str
-        Why there is none; empty if there is.
+        Why there is no code; empty if there is.
     """
 
     def __init__(self, system: System, n_params: int, in_lanes: bool) -> None:
@@ -135,7 +135,7 @@ class LaneCode:
             self.reason = _sentence(error)
 
     def _names(self, system: System, n_params: int, in_lanes: bool) -> dict[str, Any]:
-        """Return what the loop knows of the system, by name."""
+        """Return the loop's names for properties of the system, with their values."""
         n, n_guards = system.n_states, system.n_guards
         names: dict[str, Any] = {
             "N": n, "N_GUARDS": n_guards, "N_PARAMS": n_params, "PARAMS_IN_LANES": in_lanes,
@@ -167,7 +167,7 @@ class LaneCode:
         return names
 
     def room(self) -> tuple[FloatArray, IntArray, IntArray]:
-        """Return room for one thread: rows, modes and whole numbers of the lanes."""
+        """Return room for one thread: rows, modes and integers of the lanes."""
         table = np.asarray(aligned(self._rows).reshape(self._rows, WIDTH))
         modes = np.zeros((WIDTH, self._n_modes), dtype=np.int64)
         return table, modes, np.zeros((code.BOOK_ROWS, WIDTH), dtype=np.int64)
@@ -182,7 +182,7 @@ def _guards_of(system: System) -> Any:
 
 
 def read_modes(system: System) -> tuple[int, ...]:
-    """Return the places of the mode that field and guards look at."""
+    """Return the places of the mode that field and guards read."""
     found: set[int] = set()
     for one in (system.field, system.guards, system.guard):
         if one is not None:
@@ -192,7 +192,7 @@ def read_modes(system: System) -> tuple[int, ...]:
 
 @cache
 def _sources() -> str:
-    """Return a digest of what the loop is made of."""
+    """Return a digest of the sources of the loop."""
     digest = hashlib.sha256(driver_digest().encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
@@ -200,7 +200,7 @@ def _sources() -> str:
 
 
 def _sentence(error: NumbaError) -> str:
-    """Say in a line what Numba cannot do in lanes."""
+    """Return one line that says what Numba cannot do in lanes."""
     reason, _ = reason_and_advice(error)
     if "bool(Mask" in str(error):
         line = re.search(r"\(line (\d+)\)", reason)

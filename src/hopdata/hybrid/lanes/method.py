@@ -1,20 +1,20 @@
-"""A step of DOP853 in lanes, and its interpolant, written out with their coefficients as code."""
+"""A step of DOP853 in lanes, and its interpolant, generated as code with literal coefficients."""
 
 from collections.abc import Sequence
 
 from hopdata.hybrid.methods.explicit import DOP853
 
-INSIDE = 9  # the stage by which the guards are known inside a step ...
-PLACE = DOP853.nodes[INSIDE - 1]  # ... and where it is
+INSIDE = 9  # stage at which the guards are evaluated inside a step ...
+PLACE = DOP853.nodes[INSIDE - 1]  # ... and its place, as a fraction of the step
 STAGES, FURTHER = len(DOP853.weights), len(DOP853.dense_nodes)
-SLOPES = STAGES + 1 + FURTHER  # those of the stages, of the end, and of the interpolant's stages
-TINY = 1e-300  # never divide by a tolerance of zero
-DENSE_ERROR, ORDER = DOP853.dense_error, DOP853.order  # of the interpolant, in errors of the step
+SLOPES = STAGES + 1 + FURTHER  # slopes of the stages, of the end, and of the dense stages
+TINY = 1e-300  # floor of the tolerance, to avoid division by zero
+DENSE_ERROR, ORDER = DOP853.dense_error, DOP853.order  # interpolant's error in errors of the step
 STABLE = (0.1 * DOP853.stiff_tenths) ** 2
 
 
 def _sum(weights: Sequence[float], start: str = "") -> str:
-    """Return a weighted sum of slopes at component i, as code, each term fused."""
+    """Return code for a weighted sum of slopes at component i, with each term fused."""
     code = start
     for j, weight in enumerate(weights):
         if weight != 0.0:
@@ -32,7 +32,7 @@ def _stage(node: float, weights: Sequence[float], target: int, state: str) -> li
 
 
 def step_code() -> list[str]:
-    """Return the body of ``step(t, h, rtol, atol, r)``: error, and how near it is to stability."""
+    """Return the body of ``step(t, h, rtol, atol, r)``: error, and whether it is unstable."""
     code = ["k = r.k"]
     for j, (node, weights) in enumerate(zip(DOP853.nodes, DOP853.stages, strict=True), start=1):
         code += _stage(node, weights, j, "r.inner" if j == INSIDE else "r.work")
@@ -56,7 +56,7 @@ def step_code() -> list[str]:
 
 
 def dense_code() -> list[str]:
-    """Return the body of ``prepare(t, h, r)``: the rows of the interpolant, behind the slopes."""
+    """Return the body of ``prepare(t, h, r)``: the interpolant's rows, after the slopes."""
     code, count = ["k, p = r.k, r.dense"], 3 + len(DOP853.dense)
     stages = zip(DOP853.dense_nodes, DOP853.dense_stages, strict=True)
     for j, (node, weights) in enumerate(stages, start=STAGES + 1):

@@ -1,16 +1,16 @@
-"""The loop over systems in lanes: step, judge the guards, land on the first flip, let it happen.
+"""The loop over systems in lanes: step, judge the guards, land on the first flip, process it.
 
-Each lane has its own time, step and mode; one that ends takes the next system. All is done to all
-lanes and kept where a mask says so: what becomes of a lane does not depend on the others. The field
-is called once for each group of lanes whose modes are the same to it.
+Each lane has its own time, step and mode; when one ends, the lane takes the next system. All
+operations apply to all lanes, and a mask selects the results that are kept, so no lane depends on
+the others. The field is called once for each group of lanes whose modes are the same to it.
 
 Guards are judged by value and rate at both ends of a step and at a stage inside, whose state is of
-the fifth order: these show by how much a cubic errs. Where they do not tell what a guard does, the
-step is halved. A flip is looked for on the polynomial through all of them, the step is taken again
-to there, and its end moved by the little that is left. In a lane most of whose steps end in flips
-these are foretold, and the interpolant gives the state there, if it is good enough. A system for
-which all that does not work (guards that graze or slide, steps that vanish, infinite fields) is
-given up: the driver does it.
+fifth order; these three places show the error of a cubic. Where they do not determine what a guard
+does, the step is halved. A flip is located on the polynomial through all of them, the step is
+repeated up to there, and its end is moved by the small remainder. In a lane most of whose steps end
+in flips, flips are predicted, and the interpolant gives the state there if it is accurate enough.
+A system for which this fails (guards that graze or slide, vanishing steps, infinite fields) is
+given up and left to the driver.
 """
 
 from collections import namedtuple
@@ -45,19 +45,19 @@ from hopdata.hybrid.lanes.vectors import (
     with_lane,
 )
 
-# What the loop knows of a system; `lanes.batch` puts it in.
+# Properties of the system, inserted by `lanes.batch`.
 
 N = N_GUARDS = N_PARAMS = FIRST_PARAM = FIRST_LOCK = 0
-PARAMS_IN_LANES, READ = False, np.zeros(0, dtype=np.int64)  # places of the mode that are read
+PARAMS_IN_LANES, READ = False, np.zeros(0, dtype=np.int64)  # READ: places of the mode that are read
 FIELD: Any = None
 GUARDS = CALL = state = room = take_step = prepare = FIELD
 
-# The interpolant, and what the lanes keep.
+# The interpolant, and the memory of the lanes.
 
 
 @kernel
 def interpolate(theta: Any, r: Any) -> None:
-    """Put the states at `theta` of the steps into `work`."""
+    """Write the states at `theta` of the steps into `work`."""
     count, rest = len(r.dense) // len(r.y), 1.0 - theta
     for i in range(len(r.y)):
         value = r.dense[count * i + count - 1]
@@ -66,23 +66,22 @@ def interpolate(theta: Any, r: Any) -> None:
         r.work[i] = fma(theta, value, r.y[i])
 
 
-# Rows of `book`: the system, events, samples written, guards that flip now as bits, and those whose
-# locks are open; the guard that has ended it, and how. Of each group of lanes with the same modes
-# the first one, and all of them as bits; how many groups there are.
+# Rows of `book`: the system, events, samples written, guards that flip now as bits, guards whose
+# locks are open as bits, the guard that ended the run, and its status. For each group of lanes with
+# the same modes: its first lane, and its members as bits. Last, the number of groups.
 INDEX, EVENTS, SAMPLES, DUE, OPEN, CULPRIT, STATUS, LEAD, MEMBERS, N_GROUPS = range(10)
 BOOK_ROWS = 10
 
 # The room of the lanes: rows of a table, each as wide as there are lanes.
 #
-# y, inner, end: the states at the start, inside and at the end of the step; k: slopes of the
-# stages, of the end, and of the interpolant's stages; moved: the end, moved to the flip; dense: the
-# interpolant; work, other: free; aim: margins and slopes of the guard that is thought to flip
-# first, and where. Of the guards: h0, rate0 at the start, h, rate inside, h1, rate1 at the end of
-# the step; along, along1, inside: rates along one way, at the start, at the end and inside; size:
-# the largest value lately, the scale of rounding; leaving: 1 where a guard is at its surface, on
-# its new side; lock; bend: by how much the rate has changed in the last step; other_h, other_rate:
-# free. params; table: all rows, by lane; modes: a row for each lane; book: whole numbers of each
-# lane.
+# y, inner, end: states at the start, inside and at the end of the step; k: slopes of the stages, of
+# the end, and of the dense stages; moved: the end, moved to the flip; dense: the interpolant; work,
+# other: scratch; aim: margins and slopes of the guard expected to flip first, and its place.
+# Guards: h0, rate0 at the start, h, rate inside, h1, rate1 at the end of the step; along, along1,
+# inside: rates along one direction, at the start, at the end and inside; size: largest recent
+# value, the scale of rounding; leaving: 1 where a guard is at its surface, on its new side; lock;
+# bend: change of the rate in the last step; other_h, other_rate: scratch. params; table: all rows,
+# by lane; modes: one row per lane; book: integers of each lane.
 Room = namedtuple(
     "Room",
     "y k inner end moved work other dense aim h0 rate0 h rate h1 rate1 along along1 size leaving "
@@ -123,7 +122,7 @@ def no_guards(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any
 
 @kernel
 def mark(lanes: int, g: int, margin: Any, rate: Any, noise: Any, r: Any) -> int:
-    """Note in which of these lanes a guard flips now; return them."""
+    """Record in which of these lanes a guard flips now, and return them."""
     due = bits((margin < -noise) | ((margin <= noise) & (rate < 0.0))) & lanes
     for j in range(WIDTH if due != 0 else 0):
         r.book[DUE, j] |= 1 << g if due >> j & 1 else 0
@@ -131,7 +130,7 @@ def mark(lanes: int, g: int, margin: Any, rate: Any, noise: Any, r: Any) -> int:
 
 
 def group(r: Any) -> None:
-    """Put the lanes into groups within which the modes that are read are the same."""
+    """Group the lanes by the entries of the mode that are read."""
     left, count = ALL, 0
     for first in range(WIDTH):
         if left >> first & 1:
@@ -146,36 +145,36 @@ def group(r: Any) -> None:
     r.book[N_GROUPS, 0] = count
 
 
-# What the guards do in a step.
+# The guards within a step.
 
 EPS = 2.0**-52
-ROUNDING = 4 * EPS  # of time, and of a guard, relative to its largest value lately
-ITERATIONS, ROOT_TOLERANCE = 40, 1e-6  # part of a step: Newton's next one is beyond all digits
-# Flips are foretold where they end so many of a lane's steps. That few guards seldom do, and it
-# would cost each step 5 %.
+ROUNDING = 4 * EPS  # rounding error of time, and of a guard relative to its largest recent value
+ITERATIONS, ROOT_TOLERANCE = 40, 1e-6  # fraction of a step: Newton's next change is negligible
+# Flips are predicted in a lane where they end this fraction of steps. A few guards seldom do, and
+# prediction would cost each step 5 %.
 MOSTLY, FEW = 0.7, 4
-NEAR = 1e-5  # of the step: its end is moved to a flip that is not farther
+NEAR = 1e-5  # fraction of the step: largest distance by which its end is moved to a flip
 FIRST, REST = PLACE / 3.0, (1.0 - PLACE) / 3.0
 PER_PLACE, PER_REST = 1.0 / PLACE, 1.0 / (1.0 - PLACE)
 
 
 @kernel
 def resolution_of(t: Any, h: Any) -> Any:
-    """Return the interval below which two instants are one."""
+    """Return the interval below which two instants coincide."""
     return ROUNDING * largest(absolute(t), absolute(t + h))
 
 
 @kernel
 def rises(low: Any, high: Any, slack: Any) -> Any:
-    """Tell where the second of two margins may be above zero and the first below."""
+    """Return where the second of two margins may be above zero and the first below."""
     return ((low <= slack) & (high > slack)) | ((low <= -slack) & (high > -slack))
 
 
 @kernel
 def root(go: Any, r: Any) -> Any:
-    """Return where the first guard falls through zero, as a part of the step.
+    """Return where the first guard falls through zero, as a fraction of the step.
 
-    By Newton's method, within bounds, on the polynomial through values and rates at three places.
+    Bracketed Newton iteration on the polynomial through values and rates at three places.
     """
     m0, d0, mc, dc, m1, d1 = r.aim[0], r.aim[1], r.aim[2], r.aim[3], r.aim[4], r.aim[5]
     left, right = (mc - m0) * PER_PLACE, (m1 - mc) * PER_REST
@@ -203,26 +202,26 @@ def root(go: Any, r: Any) -> Any:
 
 @kernel
 def straight(g: int, r: Any) -> Any:
-    """Tell where the rate of a guard along one way is the same all over the step."""
+    """Return where a guard's rate along one direction is constant over the step."""
     along = absolute(r.along[g])
     same = absolute(r.inside[g] - r.along[g]) <= windows.AFFINE * along
     return same & (absolute(r.along1[g] - r.along[g]) <= windows.AFFINE * along) & (along > 0.0)
 
 
-# The slope at the end of a step, by those at its start, inside and at its end.
+# Weights of the slopes at the start, inside and at the end of a step in the bend at its end.
 BY_START, BY_INSIDE = (1.0 - PLACE) / PLACE, -1.0 / (PLACE * (1.0 - PLACE))
 BY_END = (2.0 - PLACE) / (1.0 - PLACE)
 
-GIVEN_UP = -100  # for the driver
+GIVEN_UP = -100  # status of a system left to the driver
 HUGE, TINY_ERROR = 1e30, 1e-12
-ALMOST_THERE = 1.01  # stretch the last step by this much rather than leave a sliver
+ALMOST_THERE = 1.01  # factor by which the last step may be stretched to avoid a tiny one
 MOST_ROUNDS = 4
-MOST_TRIES = 60  # for one step
-# Of the run: a step that is shorter, or lands in vain, comes nowhere; where flips follow so soon,
-# rounding may hide the next, as of a ball that comes to rest.
+MOST_TRIES = 60  # most tries for one step
+# Fractions of the run. A step that is shorter, or lands in vain, makes no progress. Where flips
+# follow so soon, rounding may hide the next one, as for a ball that comes to rest.
 SHORTEST, SOON = 1e-12, 1e-8
-IN_VAIN, MOST_IDLE = 1.5, 8.5  # of these in a row: a guard flips where it is, a system is given up
-STIFF_STEPS = 15.0  # too near to the limit of stability, more than those that are not
+IN_VAIN, MOST_IDLE = 1.5, 8.5  # idle steps in a row: a guard flips in place; system is given up
+STIFF_STEPS = 15.0  # net number of steps too near the stability limit
 SAFETY, SHRINK_MOST, GROW_MOST = 0.8, 0.2, 6.0
 
 call_on_event = caller(ON_EVENT.native)
@@ -232,7 +231,7 @@ def take_systems(
     want: int, first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray,
     times: FloatArray, samples: FloatArray, t_start: float, r: Any,
 ) -> tuple[int, int]:  # fmt: skip
-    """Give the lanes of these bits the next systems; return those that got one, and the next."""
+    """Give the next systems to these lanes; return the lanes that got one, and the next system."""
     started = 0
     for j in range(WIDTH):
         if want >> j & 1 == 0 or first == last:
@@ -253,9 +252,9 @@ def take_systems(
 
 
 def settle(started: int, t: Any, r: Any) -> int:
-    """Decide open locks by the side on which the guards are; return the lanes where one is on it.
+    """Decide open locks by the guards' sides; return the lanes with a guard on its surface.
 
-    Such a lock stays open: the guard's rate decides.
+    Such a lock stays open, because the guard's rate decides it.
     """
     for i in range(N):
         r.work[i] = 0.0
@@ -281,9 +280,9 @@ def settle(started: int, t: Any, r: Any) -> int:
 
 
 def close(open_ones: int, r: Any) -> tuple[int, int]:
-    """Decide the locks that are open in these lanes by rates.
+    """Decide the locks still open in these lanes by their guards' rates.
 
-    Returns the lanes where one has changed, and those where a rate is zero, which are given up.
+    Returns the lanes in which a lock has changed, and those with a rate of zero, to be given up.
     """
     changed = resting = 0
     for g in range(N_GUARDS):
@@ -301,10 +300,11 @@ def fire(
     lanes: int, t: Any, handler: int, rules: IntArray, own: FloatArray, own_params: FloatArray,
     most_events: int, r: Any,
 ) -> int:  # fmt: skip
-    """Let the guards flip that are due in these lanes, and tell the handler.
+    """Flip the guards that are due in these lanes, and call the handler.
 
-    Rows of `own_params` are the parameters, for the handler, and as they were. Returns the lanes
-    that end by that, or are given up: one whose handler changes parameters that all systems share.
+    Rows of `own_params` are the parameters for the handler, and a copy of them. Returns the lanes
+    that end or are given up; a lane is given up if its handler changes parameters that all systems
+    share.
     """
     over = 0
     for j in range(WIDTH):
@@ -351,7 +351,7 @@ def fire(
 
 
 def refresh(fresh: int, t: Any, r: Any) -> int:
-    """Evaluate field and guards anew in these lanes; return those in which guards are due."""
+    """Evaluate field and guards again in these lanes; return those with guards that are due."""
     group(r)
     slope, mine = state(r.k, STAGES * N), mask_of(fresh)
     FIELD(t, r.y, r, slope)
@@ -369,7 +369,7 @@ def refresh(fresh: int, t: Any, r: Any) -> int:
 
 
 def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> Any:
-    """Return a first step by two slopes (Hairer, Norsett, Wanner, section II.4)."""
+    """Return a first step from two slopes (Hairer, Norsett, Wanner, section II.4)."""
     slope = state(r.k, STAGES * N)
     size = steep = bent = spread(0.0)
     for i in range(N):
@@ -388,9 +388,10 @@ def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> A
 
 
 def clipped(t: Any, h: Any, before: Any, r: Any) -> Any:
-    """Return the steps, or a little more than the time to the first flip that is foretold.
+    """Return the steps, or slightly more than the time to the first predicted flip.
 
-    It is foretold by value, rate, and how the rate has changed in the step before, of this length.
+    It is predicted from value, rate, and the change of the rate in the step before, of length
+    `before`.
     """
     shortest, per_s = CLIP_MOST * resolution_of(t, h), 1.0 / before
     for g in range(N_GUARDS):
@@ -410,7 +411,7 @@ def look(t: Any, h: Any, r: Any) -> None:
 
 
 def look_along(t: Any, h: Any, r: Any) -> None:
-    """Evaluate the guards' rates along one way at the start, inside and at the end of the steps."""
+    """Evaluate the guards' rates along one direction at start, inside and end of the steps."""
     for i in range(N):
         r.work[i] = windows.way(i)
     GUARDS(t, r.y, r.work, r, r.other_h, r.along)
@@ -421,10 +422,10 @@ def look_along(t: Any, h: Any, r: Any) -> None:
 def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, Any, Any]:
     """Judge all guards in the steps that are `fine`.
 
-    Returns where that cannot be done, where one is past its surface, where one is at its surface
-    at the end, and how far the end is from there, in steps. Margins are positive on the side that
-    the lock names. Each half of the step has a cubic, which lies between its Bezier points: they
-    show that a guard stays clear, or that it falls through zero once.
+    Returns four results by lane: where no judgement is possible, where a guard is past its surface,
+    where a guard is at its surface at the end, and the distance of the end from there, in steps.
+    Margins are positive on the side that the lock names. Each half of the step has a cubic, whose
+    Bezier points bound it; they show that a guard stays clear, or falls through zero once.
     """
     unclear, far, touching, soonest = mask_of(0), mask_of(0), mask_of(0), spread(inf)
     r.aim[6], looked = 1.0, False
@@ -468,7 +469,7 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
             early = mc <= 0.0
             fall = where(early, m0 - mc, mc - m1)
             place = where(early, PLACE * m0, (1.0 - PLACE) * mc) / fall  # on the chord
-            place = where(early & left, 0.5 * PLACE, place)  # it begins on its surface
+            place = where(early & left, 0.5 * PLACE, place)  # it starts on its surface
             place = where(early, place, PLACE + place)
             sooner = past & (place < r.aim[6])
             for i, value in enumerate((m0, d0, mc, dc, m1, d1, place)):
@@ -477,9 +478,9 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
 
 
 def cut(crossed: Any, place: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
-    """End steps at these places on the interpolant, where it is good enough; return where.
+    """End steps at these places on the interpolant if it is accurate enough; return where.
 
-    That costs less than to take the step again, but all lanes pay for it.
+    This costs less than repeating the step, but all lanes pay for it.
     """
     slope, new = state(r.k, STAGES * N), state(r.k, (STAGES + 1) * N)
     prepare(t, h, r)
@@ -507,10 +508,10 @@ def cut(crossed: Any, place: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
 def land(
     landing: int, t: Any, h: Any, soonest: Any, idle: Any, run_s: float, r: Any
 ) -> tuple[Any, int]:
-    """Move the ends of these steps to their surfaces; return how far, and where guards are due.
+    """Move the ends of these steps to their surfaces; return the shifts, and where guards are due.
 
-    In lanes that have landed in vain before, the state cannot come nearer to the surface than it
-    is: rounding in it, or in the guard, is more than the guard's values tell. It flips from there.
+    In lanes that have landed in vain before, the state is as near to the surface as it can come,
+    because rounding exceeds the guard's values. The guard then flips from there.
     """
     mine, slope = mask_of(landing), state(r.k, STAGES * N)
     shift = where(mine, soonest * h, 0.0)
@@ -546,7 +547,7 @@ def sample(
     lanes: int, t: Any, h: Any, t_new: Any, times: FloatArray, samples: FloatArray, ready: bool,
     r: Any,
 ) -> None:  # fmt: skip
-    """Write the states at the wanted times in the steps of these lanes."""
+    """Write the states at the requested times in the steps of these lanes."""
     while True:
         now, pending = t_new, 0
         for j in range(WIDTH):
@@ -569,7 +570,7 @@ def sample(
 
 
 def sample_again(lanes: int, t: Any, times: FloatArray, samples: FloatArray, r: Any) -> None:
-    """Write the states after an event over those before it, at a time that was wanted."""
+    """Overwrite the states before an event with those after it, at a requested time."""
     for j in range(WIDTH):
         last = r.book[SAMPLES, j] - 1
         if lanes >> j & 1 and last >= 0 and times[last] == lane(t, j):
@@ -589,7 +590,7 @@ def leave(
     lanes: int, t: Any, tried: Any, taken: Any, cuts: Any, status: IntArray, ends: FloatArray,
     end_modes: IntArray, counts: IntArray, r: Any,
 ) -> None:  # fmt: skip
-    """Write down how these lanes have ended."""
+    """Record how the integrations in these lanes have ended."""
     for j in range(WIDTH):
         if lanes >> j & 1 == 0:
             continue
@@ -614,11 +615,11 @@ def run(
     lane_modes: IntArray, book: IntArray, t_start: float, t_end: float, rtol: float,
     max_step: float, step: float, max_steps: int, max_events: int,
 ) -> int:  # fmt: skip
-    """Integrate from the rows `first` to `last` of y0 as `driver.loop` does; arguments as there.
+    """Integrate from the rows `first` to `last` of y0, as in `driver.loop`, with its arguments.
 
-    `atol` (n,) are tolerances, `handler` is the address of the event handler, `rules` are those of
-    the layout; `table` (rows, WIDTH), `lane_modes` (WIDTH, m) and `book` are room for the lanes.
-    The status of a system that is given up is GIVEN_UP.
+    `atol` (n,) holds the tolerances, `handler` is the address of the event handler, and `rules` are
+    those of the layout; `table` (rows, WIDTH), `lane_modes` (WIDTH, m) and `book` are room for the
+    lanes. The status of a system that is given up is GIVEN_UP.
     """
     r = room(table, params, lane_modes, book)
     own, own_params = np.empty(N), np.stack((params[0], params[0]))

@@ -1,13 +1,14 @@
 # ruff: noqa: ARG001, ARG002, ARG005, PLW0108 (Numba prescribes signatures and their names)
-"""A Numba type that is a vector of the processor: a user's scalar function compiles for it as is.
+"""A Numba type for the processor's vectors, for which a user's scalar function compiles as it is.
 
-A `Lanes` holds one number of each of `WIDTH` systems, a `Mask` a truth of each, `Rows` is an array
-of `Lanes` by its address, with its length in the type. Operators, elementary functions, `min`,
-`max`, `np.where` and lengths are those that fields and guards use. What has no vector instruction
-goes through the lanes one by one. A branch on a mask has no type: Numba says so, and so do we.
+A `Lanes` holds one number for each of `WIDTH` systems, and a `Mask` one truth value for each.
+`Rows` is an array of `Lanes` by its address, with its length in the type. Operators, elementary
+functions, `min`, `max`, `np.where` and lengths are those that fields and guards use. Operations
+without a vector instruction run lane by lane. A branch on a mask has no type, which Numba and this
+package report as an error.
 
-Products and sums are fused where `fma` stands and nowhere else, so that a lane's bytes depend
-neither on the processor nor on the width.
+Products and sums are fused only where `fma` is written, so a lane's bytes depend neither on the
+processor nor on the width.
 """
 
 import builtins
@@ -34,15 +35,15 @@ Function = Callable[..., Any]
 
 
 def _features() -> str:
-    """Return the names of what the processor has for which Numba compiles."""
+    """Return the processor features for which Numba compiles."""
     chosen = config.CPU_FEATURES  # type: ignore[attr-defined]
     try:
         return llvm.get_host_cpu_features().flatten() if chosen is None else str(chosen)
-    except RuntimeError:  # LLVM cannot tell
+    except RuntimeError:  # unknown to LLVM
         return ""
 
 
-# Two vectors of the processor: while one waits for its result, the other is worked on.
+# Two of the processor's vectors: while one waits for its result, the other is processed.
 WIDTH = 16 if "+avx512f" in _features() else 8 if "+avx" in _features() else 4
 ALL = (1 << WIDTH) - 1
 ALIGNMENT = 64
@@ -64,7 +65,7 @@ class _Mask(types.Type):
 
 
 class Rows(types.Type):
-    """The type of `length` lanes in a row, by their address."""
+    """The type of `length` consecutive lanes, stored by their address."""
 
     def __init__(self, length: int) -> None:
         self.length = length
@@ -91,12 +92,12 @@ def _is_number(kind: Any) -> bool:
 
 
 def _fits(*kinds: Any) -> bool:
-    """Tell whether at least one of these is lanes, and the others are lanes or numbers."""
+    """Return whether at least one of these is lanes, and the others are lanes or numbers."""
     return lanes in kinds and all(one == lanes or _is_number(one) for one in kinds)
 
 
 def _spread(builder: Any, kind: Any, value: Any) -> Any:
-    """Build lanes from lanes, or the same number in each."""
+    """Build lanes from lanes, or from one number for all."""
     if kind == lanes:
         return value
     if isinstance(kind, types.Boolean):
@@ -122,7 +123,7 @@ for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean)
 
 
 def _operator(key: Any, count: int, fits: Function, result: Any, emit: Function) -> None:
-    """Make an operator known for arguments that fit; `emit(builder, *lanes)` builds it."""
+    """Register an operator for arguments that fit; `emit(builder, *lanes)` builds it."""
 
     class Template(FirstTried):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -175,7 +176,7 @@ _operator(operator.pos, 1, _fits, lanes, lambda b, x: x)
 _operator(operator.invert, 1, _are_masks, mask, lambda b, x: b.not_(x))
 
 
-# Rows: indexed by numbers, counted from the end if they are negative.
+# Rows: indexed by integers; negative ones count from the end.
 
 
 @infer_global(operator.getitem)
@@ -226,10 +227,10 @@ overload_attribute(Rows, "size")(lambda rows: _length(rows))
 
 
 def part(length: int) -> Any:
-    """Return a function for compiled code: so many lanes of an array of floats, or of rows.
+    """Return a function for compiled code that gives `length` lanes of an array or of `Rows`.
 
-    ``made(array, first)`` begins at row `first` of an aligned array (see `aligned`) whose rows are
-    `WIDTH` long, or of other `Rows`.
+    ``made(array, first)`` starts at row `first` of other `Rows`, or of an aligned float array (see
+    `aligned`) whose rows have the length `WIDTH`.
     """
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -243,17 +244,17 @@ def part(length: int) -> Any:
 
 
 def aligned(count: int) -> Any:
-    """Return room for so many lanes, as zeros, where the processor can load them at once."""
+    """Return `count` lanes of zeros, aligned so that the processor can load them at once."""
     room = np.zeros(count * WIDTH + ALIGNMENT // 8)
     first = -(room.ctypes.data // 8) % (ALIGNMENT // 8)
     return room[first : first + count * WIDTH]
 
 
-# Functions that are one instruction each.
+# Functions that are a single instruction.
 
 
 def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
-    """Return an intrinsic: `emit(builder, *values)` builds it. Lanes take numbers as well."""
+    """Return an intrinsic built by `emit(builder, *values)`; numbers may stand for lanes."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         triples = zip(taken, sign.args, values, strict=True)
@@ -282,14 +283,14 @@ def _bits_of(builder: Any, value: Any) -> Any:
 
 
 def _odd_flips(builder: Any, value: Any, whole: Any) -> Any:
-    """Build the change of sign where a whole number is odd: its last bit becomes the first."""
+    """Build a change of sign where an integer is odd: its last bit becomes the sign bit."""
     number = builder.fptosi(whole, LONGS)
     sign = builder.shl(number, ir.Constant(LONGS, [63] * WIDTH))
     return builder.bitcast(builder.xor(builder.bitcast(value, LONGS), sign), VECTOR)
 
 
 def _rough_power(builder: Any, value: Any, power: Any) -> Any:
-    """Build a power by the bits: as whole numbers, those of doubles go with their logarithms."""
+    """Build a power from the bits, because doubles read as integers approximate their logarithm."""
     one = ir.Constant(VECTOR, [float(0x3FF0_0000_0000_0000)] * WIDTH)
     number = builder.sitofp(builder.bitcast(value, LONGS), VECTOR)
     scaled = builder.fmul(builder.fsub(number, one), power)
@@ -310,13 +311,13 @@ mask_of = _function(mask, (INT,), lambda b, n: b.bitcast(b.trunc(n, BITS), TRUTH
 lane = _function(FLOAT, (lanes, INDEX), lambda b, x, i: b.extract_element(x, i))
 with_lane = _function(lanes, (lanes, INDEX, FLOAT), lambda b, x, i, v: b.insert_element(x, v, i))
 flip_if_odd = _function(lanes, (lanes, lanes), _odd_flips)
-rough_power = _function(lanes, (lanes, lanes), _rough_power)  # to some per cent, of positive ones
+rough_power = _function(lanes, (lanes, lanes), _rough_power)  # to some per cent, for positive x
 
 
 # Elementary functions.
 
 PER_PI, PI, PI_REST = 1.0 / math.pi, math.pi, 1.2246467991473532e-16  # pi to twice the digits
-FARTHEST = 1e9  # beyond, the reduction runs out of digits
+FARTHEST = 1e9  # beyond this the reduction runs out of digits
 S3, S5, S7, S9, S11, S13, S15, S17, S19, S21 = (
     (-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 11)
 )
@@ -324,7 +325,7 @@ S3, S5, S7, S9, S11, S13, S15, S17, S19, S21 = (
 
 @njit(inline="always")
 def _short_sine(x: Any, turns: Any) -> Any:
-    """Return the sine of x - turns pi, up to a right angle, by its series, less than 2 ulp off."""
+    """Return the sine of x - turns pi, up to a right angle, by its series, to less than 2 ulp."""
     r = fma(turns, -PI_REST, fma(turns, -PI, x))
     s = r * r
     p = fma(s, fma(s, fma(s, S21, S19), S17), S15)
@@ -333,7 +334,7 @@ def _short_sine(x: Any, turns: Any) -> Any:
 
 
 def _one_by_one(function: Function) -> Any:
-    """Return a function for lanes, which calls that of numbers for each."""
+    """Return a function for lanes that calls the function for numbers in each lane."""
 
     @njit
     def through(x: Any) -> Any:
@@ -373,7 +374,7 @@ def _tangent(x: Any) -> Any:
 
 @njit
 def _power(x: Any, n: int) -> Any:
-    """Return a whole power, by squares."""
+    """Return an integer power by repeated squaring."""
     left, result = abs(n), spread(1.0)
     while left > 0:
         if left & 1:
@@ -397,7 +398,7 @@ _raised = _pairs_one_by_one(math.pow)
 
 
 def _overload(function: Any, taken: int, made: Any) -> None:
-    """Let `made` stand for a function where its arguments are lanes."""
+    """Let `made` replace a function where its arguments are lanes."""
     if taken == 1:
         overload(function)(lambda x: (lambda x: made(x)) if x == lanes else None)
     else:

@@ -1,1 +1,1 @@
-"""One module a method: how one step is taken, and its interpolant."""
+"""Integration methods, one per module: how a step is taken, and its interpolant."""

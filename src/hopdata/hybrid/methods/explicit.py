@@ -1,11 +1,11 @@
-"""Explicit Runge-Kutta methods: from a tableau to the code of a step and of its interpolant.
+"""Explicit Runge-Kutta methods: generate the code of a step and its interpolant from a tableau.
 
-The code is written out, stage by stage, with the coefficients in it: for a small system the
-arithmetic of a loop over stages would cost several times the evaluations.
+The code is unrolled, stage by stage, with literal coefficients: for a small system, a loop over
+stages would cost several times the field evaluations.
 
-It knows the names `N`, the number of states, and those in its evaluations of the field: a scene's
-own code has the field in it, generic code calls its address. Both come from the same lines, so that
-they do the same operations in the same order, and give the same bytes.
+The code refers to `N`, the number of states, and to the names in its evaluations of the field. A
+scene's own code contains the field; generic code calls its address. Both are generated from the
+same lines, so they perform the same operations in the same order and give the same bytes.
 """
 
 import tomllib
@@ -18,11 +18,11 @@ from typing import Any
 from hopdata.hybrid.compiled.kernel import PARTS
 from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, W1, Y
 
-STANDARD_ROWS = 3  # of an interpolant: those that value and slope at both ends determine
+STANDARD_ROWS = 3  # rows of an interpolant that value and slope at both ends determine
 INDENT = "    "
-TINY = 1e-300  # never divide by a tolerance of zero
+TINY = 1e-300  # floor of the tolerance, to avoid division by zero
 
-Evaluation = Callable[[str, int, int], list[str]]  # at a time, from a row of states, into a row
+Evaluation = Callable[[str, int, int], list[str]]  # code from a time, a state row, a slope row
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class Tableau:
         Weights of one or two error estimates on the s slopes and the slope at the end. Two are
         combined as e1^2 / sqrt(e1^2 + 0.01 e2^2) (Hairer, Norsett, Wanner, section II.10).
     dense_nodes, dense_stages : tuple
-        Further stages for the interpolant, on the s slopes, the one at the end, and each other.
+        Further stages for the interpolant, from the s slopes, the end slope, and each other.
     dense : tuple of tuple of float
-        Weights of its rows from the fourth on.
+        Weights of the interpolant's rows from the fourth on.
     dense_error : int
-        Error of the interpolant at the middle of a step, in units of the estimated error of the
-        step, which is of the same order.
+        Error of the interpolant at the middle of a step, in units of the step's estimated error,
+        which is of the same order.
     stiff_tenths : int
-        Edge of the region of stability on the negative axis, in tenths, a little reduced: where
-        stability limits the step, the controller makes it swing about it.
+        Edge of the stability region on the negative axis, in tenths, slightly reduced: where
+        stability limits the step, the controller makes it oscillate about this edge.
     """
 
     order: int
@@ -72,7 +72,7 @@ class Tableau:
 
     @property
     def slope_rows(self) -> tuple[int, ...]:
-        """Rows of the slopes, in the order of the weights, of the end's, and of the dense ones."""
+        """Rows of the slopes: those of the weights, the end's, and the dense stages'."""
         inner = len(self.weights) - 1
         work = [int(W1) + k for k in range(self.work_rows)]
         return (int(K1), *work[:inner], int(KEND), *work[inner:])
@@ -84,7 +84,7 @@ class Tableau:
 
 
 def combination(weights: Sequence[float], rows: Sequence[int | str]) -> str:
-    """Return the weighted sum of rows at column i, as code: a balanced tree of additions."""
+    """Return code for the weighted sum of rows at column i: a balanced tree of additions."""
     terms = [f"{w!r} * s[{r}, i]" for w, r in zip(weights, rows, strict=False) if w != 0.0]
     while len(terms) > 1:
         pairs = [f"({a} + {b})" for a, b in zip(terms[::2], terms[1::2], strict=False)]
@@ -97,12 +97,12 @@ def _loop(*lines: str) -> list[str]:
 
 
 def inlined(time: str, state: int, slope: int) -> list[str]:
-    """Return an evaluation of a field that is known when the code is compiled."""
+    """Return code that evaluates a field known at compile time."""
     return [f"FIELD({time}, row(s, {state}), mode, params, row(s, {slope}))"]
 
 
 def by_address(time: str, state: int, slope: int) -> list[str]:
-    """Return an evaluation of a field by its address; NaN stays behind if it raises."""
+    """Return code that evaluates a field by its address; NaN remains if it raises."""
     return [
         f"s[{slope}, 0] = nan",
         f"call_field(field, {time}, s, {state}, mode, params, s, {slope})",
@@ -135,7 +135,7 @@ def _error(tableau: Tableau) -> list[str]:
 
 
 def step_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
-    """Return the body of the step function of a method."""
+    """Return the body of a method's step function."""
     rows, code = tableau.slope_rows, []
     for k, (node, weights) in enumerate(zip(tableau.nodes, tableau.stages, strict=True)):
         code += _stage(evaluation, node, weights, rows, rows[k + 1])
@@ -145,7 +145,7 @@ def step_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
 
 
 def interpolant_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
-    """Return the body of the function that prepares the interpolant of a method."""
+    """Return the body of the function that prepares a method's interpolant."""
     rows, code = tableau.slope_rows, []
     stages = zip(tableau.dense_nodes, tableau.dense_stages, strict=True)
     for k, (node, weights) in enumerate(stages, start=len(tableau.weights) + 1):
@@ -165,7 +165,7 @@ def interpolant_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list
 
 
 def compose(name: str, arguments: str, body: list[str], known: dict[str, Any]) -> FunctionType:
-    """Return a function made of these lines, to which these global names are known."""
+    """Return a function made of these lines, with `known` as its globals."""
     source = "\n".join([f"def {name}({arguments}):", *(INDENT + line for line in body)])
     names: dict[str, Any] = {"__name__": __name__, **known}
     exec(compile(source, __file__, "exec"), names)
@@ -178,13 +178,13 @@ def compose_part(part: str, body: list[str], known: dict[str, Any]) -> FunctionT
     return compose(part, PARTS[part].arguments, body, known)
 
 
-# The methods themselves: numbers in a file, with their sources.
+# The methods themselves: coefficients in a file, with their sources.
 
 _COEFFICIENTS = tomllib.loads(Path(__file__).with_name("coefficients.toml").read_text("utf-8"))
 
 
 def coefficients(method: str) -> dict[str, Any]:
-    """Return the numbers of a method, by the names that they have in the file, as tuples."""
+    """Return the coefficients of a method, named as in the file, as tuples."""
     return {name: _numbers(value) for name, value in _COEFFICIENTS[method].items()}
 
 

@@ -1,18 +1,18 @@
-"""What a method of integration is to the driver, and how its code is made for a scene.
+"""The interface of integration methods to the driver, and the generation of their code.
 
-A method is two functions (three with Jacobians), made for a scene so that the scene's field stands
-within them and the number of states is a constant: for a small field, calls and loops would cost
-more than the evaluations.
+A method is two functions (three with Jacobians). They are made for a scene, so that they contain
+its field and the number of states is a constant: for a small field, calls and loops would cost more
+than the evaluations.
 
     step(t, dt, rtol, s, mode, params, atol, field) -> error in units of the tolerance
     interpolant(t, dt, s, mode, params, field) -> its degree
 
-An explicit method has generic code as well, made for no scene, which calls the field by its
-address; the others do not look at that. Its tangents are always generic, since code of their own
-takes some seconds to compile and saves a third of the time with four states, a tenth with twenty.
+An explicit method also has generic code, which is made for no scene and calls the field by its
+address; other code ignores the address. Its tangents are always generic: code of their own takes
+some seconds to compile, and saves a third of the time with four states and a tenth with twenty.
 
-The table s holds state and slope at the start of the step in the rows Y and K1; the step fills END
-and KEND with those at its end; the interpolant fills P1 ... (see `driver.dense`).
+The table s holds state and slope at the start of the step in rows Y and K1. The step fills END and
+KEND with those at its end; the interpolant fills P1 and the rows after it (see `driver.dense`).
 """
 
 from collections.abc import Callable
@@ -32,45 +32,46 @@ from hopdata.hybrid.layout import PHI_ROWS
 from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
 
 Function = Callable[..., Any]
-KEPT = 128  # of what is made for scenes: systems of the same functions share it
+KEPT = 128  # most methods cached; systems with the same functions share them
 
 
 @dataclass(frozen=True)
 class Method:
-    """A method, made for a scene.
+    """A method made for a scene.
 
     Parameters
     ----------
     order : int
-        Order of the error estimate, by which the step is controlled: the error of a step goes
-        with this power of its length.
+        Order of the error estimate that controls the step: the error of a step is proportional to
+        this power of its length.
     step, interpolant : callable
         The functions, for Numba to compile.
     evaluations, interpolant_evaluations : int
-        Field evaluations that they take.
+        Number of field evaluations of each.
     interpolant_error : int
-        The interpolant's error at the middle of a step, in units of the step's estimated error.
+        Error of the interpolant at the middle of a step, in units of the step's estimated error.
     in_powers : bool
         Whether the interpolant is in powers of theta.
     work_rows : int
         Rows of the table of states that belong to the method.
     tangent : callable, optional
-        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` writes the product
-        of the step's Jacobian and that in the first rows of phi into the next rows; returns its
-        error in units of the tolerance. The last two are addresses of the user's functions.
+        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` multiplies the step's
+        Jacobian by the one in the first rows of phi and writes the product into the next rows. It
+        returns its error in units of the tolerance. The last two arguments are addresses of the
+        user's functions.
     short_tangent : callable, optional
         The same for a short step, along its interpolant (see `methods.tangent`).
     tangent_evaluations, short_evaluations : int
-        Field evaluations that they take.
+        Number of field evaluations of each.
     tangent_rows : int
         Rows of phi that the tangent needs.
     refresh : callable, optional
-        ``refresh(s, mode, params)`` is called whenever the mode may have changed; returns by how
-        much what the method knows of the field differs from it, relatively.
+        ``refresh(s, mode, params)`` is called whenever the mode may have changed; it returns the
+        relative difference between the field and the method's own form of it.
     last_slope : int
-        Of an explicit method, the row with the slope of its last stage, by which stiffness shows.
+        Row of an explicit method's last stage slope, which reveals stiffness.
     stiff_tenths : int
-        Edge of its region of stability on the negative axis, in tenths.
+        Edge of the stability region on the negative axis, in tenths.
     """
 
     order: int
@@ -91,7 +92,7 @@ class Method:
     stiff_tenths: int = 0
 
 
-# What stands for an argument in machine code, and what is made of that.
+# Arguments that machine code receives in another form, and their conversion.
 HANDED = {
     "s": ("s, n", "float_table(s, width)"),
     "mode": ("mode, n_modes", "array_of(int_vector(mode, n_modes))"),
@@ -103,7 +104,7 @@ HANDED = {
 
 @lru_cache(KEPT)
 def compiled_part(part: str, method: Method, n_states: int, *, cache: bool = True) -> Any:
-    """Compile a part of a method, or take it from the cache, if that is wanted."""
+    """Return a compiled part of a method, from the cache if `cache` allows."""
     entry, digest = _entry(part, method, n_states)
 
     def compile_it(cached: bool) -> Any:
@@ -114,7 +115,7 @@ def compiled_part(part: str, method: Method, n_states: int, *, cache: bool = Tru
 
 @lru_cache(KEPT)
 def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
-    """Return the entry to a part of a method, to be compiled, and its digest.
+    """Return the entry to a part of a method, ready to compile, and its digest.
 
     N is 0 in generic code, which works for any number of states.
     """
@@ -128,16 +129,16 @@ def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
 
 
 def is_compiled(method: Method, n_states: int) -> bool:
-    """Tell whether a method's step and interpolant were made for this scene before."""
+    """Return whether a method's step and interpolant have been compiled for this scene."""
     return all(is_in_cache(*_entry(part, method, n_states)) for part in ("step", "interpolant"))
 
 
-# A method's functions, made for a scene: the scene's own functions and its size are put in.
+# A method's functions for a scene: its own functions and its size are inserted into templates.
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What methods are made from.
+    """The parts of a system from which methods are made.
 
     Parameters
     ----------
@@ -146,9 +147,9 @@ class Scene:
     n_states : int
         Length of the state.
     jacobian, affine : Callback, optional
-        The field's derivative, and its affine form.
+        Derivative of the field, and its affine form.
     guards : Callback, optional
-        The event functions, all at once or one by one.
+        Event functions, all at once or one by one.
     """
 
     field: Callback
@@ -159,23 +160,23 @@ class Scene:
 
     @property
     def rate_inputs(self) -> tuple[int, ...]:
-        """Components of the state's rate on which the rates of the event functions may depend."""
+        """Components of the state's rate on which the guards' rates may depend."""
         return () if self.guards is None else self.guards.elements_of("dy", self.n_states)
 
     @property
     def cacheable(self) -> bool:
-        """Whether all functions are machine code, which may be kept for the next process."""
+        """Whether all functions are machine code that may be cached for other processes."""
         given = (self.field, self.jacobian, self.affine)
         return all(one.compiled for one in given if one is not None)
 
 
 def put_in(template: Any, **names: Any) -> Any:
-    """Return a template with these names put in, to be called by other compiled code."""
+    """Return a template with these names inserted, callable from other compiled code."""
     return code.kernel(with_digest(template, **names))
 
 
 def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Method:
-    """Return the method of a tableau for a scene or, with generic code, for all."""
+    """Return the method of a tableau for a scene, or with generic code if there is none."""
     known, body, n, of_stage = {"TINY": explicit.TINY, "sqrt": sqrt}, [], 0, 0
     if scene is None:
         evaluation, body = explicit.by_address, ["N = s.width"]
@@ -191,7 +192,7 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         order=tableau.order,
         step=explicit.compose_part("step", step, known),
         interpolant=explicit.compose_part("interpolant", interpolant, known),
-        evaluations=len(tableau.weights),  # the first slope is known, the one at the end is wanted
+        evaluations=len(tableau.weights),  # the first slope is known, the end's is evaluated
         interpolant_evaluations=len(tableau.dense_nodes),
         interpolant_error=tableau.dense_error,
         work_rows=tableau.work_rows,
@@ -206,7 +207,7 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
 
 
 def taylor_method(scene: Scene) -> Method:
-    """Return the Taylor series of affine modes for a scene."""
+    """Return the Taylor method for the affine modes of a scene."""
     assert scene.affine is not None
     n = scene.n_states
     names = {"AFFINE": scene.affine.dispatcher, "N": n}
@@ -215,7 +216,7 @@ def taylor_method(scene: Scene) -> Method:
         step=taylor.step_function(n),
         interpolant=with_digest(taylor.interpolant, **names),
         evaluations=0,
-        interpolant_error=0,  # it is the step itself, in powers of a part of its length
+        interpolant_error=0,  # it is the step itself, in powers of theta
         in_powers=True,
         work_rows=taylor.work_rows(n),
         refresh=with_digest(taylor.refresh, **names),

@@ -1,14 +1,14 @@
-# ruff: noqa: ARG001 (methods are all called alike)
-"""When a mode is too stiff for an explicit method, and when it is no longer.
+# ruff: noqa: ARG001 (all methods have the same signature)
+"""Detection of stiff modes, and the Rosenbrock method for them.
 
-Explicit methods: Hairer and Wanner's test (*Solving Ordinary Differential Equations II*, section
-IV.2). The last stage of DOPRI5 and of DOP853 stands at the end of the step, near the new state;
-two slopes there give, for no further evaluation, the rate of the fastest motion. Where stability
-limits the step, dt times that rate stays near the edge of the region of stability.
+Explicit methods use Hairer and Wanner's test (*Solving Ordinary Differential Equations II*, section
+IV.2). The last stage of DOPRI5 and of DOP853 lies at the end of the step, near the new state. The
+two slopes there give the rate of the fastest motion without a further evaluation. Where stability
+limits the step, dt times that rate stays near the edge of the stability region.
 
-Rosenbrock: the Jacobian is at hand, and a few products with it give its spectral radius.
+The Rosenbrock method has the Jacobian at hand; a few products with it give its spectral radius.
 
-States are measured by their tolerances, so that no unit of length or time enters.
+States are measured by their tolerances, so the result does not depend on units.
 """
 
 from typing import Any
@@ -20,15 +20,15 @@ from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, row, square
 from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, SLOPE, W1, Y
 from hopdata.hybrid.methods.explicit import coefficients
 
-# Small dense systems of linear equations in rows of the table of states, without allocation.
+# Small dense linear systems in rows of the table of states, without allocation.
 
 
 @kernel
 def factorise(s: FloatTable, lu: int, pivots: int, n: int) -> None:
-    """Replace the (n, n) matrix in the rows from `lu` on by its factors, with partial pivoting.
+    """Replace the (n, n) matrix in the rows from `lu` on by its LU factors, with partial pivoting.
 
-    The diagonal is replaced by its reciprocal; row `pivots` takes the row exchanges. A singular
-    matrix gives infinities, and so a solution that is not finite.
+    The diagonal is replaced by its reciprocal; row `pivots` receives the row exchanges. A singular
+    matrix gives infinities, and therefore a solution that is not finite.
     """
     for k in range(n):
         best = k
@@ -65,26 +65,26 @@ def solve_factorised(s: FloatTable, lu: int, pivots: int, x: int, n: int) -> Non
         s[x, i] = total * s[lu + i, i]
 
 
-# Derivatives of the field by differences, where the user gives none.
+# Derivatives of the field by differences, if the user gives none.
 #
 # `jacobian_by_user` and `jacobian_by_differences` are templates with one signature: FIELD, JACOBIAN
-# and N are put in. Either fills the rows from `first` on with the (n, n) derivative at (t, Y).
+# and N are inserted. Both fill the rows from `first` on with the (n, n) derivative at (t, Y).
 
 FIELD: Any = None
 JACOBIAN: Any = None
 N: int = 0
 
 CUBE_ROOT_OF_EPS = 2.0 ** (-52 / 3)
-TINY, SMALLEST = 1e-290, 1e-300  # no increment, and no tolerance, is smaller
-# Three values ahead in time: an increment of 2^-9 steps balances their rounding and truncation.
+TINY, SMALLEST = 1e-290, 1e-300  # smallest increment, and smallest tolerance
+# Fraction of the step for three values ahead in time; it balances rounding and truncation.
 TIME_INCREMENT = 2.0**-9
-LEAST_INCREMENT = 2.0**-40  # of the time itself
+LEAST_INCREMENT = 2.0**-40  # smallest increment, relative to the time itself
 
 
 def jacobian_by_user(
     t: float, dt: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector, first: int
 ) -> int:
-    """Fetch the user's derivative (entries left alone are zero); return field evaluations, 0."""
+    """Get the user's derivative (entries not filled are zero); return 0 field evaluations."""
     square(s, first)[:] = 0.0
     JACOBIAN(t, row(s, Y), mode, params, square(s, first))
     return 0
@@ -93,11 +93,11 @@ def jacobian_by_user(
 def jacobian_by_differences(
     t: float, dt: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector, first: int
 ) -> int:
-    """Take central differences; return field evaluations, 2 n.
+    """Take central differences; return the number of field evaluations, 2 n.
 
-    The increment of a state is a cube root of the rounding error times its size, or its change
-    within the step if that is larger: no unit of length or time enters. A state that is smaller
-    than its absolute tolerance counts as zero, and is changed by that tolerance.
+    The increment of a state is the cube root of the rounding error times its size, or times its
+    change within the step if that is larger, so it does not depend on units. A state smaller than
+    its absolute tolerance counts as zero and is changed by that tolerance.
     """
     row(s, SCRATCH)[:] = row(s, Y)
     for j in range(N):
@@ -119,8 +119,8 @@ def jacobian_by_differences(
 def time_derivative(t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int) -> int:
     """Fill row `into` with df/dt at (t, Y), where K1 is the field; return field evaluations.
 
-    Third-order forward differences, which stay inside the step. A field that does not change at
-    all is taken not to depend on time, for one evaluation.
+    The differences are forward, of third order, and stay inside the step. If the field does not
+    change at all, it is assumed not to depend on time, at the cost of one evaluation.
     """
     increment = max(TIME_INCREMENT * dt, LEAST_INCREMENT * abs(t))
     FIELD(t + increment, row(s, Y), mode, params, row(s, SLOPE))
@@ -140,7 +140,7 @@ def time_derivative(t: float, dt: float, s: FloatTable, mode: Any, params: Any, 
     return 3
 
 
-# Coefficients of Rodas5P, whose 8 stages need no product with the Jacobian.
+# Coefficients of Rodas5P, whose 8 stages need no products with the Jacobian.
 
 STAGES = 8
 _RODAS = coefficients("rodas5p")
@@ -148,38 +148,38 @@ GAMMA: float = _RODAS["gamma"]
 
 
 def lower_triangle(rows: tuple[tuple[float, ...], ...]) -> np.ndarray:
-    """Return a strictly lower triangular matrix (STAGES, STAGES) of the rows from the second on."""
+    """Return the strictly lower triangular matrix (STAGES, STAGES) with these rows from row 2."""
     matrix = np.zeros((STAGES, STAGES))
     for i, values in enumerate(rows, start=1):
         matrix[i, :i] = values
     return matrix
 
 
-# Stage i stands at the state y + sum_j A[i, j] u_j; the new state is the last one plus u_8, and
-# u_8 alone is the difference to the embedded solution.
+# Stage i is at the state y + sum_j A[i, j] u_j. The new state is the last one plus u_8, and u_8
+# alone is the difference from the embedded solution.
 # u_i solves (1 / (GAMMA dt) - J) u_i = f_i + sum_j C[i, j] / dt u_j + D[i] dt df/dt.
 A, C = lower_triangle(_RODAS["a"]), lower_triangle(_RODAS["c"])
 
-# Times of the stages, in steps, and weights of the field's time derivative.
+# Times of the stages in units of the step, and weights of the field's time derivative.
 TIME, D = np.array(_RODAS["time"]), np.array(_RODAS["d"])
 
-# Dense output of order 4: y + theta (rise + (1 - theta) (h_1 + theta h_2 + theta^2 h_3)) with
+# Dense output of order 4: y + theta (rise + (1 - theta) (h_1 + theta h_2 + theta^2 h_3)), where
 # h_i = sum_j H[i, j] u_j.
 H = np.array(_RODAS["h"])
 
 
-# One step of the Rosenbrock method Rodas5P, for modes that are too stiff for explicit methods.
+# One step of the Rosenbrock method Rodas5P, for modes too stiff for explicit methods.
 #
-# Eight linear systems with one matrix; no iteration. L-stable and stiffly accurate: however
-# strongly a contact is damped, only accuracy limits the step.
+# It solves eight linear systems with one matrix, without iteration. It is L-stable and stiffly
+# accurate: however strongly a contact is damped, only accuracy limits the step.
 #
-# `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN and TIME_DERIVATIVE are put in,
-# the last two being specialised functions of `differences`. The field evaluations of a step, which
-# vary, are left in INFO, and the Jacobian at its start in the rows from JAC on.
+# `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN and TIME_DERIVATIVE are inserted.
+# The last two are specialised functions for the derivatives. The number of field evaluations of a
+# step, which varies, is left in INFO, and the Jacobian at its start in the rows from JAC on.
 
-EVALUATIONS = STAGES + 1  # with a given Jacobian and a field that does not depend on time
+EVALUATIONS = STAGES + 1  # for a given Jacobian and a field that does not depend on time
 DEGREE = 4
-DENSE_ERROR = 1  # of the interpolant, in units of the estimated error of the step
+DENSE_ERROR = 1  # interpolant's error in units of the step's estimated error
 ORDER = 5
 FILL_JACOBIAN: Any = None
 TIME_DERIVATIVE: Any = None
@@ -196,7 +196,7 @@ def step(
     t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector,
     field: int,
 ) -> float:  # fmt: skip
-    """Take the stages; return the embedded error in units of the tolerance (root mean square)."""
+    """Take one step; return the embedded error in units of the tolerance (root mean square)."""
     lu = JAC + N
     s[INFO, 0] = FILL_JACOBIAN(t, dt, s, mode, params, atol, JAC)
     s[INFO, 0] += TIME_DERIVATIVE(t, dt, s, mode, params, KEND) + STAGES
@@ -244,8 +244,8 @@ def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any, fiel
     return DEGREE
 
 
-STIFF = 15.0  # steps beyond the limit, more or less in a row
-RELIEF = 2.5  # of these are forgotten at each step within it
+STIFF = 15.0  # score at which a mode is stiff: steps beyond the limit, net of relief
+RELIEF = 2.5  # decrease of the score at each step within the limit
 
 
 @kernel
@@ -258,9 +258,10 @@ def tolerance(s: FloatTable, i: int, rtol: float, atol: FloatVector) -> float:
 def explicit_stiffness(
     s: FloatTable, dt: float, rtol: float, atol: FloatVector, last_slope: int, n: int
 ) -> float:
-    """Return dt times the fastest rate, after an accepted explicit step.
+    """Return dt times the fastest rate after an accepted explicit step.
 
     Row `last_slope` holds the slope of the last stage, SCRATCH the state where it was taken. The
+    result is NaN, which exceeds no limit, if that state equals the new one.
     result is NaN, which exceeds no limit, if that state is the new one.
     """
     slopes, states = 0.0, 0.0
@@ -273,17 +274,17 @@ def explicit_stiffness(
 
 @kernel
 def stiffness_score(score: float, stiffness: float, limit: float) -> float:
-    """Count a step; the integration is stiff when the score reaches `STIFF`.
+    """Return the updated score; the integration is stiff when it reaches `STIFF`.
 
-    The score starts at 0 and outlives events, which may come faster than it grows. While it is 0,
-    testing one step in 16 is enough.
+    The score starts at 0 and is kept across events, which may come faster than it grows. While it
+    is 0, testing one step in 16 is enough.
     """
     return score + 1.0 if stiffness > limit else max(score - RELIEF, 0.0)
 
 
 @kernel
 def multiply(s: FloatTable, first: int, x: int, product: int, n: int) -> None:
-    """Write the product of the matrix in the rows from `first` on and row `x` to a row."""
+    """Multiply the matrix in the rows from `first` on by row `x`; write the result to a row."""
     for i in range(n):
         total = 0.0
         for j in range(n):
@@ -297,9 +298,10 @@ def implicit_stiffness(
 ) -> float:
     """Return an estimate of dt times the spectral radius of the Jacobian in the rows from `jac`.
 
-    Four products (of pairs, because a vibration turns states and rates into each other), started
-    from the tolerances. Overwrites SCRATCH and row `spare`. An explicit method will do for the next
-    step of length dt if this is well below its limit. It costs as much as half a step.
+    It takes four products, started from the tolerances. They are taken in pairs, because a
+    vibration turns states and rates into each other. SCRATCH and row `spare` are overwritten. An
+    explicit method suffices for the next step of length dt if the result is well below its limit.
+    The estimate costs as much as half a step.
     """
     before, after = 0.0, 0.0
     for i in range(n):

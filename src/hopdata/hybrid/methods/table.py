@@ -1,10 +1,10 @@
-"""The methods that a user can choose from, and the table of them that the driver reads.
+"""The methods that a user can choose, and the table of them that the driver reads.
 
-There is machine code of two kinds for an explicit method: generic code, the same for all scenes
-(`generic_code`), which is there at once, and code made for the scene, which is faster and takes a
-second or two to compile. Results have the same bytes. A scene begins with its own code where that
-is in the cache, with generic code where it is not; its own is made when the scene has taken
-`WORTH_COMPILING` steps in this process, or a batch will take so many, or the caller asks for it.
+An explicit method has machine code of two kinds. Generic code (`generic_code`) is the same for all
+scenes and available at once. Code made for the scene is faster and takes a second or two to
+compile. Results have the same bytes. A scene starts with its own code if that is in the cache, and
+otherwise with generic code. Its own code is then made once the scene has taken `WORTH_COMPILING`
+steps in this process, a batch is going to take that many, or the caller requests it.
 """
 
 from functools import cache, lru_cache
@@ -26,11 +26,11 @@ MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
 CHOICES = ("auto", *TABLEAUS, *MAKERS)
 TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
-LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
-# Steps in a process, from which a scene gets code of its own: that takes 0.4 to 2.5 s, saves 0.02
-# to 0.15 us of each step, and is there for the next process.
+LARGEST_STIFF = 200  # most states for Rosenbrock: its matrices would need too much memory
+# Steps in a process after which a scene gets its own code: compiling takes 0.4 to 2.5 s, saves 0.02
+# to 0.15 us per step, and is cached for the next process.
 WORTH_COMPILING = 5_000_000
-# What the driver's table says of a method, in columns of these names.
+# Attributes of a method that the driver's table holds, in columns of these names.
 COLUMNS = (
     "evaluations", "interpolant_evaluations", "tangent_evaluations", "short_evaluations", "order",
     "interpolant_error", "in_powers", "last_slope", "stiff_tenths",
@@ -39,7 +39,7 @@ COLUMNS = (
 
 @cache
 def generic_code(name: str, tangents: bool = False) -> dict[str, Any]:
-    """Return the machine code of an explicit method for any scene: compiled once per install."""
+    """Return an explicit method's machine code for any scene, compiled once per install."""
     method = made.explicit_method(TABLEAUS[name])
     parts = TANGENTS if tangents else ("interpolant", "step")
     return {part: compiled_part(part, method, 0) for part in parts if getattr(method, part)}
@@ -47,17 +47,17 @@ def generic_code(name: str, tangents: bool = False) -> dict[str, Any]:
 
 @lru_cache(made.KEPT)
 def method_for(name: str, scene: Scene) -> Method:
-    """Return a method for a scene, which systems of the same functions share."""
+    """Return a method for a scene; systems with the same functions share it."""
     return MAKERS[name](scene) if name in MAKERS else made.explicit_method(TABLEAUS[name], scene)
 
 
 def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
-    """Return the names of the methods that a choice allows the driver to take.
+    """Return the names of the methods among which the driver may choose.
 
     Raises
     ------
     ValueError
-        If there is no method of this name, or it does not suit the scene.
+        If no method has this name, or if it does not suit the scene.
     """
     known = isinstance(name, str) and name in CHOICES
     hint = "" if known else did_you_mean(str(name), CHOICES)
@@ -74,29 +74,29 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
 
 
 class MethodTable:
-    """The methods among which the driver may choose, made ready when it first asks for one.
+    """The methods among which the driver may choose; each is made ready on first use.
 
     Parameters
     ----------
     choice : str
         One of `CHOICES`.
     scene : Scene
-        What they are made for.
+        Scene for which the methods are made.
     jacobian : bool
-        Whether the flow's Jacobian is wanted too.
+        Whether the flow's Jacobian is wanted, too.
 
     Attributes
     ----------
     choice : str
-        The same.
+        Choice of methods.
     generic : set of int
-        Methods whose code is generic now, by their numbers.
+        Numbers of the methods whose code is generic at present.
     steps : int
-        Steps of the integrations that have ended, counted by the caller while there are any.
+        Steps of finished integrations, counted by the caller while any method is generic.
     scene : Scene
-        What they are made for.
+        Scene for which the methods are made.
     degree : int
-        The highest of their interpolants.
+        Highest degree of the interpolants.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -112,11 +112,11 @@ class MethodTable:
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
         for number, method in enumerate(self._methods):
             self._describe(number, method)
-        if self._names == ("taylor",):  # the driver refreshes it from the very start
+        if self._names == ("taylor",):  # the driver calls its refresh from the start
             self.compile(0)
 
     def _describe(self, number: int, method: Method) -> None:
-        """Fill a row: what the method is, and which follow it, by order and for stiffness."""
+        """Fill a method's row: its attributes, and the methods to change to."""
         row = self.rows[number]
         for name in COLUMNS:
             row[getattr(layout, name.upper())] = getattr(method, name)
@@ -130,7 +130,7 @@ class MethodTable:
         row[layout.STIFFER] = highest + 1 if highest + 1 < len(self._names) else -1
 
     def provide(self, number: int) -> None:
-        """Make a method ready, which the driver has asked for."""
+        """Make the method ready that the driver has asked for."""
         if self._generic_will_do(number):
             self._enter_tangents(number)
             self._enter(number, generic_code(self._names[number]))
@@ -147,18 +147,18 @@ class MethodTable:
         return few and not made.is_compiled(self._methods[number], self.scene.n_states)
 
     def wants_own_code(self, steps: int = 0) -> bool:
-        """Tell whether, with these steps more, so many are taken that the scene wants its code."""
+        """Return whether the scene's total, with `steps` more, warrants its own code."""
         return self.steps + steps >= WORTH_COMPILING and self.scene.field.compiled
 
     def specialise(self, steps: int = 0) -> None:
-        """Compile for the scene what is generic, if with these steps more it has taken many."""
+        """Compile generic methods for the scene if its total, with `steps` more, warrants it."""
         if self.generic and self.wants_own_code(steps):
             generic, self.generic = self.generic, set()
             for number in generic:
                 self.compile(number)
 
     def compile_all(self) -> None:
-        """Compile all methods for the scene, as far as its field is compiled."""
+        """Compile all methods for the scene, or provide generic ones if its field cannot be."""
         make = self.compile if self.scene.field.compiled else self.provide
         generic, self.generic = self.generic, set()
         for number in range(len(self._names)):
@@ -166,20 +166,20 @@ class MethodTable:
                 make(number)
 
     def _enter(self, number: int, parts: dict[str, Any]) -> None:
-        """Hand machine code to the driver; the step last, by which other threads see it ready."""
+        """Give machine code to the driver: the step last, which tells other threads it is ready."""
         for part, code in parts.items():
             self._kept_alive.append(code)
             self.rows[number, getattr(layout, part.upper())] = code.address
 
     def _enter_tangents(self, number: int) -> None:
-        """Hand over the generic tangents of an explicit method, and the user's derivative."""
+        """Give an explicit method's generic tangents and the user's derivative to the driver."""
         if self._jacobian and self._names[number] in TABLEAUS:
             self._enter(number, generic_code(self._names[number], tangents=True))
             if self.scene.jacobian is not None:
                 self.rows[number, layout.DERIVATIVE] = self.scene.jacobian.address
 
     def compile(self, number: int) -> None:
-        """Make the machine code of a method for the scene."""
+        """Compile a method for the scene."""
         method, scene = self._methods[number], self.scene
         self._enter_tangents(number)
         generic = () if self._jacobian and self._names[number] not in TABLEAUS else TANGENTS

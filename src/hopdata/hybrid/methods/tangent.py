@@ -1,11 +1,11 @@
-"""The derivative of an explicit step by its initial state, stage by stage.
+"""The derivative of an explicit step with respect to its initial state, stage by stage.
 
-It is the derivative of the numerical map itself: with the state, the flow's Jacobian converges with
-the order of the method. Stage k has the state Y + dt sum_j a_kj K_j, whose derivative is
+It is the derivative of the numerical map itself, so the flow's Jacobian converges with the order of
+the method, as the state does. Stage k is at the state Y + dt sum_j a_kj K_j, whose derivative is
 M = Phi + dt sum_j a_kj dK_j, and dK_k = Df M.
 
-The table phi has rows of N: the flow's Jacobian, then blocks of N rows for Df (in the end, for the
-new Jacobian) and M, some single rows, and one block dK for each stage (see `driver.layout`).
+The table phi has rows of length N: the flow's Jacobian; blocks of N rows for Df (finally for the
+new Jacobian) and for M; some single rows; and one block dK for each stage (see `driver.layout`).
 """
 
 from collections.abc import Sequence
@@ -20,15 +20,15 @@ from hopdata.hybrid.compiled.memory import FloatTable, fma, square
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination
 from hopdata.hybrid.methods.taylor import fastest_motion
 
-# Products of the blocks of a tangent's table, named by their first rows. Sums are taken in order,
-# each product and sum rounded once (see `fma`).
+# Products of blocks of a tangent's table, named by their first rows. Sums are taken in order, and
+# each product and sum is rounded once (see `fma`).
 
 
 @code.kernel_apart
 def multiply(phi: FloatTable, target: int, left: int, right: int) -> None:
     """Write the product of two blocks into a third one.
 
-    Four columns at a time: their sums stay in registers, and become vector instructions.
+    Four columns are processed at a time, so that their sums stay in registers and vectorise.
     """
     n = phi.width
     for i in range(n):
@@ -53,26 +53,26 @@ def multiply(phi: FloatTable, target: int, left: int, right: int) -> None:
 def add_product(
     phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
 ) -> None:
-    """Write base + factor left right into the block `target`, which is none of them."""
+    """Write base + factor left right into the block `target`, which is none of these."""
     multiply(phi, target, left, right)
     for i in range(phi.width):
         for j in range(phi.width):
             phi[target + i, j] = fma(factor, phi[target + i, j], phi[base + i, j])
 
 
-FIFTH_ROOT_OF_EPS = 2.0 ** (-52 / 5)  # best for differences of fourth order
+FIFTH_ROOT_OF_EPS = 2.0 ** (-52 / 5)  # best relative increment for fourth-order differences
 ABSOLUTELY_TINY = 1e-290
-LOOSER = 10.0  # than the state: the Jacobian may err by so many relative tolerances a step
+LOOSER = 10.0  # error of the Jacobian allowed per step, in relative tolerances of the state
 
-# Differences of fourth order: where values are taken, in increments, and their weights. Two pairs,
-# at the golden ratio: no period has both of them at whole turns. How far the derivatives by either
-# pair are apart tells whether the increment is small. If not, as for the sine of a thousand turns,
-# a smaller one is taken.
+# Fourth-order differences: places of the values, in increments, and their weights. The two pairs
+# are in the golden ratio, so no period fits whole turns into both. The difference between the
+# derivatives from either pair shows whether the increment is small enough. If not, as for the sine
+# of a thousand turns, a smaller one is tried.
 GOLDEN = 0.5 + sqrt(1.25)
 SHIFTS = (GOLDEN, 1.0, -1.0, -GOLDEN)
 INNER, OUTER = 0.5 * GOLDEN, 0.5 / GOLDEN**2
-BENT = 1e-5  # part of the derivative by which those may differ: it then errs by 1e-10
-NOISE = 2.0**-44  # part of a state by which nothing matters
+BENT = 1e-5  # largest relative difference between the two: the derivative then errs by 1e-10
+NOISE = 2.0**-44  # fraction of a state below which changes are negligible
 SHORTER, LONGER, ATTEMPTS = 1.0 / 16.0, 16.0, 7
 
 
@@ -80,10 +80,10 @@ SHORTER, LONGER, ATTEMPTS = 1.0 / 16.0, 16.0, 7
 def settle(
     v: Any, first: int, attempt: int, step: float, slopes: Any, into: int, j: int, n: int
 ) -> bool:
-    """Write those of n derivatives into column `j` that are good now; tell whether all are.
+    """Write those of n derivatives that are now good into column `j`; return whether all are.
 
-    Those of the first attempt stand where none is. In rows of `v` from `first` on are four values,
-    which are good, and by how much values may err.
+    Where none is good, that of the first attempt is kept. The rows of `v` from `first` on hold four
+    rows of values, flags of the good ones, and the possible errors of the values.
     """
     all_good, again = True, attempt > 0
     for i in range(n):
@@ -102,7 +102,7 @@ def settle(
 def evaluate_beside(
     t: float, j: int, step: float, s: FloatTable, mode: Any, params: Any, phi: Any, field: int
 ) -> None:
-    """Evaluate the field on four sides of SCRATCH in state j; NaN stays behind if it raises."""
+    """Evaluate the field at SCRATCH with four shifts of state j; NaN remains if it raises."""
     shifted, values = 3 * phi.width, 3 * phi.width + at.PHI_VALUES
     for side in range(4):
         phi[shifted, j] = s[at.SCRATCH, j] + SHIFTS[side] * step
@@ -115,11 +115,11 @@ def stage_jacobian(
     t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any,
     field: int, jacobian: int,
 ) -> None:  # fmt: skip
-    """Write the field's derivative at SCRATCH: the user's, or differences.
+    """Write the field's derivative at SCRATCH: the user's, or finite differences.
 
-    These are central and of fourth order: 4 n field evaluations, mostly. The increments are parts
-    of a state's size, of its change in the step, or of the size where the absolute tolerance takes
-    over from the relative one, whichever is largest: no unit enters.
+    The differences are central and of fourth order, usually with 4 n field evaluations. Each
+    increment is a fraction of the largest of the state's size, its change in the step, and the size
+    at which the absolute tolerance exceeds the relative one, so it does not depend on units.
     """
     n = phi.width
     if jacobian != 0:
@@ -146,14 +146,14 @@ def stage_jacobian(
 
 
 def _matrices(target: str, weights: Sequence[float]) -> list[str]:
-    """Return code for a whole block at a time, entry by entry, which makes vector instructions."""
+    """Return code that forms a whole block entry by entry, which vectorises."""
     blocks = [f"3 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(len(weights))]
     terms = combination(weights, blocks).replace("s[", "phi[").replace(", i]", ", e]")
     return ["for e in range(N * N):", INDENT + f"phi[{target}, e] = phi[0, e] + dt * ({terms})"]
 
 
 def error_constant(tableau: Tableau) -> float:
-    """Return the factor of z^(p + 1) in the error of a step of length z of y' = y."""
+    """Return the coefficient of z^(p + 1) in the error of a step of length z for y' = y."""
     stages = len(tableau.weights)
     matrix = np.zeros((stages, stages))
     for k, weights in enumerate(tableau.stages, start=1):
@@ -163,10 +163,10 @@ def error_constant(tableau: Tableau) -> float:
 
 
 def _error(tableau: Tableau) -> list[str]:
-    """Estimate the error by the fastest motion of the linear flow, whatever the state does.
+    """Return code that estimates the error from the fastest motion of the linear flow.
 
-    Where the state rests, its error is no guide; and where a fast motion has died out, only the
-    field's derivative still tells of it.
+    The state is no guide: its error says nothing where it rests, and once a fast motion has died
+    out, only the field's derivative still shows it.
     """
     power = 0.5 * (tableau.order + 1)
     return [
@@ -195,21 +195,21 @@ def tangent_code(tableau: Tableau) -> list[str]:
     return [*lines, *_error(tableau)]
 
 
-# The flow's Jacobian over a short step, along the interpolant of the state: of order four.
+# The flow's Jacobian over a short step, along the interpolant of the state, with order four.
 #
-# Phi' = A(t) Phi, where A, the field's derivative, is taken at the two Gauss points of the step and
-# a straight line between them: its integral and its first moment, on which alone order four
-# depends, are then right (Blanes, Casas, Oteo, Ros 2009, section 5.2). The linear equation is
-# stepped over by the classical Runge-Kutta method. Two evaluations of A and four products do the
-# work of one each for each stage of a method, and the stages need not be those of a step that ends
-# where the flip is.
+# Phi' = A(t) Phi, where A is the field's derivative. It is evaluated at the step's two Gauss points
+# and replaced by a straight line through them. This preserves its integral and its first moment, on
+# which alone order four depends (Blanes, Casas, Oteo, Ros 2009, section 5.2). The linear equation
+# is then solved by one step of the classical Runge-Kutta method. Two evaluations of A and four
+# products replace one of each for every stage of a method. No stages are needed, so the step may
+# end anywhere on an interpolant, such as at a flip.
 #
-# The driver puts the states at the two points into the rows SCRATCH and SLOPE.
+# The driver writes the states at the two points into rows SCRATCH and SLOPE.
 
-HIGHEST_ORDER = 5  # of a method: one of higher order takes steps that are long for this
-TILT = 0.5 * sqrt(3.0)  # from the mean of the Gauss points to an end, in units of their distance
-BLOCKS = 5  # of the table, behind the single rows
-ERROR = 0.01  # times (step times fastest motion)^5: 1 / 120, and a little for the two points
+HIGHEST_ORDER = 5  # highest order of a method: steps of higher ones are too long for this
+TILT = 0.5 * sqrt(3.0)  # distance of an end from the mean of the Gauss points, over their distance
+BLOCKS = 5  # blocks of the table after the single rows
+ERROR = 0.01  # error over (step times fastest motion)^5: 1 / 120, and a bit for the two points
 
 
 def short_tangent(
@@ -219,7 +219,7 @@ def short_tangent(
     """Write the new Jacobian into the second block; return its error in units of the tolerance."""
     n = phi.width
     begin = 3 * n + at.PHI_ROWS
-    middle, end = begin + n, begin + 2 * n  # A there
+    middle, end = begin + n, begin + 2 * n  # A at these places
     second, third, fourth = begin + 3 * n, begin + 4 * n, 2 * n
     first, last = t + at.GAUSS_1 * dt, t + at.GAUSS_2 * dt
     stage_jacobian(first, dt, rtol, s, mode, params, atol, phi, field, jacobian)
