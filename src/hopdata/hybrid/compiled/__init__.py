@@ -1,1 +1,1 @@
-"""How Python functions become machine code: views, callbacks, cache."""
+"""Compilation of Python functions to machine code: views, callbacks, cache."""

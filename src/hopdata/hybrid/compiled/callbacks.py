@@ -1,4 +1,4 @@
-"""The user's functions: declared by decorators, compiled one by one."""
+"""The user's functions, declared by decorators and compiled one by one."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
 from hopdata.hybrid.compiled.memory import built, lower_call_of_python
 
-# Catch what a user's function raises: machine code has no way to pass it on.
+# Exceptions of the user's functions are collected, because machine code cannot pass them on.
 #
 # Each thread collects its own, so that integrations in threads do not see each other's exceptions.
 
 
 class Caught(list[BaseException]):
-    """Exceptions of the functions called by this thread within a ``with`` block, in their order.
+    """Exceptions of the functions called by this thread in a ``with`` block, in order.
 
-    Functions called through Python append theirs; those of machine code, which Numba can only
-    print, arrive through ``sys.unraisablehook``. All others are left to the hook that was there.
+    Functions called through Python append their exceptions. Those of machine code, which Numba can
+    only print, arrive through ``sys.unraisablehook``. All others go to the previous hook.
     """
 
     __slots__ = ("_token", "witness")
 
     def __init__(self, witness: Callable[[], None] | None = None) -> None:
-        self.witness = witness  # called at the first exception: machine code may go on after it
+        self.witness = witness  # called at the first exception: machine code may continue after it
 
     def append(self, error: BaseException) -> None:
-        """Take an exception."""
+        """Add an exception."""
         if not self and self.witness is not None:
             self.witness()
         super().append(error)
@@ -53,16 +53,16 @@ class Caught(list[BaseException]):
 
 
 def catch(caught: Caught) -> Token[Caught | None]:
-    """Begin what a ``with`` block would, for a caller in a hurry; `stop_catching` ends it."""
+    """Start catching as a ``with`` block would, but faster; `stop_catching` ends it."""
     if sys.unraisablehook is not _hook:
         _hook.install()
     return _caught.set(caught)
 
 
 class _Hook:
-    """Stands in as ``sys.unraisablehook`` from the first integration on.
+    """Replacement of ``sys.unraisablehook`` from the first integration on.
 
-    It stays there: to take it away after each integration would need a lock among the threads.
+    It is never removed: removing it after each integration would require a lock among threads.
     """
 
     def __init__(self) -> None:
@@ -75,10 +75,10 @@ class _Hook:
 
     def __call__(self, unraisable: Any) -> None:
         caught, error = current(), unraisable.exc_value
-        # Numba names itself in a string; what a destructor raises comes with the object.
+        # For Numba the object is a string; an exception in a destructor comes with the object.
         if caught is not None and error is not None and isinstance(unraisable.object, str):
             caught.append(error)
-        elif self._passing_on:  # the hook that was there has called this one
+        elif self._passing_on:  # the previous hook has called this one
             sys.__unraisablehook__(unraisable)
         else:
             self._passing_on = True
@@ -88,28 +88,28 @@ class _Hook:
                 self._passing_on = False
 
 
-_caught: ContextVar[Caught | None] = ContextVar("caught", default=None)  # one for each thread
+_caught: ContextVar[Caught | None] = ContextVar("caught", default=None)  # one per thread
 _hook = _Hook()
 current, stop_catching = _caught.get, _caught.reset
 
 
-# The way from machine code back into Python, for functions that Numba cannot compile.
+# Calls from machine code back into Python, for functions that Numba cannot compile.
 #
 # A trampoline is a compiled function of the same signature, so the driver calls it like any other.
-# It takes the interpreter's lock, hands over arrays that are the driver's own memory, and calls the
-# Python function. Numba's object mode does the same in half as much time again, and takes five
-# times longer to compile.
+# It takes the interpreter's lock, passes arrays that are the driver's own memory, and calls the
+# Python function. Numba's object mode would take half as long again, and five times as long to
+# compile.
 
-# A NaN that no arithmetic makes, by which an element that was not filled is told from a NaN.
+# A NaN that no arithmetic produces, which distinguishes an unfilled element from a computed NaN.
 UNFILLED = np.int64(0x7FF8_0000_0BAD_F111)
-FILLS_ALL = ("field", "guards")  # elements of their arrays, each time
+FILLS_ALL = ("field", "guards")  # kinds that must fill all elements of their arrays in each call
 
 
 def protected(function: Function, signature: Signature) -> Function:
-    """Return `function` with its exceptions kept for the caller of the driver.
+    """Return `function` with its exceptions collected for the caller of the driver.
 
     After the first exception the function is not called again: its arrays are filled with NaN, and
-    an event handler stops, so that the driver soon gives up.
+    an event handler stops the integration, so that the driver soon ends.
     """
     first = True
 
@@ -134,7 +134,7 @@ def protected(function: Function, signature: Signature) -> Function:
 
 
 def _converted(result: Any, function: Function, signature: Signature) -> Any:
-    """Return the result in the type of the signature, as compiled code would convert it."""
+    """Return the result converted to the signature's type, as compiled code would convert it."""
     kind = signature.native.return_type
     if kind == types.none and result is None:
         return None
@@ -144,7 +144,7 @@ def _converted(result: Any, function: Function, signature: Signature) -> Any:
 
 
 def _checked(function: Function, signature: Signature, arguments: tuple[Any, ...]) -> Any:
-    """Call the function, and see that it fills all of its arrays."""
+    """Call the function, and check that it fills all of its arrays."""
     arrays = _filled_by(signature, arguments) if signature.name in FILLS_ALL else {}
     for array in arrays.values():
         array.view(np.int64).fill(UNFILLED)
@@ -172,7 +172,7 @@ def _give_up(signature: Signature, arguments: tuple[Any, ...]) -> Any:
 def trampoline(function: Function, signature: Signature) -> Any:
     """Return a Python function that Numba compiles into a call of `function`.
 
-    The object is written into the machine code by its address: the caller keeps it alive.
+    The machine code contains the object's address, so the caller must keep the object alive.
     """
     names, lower = ", ".join(signature.arguments), lower_call_of_python(function)
     returns = signature.native.return_type
@@ -186,18 +186,18 @@ Function = Callable[..., Any]
 
 
 class Callback:
-    """A user's function, compiled when its address is first asked for, then cached on disk.
+    """A user's function, compiled when its address is first requested, then cached on disk.
 
-    Where Numba cannot compile it, the machine code is a way back into Python: slower by far, with
-    the same results. Calling the object runs the plain Python function, for a debugger or
+    If Numba cannot compile it, the machine code calls back into Python, which is much slower and
+    gives the same results. Calling the object runs the plain Python function, for a debugger or
     another solver.
 
     Parameters
     ----------
     function : callable
-        The function; of a Numba dispatcher, the Python function in it.
+        The function; for a Numba dispatcher, the Python function in it.
     signature : Signature
-        What it is called with.
+        Its arguments and result.
     compiled : bool
         Whether to try to compile it.
     """
@@ -221,11 +221,11 @@ class Callback:
 
     @property
     def compiled(self) -> bool:
-        """Whether the machine code is that of the function itself."""
+        """Whether the machine code is that of the function itself, not a call into Python."""
         return self._compiled is not None
 
     def check_lengths(self, **lengths: int) -> None:
-        """Raise ValueError if the function's code names an element beyond an array's length."""
+        """Raise ValueError if the code uses a literal index beyond an array's length."""
         for position, number in self._subscripts.items():
             name = self.signature.arguments[position]
             if number >= lengths.get(name, number + 1):
@@ -236,17 +236,17 @@ class Callback:
 
     @cached_property
     def n_params(self) -> int:
-        """How many parameters the function's code names."""
+        """Smallest number of parameters that the function's code requires."""
         return self._subscripts.get(self.signature.arguments.index("params"), -1) + 1
 
     def elements_of(self, argument: str, length: int) -> tuple[int, ...]:
-        """Return which elements of an argument of this length may matter to the function."""
+        """Return the elements of an argument of this length that may affect the function."""
         named = declare.elements_named(self.function, self.signature.arguments.index(argument))
         return tuple(range(length)) if named is None else tuple(sorted(named))
 
     @cached_property
     def _subscripts(self) -> dict[int, int]:
-        """Largest literal subscript of each argument, by its position."""
+        """Largest literal index into each argument, by the argument's position."""
         largest = declare.largest_subscripts(self.function)
         if not largest:
             return {}
@@ -255,7 +255,7 @@ class Callback:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """The function, or the way back to it, to be called from other code in Numba."""
+        """The function, or its trampoline, callable from other code in Numba."""
         if self._compiled is None:
             return numba.njit(trampoline(self._protected, self.signature))
         return numba.njit(error_model="numpy")(with_digest(self.function))
@@ -275,7 +275,7 @@ class Callback:
 
     @cached_property
     def _compiled(self) -> Any:
-        """Machine code of the function, None if it is to be run by Python."""
+        """Machine code of the function, or None if Python is to run it."""
         if not self._wanted:
             return None
         if not isinstance(self.function, FunctionType):
@@ -291,14 +291,14 @@ class Callback:
 
         try:
             return compiled_in_cache(self.function, function_digest(self.function), compile_it)
-        except Exception as error:  # Numba's own, and whatever it stumbles over
+        except Exception as error:  # Numba's own exceptions, and others raised within it
             declare.raise_if_mistaken(self.function, self.signature, error)
             declare.warn_slow(self.function, self.signature, *declare.reason_and_advice(error))
             return None
 
 
 def _declared(kind: str, function: Function | None, compiled: bool) -> Any:
-    """Return the callback or, used as ``@field(compiled=False)``, what makes it."""
+    """Return the callback or, if used as ``@field(compiled=False)``, the decorator."""
     if function is None:
         return partial(_declared, kind, compiled=compiled)
     return Callback(function, SIGNATURES[kind], compiled)
@@ -313,9 +313,9 @@ def field(function: Function | None = None, *, compiled: bool = True) -> Any:
         Takes t (float, s), y (n,), mode (n_guards + n_extra_modes,) of int64, params (p,) and
         the (n,) array `dy` to fill.
     compiled : bool
-        False: run it as plain Python, to use a debugger or what Numba does not know. As it
-        stands, it is compiled in nopython mode or, where that fails, run by Python with a
-        `SlowCallbackWarning`. The same holds for all decorators here.
+        If False, run it as plain Python, for debugging or for features that Numba lacks. By default
+        it is compiled in nopython mode or, if that fails, run by Python with a
+        `SlowCallbackWarning`. This applies to all decorators here.
     """
     return _declared("field", function, compiled)
 
@@ -326,8 +326,8 @@ def guards(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills `h` (n_guards,), the event functions at y, and `hdot` (n_guards,), their rates of
-        change when y changes at the rate `dy`, both in place.
+        Fills, in place, `h` (n_guards,) with the event functions at y, and `hdot` (n_guards,) with
+        their rates of change when y changes at the rate `dy`.
     """
     return _declared("guards", function, compiled)
 
@@ -338,8 +338,8 @@ def guard(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills only ``h[k]``, the event function of guard k at y, and ``hdot[k]``, its rate of
-        change when y changes at the rate `dy`, in place.
+        Fills, in place, only ``h[k]`` with the event function of guard k at y, and ``hdot[k]`` with
+        its rate of change when y changes at the rate `dy`.
     """
     return _declared("guard", function, compiled)
 
@@ -350,19 +350,20 @@ def rate_bound(function: Function | None = None, *, compiled: bool = True) -> An
     Parameters
     ----------
     function : callable
-        Returns a number that no ``abs(hdot[k])`` exceeds near y, in units of h per second.
+        Returns a bound on ``abs(hdot[k])`` near y for all k, in units of h per second.
     """
     return _declared("rate_bound", function, compiled)
 
 
 def on_event(function: Function | None = None, *, compiled: bool = True) -> Any:
-    """Declare what happens at an event: ``on_event(t, y, mode, params, guard, direction)``.
+    """Declare an event handler ``on_event(t, y, mode, params, guard, direction)``.
 
     Parameters
     ----------
     function : callable
-        Is told the guard's number and the direction in which its event function crossed zero
-        (+1 upwards, -1 downwards). May change y and mode in place. Returns 0 to go on, 1 to stop.
+        Receives the index of the guard and the direction in which its event function crossed zero
+        (+1 upwards, -1 downwards). May change y and mode in place. Returns 0 to continue, 1 to
+        stop.
     """
     return _declared("on_event", function, compiled)
 
@@ -373,14 +374,14 @@ def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` by ``y[j]``. It
-        begins as zeros.
+        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` with respect to
+        ``y[j]``. It is zero on entry.
     """
     return _declared("jacobian", function, compiled)
 
 
 def affine(function: Function | None = None, *, compiled: bool = True) -> Any:
-    """Declare an affine field, ``affine(mode, params, a, b)``: in this mode it is a y + b.
+    """Declare an affine field ``affine(mode, params, a, b)``, which equals a y + b in this mode.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Check a user's function when it is declared: its arguments, and the arrays that it fills."""
+"""Checks of a user's function when it is declared: its arguments and the arrays it fills."""
 
 import builtins
 import dis
@@ -20,32 +20,32 @@ WANTED_RESULT = {
 
 
 def function_name(function: Function) -> str:
-    """Return the name by which messages call a function."""
+    """Return the name of a function for use in messages."""
     return getattr(function, "__name__", type(function).__name__)
 
 
 def place(function: Function, signature: Signature) -> str:
-    """Return what is declared, its name and where it stands, to begin a message."""
+    """Return the kind, name and source location of a function, to start a message."""
     code = getattr(function, "__code__", None)
     where = "" if code is None else f" ({code.co_filename}:{code.co_firstlineno})"
     return f"{signature.name} {function_name(function)!r}{where}"
 
 
 def check_declaration(function: Any, signature: Signature) -> None:
-    """Raise TypeError if a function cannot be called as the decorator's signature says.
+    """Raise TypeError if a function cannot be called with the decorator's signature.
 
     Parameters
     ----------
     function : object
-        What the decorator stands above.
+        Object that is decorated.
     signature : Signature
-        The decorator's entry in the table.
+        Signature of the decorator.
     """
     if not callable(function):
         raise TypeError(f"@{signature.name}: expected a function, found {function!r}")
     try:
         parameters = list(inspect.signature(function).parameters.values())
-    except (TypeError, ValueError):  # some built-in functions do not tell
+    except (TypeError, ValueError):  # some built-in functions have no signature
         return
     _check_arguments(function, signature, parameters)
     if isinstance(function, FunctionType):
@@ -53,7 +53,7 @@ def check_declaration(function: Any, signature: Signature) -> None:
 
 
 def return_error(function: Function, signature: Signature, found: str) -> TypeError:
-    """Return the exception for a function that returns what it should not."""
+    """Return the exception for a function with a wrong return value."""
     if signature.fills:
         wanted = f"fill {' and '.join(signature.fills)} in place and return nothing"
     else:
@@ -66,7 +66,7 @@ def return_error(function: Function, signature: Signature, found: str) -> TypeEr
 def _check_arguments(
     function: Function, signature: Signature, parameters: list[inspect.Parameter]
 ) -> None:
-    """Look at the number of arguments, and whether they are, by name, another decorator's."""
+    """Check the number of arguments, and that their names are not those of another decorator."""
     taken = [one for one in parameters if one.kind in _POSITIONAL]
     needed = sum(one.default is one.empty for one in taken)
     n, wanted = len(taken), len(signature.arguments)
@@ -87,7 +87,7 @@ def _check_arguments(
 def _check_arrays(
     function: FunctionType, signature: Signature, parameters: list[inspect.Parameter]
 ) -> None:
-    """See that each array to fill is used, and used before its name is given to something else."""
+    """Check that each array to fill is used, and used before its name is reassigned."""
     if any(one.kind not in _POSITIONAL for one in parameters):
         return
     for wanted in signature.fills:
@@ -102,8 +102,8 @@ def _check_arrays(
 
 
 def _first_use(function: FunctionType, name: str) -> str | None:
-    """Return what the bytecode first does to an argument: LOAD, STORE or nothing."""
-    if name in function.__code__.co_cellvars:  # handed to a function within
+    """Return the first action of the bytecode on an argument: LOAD, STORE or None."""
+    if name in function.__code__.co_cellvars:  # used by an inner function
         return "LOAD"
     for step in dis.get_instructions(function):
         if "_FAST" in step.opname:
@@ -117,22 +117,22 @@ def _first_use(function: FunctionType, name: str) -> str | None:
 _POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
 
-# Why Numba cannot compile a function, in one line out of its many, and what to do.
+# Why Numba cannot compile a function, condensed to one line, and what to do.
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _RETURNS = re.compile(r"No conversion from (.+) to \w+ for '\$\w*return")
 _LINE = re.compile(r'File ".*", line (\d+)')
 _CALL = re.compile(r">>> (.+)")
 _UNTYPED = re.compile(r"Untyped global name '(\w+)'.*<class 'function'>")
-LONGEST = 160  # characters of a reason
+LONGEST = 160  # most characters of a reason
 
 
 class SlowCallbackWarning(UserWarning):
-    """A function of the user's runs as plain Python, many times slower than compiled."""
+    """A user's function runs as plain Python, many times slower than compiled."""
 
 
 def warn_slow(function: Function, signature: Signature, reason: str, advice: str) -> None:
-    """Warn, at the place of the function, that it runs as plain Python."""
+    """Warn, at the function's source location, that it runs as plain Python."""
     code = getattr(function, "__code__", None)
     text = (
         f"{place(function, signature)} runs as plain Python, many times slower, because "
@@ -149,7 +149,7 @@ def warn_slow(function: Function, signature: Signature, reason: str, advice: str
 
 
 def raise_if_mistaken(function: Function, signature: Signature, error: Exception) -> None:
-    """Raise, instead of running slowly, if the function would fail in Python, too."""
+    """Raise, rather than run slowly, if the function would fail in Python as well."""
     returned = _RETURNS.search(_COLOUR.sub("", str(error)))
     if returned:
         raise return_error(function, signature, returned[1]) from None
@@ -158,7 +158,7 @@ def raise_if_mistaken(function: Function, signature: Signature, error: Exception
 
 
 def reason_and_advice(error: Exception) -> tuple[str, str]:
-    """Return what Numba stumbled over, in one line, and what the user can do about it."""
+    """Return why Numba failed, in one line, and advice to the user."""
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines()]
     told = [one for one in lines if one and not one.startswith(("Failed in", "During", "File "))]
@@ -178,7 +178,7 @@ _ADVICE = "use only numbers, NumPy and functions decorated by @numba.njit in it"
 
 
 def _undefined(function: Function) -> list[str]:
-    """Return the global names that the function's own code reads and nobody has defined."""
+    """Return the global names that the function's own code reads but that are not defined."""
     if not hasattr(function, "__code__"):
         return []
     known = {**vars(builtins), **function.__globals__}
@@ -186,20 +186,20 @@ def _undefined(function: Function) -> list[str]:
     return [x.argval for x in steps if x.opname == "LOAD_GLOBAL" and x.argval not in known]
 
 
-# Find the elements that a function's code names by number.
+# Find the elements that a function's code accesses by literal indices.
 #
-# To compare them with what is there: machine code does not look whether an element exists; beyond
-# the end of an array it reads, and writes, whatever stands there. And to know what cannot matter:
-# elements that a function never names.
+# They are compared with the arrays' lengths, because machine code does not check bounds: beyond the
+# end of an array it reads and writes other memory. They also show which elements cannot matter:
+# those that a function never accesses.
 
 
 def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
-    """Return, for each argument that the code indexes by literal numbers, the largest of them.
+    """Return the largest literal index into each argument that the code indexes by literals.
 
     Parameters
     ----------
     function : callable
-        A Python function. One that asks for a length may know what it does: it has none.
+        A Python function. If it asks for a length, it may check bounds itself, so there are none.
     """
     if not isinstance(function, FunctionType) or "len" in function.__code__.co_names:
         return {}
@@ -214,9 +214,9 @@ def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
 
 
 def elements_named(function: Callable[..., Any], position: int) -> frozenset[int] | None:
-    """Return which elements of an argument a function's code names, if it names all by numbers.
+    """Return the elements of an argument that a function accesses, if all indices are literal.
 
-    None if the argument is used in another way (indexed by a variable or from the end, handed on),
+    None if the argument is used in another way (indexed by a variable or from the end, passed on),
     so that any element may matter.
 
     Parameters
@@ -224,7 +224,7 @@ def elements_named(function: Callable[..., Any], position: int) -> frozenset[int
     function : callable
         A Python function.
     position : int
-        The argument's, among the positional ones.
+        Position of the argument among the positional ones.
     """
     if not isinstance(function, FunctionType) or position >= function.__code__.co_argcount:
         return None
@@ -235,7 +235,7 @@ def elements_named(function: Callable[..., Any], position: int) -> frozenset[int
 
 
 def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
-    """Return the name and the number at each place where something is indexed by a literal."""
+    """Return name and index at each place where an object is indexed by a literal."""
     return [
         (_names(array)[-1], index.argval)
         for array, index, use in zip(steps, steps[1:], steps[2:], strict=False)
@@ -244,8 +244,8 @@ def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
 
 
 def _is_subscript(step: dis.Instruction) -> bool:
-    """Tell whether an instruction indexes, or (COPY) keeps array and index for doing so twice."""
-    if step.opname == "BINARY_OP":  # that of Python 3.14
+    """Return whether an instruction indexes, or (COPY) keeps array and index to do so twice."""
+    if step.opname == "BINARY_OP":  # Python 3.14
         return step.argrepr == "[]"
     return step.opname in ("BINARY_SUBSCR", "STORE_SUBSCR", "COPY")
 

@@ -12,17 +12,17 @@ from hopdata.code_cache import DIGITS, function_digest
 
 PACKAGE = "hopdata.hybrid"
 IMPORT = re.compile(rf"^ *from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
-NOT_IN_CODE = ("compiled/digest.py",)  # it says where code is kept, not what
+NOT_IN_CODE = ("compiled/digest.py",)  # it affects where code is kept, not the code
 
 
 @cache
 def driver_digest() -> str:
-    """Return a digest of all sources that the driver is made of, as 16 hexadecimal digits."""
+    """Return a digest of all sources of the driver, as 16 hexadecimal digits."""
     return sources_digest(Path(__file__).parent.parent)
 
 
 def sources_digest(package: Path) -> str:
-    """Return a digest of the driver in a package: its folder, and whatever that imports."""
+    """Return a digest of the driver in a package: its folder and all modules it imports."""
     digest = hashlib.sha256()
     for name, source in sorted(driver_sources(package).items()):
         digest.update(name.encode())
@@ -31,7 +31,7 @@ def sources_digest(package: Path) -> str:
 
 
 def driver_sources(package: Path) -> dict[str, bytes]:
-    """Return the sources of the driver, by their paths within the package."""
+    """Return the sources of the driver by their paths within the package."""
     found: dict[str, bytes] = {}
     waiting = [f"driver/{path.name}" for path in (package / "driver").glob("*.py")]
     while waiting:
@@ -44,7 +44,7 @@ def driver_sources(package: Path) -> dict[str, bytes]:
 
 
 def _imported(source: str) -> Iterator[str]:
-    """Yield the paths of the modules that a source may import from the package."""
+    """Yield the paths of modules that a source may import from the package."""
     for module, names in IMPORT.findall(source):
         path = module.removeprefix(PACKAGE).strip(".").replace(".", "/")
         yield f"{path}.py"
@@ -52,11 +52,10 @@ def _imported(source: str) -> Iterator[str]:
 
 
 def with_digest(function: Any, **names: Any) -> FunctionType:
-    """Return a copy of a function whose name holds its digest, with these global names added.
+    """Return a copy of a function with its digest in its name and these global names added.
 
-    Machine code from the cache is linked by names: two functions of one name, as a factory makes
-    them, would be taken for each other. And unlike what a closure holds, what stands in globals
-    does not keep Numba from caching.
+    Cached machine code is linked by name, so two functions with the same name, such as those of a
+    factory, would be confused. Names are added as globals, because Numba does not cache closures.
     """
     known = {**function.__globals__, **names}
     copy = FunctionType(

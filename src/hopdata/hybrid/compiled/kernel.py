@@ -1,14 +1,14 @@
-"""How the parts of the driver, and of methods, are compiled.
+"""Compilation of the driver's and the methods' functions.
 
-Division by zero gives infinity or NaN, which the driver looks for anyway, instead of an exception,
-for which each division would be guarded by a branch.
+Division by zero gives infinity or NaN, which the driver checks for anyway. Raising an exception
+would require a branch at each division.
 
-`kernel` is called by other kernels. `kernel_in_loop` is for what is done once a step: a call costs
-as much as several field evaluations, because the views of all arrays are handed over as single
-numbers, so it is put into its callers. `kernel_apart` never is, wherever it is called from: for
-what is long and done once an event, which else would be optimised in many copies, and for loops
-over guards, which become vector instructions only in a function of their own. `ENTRY` are the
-options of what is called from outside, by Python or by its address.
+`kernel` is for functions called by other kernels. `kernel_in_loop` is for work done once a step. It
+is inlined into its callers, because a call costs as much as several field evaluations: the views of
+all arrays are passed as individual numbers. `kernel_apart` is never inlined. It is for long work
+done once an event, which would otherwise be optimised in many copies, and for loops over guards,
+which vectorise only in a function of their own. `ENTRY` holds the options of functions called from
+outside, by Python or by address.
 """
 
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from numba import njit, types
 
 from hopdata.hybrid.compiled.memory import ADDRESS, ROW, SPAN, VALUE, VECTOR, View, caller
 
-# The user's functions: what they are called with, in Python and in machine code.
+# Signatures of the user's functions, in Python and in machine code.
 #
-# One table. A new kind of function is a new entry here and a decorator in `callbacks`.
+# A new kind of function is a new entry in this table and a decorator in `callbacks`.
 
 STATE = types.float64[::1]
 MODE = types.int64[::1]
@@ -30,18 +30,18 @@ MATRIX = types.float64[:, ::1]
 
 @dataclass(frozen=True)
 class Signature:
-    """What a kind of function is called with.
+    """The signature of one kind of user's function.
 
     Parameters
     ----------
     name : str
-        The decorator's.
+        Name of the decorator.
     arguments : tuple of str
-        Names by which the documentation calls the arguments.
+        Names of the arguments, as in the documentation.
     native : Numba signature
-        Their types, and that of the result.
+        Types of the arguments and of the result.
     fills : tuple of str
-        The arrays that the function fills in place.
+        Arrays that the function fills in place.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Signature:
     fills: tuple[str, ...] = ()
 
     def call(self, function_name: str) -> str:
-        """Write the call as a user would."""
+        """Return the call as a user would write it."""
         return f"{function_name}({', '.join(self.arguments)})"
 
 
@@ -81,12 +81,12 @@ SIGNATURES = {
 }
 
 
-# Calls of machine code by its address, from the driver.
+# Calls of machine code by address, from the driver.
 #
-# A Numba function passed as an argument would compile the driver anew for each scene, in each
-# process. Called by its address instead, it leaves the driver as it is: one driver serves all.
+# If Numba functions were passed as arguments, the driver would be recompiled for each scene in each
+# process. With calls by address, one driver serves all.
 #
-# The driver hands over views; what is called takes arrays (the user's functions) or the addresses
+# The driver passes views. The functions called take arrays (the user's functions) or the addresses
 # and widths of views (steps, interpolants and tangents of a method).
 
 FLOATS, INTEGERS = View(types.float64, 1), View(types.int64, 1)
@@ -111,8 +111,8 @@ call_rate_bound = caller(RATE_BOUND.native, _T, _STATE, _STATE, _MODE, _PARAMS)
 # call_on_event(address, t, s, y, mode, params, guard, direction)
 call_on_event = caller(ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _NUMBER, _NUMBER)
 
-# The parts of a method (see `methods.method`), in the order in which they are made ready: a method
-# that has a step is. Of field and jacobian their own addresses are handed over.
+# Parts of a method (see `methods.method`), in the order in which they are made ready: a method is
+# ready when its step is. Field and jacobian are passed by their own addresses.
 
 _HANDED = {
     **dict.fromkeys(("t", "dt", "rtol"), _T), **dict.fromkeys(("field", "jacobian"), _NUMBER),
@@ -153,7 +153,7 @@ ENTRY: dict[str, Any] = {"error_model": "numpy"}
 
 try:
     from hopdata.hybrid.compiled.linking import Apart, Entry, Kernel, linked
-except ImportError:  # of another Numba: it compiles the same, in five times as long
+except ImportError:  # another Numba version: the result is the same, in five times as long
     kernel: Any = njit(error_model="numpy")
     kernel_apart: Any = kernel
     kernel_in_loop: Any = njit(error_model="numpy", forceinline=True)

@@ -1,14 +1,14 @@
-"""Kernels are translated one by one, and linked, optimised and generated once, for their entry.
+"""Kernels are translated one by one; linking and optimisation happen once, for their entry.
 
-By itself, Numba does all of it for each function and all that it calls, and so on up the tree of
-calls: nearly the same code, again and again, five sixths of the time. Here a kernel stays as
-translated; an entry, which is called from outside, links whatever it reaches.
+By default, Numba does all of this for each function and everything it calls, and again for each
+caller: nearly the same code repeatedly, five sixths of the time. Here a kernel remains as
+translated, and an entry, which is called from outside, links everything it reaches.
 
-Nothing of Numba is changed: these are a code library and passes of our own, which kernels and
-entries ask for by `pipeline_class`. Of its inside it uses `codegen` (the library), `compiler`,
-`compiler_machinery`, `typed_passes`, `untyped_passes`, `lowering` (passes of our own), `registry`
-and `_dynfunc` (what stands for a kernel that is not compiled by itself). Import fails with
-ImportError where Numba lacks one of them; kernels are then compiled as Numba does it.
+Numba itself is not modified: a code library and passes defined here are selected by kernels and
+entries through `pipeline_class`. Of Numba's internals this uses `codegen` (the library),
+`compiler`, `compiler_machinery`, `typed_passes`, `untyped_passes`, `lowering` (our passes),
+`registry` and `_dynfunc` (a placeholder for a kernel that is not compiled by itself). The import
+fails with ImportError if Numba lacks one of them; kernels are then compiled in Numba's own way.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,7 +26,7 @@ from numba.core.untyped_passes import InlineClosureLikes
 
 Function = Callable[..., Any]
 
-NOT_NEEDED = (NopythonRewrites, InlineClosureLikes)  # of sums of arrays, and of closures
+NOT_NEEDED = (NopythonRewrites, InlineClosureLikes)  # rewrites of array sums, and of closures
 
 _MADE = {"_final_module", "_linking_libraries", "_shared_module"}
 _NEEDED = "finalize", "_finalize_dynamic_globals", "_get_module_for_linking", "_optimize_functions"
@@ -37,12 +37,12 @@ if not _MADE.issubset(CPUCodeLibrary.__init__.__code__.co_names) or not all(
 
 
 class _Library(JITCodeLibrary):
-    """A kernel as translated, or an entry with all that it reaches."""
+    """A kernel as translated, or an entry with everything it reaches."""
 
     is_entry = False
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Leave a function as translated: what is linked is optimised."""
+        """Leave a function as translated; optimisation follows linking."""
         ll_module.data_layout = self._codegen._data_layout
 
     def finalize(self) -> None:
@@ -54,7 +54,7 @@ class _Library(JITCodeLibrary):
             self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code for a library of Numba's, which links only what it calls itself."""
+        """Return the code for a library of Numba's, which links only its direct callees."""
         if self._linking_libraries:
             self._link()
             self._shared_module = None
@@ -62,13 +62,13 @@ class _Library(JITCodeLibrary):
 
     def _link(self) -> None:
         for library in _callers_first(self):
-            own = CPUCodeLibrary._get_module_for_linking(library)  # its own code alone
+            own = CPUCodeLibrary._get_module_for_linking(library)  # only its own code
             self._final_module.link_in(own, preserve=True)
         self._linking_libraries = []
 
 
 def _callers_first(root: _Library) -> Iterator[Any]:
-    """Return the libraries that one reaches: LLVM drops a function that nobody has referred to."""
+    """Yield the libraries that one reaches, callers first: LLVM drops unreferenced functions."""
     seen: set[Any] = set()
     order: list[Any] = []
 
@@ -123,12 +123,12 @@ class _LowerApart(_LowerKernel):
 
 
 class Entry(CompilerBase):
-    """Compiles what is called from outside."""
+    """Compiler of functions that are called from outside."""
 
     lowering: Any = _LowerEntry
 
     def define_pipelines(self) -> list[Any]:
-        """Return those of Numba's own passes that are needed, the last but one exchanged."""
+        """Return Numba's passes that are needed, with the last but one replaced."""
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes = [one for one in manager.passes if one[0] not in NOT_NEEDED]
         manager.passes = [(self.lowering if p is NativeLowering else p, why) for p, why in passes]
@@ -137,25 +137,25 @@ class Entry(CompilerBase):
 
 
 class Kernel(Entry):
-    """Translates what is called by compiled code."""
+    """Compiler of functions that are called by compiled code."""
 
     lowering = _LowerKernel
 
 
 class Apart(Entry):
-    """Translates what stays a function of its own, and is not put into its callers."""
+    """Compiler of functions that are never inlined into their callers."""
 
     lowering = _LowerApart
 
 
 class _KernelDispatcher(CPUDispatcher):
-    """A kernel, translated once whether its arguments are literal or not.
+    """A kernel, translated once whether or not its arguments are literal.
 
-    To call it from Python, it is compiled by itself, as Numba compiles functions.
+    For calls from Python it is compiled by itself, as Numba compiles functions.
     """
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return how it is called with arguments of these types."""
+        """Return the template of a call with arguments of these types."""
         return super().get_call_template(tuple(map(types.unliteral, args)), kws)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -168,7 +168,7 @@ def _compiled_alone(function: Function) -> Any:
 
 
 def linked(compiler: type[Entry], function: Function, **options: Any) -> Any:
-    """Return a function as a kernel of this compiler, without what calls from Python would need."""
+    """Return a function as a kernel of this compiler, without the code for calls from Python."""
     options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": compiler}
     kernel: Any = njit(error_model="numpy", **options)(function)
     kernel.__class__ = _KernelDispatcher

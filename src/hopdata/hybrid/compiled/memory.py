@@ -2,14 +2,14 @@
 """Arrays without owners, for compiled code.
 
 Numba counts references whenever it takes an array out of a tuple or makes a row of a table; in the
-driver that would cost more than the arithmetic. A view is only an address and a width. It is made
-by the driver from an array that Python keeps alive meanwhile, and reads and writes by index:
-``view[i]`` for a vector, ``table[row, i]`` for a table, whose rows are ``view.width`` long. At the
-end stand the calls of machine code by its address, and of Python functions.
+driver this would cost more than the arithmetic. A view is only an address and a width. The driver
+makes it from an array that Python keeps alive meanwhile, and reads and writes by index: ``view[i]``
+for a vector, ``table[row, i]`` for a table, whose rows have the length ``view.width``. The module
+ends with calls of machine code by address, and of Python functions.
 
-Of Numba's inside it uses `cgutils` (structures and branches of the generated code), `datamodel`
-(how a type stands in memory), `typing.templates` (what indexing a view means) and `np.arrayobj`
-(arrays made of an address); public names do not tell how to make a type without an owner.
+Of Numba's internals it uses `cgutils` (structures and branches of the generated code), `datamodel`
+(the memory layout of a type), `typing.templates` (the meaning of indexing a view) and `np.arrayobj`
+(arrays made from an address); the public API cannot define a type without an owner.
 """
 
 import operator
@@ -39,7 +39,7 @@ from numba.np.arrayobj import make_array, populate_array
 
 
 class FloatVector(Protocol):
-    """What a type checker knows of a view of floats."""
+    """A view of floats, as a type checker sees it."""
 
     width: int
 
@@ -48,7 +48,7 @@ class FloatVector(Protocol):
 
 
 class IntVector(Protocol):
-    """What a type checker knows of a view of integers."""
+    """A view of integers, as a type checker sees it."""
 
     width: int
 
@@ -68,7 +68,7 @@ INDEX = types.int64
 
 
 class View(types.Type):
-    """The type of an array without an owner."""
+    """The Numba type of an array without an owner."""
 
     def __init__(self, dtype: Any, ndim: int) -> None:
         self.dtype, self.ndim = dtype, ndim
@@ -76,7 +76,7 @@ class View(types.Type):
 
     @property
     def index(self) -> Any:
-        """The type by which it is indexed."""
+        """Type of its index."""
         return INDEX if self.ndim == 1 else types.UniTuple(INDEX, 2)
 
 
@@ -90,9 +90,10 @@ make_attribute_wrapper(View, "width", "width")
 
 
 def built(count: int, typed: Callable[..., Any]) -> Any:
-    """Return an intrinsic of so many arguments, which Numba wants to have names.
+    """Return an intrinsic of `count` arguments; Numba requires that they have names.
 
-    Of their types, `typed` makes the signature, and the function that builds the code, or None.
+    Given the types of the arguments, `typed` returns the signature and the function that builds the
+    code, or None.
     """
     names = ", ".join(f"a{k}" for k in range(count))
     return intrinsic(eval(f"lambda typing, {names}: typed({names})", {"typed": typed}))
@@ -125,7 +126,7 @@ int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
 
 
 class FirstTried(AbstractTemplate):
-    """What an operator means for types of ours: asked before all that Numba knows of it."""
+    """Meaning of an operator for our types, tried before all that Numba defines for it."""
 
     metadata = {"target": "cpu"}  # noqa: RUF012
 
@@ -168,7 +169,7 @@ def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 def lower_array(
     context: Any, builder: Any, kind: View, value: Any, row: Any = None, ndim: int = 1
 ) -> Any:
-    """Build, within an intrinsic, the array that is a vector, or a row of a table, or a square."""
+    """Build, within an intrinsic, an array from a vector, a row of a table, or a square block."""
     proxy = cgutils.create_struct_proxy(kind)(context, builder, value)
     start = proxy.data
     if row is not None:
@@ -181,7 +182,7 @@ def lower_array(
 
 
 def _from_row_on(ndim: int) -> Any:
-    """Return a function that makes an array of a row of a table, or a square of that and others."""
+    """Return a function that makes an array from a row of a table, or a square from there on."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return lower_array(context, builder, sign.args[0], values[0], values[1], ndim)
@@ -204,10 +205,10 @@ address_of = built(1, lambda owner: (INDEX(owner), _address))
 
 # Named tuples that are read from a table of addresses, each item where it is used.
 #
-# A named tuple of views is handed to a compiled function as one number after the other, thirty for
-# the driver's memory: a call costs more than what is called. A record is one address, whatever is
-# in it. Its items stay the same while the code that reads them runs, so that the compiler may read
-# one once and keep it, though it cannot know what the stores in between change.
+# A named tuple of views is passed to a compiled function as separate numbers, thirty for the
+# driver's memory, so a call costs more than the work of the function. A record is one address,
+# whatever its contents. Its items are constant while the code that reads them runs. The compiler
+# may therefore read an item once, although it cannot know what the stores in between change.
 
 Tuple = TypeVar("Tuple", bound=tuple[Any, ...])
 
@@ -223,7 +224,7 @@ KINDS = {
 
 
 class Record(types.Type):
-    """The type of a named tuple by address; `items` has the type and the slot of each."""
+    """The Numba type of a named tuple by address; `items` holds each item's type and slot."""
 
     def __init__(self, name: str, items: Mapping[str, tuple[Any, int]]) -> None:
         self.items = dict(items)
@@ -246,7 +247,7 @@ class _Items(AttributeTemplate):
 
 
 def _slot(context: Any, builder: Any, address: Any, slot: int) -> Any:
-    """Build the reading of a slot, which nothing changes meanwhile."""
+    """Build the reading of a slot that is constant meanwhile."""
     value = builder.load(builder.gep(address, [context.get_constant(INDEX, slot)]))
     value.set_metadata("invariant.load", builder.module.add_metadata([]))
     return value
@@ -276,12 +277,12 @@ def reader(
     Parameters
     ----------
     slots : mapping
-        Where on the desk each item stands, by its name in capitals: a number or a truth in one
-        slot, address and width of a view in two.
+        Slot of each item on the desk, by its name in capitals: a number or flag takes one slot, a
+        view takes two (address and width).
     kind : type
-        The named tuple, which says what its items are.
+        Class of the named tuple, which gives the types of its items.
     **others : int
-        The slots of those that have another name there.
+        Slots of the items with another name on the desk.
     """
     places = {**slots, **{name.upper(): slot for name, slot in others.items()}}
     items = {k: (KINDS[hint], int(places[k.upper()])) for k, hint in get_type_hints(kind).items()}
@@ -293,10 +294,10 @@ def reader(
     return built(1, lambda desk: (record(desk), generate))  # type: ignore[no-any-return]
 
 
-# Calls of machine code by its address, and the way it is handed what views show.
+# Calls of machine code by address, and the conversion of views to its arguments.
 
-# How an argument is handed over: as it is; the row of a table, which takes two arguments, as an
-# array; a vector as an array; a view as its address; a vector as its address and width.
+# How an argument is passed: as it is; a row of a table (which takes two arguments) as an array; a
+# vector as an array; a view as its address; a vector as its address and width.
 VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
 
 
@@ -314,15 +315,14 @@ def _handed_over(context: Any, builder: Any, way: int, kind: Any, values: list[A
 
 
 def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
-    """Return a function for compiled code, which takes an address and what the plan says.
+    """Return a function for compiled code that takes an address and the planned arguments.
 
     Parameters
     ----------
     native : Numba signature
-        Of the machine code at the address.
+        Signature of the machine code at the address.
     *plan : tuple
-        For each argument its Numba type and the way in which it is handed over; by default all are
-        as they are.
+        Numba type of each argument, and how it is passed; by default all are passed as they are.
     """
     plan = plan or tuple((kind, VALUE) for kind in native.args)
     kinds = [k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))]
@@ -345,8 +345,8 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
 
 # A product and a sum, rounded once.
 #
-# Where a compiler is free to contract them, it depends on what stands around an expression, and on
-# the processor, which of them it rounds. Said outright, it is the same everywhere.
+# If the compiler is free to contract them, rounding depends on the surrounding expression and on
+# the processor. An explicit operation gives the same result everywhere.
 
 FLOAT = types.float64
 
@@ -355,17 +355,17 @@ def _fma(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return builder.fma(*values)
 
 
-# fma(a, b, c) is a b + c: one instruction, if the processor has it.
+# fma(a, b, c) is a b + c: one instruction if the processor has it.
 fma = built(3, lambda *_: (FLOAT(FLOAT, FLOAT, FLOAT), _fma))
 
 
-# A call of a Python function, with the interpreter's lock: the caller keeps the function alive.
+# A call of a Python function, with the interpreter's lock. The caller keeps the function alive.
 
 DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
 
 
 def lower_call_of_python(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return what an intrinsic needs to call a function of Python's, printing what it raises."""
+    """Return the code generator of a call to a Python function that prints its exceptions."""
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         python = context.get_python_api(builder)
@@ -396,7 +396,7 @@ def _boxed(context: Any, builder: Any, python: Any, kind: Any, value: Any) -> An
 
 
 def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) -> Any:
-    """Return the number in a Python result, 0 with the exception printed if there is none."""
+    """Return the number in a Python result, or 0 with the exception printed if there is none."""
     native_type = context.get_value_type(kind)
     slot = cgutils.alloca_once_value(
         builder, native_type(None) if kind == types.none else native_type(0)
