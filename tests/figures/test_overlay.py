@@ -61,7 +61,7 @@ def draw(n_columns=1, n_feet=3, force="N", **options):
 def test_labels_units_and_no_text_over_another(n_columns, n_feet):
     figure = draw(n_columns, n_feet)
     error, share, height, force = figure.axes
-    assert error.get_ylabel() == "contact found less\nexternal contact (ms)"
+    assert error.get_ylabel() == "contact, found minus\nexternal (ms)"
     assert error.get_xlabel() == "time in the recording (s)"
     assert share.get_xlabel() == "share of the contacts (%)"
     assert height.get_ylabel() == "foot height (mm)"

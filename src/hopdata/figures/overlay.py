@@ -97,7 +97,7 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
             )  # fmt: skip
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
     axes.margins(y=0.12)
-    axes.set(xlabel="time in the recording (s)", ylabel="contact found less\nexternal contact (ms)")
+    axes.set(xlabel="time in the recording (s)", ylabel="contact, found minus\nexternal (ms)")
 
 
 def _draw_shares(

@@ -159,7 +159,7 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     # Break long labels near the middle.
     style.name_rows(axes, ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities])
     reach = max(1.0, *map(abs, axes.get_xlim()))
-    told = "median of a part from that of all\n(in spreads between touchdowns)"
+    told = "median of each part minus that of all\n(in spreads between touchdowns)"
     axes.set(xlim=(-reach, reach), xlabel=told)
     if 0 < len(parts) <= MOST_IN_LEGEND:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))

@@ -201,7 +201,7 @@ def steering_outcomes_figure(
             rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
     rates.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)")
-    rates.axvline(90, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)), label="asked")
+    rates.axvline(90, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)), label="required")
     hops.set(xlabel="hops to the goal", xlim=(0, None))
     hops.tick_params(labelleft=False)
     for axes in (rates, hops):

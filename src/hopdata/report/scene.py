@@ -94,7 +94,7 @@ def _span(row: Row, before_s: float, after_s: float) -> tuple[float, float]:
     return start - before_s, (stop if np.isfinite(stop) else start + after_s) + before_s
 
 
-# A small plot of a landing, drawn as text.
+# A small plot of a landing, as SVG.
 
 WIDTH, HEIGHT, POINTS = 150, 34, 24
 

@@ -382,7 +382,7 @@ def quality_table(checks: Checks | None) -> show.Table | None:
 def _limits(check: Mapping[str, Any]) -> tuple[str, str]:
     good, poor = float(check["good"]), float(check["poor"])
     signs = ("≤", ">") if good <= poor else ("≥", "<")
-    unit, none = str(check["unit"]), good == 0.0 and signs[0] == "≤"  # nothing is less than none
+    unit, none = str(check["unit"]), good == 0.0 and signs[0] == "≤"  # nothing is below 0
     return (
         ("" if none else f"{signs[0]} ") + show.with_unit(f"{good:g}", unit),
         f"{signs[1]} {show.with_unit(f'{poor:g}', unit)}",

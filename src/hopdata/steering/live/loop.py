@@ -91,7 +91,7 @@ Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
 
 
 def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
-    """Return a function that makes a tracker and a stance detector; the boom follows the body."""
+    """Return a maker of tracker and stance detector; the boom marker comes after the body's."""
     names = (*geometry.body_names, str(geometry.boom_name))
     return lambda: (HopperTracker(geometry, names), StanceDetector(geometry, rate_hz=rate_hz))
 
@@ -330,7 +330,7 @@ class ControlLoop(Worker):
             self._due_s = math.inf
 
     def _permitted(self, swing: float, failure: str, stance_s: float) -> tuple[Outcome, float, str]:
-        """Return outcome and command for a planned swing, and the reason if they differ from it."""
+        """Return outcome and command for a planned swing, and the reason for any difference."""
         late, limit = self._clock() - stance_s, self.limits.swing_rad
         if self._stop.is_set():
             return "held", 0.0, "the drive ended while it was planned"

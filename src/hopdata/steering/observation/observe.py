@@ -1,4 +1,4 @@
-"""From recordings in which the boom moves to the table of frame changes."""
+"""From recordings with a moving boom to the table of frame changes."""
 
 from __future__ import annotations
 
@@ -106,8 +106,8 @@ def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
 
     The home configuration is the mean over the first frames of three body markers and a fourth,
     virtual one normal to their plane. Circle and angle are found in the plane of the two leading
-    principal components, by linear least squares. Corrected are the fourth marker, the determinant
-    of the rotation, the centring, and the choice of the component that is the normal.
+    principal components, by linear least squares. These slips are corrected: the fourth marker,
+    the determinant of the rotation, the centring, and which component is the normal.
 
     Parameters
     ----------

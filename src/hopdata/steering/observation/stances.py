@@ -453,7 +453,7 @@ class StanceDetector:
         self.geometry, self.n_left_out = geometry, 0
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
         self.least_step_s = 0.1 / rate_hz
-        self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))  # of a height
+        self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))  # noise of a height
         self._forget()
 
     def _forget(self) -> None:
