@@ -57,7 +57,7 @@ def test_the_board_is_drawn_where_it_stood_and_where_it_was_pushed_to():
     arena = steering_run_figure(curves("origin_board", board=True)).axes[0]
     boards = [line for line in arena.lines if line.get_linewidth() == 3]
     assert [line.get_xdata()[0] for line in boards] == pytest.approx([0.5, -0.4])
-    assert [line.get_label() for line in boards] == ["board at first", "board in the end"]
+    assert [line.get_label() for line in boards] == ["board, first", "board, last"]
 
 
 def test_no_run_is_said():

@@ -326,7 +326,7 @@ def test_descents_in_which_no_foot_lands_are_no_landings():
     names = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded")
     assert [facts[name] for name in names] == [20, 14, 6, 11, 3]
     page = build_report(ReportInputs("s", touchdowns=table))
-    said = "of 14 landings, 3 excluded; in 6 more of 20 descents no foot of the study landed"
+    said = "of 14 landings, 3 excluded; no foot of the study landed in 6 of 20 descents"
     assert said in page
     checks = check_study(
         pd.DataFrame({"role": [], "longest_s": [], "noise_m": []}), pd.DataFrame({"kind": []}),

@@ -335,8 +335,8 @@ def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
     sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
     sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
     for place, colour, label in (
-        (float(first), "#d8c9a8", "board at first"),
-        (float(last.iloc[-1]), "#8a6d2f", "board in the end"),
+        (float(first), "#d8c9a8", "board, first"),
+        (float(last.iloc[-1]), "#8a6d2f", "board, last"),
     ):
         ends = np.stack([place * way + side * across for side in sides])
         look: Any = {"color": colour, "linewidth": 3, "solid_capstyle": "butt", "zorder": 0}

@@ -57,9 +57,9 @@ def filled_table(
     missing, mended = (show.count(gappy[name].sum()) for name in ("missing", "filled"))
     left = len(gappy) - MOST_GAPPY
     rest = f"; {left} more in tables/filled.csv" if left > 0 else ""
-    note = f"Of {missing} missing places {mended} were filled in{_resting(touchdowns)}{rest}."
+    note = f"{mended} of {missing} missing positions were filled in{_resting(touchdowns)}{rest}."
     rows = show.records(gappy)[:MOST_GAPPY]
-    title = "Gaps and what was filled of them"
+    title = "Gaps, and how much of them was filled"
     return show.table_of(title, rows, columns, text_columns=3, note=note)
 
 
@@ -69,7 +69,7 @@ def _resting(touchdowns: pd.DataFrame | None) -> str:
         return ""
     used = touchdowns[~excluded(touchdowns)]
     resting = show.count((used["filled_share"] > 0).sum())
-    return f"; {resting} of {show.count(len(used))} touchdowns used rest on some of these"
+    return f"; {resting} of {show.count(len(used))} used touchdowns depend on some of these"
 
 
 def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> show.Table | None:

@@ -249,7 +249,7 @@ def test_exchanged_markers_in_a_fifth_of_the_frames_do_no_harm():
 
 
 def test_markers_on_a_line_are_refused():
-    with pytest.raises(AnalysisError, match="not to be on one line"):
+    with pytest.raises(AnalysisError, match="three that are not on a line"):
         marker_shape(seen(np.array([[0.0, 0, 0], [0.1, 0, 0], [0.25, 0, 0]])))
 
 

@@ -99,7 +99,7 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     points = points[:: -(-len(points) // MOST_POINTS)]
     start = _start(points)
     if not np.isfinite(start.radius_m):
-        raise AnalysisError("boom: expected it to move, found its positions at a point or line")
+        raise AnalysisError("boom: expected it to move, found positions at a point or on a line")
     kept = _near(points, start, 4 * noise_m)
     for _ in range(ROUNDS):
         circle = _circle_through(kept)
@@ -246,7 +246,7 @@ def _from_distances(frames: FloatArray) -> FloatArray:
     largest = np.argsort(values)[: -len(square) - 1 : -1][:3]
     width = np.sqrt(np.maximum(values[largest], 0.0))
     if width[1] < ON_A_LINE * width[0]:
-        raise AnalysisError("body markers: expected them not to be on one line, found they are")
+        raise AnalysisError("body markers: expected three that are not on a line, found none")
     return np.asarray(vectors[:, largest] * width)
 
 
