@@ -354,7 +354,7 @@ def test_filled_gaps_with_the_marker_most_often_unseen_first():
     resting = touchdowns().assign(filled_share=0.0)
     resting.loc[~resting["excluded"], "filled_share"] = 0.1
     used = int((~resting["excluded"]).sum())
-    assert f"{used} of {used} touchdowns" in tables.filled_table(filled(), resting).note
+    assert f"{used} of {used} used touchdowns" in tables.filled_table(filled(), resting).note
     assert tables.filled_table(filled(), touchdowns()).note == table.note
     assert tables.filled_table(None) is None
     assert tables.filled_table(filled().iloc[2:]) is None
