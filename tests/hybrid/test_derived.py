@@ -132,7 +132,7 @@ def test_a_reset_is_undone_by_its_inverse():
 
 def test_without_an_inverse_a_handler_is_refused():
     for system in (ball(), relay()):
-        with pytest.raises(ValueError, match=r"end not first.*System\(undo=\.\.\.\)"):
+        with pytest.raises(ValueError, match=r"end not before the start.*System\(undo=\.\.\.\)"):
             solve(system, (1.0, 0.0), [0.5, 0.0], params=(2.0, 0.0, 0.5))
     with pytest.raises(TypeError, match="@on_event"):
         System(fall_field, floor_guard, undo=fall_field, n_states=2, guard_names=("floor",))

@@ -35,7 +35,7 @@ def check_numbers(
     except (TypeError, ValueError):
         raise ArgumentError(f"t_span: expected two times (start, end), found {t_span!r}") from None
     in_order = -inf < t_start <= t_end < inf
-    expect(in_order, "t_span", "finite times, the end not first", t_span)
+    expect(in_order, "t_span", "finite times, the end not before the start", t_span)
     largest = _number("max_step", max_step)
     first = 0.0 if first_step is None else _number("first_step", first_step)
     expect(largest > 0, "max_step", "> 0", max_step)

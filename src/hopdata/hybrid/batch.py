@@ -258,7 +258,7 @@ def solve_batch(
         arguments.set_mode(modes[0], system.n_guards, mode)
     times = np.empty(0) if t_eval is None else arguments.check_times(t_eval, *options[:2])
     room = _Room(len(states), system, len(times), jacobian)
-    left, reason = np.arange(len(states)), "they were not asked for"
+    left, reason = np.arange(len(states)), "they were not requested"
     if lanes if lanes is not None else len(states) >= LARGE:
         from hopdata.hybrid.lanes.batch import lane_runner
         from hopdata.hybrid.lanes.step import GIVEN_UP

@@ -97,10 +97,10 @@ def backward(system: System) -> System:
     """
     if system.on_event is not None and system.undo is None:
         raise ArgumentError(
-            "t_span: expected the end not first, as what on_event does to the state, the mode and "
-            "the memory is not known backward. Give System(undo=...), declared by @on_event, which "
-            "undoes it when the same guard is crossed from the other side; or on_event itself, if "
-            "it changes nothing that matters"
+            "t_span: expected the end not before the start, because the effect of on_event on the "
+            "state, the mode and the memory is not known backward. Give System(undo=...), declared "
+            "by @on_event, which undoes it when the same guard is crossed from the other side; or "
+            "on_event itself, if it changes nothing that matters"
         )
     is_new = "backward" not in system.made
     turned = _made(system, "backward", _backward, {}, way=-system.way)
@@ -134,7 +134,7 @@ KNOWN = {"ROOT": tangent.FIFTH_ROOT_OF_EPS} | {
 
 def with_parameters(system: System, n_params: int) -> System:
     """Return the system whose states are the user's, followed by the constant parameters."""
-    wanted = "no n_memory with 'params', as it is among them"
+    wanted = "no n_memory with 'params', because params contains the memory"
     arguments.expect(system.n_memory == 0, "jacobian", wanted, system.n_memory)
     system.check_params_length(n_params)
     n = system.n_states

@@ -162,18 +162,17 @@ SENTENCES = {
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
     "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field or the "
-    "state: how much of that belongs to which guard, and so the Jacobian of the flow, is not "
-    "known.",
+    "state: the share of each guard, and therefore the Jacobian of the flow, is unknown.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
-    RATE_DIFFERS: "The rate hdot of guard '{guard}' is not that of its values h, up to {at}: "
-    "correct @guards (by dy[0], say, not y[1]; they may jump and have kinks, but not everywhere).",
+    RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h, up to {at}: "
+    "correct @guards (use dy[0], say, not y[1]; they may jump and have kinks, but not everywhere).",
     RAISED: "It was interrupted, or a function of the system raised an exception, after {at}.",
-    NO_LOCK: "on_event has set the lock of guard '{guard}' to what is neither -1 nor +1 at {at}: "
-    "mode[k] is the lock of guard k, and the system's own integers stand behind the locks.",
+    NO_LOCK: "on_event has set the lock of guard '{guard}' to neither -1 nor +1 at {at}: "
+    "mode[k] is the lock of guard k, and the system's own integers follow the locks.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
     "they must be the same field, in every mode.",
-    GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero, as far as the "
-    "tolerance can tell, and the Jacobian of the flow does not exist where it is.",
+    GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero to within "
+    "the tolerance, and the flow has no Jacobian at a graze.",
 }
 
 

@@ -187,7 +187,7 @@ def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseExcepti
     reached = work.reached()
     with suppress(AttributeError):
         error.solution = reached  # type: ignore[attr-defined]
-    error.add_note(f"{reached.message} What was reached is this exception's `solution`.")
+    error.add_note(f"{reached.message} The result so far is this exception's `solution`.")
     return error
 
 

@@ -104,7 +104,7 @@ class System(Told):
         known = set(self.directions or ()) <= {-1, 0, 1}
         expect(known, "directions", "-1, 0 or +1", self.directions)
         counts = all(one in (True, False) or int(one) == one > 0 for one in self.terminal or ())
-        expect(counts, "terminal", "truths or counts", self.terminal)
+        expect(counts, "terminal", "booleans or counts", self.terminal)
         states, guards = self.n_states, self.n_guards
         for one in self.callbacks:
             one.check_lengths(

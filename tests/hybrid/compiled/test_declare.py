@@ -73,7 +73,7 @@ def test_an_array_that_is_never_filled():
 
 
 def test_an_array_whose_name_is_given_away():
-    with pytest.raises(TypeError, match=r"gives something else the name dy; .* dy\[:\] = "):
+    with pytest.raises(TypeError, match=r"reassigns dy; .* dy\[:\] = "):
 
         @field
         def f(t, y, mode, params, dy):
@@ -219,7 +219,7 @@ def with_unknown_function(t, y, mode, params, dy):
 
 CASES = [
     (with_dictionary, "TABLE", "numba.njit"),
-    (with_helper, "helper", "decorate 'helper' by @numba.njit"),
+    (with_helper, "helper", "decorate 'helper' with @numba.njit"),
     (with_object, "ROBOT", "numba.njit"),
     (with_format, "f-strings", "numba.njit"),
     (with_list, "HISTORY", "numba.njit"),

@@ -94,7 +94,7 @@ def _check_arrays(
         name = parameters[signature.arguments.index(wanted)].name
         use = _first_use(function, name)
         if use != "LOAD":
-            what = "never uses" if use is None else "gives something else the name"
+            what = "never uses" if use is None else "reassigns"
             raise TypeError(
                 f"{place(function, signature)} {what} {name}; "
                 f"fill it in place: {name}[:] = ..., and return nothing"
@@ -136,8 +136,8 @@ def warn_slow(function: Function, signature: Signature, reason: str, advice: str
     code = getattr(function, "__code__", None)
     text = (
         f"{place(function, signature)} runs as plain Python, many times slower, because "
-        f"Numba cannot compile it: {reason}. To do: {advice}, or declare it by "
-        f"@{signature.name}(compiled=False) to have it so without this warning."
+        f"Numba cannot compile it: {reason}. To fix it, {advice}, or declare it by "
+        f"@{signature.name}(compiled=False) to silence this warning."
     )
     if code is None:
         warnings.warn(text, SlowCallbackWarning, stacklevel=2)
@@ -170,11 +170,11 @@ def reason_and_advice(error: Exception) -> tuple[str, str]:
     reason = reason if len(reason) <= LONGEST else reason[:LONGEST].rstrip() + " ..."
     number = _LINE.search(text)
     helper = _UNTYPED.search(text)
-    advice = f"decorate {helper[1]!r} by @numba.njit" if helper else _ADVICE
+    advice = f"decorate {helper[1]!r} with @numba.njit" if helper else _ADVICE
     return f"{reason} (line {number[1]})" if number else reason, advice
 
 
-_ADVICE = "use only numbers, NumPy and functions decorated by @numba.njit in it"
+_ADVICE = "use only numbers, NumPy and functions decorated with @numba.njit in it"
 
 
 def _undefined(function: Function) -> list[str]:

@@ -178,7 +178,7 @@ def run(desk: IntVector, flags: int) -> int:
 _INT, _FLOAT = types.int64, types.float64
 
 RUN_NATIVE = _INT(_INT, _INT)
-NOT_KEPT = "no folder to keep it in can be written to: set NUMBA_CACHE_DIR to one that can"
+NOT_KEPT = "no cache folder is writable: set NUMBA_CACHE_DIR to one that is"
 
 call_run = code.caller(RUN_NATIVE)
 

@@ -50,9 +50,9 @@ STATE_ROWS = {"y": 1, "k": written.SLOPES, "inner": 1, "end": 1, "moved": 1, "wo
 def reason_against(system: System, method: str, jacobian: bool) -> str:
     """Return why lanes cannot integrate a system, as far as known without compiling; "" if none."""
     if jacobian:
-        return "the Jacobian of the flow is carried by the driver only"
+        return "only the driver carries the Jacobian of the flow"
     if method not in ("auto", "dop853"):
-        return f"their method is 'dop853', asked is {method!r}"
+        return f"their method is 'dop853', not {method!r}"
     if method == "auto" and system.affine is not None:
         return "the modes are affine, and 'auto' takes Taylor's method for them"
     if system.rules[at.TERMINAL].max(initial=0) > 1:
@@ -60,7 +60,7 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
     if system.n_guards > MOST_GUARDS:
         return f"there are {system.n_guards} guards, and lanes keep {MOST_GUARDS}"
     if len(read_modes(system)) > MOST_READ:
-        return f"they look at {len(read_modes(system))} integers of the mode: few lanes would agree"
+        return f"they read {len(read_modes(system))} integers of the mode: few lanes would agree"
     for one in (system.field, system.guards, system.guard, system.on_event):
         if one is not None and not (one.address and one.compiled):
             return f"{one.signature.name} {function_name(one.function)!r} runs as plain Python"
