@@ -26,10 +26,10 @@ class _Side:
 
     letter: str
     section: str
-    foot: str  # decisive height
-    where: str  # all feet are in the selected frames
-    otherwise: str  # some feet are in the other frames
-    so: str  # what holds beyond the section
+    foot: str  # the foot height that decides
+    where: str  # position of all feet in the selected frames
+    otherwise: str  # position of some feet in the other frames
+    so: str  # text: what holds beyond the section
     colour: str
 
     @property

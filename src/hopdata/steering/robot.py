@@ -93,7 +93,8 @@ class Stance:
 
     `time_s` is the time of the lowest point, s. `pose` (3,) is the mean of the body markers
     projected on the floor, m, and the unwrapped yaw, rad. Time and pose are NaN if the hop `fell`.
-    `touched` says whether the hopper touched a board.
+    `boom_angle_rad` is the boom angle at the end of the hop. `touched` says whether the hopper
+    touched a board.
     """
 
     time_s: float

@@ -40,7 +40,7 @@ SWEEPS_BETWEEN = 24  # evaluations of the current policy before it is improved a
 # Distances are closer together near the goal than at the far end by the factor exp(STRETCH).
 STRETCH = 3.5
 SHARPNESS = 8  # of the goal region's edge, which is mostly within 0.8 to 1.3 times its width
-BEYOND = 5.0  # cost per metre beyond the last distance: as at it, where hops cover 4 to 9 cm
+BEYOND = 5.0  # cost per metre beyond the last distance: its slope there (4 to 9 cm per hop)
 
 #: Number of swings tried in each hop before refinement, by the number of hops.
 SWINGS_TRIED = {1: 101, 2: 31, 3: 13}

@@ -19,8 +19,8 @@ class PrintedController:
     """Predictive control by scipy's L-BFGS-B with finite differences of the objective.
 
     The text does not say where the search begins. A single descent does not find the other way
-    round, so four are made and the best is kept. They begin with the same swing in all hops: half
-    the limit to the left, none, half the limit to the right, or the previous swing.
+    round, so up to four are made and the best is kept. They begin with the same swing in all hops:
+    half the limit to the left, none, half the limit to the right, or the previous swing.
 
     Parameters
     ----------

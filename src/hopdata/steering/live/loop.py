@@ -52,7 +52,7 @@ class Decision:
     pose_age_s, boom_age_s : float
         Their ages at the decision, s.
     outcome : str
-        "planned": the controller's command was sent. "cut": so it was, but clipped to the limit.
+        "planned": the controller's command was sent. "cut": so it was, clipped to the limit.
         "held": the boom was commanded to stay, for `reason`. "overtaken": nothing was sent, since
         another stance had been seen in the meantime.
     planned_rad : float
