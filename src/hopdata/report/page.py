@@ -220,8 +220,8 @@ def _of_landings(facts: Mapping[str, Any]) -> str:
     landings, others = facts["n_landings"], facts["n_not_landed"]
     found = f"of {show.count(landings)} landing{'' if landings == 1 else 's'}"
     found += f", {show.count(facts['n_excluded'])} excluded"
-    in_descents = f"{show.count(others)} of {show.count(facts['n_descents'])} descents"
-    return found + (f"; no foot of the study landed in {in_descents}" if others else "")
+    of_descents = f"{show.count(others)} of {show.count(facts['n_descents'])} descents"
+    return found + (f"; no foot of the study landed in {of_descents}" if others else "")
 
 
 def _known(value: str | None) -> str:
