@@ -183,7 +183,7 @@ class _Room:
         self.counts = np.empty((n_runs, at.COUNT_SLOTS), dtype=np.int64)
         self.samples = np.empty((n_runs if n_wanted else 0, n_wanted, n))
         self.jacobians = np.empty((n_runs if jacobian else 0, n, n))
-        self.arrays = tuple(vars(self).values())  # in this order
+        self.arrays = tuple(vars(self).values())  # in the order above
 
 
 def solve_batch(

@@ -54,7 +54,7 @@ class Around(Callback):
         return self.inner.compiled
 
     def check_lengths(self, **lengths: int) -> None:
-        """See `Callback.check_lengths`."""
+        """Check the wrapped function; see `Callback.check_lengths`."""
         self.inner.check_lengths(**lengths)
 
 

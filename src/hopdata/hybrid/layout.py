@@ -38,8 +38,8 @@ GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # Gauss nodes of 
 # Rows of `guards`: event functions and their rates at the start of a step, at up to two knots
 # inside it, at its end, and at any other place. Then: the largest |h| over the step, which is the
 # scale of its rounding error; second derivatives; a bound on how far a guard stays from its surface
-# over the step; its rate along one direction, which reveals guards that bend (see `watch`); and the
-# size of the terms that h was the sum of at its last flip.
+# over the step; its rate along one direction, which reveals guards that bend (see `windows`); and the
+# size of the terms whose sum was h at its last flip.
 H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(15)
 GUARD_ROWS = 15
 
@@ -89,14 +89,14 @@ CLOCK_SLOTS = 16
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
 # Method, degree of its interpolant if it has one, number of pieces into which the knots divide a
-# step, and what is known of the step (see `watch`).
+# step, and what remains to be done for the step (see `windows`).
 METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
 # Number of guards in each of the lists, in their order; number of guards known to bend; guard to
 # report.
 N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
 # Instants; instants too close to each other; changes of the state by handlers, and those before
 # this instant; instant at which the rates along one direction were measured; how often the rates of
-# bending guards disagreed with their values; whether a guard was back before it could be clear.
+# bending guards have disagreed with their values; whether a guard was back before it was clear.
 INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
 COUNT_SLOTS = 25
 

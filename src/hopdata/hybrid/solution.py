@@ -225,7 +225,7 @@ class Solution(Told):
 
     @cached_property
     def events(self) -> EventLog:
-        """All events."""
+        """The log of all events."""
         return event_log(np.frombuffer(self.parts[2]).reshape(-1, self.form.event), self.form)
 
     @cached_property

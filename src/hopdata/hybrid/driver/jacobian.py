@@ -59,7 +59,7 @@ def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
 
 @kernel_apart
 def tangent(p: Problem, m: Memory, dt: float) -> float:
-    """Write the new Jacobian behind the old one; return its error in units of the tolerance.
+    """Write the new Jacobian after the old one; return its error in units of the tolerance.
 
     A step that ends on the interpolant of a longer step has no stages of its own.
     """
@@ -183,7 +183,7 @@ def size_of(p: Problem, m: Memory, i: int, value: float) -> float:
 
 @kernel
 def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
-    """Write a displaced state into two rows, and the displacement's direction, on either side."""
+    """Write a displaced state into two rows, and the direction of the displacement into a third."""
     moved, slope, given = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE), single(m, at.COLUMN)
     for i in range(m.states.width):
         y = m.states[at.Y, i]

@@ -194,7 +194,7 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
 def lowest_point(
     p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
 ) -> float:
-    """Refine the minimum of guard k on the interpolant: the root of its rate, if need be bisected.
+    """Refine the minimum of guard k on the interpolant: a root of its rate, by bisection at worst.
 
     It lies in the piece `piece` of the step that ends at `end`.
     """

@@ -192,7 +192,7 @@ TOO_SHORT = 1e6  # steps shorter than this say nothing about the bend
 
 @kernel_apart
 def carry_guards(p: Problem, m: Memory, dt: float) -> None:
-    """Make the guards at the end of the step those at its start; keep their second derivatives.
+    """Carry the guards at the step's end over to its start, and store their second derivatives.
 
     These are secants over the step. For a guard that bends, those of longer steps are useless.
     """

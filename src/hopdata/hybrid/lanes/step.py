@@ -390,8 +390,7 @@ def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> A
 def clipped(t: Any, h: Any, before: Any, r: Any) -> Any:
     """Return the steps, or slightly more than the time to the first predicted flip.
 
-    It is predicted from value, rate, and the change of the rate in the step before, of length
-    `before`.
+    It is predicted from value, rate, and the rate's change in the last step, of length `before`.
     """
     shortest, per_s = CLIP_MOST * resolution_of(t, h), 1.0 / before
     for g in range(N_GUARDS):
@@ -510,8 +509,8 @@ def land(
 ) -> tuple[Any, int]:
     """Move the ends of these steps to their surfaces; return the shifts, and where guards are due.
 
-    In lanes that have landed in vain before, the state is as near to the surface as it can come,
-    because rounding exceeds the guard's values. The guard then flips from there.
+    In lanes that have landed in vain before, the state cannot come any nearer to the surface: the
+    rounding of state or guard is larger than the guard's values suggest. It flips from there.
     """
     mine, slope = mask_of(landing), state(r.k, STAGES * N)
     shift = where(mine, soonest * h, 0.0)
