@@ -38,8 +38,8 @@ GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # Gauss nodes of 
 # Rows of `guards`: event functions and their rates at the start of a step, at up to two knots
 # inside it, at its end, and at any other place. Then: the largest |h| over the step, which is the
 # scale of its rounding error; second derivatives; a bound on how far a guard stays from its surface
-# over the step; its rate along one direction, which reveals guards that bend (see `windows`); and the
-# size of the terms whose sum was h at its last flip.
+# over the step; its rate along one direction, which reveals guards that bend (see `windows`); and
+# the size of the terms whose sum was h at its last flip.
 H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(15)
 GUARD_ROWS = 15
 
