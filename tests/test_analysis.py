@@ -156,7 +156,7 @@ def test_millimetres_for_metres_and_a_text_for_a_list_are_told(sample_path):
     lying = hd.Recording.from_arrays(
         whole.time, whole.positions[:, :, [0, 2, 1]], whole.markers, **roles
     )
-    with pytest.raises(hd.HopdataError, match=r"vertical axis.*z up: exchange what is not so"):
+    with pytest.raises(hd.HopdataError, match=r"vertical axis.*z up: reorder yours to match"):
         hd.analyse(lying)
     for wrong, told in (
         ({"feet": FEET}, "feet, body: expected names of markers of .*boom.*body=.."),

@@ -163,7 +163,7 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     export(folder, jumping([*style.encode()]), names=STYLES[style])
     assert main(["init", "monday.tsv"]) == 0
     out = capsys.readouterr().out
-    assert "These are guesses: correct in the file what is not so." in out
+    assert "These are guesses: correct any that are wrong in the file." in out
     main(["check", "config/monday.yaml"])  # two jumps are too few; otherwise the study is sound
     assert capsys.readouterr().err.startswith("hopdata: error: pairs: expected at least 3 usable")
     config = load_config("config/monday.yaml")
@@ -213,7 +213,7 @@ def test_frames_that_are_there_twice_are_told_with_the_file(folder, capsys):
     assert main(["init", "monday.tsv"]) == 1
     told = capsys.readouterr().err
     assert "monday.tsv: frame " in told
-    assert "if frames are there twice, cut them out of the file" in told
+    assert "if frames occur twice, remove them from the file" in told
     assert not (folder / "config").exists()
 
 

@@ -272,7 +272,7 @@ MISTAKES = {
     "a study of our own": (
         "study: trial",
         "study: both_sides",
-        ["study: expected another name than benchmarks and both_sides", "found 'both_sides'"],
+        ["study: expected a name other than benchmarks and both_sides", "found 'both_sides'"],
     ),
     "too few sign flips": (
         "markers:",

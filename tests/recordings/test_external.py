@@ -183,12 +183,12 @@ FORCE_SIGNALS_MISTAKES = {
     "a count for a time": (
         {"time": COUNTED},
         {"time_column": "Time"},
-        ["at least 50 samples a second, found 1;", "counts samples is no time"],
+        ["at least 50 samples a second, found 1;", "counts samples is not a time"],
     ),
     "rate against times": (
         {"time": COUNTED / 300},
         {"time_column": "Time", "rate_hz": 200},
-        ["as forces.rate_hz: 200 says", "found 0.00333333 s (300 Hz)"],
+        ["as stated by forces.rate_hz: 200", "found 0.00333333 s (300 Hz)"],
     ),
     "time goes back": (
         {"time": [0, 0.01, *np.arange(398) / 300]},

@@ -338,7 +338,7 @@ def test_others_are_put_after_a_pause_and_said(started):
     joined = join(PATHS, [raw(started=started), raw(started=started)])
     assert joined.time[50] == pytest.approx(0.49 + PAUSE_S)
     assert np.all(np.diff(joined.time) > 0)
-    assert "nothing says when b.tsv began" in joined.remarks[0]
+    assert "no start is known for b.tsv" in joined.remarks[0]
 
 
 @pytest.mark.parametrize(

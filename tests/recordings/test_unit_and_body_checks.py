@@ -40,7 +40,7 @@ def test_a_wrong_unit_is_told_by_how_things_fall(seed, factor, told):
     with pytest.raises(RecordingError) as caught:
         check_fall(replace(sound, positions=factor * sound.positions))
     message = str(caught.value)
-    assert "scale: expected what falls to do so at 9.81 m/s²" in message
+    assert "scale: expected markers to fall freely at 9.81 m/s²" in message
     assert f"found {9.81 * factor:.3g} m/s²" in message
     assert message.endswith(told)
 

@@ -201,11 +201,11 @@ def _misjudged(signal: ForceSignal, extent_m: float | None) -> str:
         share = mean if signal.unit == "body_weight" else mean / weight
         if PLAUSIBLE_SHARE[0] <= share <= PLAUSIBLE_SHARE[1]:
             return ""
-        return f" (on the mean {share:.3g} times the body weight: is forces.unit right?)"
+        return f" (on average {share:.3g} times the body weight: is forces.unit right?)"
     if extent_m is None or not extent_m > 0:
         return ""
     low, high = (GRAVITY_M_S2 * mass * extent_m**3 for mass in PLAUSIBLE_MASS)
     if low <= mean <= high:
         return ""
     weighs = f"where a body of {extent_m:.2g} m weighs {low:.2g} to {high:.2g} N"
-    return f" ({mean:.3g} N on the mean, {weighs}: is forces.unit right?)"
+    return f" ({mean:.3g} N on average, {weighs}: is forces.unit right?)"

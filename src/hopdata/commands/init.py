@@ -196,7 +196,7 @@ def init(options: argparse.Namespace) -> int:
     if roles.problems:
         print(f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}")
         return terminal.PROBLEM
-    print("These are guesses: correct in the file what is not so.")
+    print("These are guesses: correct any that are wrong in the file.")
     print(f"next: hopdata check {quoted}\n      hopdata run {quoted}")
     return terminal.OK
 

@@ -324,7 +324,7 @@ def _reserved_study(config: dict[str, Any]) -> Iterator[str]:
     """Yield a study name whose folder holds the project's own results."""
     if config["study"] in RESERVED_STUDIES:
         taken = f"{' and '.join(RESERVED_STUDIES)}, whose folders under results/ are taken"
-        yield mismatch("study", f"another name than {taken}", f"'{config['study']}'")
+        yield mismatch("study", f"a name other than {taken}", f"'{config['study']}'")
 
 
 def _enough_flips(config: dict[str, Any]) -> Iterator[str]:

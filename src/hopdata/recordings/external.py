@@ -260,9 +260,9 @@ def _check_times(place: str, time: FloatArray, rate: float | None, *, n_lines: i
         raise RecordingError.at(place, wanted, f"otherwise at line {n_lines + bad + 2}")
     found, hint = 1 / float(np.median(steps)), ""
     if found == 1:
-        hint = "; a column that counts samples is no time: leave it out and give forces.rate_hz"
+        hint = "; a column that counts samples is not a time: leave it out and give forces.rate_hz"
     if rate is not None and abs(found / rate - 1) > RATE_TOLERANCE:
-        wanted = f"steps of {1 / rate:.6g} s as forces.rate_hz: {rate:g} says"
+        wanted = f"steps of {1 / rate:.6g} s as stated by forces.rate_hz: {rate:g}"
         raise RecordingError.at(place, wanted, f"{1 / found:.6g} s ({found:.6g} Hz){hint}")
     if found < LEAST_RATE_HZ:
         wanted = f"at least {LEAST_RATE_HZ:g} samples a second"

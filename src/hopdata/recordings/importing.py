@@ -83,7 +83,7 @@ def _starts(
         if not follows:
             moved.append(path.name)
     which = ", ".join(moved) if len(moved) < 4 else f"{len(moved)} of them"
-    told = f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {which} began: put "
+    told = f"{paths[0]}: joined with {len(paths) - 1} more; no start is known for {which}: put "
     return starts, (f"{told}{reading.PAUSE_S:g} s after the file before",) * bool(moved)
 
 
@@ -206,7 +206,7 @@ def import_recording(
     if np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5:  # only then is it every second
         recording = recording.part(recorded_frames(recording.body))
     halved = len(recording.time) < len(raw.time)
-    told = f"{recording.source}: every second frame is made up of those beside it, and left out"
+    told = f"{recording.source}: every second frame is made up from its neighbours, and left out"
     more = (told,) * halved + _unseen(recording, exclude)
     recording = replace(recording, remarks=recording.remarks + more)
     if len(paths) > 1 or vertical_axis != "z" or halved:

@@ -91,7 +91,7 @@ def check_order(place: str, time: FloatArray) -> None:
     bad = np.flatnonzero(~(np.diff(time) > 0))
     if len(bad):
         i = int(bad[0])
-        found = f"{time[i + 1]:.6g} s; if frames are there twice, cut them out of the file; if "
+        found = f"{time[i + 1]:.6g} s; if frames occur twice, remove them from the file; if "
         found += "times have too few digits, leave the column out and give input.rate_hz"
         raise RecordingError.at(f"{place}: frame {i + 2}", f"a time after {time[i]:.6g} s", found)
 
@@ -158,7 +158,7 @@ def check_upright(recording: Recording) -> None:
         up = opposite(FILE_AXES[recording.vertical_axis][best])
         hint = f"; set input.vertical_axis: {up}, or are markers.body and markers.feet exchanged?"
     if not recording.source:
-        hint = "; the last axis of positions is x, y, z with z up: exchange what is not so"
+        hint = "; the last axis of positions is x, y, z with z up: reorder yours to match"
     place = f"{recording.place}: vertical axis {recording.vertical_axis}"
     found = f"the body's mean at {found} from the feet{hint}"
     raise RecordingError.at(place, "the body above the feet", found)
@@ -183,7 +183,7 @@ def check_fall(recording: Recording) -> None:
     if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
         return
     if fall.share > CLEARLY * _falls(recording).share:
-        wanted = "what falls to do so at 9.81 m/s²"
+        wanted = "markers to fall freely at 9.81 m/s²"
         found = f"{9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames"
         looks = f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}"
         raise RecordingError.at(f"{recording.place}: scale", wanted, f"{found}; {looks}")

@@ -141,7 +141,7 @@ def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawReco
     if raw.has_stamps:
         own = 1 / float(np.median(np.diff(raw.time))) if len(raw.time) > 1 else raw.rate_hz
         if not abs(own - given) <= SLACK * given:
-            wanted = f"{own:.4g} Hz as its time stamps run"
+            wanted = f"{own:.4g} Hz as in its time stamps"
             found = f"input.rate_hz: {given:g}; leave it out, or correct the time in the export"
             raise RecordingError.at(f"{place}: frame rate", wanted, found)
     longer = 1.0 if raw.has_stamps else raw.rate_hz / given
@@ -192,7 +192,7 @@ def require_unpacked(n_bytes: int, most_mb: float) -> None:
     """
     if n_bytes > 1e6 * most_mb:
         most = f"{most_mb:g} MB once it is unpacked (input.most_unpacked_mb, --most-unpacked-mb)"
-        found = f"{n_bytes / 1e6:.0f} MB; raise it if the file is what it should be"
+        found = f"{n_bytes / 1e6:.0f} MB; raise the limit if the file is right"
         raise ValueError(f"expected at most {most}, found {found}")
 
 
@@ -233,7 +233,7 @@ def distinct_names(
     distinct = [name or f"unnamed {i}" for i, name in enumerate(names, start=1)]
     remarks = []
     if n_nameless := sum(not name for name in names):
-        told = f"{n_nameless} of {len(names)} markers have no name, called 'unnamed <number>'"
+        told = f"{n_nameless} of {len(names)} markers lack a name and are called 'unnamed <number>'"
         remarks.append(f"{place}: {told}")
     taken = set(distinct)
     for name in [name for name, times in Counter(distinct).items() if times > 1]:
@@ -325,7 +325,7 @@ def frame_count(place: str, key: str, stated: float | None, n_rows: int) -> tupl
     """Return a remark if the stated number of frames differs from the number of rows."""
     if stated is None or stated == n_rows:
         return ()
-    found = f"{n_rows} rows, which are taken" + "; was the file cut short?" * (n_rows < stated)
+    found = f"{n_rows} rows, which are used" + "; was the file cut short?" * (n_rows < stated)
     return (mismatch(f"{place}: {key}", f"{stated:g} frames as stated", found),)
 
 

@@ -356,7 +356,7 @@ def test_forces_of_a_plate(tmp_path):
     np.testing.assert_allclose(signal.time, TIME + 1.0)
     np.testing.assert_allclose(signal.force, -FORCE[:, 1], atol=1e-3)
     for options, part in (({"unit": "kN"}, "unit: N as the file states, found kN"),
-                          ({"rate_hz": 1000}, "forces.rate_hz: 1000 says")):  # fmt: skip
+                          ({"rate_hz": 1000}, "stated by forces.rate_hz: 1000")):  # fmt: skip
         with pytest.raises(RecordingError, match=part):
             read_force_signals(block("forces", **given, **options), feet=("heel", "toe"))
 

@@ -56,7 +56,7 @@ def test_motive_solved_markers_beside_others_are_said_to_be_left_out(tmp_path):
 
 
 def test_motive_rate_of_the_configuration_must_agree(tmp_path):
-    with pytest.raises(RecordingError, match=r"expected 100 Hz as its time stamps run"):
+    with pytest.raises(RecordingError, match=r"expected 100 Hz as in its time stamps"):
         read(tmp_path, motive(track(), NAMES), rate_hz=120.0)
 
 
@@ -268,5 +268,5 @@ def test_two_columns_of_one_name_are_refused(tmp_path):
     with pytest.raises(RecordingError, match="Vicon Nexus"):
         read(tmp_path, text, rate_hz=100.0)
     one = pd.DataFrame(track().reshape(30, -1), columns=[f"a_{axis}" for axis in "xyz" * 3])
-    with pytest.raises(RecordingError, match="names of columns that differ, found 'a' twice"):
+    with pytest.raises(RecordingError, match="distinct names of columns, found 'a' twice"):
         read(tmp_path, one.to_csv(), rate_hz=100.0)

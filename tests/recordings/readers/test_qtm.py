@@ -391,7 +391,7 @@ WRONG_CLAIMS = {  # text in a file with sound rows, and the message about it
     ),
     "more frames than stated": (
         qtm_text(POSITIONS, header={"NO_OF_FRAMES": "10"}),
-        ["line 1", "expected 10 frames", "found 12 rows, which are taken"],
+        ["line 1", "expected 10 frames", "found 12 rows, which are used"],
     ),
     "another number of markers": (
         qtm_text(POSITIONS, header={"NO_OF_MARKERS": "4"}),

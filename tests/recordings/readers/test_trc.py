@@ -84,7 +84,7 @@ FORMS = {
     "a line of tabs at the end": (TEXT + "\t\t\n\n", ""),
     "a number of frames that is too high": (
         TEXT.replace("\t12\t5", "\t13\t5"),
-        "expected 13 frames as stated, found 12 rows, which are taken; was the file cut short?",
+        "expected 13 frames as stated, found 12 rows, which are used; was the file cut short?",
     ),
     "a number of frames that is too low": (TEXT.replace("\t12\t5", "\t11\t5"), "expected 11"),
     "a key that nobody knows": (
@@ -93,7 +93,7 @@ FORMS = {
     ),
     "another number of markers": (
         trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}),
-        "expected 6 marker names (NumMarkers), found 5, which are taken",
+        "expected 6 marker names (NumMarkers), found 5, which are used",
     ),
     "more columns than markers": (
         "\n".join([*ROWS[:6], *(row and row + "\t7\t8\t9" for row in ROWS[6:])]),

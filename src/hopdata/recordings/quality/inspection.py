@@ -146,7 +146,7 @@ class Inspection:
         """Report how many frames are missing without a sign in the time stamps."""
         lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
         where = f"{counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}"
-        told = f"about {where}, though no time stamp tells (all markers jump on); contacts there"
+        told = f"about {where}, though no time stamp shows it (all markers jump on); contacts there"
         return [f"{told} are wrong: export with times, or exclude those landings"] * bool(lost)
 
     def _is_silent(self, frame: int) -> bool:
@@ -190,7 +190,7 @@ class Inspection:
             text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
             yield "rate", (), 0, 1, text
         for k, n in timing.drops.tolist():
-            silent = " (about; no time stamp tells)" * self._is_silent(k)
+            silent = " (about; no time stamp shows it)" * self._is_silent(k)
             yield "dropped", (), k, k + 1, f"{counted(n, 'frame')} dropped after this one{silent}"
         uneven = sorted([*timing.irregular.tolist(), *timing.backward.tolist()])
         if len(uneven) > MOST_IRREGULAR:

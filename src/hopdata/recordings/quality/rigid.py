@@ -147,8 +147,8 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
     """Report processing of the markers (N, m, 3), m, of a rigid part after recording."""
     body = middle(body)
     if pattern := frames_of_pattern(body):
-        told = f"every {pattern:.3g} frames are alike, as if brought to {rate_hz:g} Hz from another"
-        return [f"{told} rate: contacts come some ms early; give the frames as they were recorded"]
+        told = f"noise repeats every {pattern:.3g} frames, as if resampled to {rate_hz:g} Hz"
+        return [f"{told} from another rate: contacts come some ms early; export frames as recorded"]
     noise_m = float(quantiles(frame_noise(body)[:, None], [0.5])[0, 0])
     if len(body) < 2 * SEGMENT or not noise_m < NO_CAMERA_M * scale:
         return []

@@ -56,7 +56,7 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     markers, kept, more = _markers(parameters, n_points)
     numbers = _numbers(path, header, parameters, n_frames)
     if _all_invalid(numbers, header):
-        told = "all residuals are below 0, as of points unseen; they are not believed"
+        told = "all residuals are below 0, as for unseen points; they are ignored"
         remarks += (f"{path}: {told}",)
     events, unread = _events(parameters)
     return raw.assembled(

@@ -162,7 +162,7 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     left = {_at(names, p) for p in solved} - {_at(names, p) for p in places}
     told = f"{len(left)} solved markers are left out ({', '.join(sorted(left)[:6])})"
     if places is solved:
-        told = "markers are those of the solved bodies, none was exported as seen"
+        told = "markers are those of the solved bodies, no measured ones were exported"
     if not places:
         wanted = "positions of markers"
         raise RecordingError.at(path, wanted, "none; export them from Motive as well")

@@ -64,7 +64,7 @@ def keypoints(
         found += "; triangulate the cameras first (Anipose, or DeepLabCut's 3-D project)"
         raise RecordingError.at(path, "keypoints with coordinates x, y and z", found)
     if twice := {n for n in names if names.count(n) > 1}:
-        raise RecordingError.at(path, "names of columns that differ", f"'{min(twice)}' twice")
+        raise RecordingError.at(path, "distinct names of columns", f"'{min(twice)}' twice")
     positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
     scored = [(m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at]
     remarks = []

@@ -79,7 +79,7 @@ def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows
     if stated not in (None, len(names), n_axes // 3) and n_axes != 3 * len(names):
         raise RecordingError(told)
     markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
-    remarks += unknown + (f"{told}, which are taken",) * (stated not in (None, len(names)))
+    remarks += unknown + (f"{told}, which are used",) * (stated not in (None, len(names)))
     mark = _mark(first)
     fields = text.split_line(path, first, mark)
     width = max(len(fields), 2 + 3 * len(markers))
