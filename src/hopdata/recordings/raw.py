@@ -392,8 +392,8 @@ def settle(
     ----------
     place : str
         The file, for the remark.
-    Time of each frame as printed, s, and its frame number.
-        Time of each frame as printed, s, and the frame's number.
+    stamps, number : (N,) array
+        Time of each frame as printed, s, and its frame number.
     rate_hz : float
         The nominal rate, Hz.
 

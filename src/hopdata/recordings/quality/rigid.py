@@ -257,8 +257,8 @@ def exchanged_stretches(
     ----------
     positions : (N, M, 3) array
         NaN where a marker was not seen.
-    Distances of all M markers.
-        Of all M markers.
+    pairs : PairDistances
+        Distances of all M markers.
     clusters : tuple of Cluster
         A marker of a cluster may have been exchanged with any other marker. Two markers outside it
         are told apart by their usual places relative to it.

@@ -25,8 +25,8 @@ def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
 
     Parameters
     ----------
-    The ``_motion.tsv`` file; ``_channels.tsv`` must stand beside it.
-        The ``_motion.tsv`` file; ``_channels.tsv`` stands beside it.
+    path : path
+        The ``_motion.tsv`` file; ``_channels.tsv`` must stand beside it.
     rate_hz : float, optional
         Frame rate, for a file that states none.
 
