@@ -31,7 +31,7 @@ def test_a_clean_file_is_summed_up(clean, capsys):
         "7: hip1, hip2, hip3, toe1, toe2, toe3, post",
         "mm: in 32 % of the frames the markers fall at 9.81 m/s²",
         "z: the markers fall along it",
-        "hip1, hip2, hip3; 0.62 mm a coordinate by its distances",
+        "hip1, hip2, hip3; 0.62 mm per coordinate by its distances",
         "No swapped or frozen markers",
     ):
         assert part in re.sub(r"\s+", " ", out)

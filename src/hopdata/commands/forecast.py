@@ -220,7 +220,7 @@ def _changes(
     for side, state, last in (("pre", "up", "first"), ("post", "down", "last")):
         sections[side] = f"set sections.{side}_height_m{by_landings}"
         if (share := forecast.best.get(side, 1.0)) < LEFT_BY_BEST:
-            most = f"in more than {100 * share:.0f} % of the landings: take off markers.feet those"
+            most = f"in more than {100 * share:.0f} % of the landings: drop from markers.feet those"
             sections[side] = f"at no height are all feet {state} {most} that touch {last}"
     for reason, count in forecast.left_out().items():
         foot = "".join(feet[int(number) - 1] for number in re.findall(FOOT, reason))
@@ -237,7 +237,7 @@ def _changes(
     few = forecast.landings < FEW_LANDINGS * len(recordings)
     if forecast.unsure > MOST_UNSURE and few and len(recordings) > 1:
         joined = "give the files of one day as one recording (file: a list, in the order of time)"
-        changes.append(f"{joined}: of a few landings contacts are less sure")
+        changes.append(f"{joined}: with few landings each, contacts are less sure")
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
     known = forecast.used, forecast.detectable or 0.0, forecast.allowed, margin, len(feet)

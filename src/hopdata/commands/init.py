@@ -164,7 +164,7 @@ def _comment(text: str, *, indent: str = "") -> list[str]:
 
 
 READABLE_UNITS = ("mm", "m")
-ROUGH = 0.005  # of the scale: largest error of a sloping floor at its rim when searching for feet
+ROUGH = 0.005  # of the scale: largest error, at its rim, of a sloping floor used to find feet
 
 
 def init(options: argparse.Namespace) -> int:

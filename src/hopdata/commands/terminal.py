@@ -94,7 +94,7 @@ def notes(inspection: Inspection) -> list[str]:
     told = "unseen in many of the frames: "
     told += ", ".join(f"{one.marker} ({100 * one.share:.0f} %)" for one in gaps)
     told += "; that may lose landings, and on a foot those of other legs would count in their place"
-    lost = [f"{told}: take markers that are seen"] * bool(gaps)
+    lost = [f"{told}: choose markers that are seen"] * bool(gaps)
     return [*questions, *inspection.remarks, *inspection.treated, *inspection.lost, *lost]
 
 
@@ -106,11 +106,11 @@ def question(key: str, guess: Guess) -> list[str]:
 
 def _rigid(inspection: Inspection) -> list[str]:
     white = 1e3 * inspection.typical_noise_m
-    noise = f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
+    noise = f"{white:.2f} mm per coordinate from frame to frame (median of the markers)"
     lines = _wrapped("noise", noise if isfinite(white) else "no five frames in a row")
     for cluster in inspection.clusters:
         names = ", ".join(inspection.markers[m] for m in cluster.markers)
-        noise = f"{1e3 * cluster.noise:.2f} mm a coordinate by its distances"
+        noise = f"{1e3 * cluster.noise:.2f} mm per coordinate by its distances"
         lines += _wrapped("rigid", f"{names}; {noise}")
     if not inspection.clusters:
         lines += _wrapped("rigid", "no three markers that keep their distances")

@@ -15,7 +15,7 @@ from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 
 MIN_BODY_MARKERS = 3
 MIN_FEET = 2
-TILT_LIMIT = 5.0  # ratio; the axis is wrong if the body is further from the feet along another
+TILT_LIMIT = 5.0  # ratio to the height: if exceeded along another axis, the vertical axis is wrong
 SMALLEST_M = 0.003  # m; metres mistaken for millimetres are then detected from 3 m on
 STEP_TOLERANCE = 0.02  # relative to a frame
 LARGEST_BODY_STRAIN = 0.05

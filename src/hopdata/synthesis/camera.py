@@ -114,7 +114,7 @@ class MotionCapture:
         return hidden
 
 
-RUNNING_AHEAD_S = 0.1  # s after the apex within which feet begin to run ahead
+RUNNING_AHEAD_S = 0.1  # s after the apex over which feet come to run ahead
 
 
 @dataclass(frozen=True)

@@ -137,9 +137,9 @@ QUICKEST = 0.09  # of the rate; slower patterns may be the animal's own motion
 PATTERN_SHARE, PATTERN_PEAK = 0.15, 60.0  # of the total variance; of the usual power nearby
 NO_CAMERA_M = 2e-5  # m; least frame-to-frame noise of any camera, for an animal of 1 m
 ABOVE_FLOOR, LAW_HOLDS = 30.0, 0.5  # power over the rounding floor; largest misfit of log power
-# Range of fitted frequencies below the last one above the floor, as a ratio; above it the body does
-# not bend. Exponents of the frequency that noise may have. Poles of a Butterworth filter, which
-# runs forwards and backwards.
+# Ratio of the last frequency above the floor to the lowest one fitted, below which the body may
+# bend. Range of exponents of the frequency in the noise. Poles of a Butterworth filter, which runs
+# forwards and backwards.
 SLOWER, NOISE_SLOPES, POLES = 5, (-2.5, 0.5), (2, 4)
 
 
