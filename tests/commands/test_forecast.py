@@ -148,7 +148,7 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
         "sections": {"frames": "all"},
     }  # fmt: skip
     for share, advice in (
-        (0.05, "at no height are all feet down in more than 5 % of the landings: take off"),
+        (0.05, "at no height are all feet down in more than 5 % of the landings: drop"),
         (0.9, "set sections.post_height_m"),
     ):
         found = forecast.Forecast(table, 1.0, stops=True, best={"post": share})
