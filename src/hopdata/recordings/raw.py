@@ -133,7 +133,7 @@ def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawReco
     Raises
     ------
     RecordingError
-        If the time stamps run at another rate than `given`.
+        If the time stamps run at a rate other than `given`.
     """
     if given is None or abs(given - raw.rate_hz) <= RATE_TOLERANCE * raw.rate_hz:
         return raw
