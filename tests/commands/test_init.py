@@ -188,14 +188,11 @@ def test_a_floor_that_moves_is_told_by_check(folder, capsys):
 def test_a_suspected_marker_is_not_taken_for_home_and_it_is_said_why(folder, capsys):
     export(folder, with_spike(hopping(1)[1], "hip1", 700, 0.05))
     assert main(["init", "monday.tsv"]) == 0
-    assert "home  hip2 (the first of the body's markers but for hip1 (1 suspected fault))" in (
-        capsys.readouterr().out
-    )
+    why = "(the first of the body's markers without fault; hip1: 1 suspected fault)"
+    assert f"home  hip2 {why}" in capsys.readouterr().out
     assert load_config("config/monday.yaml")["home"]["marker"] == "hip2"
     text = (folder / "config/monday.yaml").read_text()
-    assert (
-        "  # The first of the body's markers but for hip1 (1 suspected fault).\n  marker: h" in text
-    )
+    assert "body's markers without fault; hip1: 1 suspected fault.\n  marker: h" in text
 
 
 def test_centimetres_are_told(folder, capsys):

@@ -96,7 +96,7 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
 
     with terminal.progress_line(f"looking for faults in {recording.place}"):
         found = inspect(recording)
-    told = f"{recording.place}: {terminal.answer(found)} 'hopdata inspect' lists them"
+    told = f"{recording.place}: {terminal.answer(found)} See 'hopdata inspect'"
     asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)
     faulty = bool(found.faults.count or len(found.timing.irregular) or found.lost)
     return [f"{recording.place}: {one}" for one in asked + found.lost] + [told] * faulty

@@ -285,7 +285,7 @@ def _remarks(inspection: Inspection) -> list[str]:
     if unit.value not in READABLE_UNITS:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
     if found := inspection.suspects():
-        more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        more = f", and {len(found) - 1} more: hopdata inspect --html lists all" if found[1:] else ""
         first = f"frame {found[0].start + 1}: {found[0].text}"
-        remarks.append(f"{first}{more}; hopdata inspect shows all")
+        remarks.append(first + more)
     return remarks

@@ -143,7 +143,7 @@ def test_the_home_marker_is_one_that_inspect_calls_good(spoilt):
     found = roles(spoilt(positions))
     assert found.body[0] == "hip1"
     assert found.home == "hip2"
-    assert "but for hip1 (" in found.reasons["home"]
+    assert "without fault; hip1: " in found.reasons["home"]
 
 
 def test_of_body_markers_that_are_all_suspected_home_is_the_least_bad():
