@@ -2,6 +2,7 @@
 
 import difflib
 import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar
@@ -140,3 +141,9 @@ def chosen(key: str, name: str, table: Mapping[str, Entry]) -> Entry:
 def counted(number: int, word: str) -> str:
     """Write ``1 frame``, ``2 frames``."""
     return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+def with_names(reason: str, columns: Iterable[object]) -> str:
+    """Replace ``foot 2`` by the name of that foot, taken from the columns ``contact_<foot>_s``."""
+    names = dict(enumerate([str(c)[8:-2] for c in columns if str(c).startswith("contact_")], 1))
+    return re.sub(r"foot (\d+)", lambda foot: names.get(int(foot[1]), foot[0]), reason)

@@ -123,6 +123,14 @@ def test_the_worst_foot_is_not_hidden_by_the_others(tables):
     assert found.remark.endswith("worst foot f3")
 
 
+def test_the_commonest_reason_names_the_foot_as_the_recording_does(tables):
+    landed = [*[""] * 7, *["poor fit of foot 2"] * 3]
+    tables["touchdowns"] = tables["touchdowns"].assign(
+        reason=landed, excluded=[bool(r) for r in landed]
+    )
+    assert judged(tables)[WHAT["used"]].remark.endswith("most often: poor fit of f2 (3)")
+
+
 @pytest.mark.parametrize(
     ("error_s", "told"),
     [

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import pd
+from hopdata.errors import with_names
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
@@ -173,7 +174,7 @@ def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> 
     reasons = touchdowns.loc[out, "reason"].value_counts()
     remark = f"{int((~out).sum())} of {len(out)} {'landings' if other_feet else 'descents'}"
     if len(reasons):
-        remark += f"; most often: {reasons.index[0]} ({int(reasons.iloc[0])})"
+        remark += f"; most often: {with_names(reasons.index[0], touchdowns)} ({reasons.iloc[0]})"
     if theirs.any():
         remark += f"; not counted: {int(theirs.sum())} more descents, of other feet"
     ahead = touchdowns["t_pre_s"] - touchdowns.filter(regex="^contact_.*_s$").min(axis=1)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata.arrays import pd
-from hopdata.errors import counted
+from hopdata.errors import counted, with_names
 from hopdata.recording import Recording
 from hopdata.report import formatting as show
 from hopdata.report.scene import small_plot
@@ -160,11 +159,8 @@ def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
     """Return the descents not used, landings first, with the feet's names in the reasons."""
     out = touchdowns[excluded(touchdowns)]
     out = out.iloc[(out["reason"] == NO_FOOT_LANDED).argsort(kind="stable")]
-    contacts = touchdowns.filter(regex="^contact_")
-    feet = {f"foot {k}": str(c)[8:-2] for k, c in enumerate(contacts, 1)}
     reasons = out["reason"].astype(object).fillna("").astype(str)
-    names = [re.sub(r"foot \d+", lambda n: feet.get(n[0], n[0]), reason) for reason in reasons]
-    return out.assign(reason=names)
+    return out.assign(reason=[with_names(one, touchdowns) for one in reasons])
 
 
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
