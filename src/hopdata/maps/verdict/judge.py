@@ -260,7 +260,7 @@ def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
         f"by their {state} before, such as two speeds or heights: a size is a share of the "
         "variation of both together, and may be larger within one of them: judge each alone, too"
     )
-    mistakes = f"if these {far} are mistakes, they distort the size and widen its bounds"
+    mistakes = f"if these {far} are mistakes, they distort the size and its bounds"
     in_a_row = (
         f"successive ones err alike, so signs are drawn for {sizing.IN_A_ROW} together, which "
         "widens the interval; even so, a difference may be false"
