@@ -57,7 +57,7 @@ def test_a_small_file_that_unpacks_to_too_much_is_refused_before_memory_is_asked
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    for part in (str(path), "expected at most 30 MB once it is unpacked", "found 6", "raise it"):
+    for part in (str(path), "expected at most 30 MB once it is unpacked", "found 6", "raise"):
         assert part in str(caught.value)
     assert "input.most_unpacked_mb" in str(caught.value)
     assert peak < (N_BYTES if make is mat5 and dtype == "i1" else 5e6)
