@@ -166,6 +166,8 @@ def reason_and_advice(error: Exception) -> tuple[str, str]:
     call = _CALL.search(text)
     if reason.startswith("No implementation of function") and call:
         reason = f"it does not know {call[1]}"
+    elif "opcode (FORMAT_" in reason:  # Numba's words on Python 3.13
+        reason = "it does not support format specifications in f-strings"
     reason = reason.split(". Raised from")[0].rstrip(".: ")
     reason = reason if len(reason) <= LONGEST else reason[:LONGEST].rstrip() + " ..."
     number = _LINE.search(text)
