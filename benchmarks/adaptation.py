@@ -1,4 +1,4 @@
-"""Whether a controller that goes on learning finds back after the robot has changed.
+"""How well an adapting controller recovers after the robot has changed.
 
     python benchmarks/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
 

@@ -1,4 +1,4 @@
-"""Animals of two to six feet, seen at 50 to 2000 Hz: what is found of their landings, how fast.
+"""Landings found for animals of two to six feet, recorded at 50 to 2000 Hz, and the time taken.
 
     python benchmarks/animals.py --out animals.csv [--hops 200]
 

@@ -1,4 +1,4 @@
-"""What `hopdata check` foretells beside what the study then finds, and the time that both take.
+"""What `hopdata check` predicts, what the study then finds, and how long each takes.
 
     python benchmarks/check_forecast.py --out check_forecast.csv [--only NAME ...]
 

@@ -1,4 +1,4 @@
-"""Contact instants and orders: the printed method, loops of scipy fits, and our kink fit.
+"""Contact instants and orders: the printed method, loops of SciPy fits, and our kink fit.
 
     python benchmarks/contact_instants.py --out contact_instants.csv [--seeds 5] [--landings 2860]
 

@@ -1,5 +1,5 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of its callbacks)
-"""Scenes outside the studies, their exact ends, and `solve_ivp` restarted at each event.
+"""Scenes outside the studies, their exact final states, and `solve_ivp` restarted at each event.
 
 `octant` is table 4.3 of the dissertation: three affine modes per coordinate, switched at the
 coordinate planes. State (x, y, z) and time have no dimension. From the initial state, each guard is

@@ -1,4 +1,4 @@
-"""The flow's Jacobian: its cost and its error; and whether the orders of a landing agree.
+"""The flow's Jacobian: its cost and error, and whether the orders of a landing agree.
 
     python benchmarks/first_order.py --out first_order.csv
 

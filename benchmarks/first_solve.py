@@ -1,4 +1,4 @@
-"""How long a user waits for the first solution: in fresh processes, imports aside.
+"""Time to the first solution in a fresh process, imports not counted.
 
     python benchmarks/first_solve.py --out first_solve.csv
 

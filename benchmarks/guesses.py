@@ -1,4 +1,4 @@
-"""How honest the guesses of `hopdata init` are: right and sure, wrong and sure, or not sure.
+"""How reliable the guesses of `hopdata init` are: sure and right, sure and wrong, or unsure.
 
     python benchmarks/guesses.py --out guesses.csv [--recordings FOLDER] [--seeds 5]
 

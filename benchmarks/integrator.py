@@ -1,4 +1,4 @@
-"""Work and precision of the integrator, and what of its time is not evaluation of the field.
+"""Work and precision of the integrator, and the time it adds to evaluations of the field.
 
     python benchmarks/integrator.py --out integrator.csv
 

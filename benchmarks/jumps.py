@@ -1,4 +1,4 @@
-"""Jumps on two feet: what is found of landings that were never used to choose anything.
+"""Jumps on two feet: what is found in recordings that were not used to choose anything.
 
     python benchmarks/jumps.py --out jumps.csv [--seeds 5] [--only KIND ...] [--run]
 

@@ -1,4 +1,4 @@
-"""The loop of Fig. 3.4 over loopback, in real time: stances, commands and how long they take.
+"""The real-time loop of Fig. 3.4 over loopback: stances, commands and delays.
 
     python benchmarks/live_loop.py --out live_loop.csv [--seconds 600] [--hops 10000]
 

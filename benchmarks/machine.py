@@ -1,4 +1,4 @@
-"""What the benchmarks run on, and how they time: `--out machine.csv` writes platform and versions.
+"""Platform and versions of the packages, and how the benchmarks measure time.
 
 Import it before anything that starts threads: it limits every library to one thread.
 """

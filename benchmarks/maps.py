@@ -1,4 +1,4 @@
-"""Statistics of the maps against the libraries: error and time, side by side in one run.
+"""Statistics of the maps and of the libraries: error and time in the same run.
 
     python benchmarks/maps.py --out maps.csv
 

@@ -1,5 +1,5 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signature of a field)
-"""Order of the printed method and of ours on table 4.3, and Theorem 4.2.1 in numbers.
+"""Order of the printed method and of ours on table 4.3, and the bounds of Theorem 4.2.1.
 
     python benchmarks/order.py --out order.csv
 

@@ -1,4 +1,4 @@
-"""How surely `hopdata inspect` finds planted faults, and what it sees in clean recordings.
+"""How reliably `hopdata inspect` finds planted faults, and what it reports in clean recordings.
 
     python benchmarks/recording_faults.py --out recording_faults.csv
 

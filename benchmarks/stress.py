@@ -1,4 +1,4 @@
-"""The stress suite as a table: events missed and spurious, errors, statuses; scipy beside it.
+"""The stress suite: events missed and spurious, errors and statuses, with SciPy beside it.
 
     python benchmarks/stress.py --out stress.csv
 

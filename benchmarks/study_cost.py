@@ -1,4 +1,4 @@
-"""What a study costs, and how the cost of a hop grows with their number.
+"""What a study costs, and how the cost per hop grows with the number of hops.
 
     python benchmarks/study_cost.py --out study_cost.csv
 

@@ -1,4 +1,4 @@
-"""Size, power, coverage and the promised detectable difference of the verdict, over whole studies.
+"""Size, power, coverage and stated detectable difference of the verdict, over whole studies.
 
     python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--first 9100]
         [--only kappa] [--simulated]

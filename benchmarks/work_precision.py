@@ -1,5 +1,5 @@
 # ruff: noqa: ARG001, ARG005 (the integrators prescribe the signatures)
-"""Error and time of the integrator beside its peers on eight scenes, at all tolerances.
+"""Error and time of the integrator and its peers on eight scenes, at all tolerances.
 
     python benchmarks/work_precision.py --out work_precision.csv
 
