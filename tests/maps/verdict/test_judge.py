@@ -60,7 +60,7 @@ def test_the_answer_is_said_to_follow_from_the_jump_where_that_is_all():
     assert verdict(landings(jump=0.4)).decided_by == "jump"
     one = verdict(landings(strength=0.3, jump=0.1))
     assert one.decided_by == "effect"
-    assert (" And as two feet " in one.sentence) == (one.jump.low > 0.0)
+    assert (" And where two feet " in one.sentence) == (one.jump.low > 0.0)
 
 
 def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
@@ -97,6 +97,15 @@ def test_landings_of_two_speeds_are_told(of_these):
         inputs = np.random.default_rng(seed).uniform(-1, 1, (300, 8))
         inputs[:20, 4] += 30.0
         assert two_kinds(inputs - inputs.mean(axis=0)) == ""
+
+
+def test_a_foot_and_its_copy_are_told():
+    """A constant between the two heights leaves one constant between their instants."""
+    data = landings(feet=3)
+    copied = np.column_stack([data.instants, data.instants[:, 0] + 0.002])
+    one, two = verdict(data), verdict(replace(data, instants=copied))
+    assert "always the same time apart" not in str(one.notes)
+    assert "always the same time apart" in str(two.notes)
 
 
 def test_the_answer_follows_from_the_interval_alone():

@@ -8,6 +8,7 @@ coordinates together and linearly, and no result depends on it.
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -41,6 +42,8 @@ _FLAT = 1e-9  # relative rounding limit
 _SAME = 6  # decimals in which copies of a landing agree
 #: Coordinates whose sd is below this fraction of the median sd count as constant.
 _CONSTANT = 1e-3
+#: Two feet whose instants vary relative to each other by less, in spreads, touch down as one.
+_AS_ONE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,12 @@ def far_off(landings: SectionLandings) -> int:
     all_of_it = np.hstack([landings.inputs, landings.outputs])
     away = np.abs(all_of_it - np.median(all_of_it, axis=0))
     return int(np.sum((away > _FAR_OFF * np.median(away, axis=0)).any(axis=1)))
+
+
+def feet_as_one(landings: SectionLandings) -> bool:
+    """Return whether two feet are always the same time apart, as those of copied markers are."""
+    pairs = combinations(landings.expected.T, 2)
+    return any(np.ptp(one - other) < _AS_ONE for one, other in pairs)
 
 
 def least_landings(feet: int) -> int:

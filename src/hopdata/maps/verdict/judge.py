@@ -18,7 +18,13 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
-from hopdata.maps.verdict.inputs import SectionLandings, far_off, section_landings, two_kinds
+from hopdata.maps.verdict.inputs import (
+    SectionLandings,
+    far_off,
+    feet_as_one,
+    section_landings,
+    two_kinds,
+)
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
 from hopdata.recording import numbers
 
@@ -265,7 +271,9 @@ def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
         f"successive ones err alike, so signs are drawn for {sizing.IN_A_ROW} together, which "
         "widens the interval; even so, a difference may be false"
     )
+    copies = "is one marker a copy of the other? The order of these two was not judged"
     told = [
+        (feet_as_one(landings), "two feet are always the same time apart", copies),
         (allowed > LEFT, "contacts far apart", f"{apart}: smaller sizes are not evidence"),
         (state, TWO_KINDS, kinds),
         (far, "landings far from all others", mistakes),
