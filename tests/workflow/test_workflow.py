@@ -323,7 +323,8 @@ def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path)
     (tmp_path / "Snakefile").write_text(MODULE.format(snakefile=str(ROOT / "Snakefile")))
     run = snakemake(
         tmp_path, "--executor", "cluster-generic", "--cluster-generic-submit-cmd", "bash",
-        "--jobs", "1", "--until", "landing_recording", cores=None,
+        "--jobs", "1", "--until", "landing_recording", "--seconds-between-status-checks", "1",
+        cores=None,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     assert (tmp_path / "results/sample/recordings/hopper.h5").is_file()
