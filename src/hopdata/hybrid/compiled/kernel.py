@@ -162,3 +162,14 @@ else:
     kernel = partial(linked, Kernel)
     kernel_apart = partial(linked, Apart)
     kernel_in_loop = partial(linked, Kernel, forceinline=True)
+
+
+@kernel
+def copy(source: Any, into: Any) -> None:
+    """Copy a vector element by element.
+
+    An assignment ``into[:] = source`` would do the same, but Numba takes 1.5 s to compile its error
+    message about shapes.
+    """
+    for i in range(len(into)):
+        into[i] = source[i]

@@ -8,9 +8,8 @@ flipped guard if there is only one. Guards that a reset pushes across flip at th
 no instant of their own, and therefore no projection.
 """
 
-from math import sqrt
+from math import inf, nan, sqrt
 
-import numpy as np
 from numba import types
 
 from hopdata.hybrid import layout as at
@@ -95,9 +94,9 @@ def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
         m.clock[at.NEXT_DT] = min(m.clock[at.NEXT_DT], part * dt)
     wrong = 0
     for e in range(n * n):
-        wrong += 0 if abs(phi[n, e]) < np.inf else 1
+        wrong += 0 if abs(phi[n, e]) < inf else 1
         phi[0, e] = phi[n, e]
-    return 1.0 if wrong == 0 else np.nan
+    return 1.0 if wrong == 0 else nan
 
 
 @kernel
@@ -345,7 +344,8 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
             phi[after, i] += slope * (phi[before, j] if j < n else 1.0)
             for c in range(n if j < n and slope != 0.0 else 0):
                 phi[n + i, c] += slope * phi[j, c]
-    square(phi, 0)[:] = square(phi, n)
+    for i in range(n):
+        copy_row(phi, n + i, phi, i)
     copy_row(phi, after, phi, before)
     bring_back(p, 1)
     return True

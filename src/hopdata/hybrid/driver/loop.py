@@ -14,7 +14,6 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numba import cfunc, config, njit, types
 
 from hopdata.arrays import FloatArray, IntArray
@@ -24,7 +23,7 @@ from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.digest import driver_digest
-from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import dense, jacobian, problem, stepping
 from hopdata.hybrid.driver.end_step import end_at_first_flip
@@ -112,8 +111,8 @@ def clear(p: problem.Problem, m: Memory) -> bool:
     memory.array_of(m.counts)[:] = 0
     m.counts[at.CULPRIT], m.counts[at.N_AWAKE] = -1, m.flags.width
     memory.array_of(m.clock)[:] = 0.0
-    m.clock[at.T], m.clock[at.SEGMENT], m.clock[at.INSTANT] = p.t_start, p.t_start, -np.inf
-    m.clock[at.MOTION], m.clock[at.WINDOW] = np.inf, LONGEST * (p.t_end - p.t_start)
+    m.clock[at.T], m.clock[at.SEGMENT], m.clock[at.INSTANT] = p.t_start, p.t_start, -inf
+    m.clock[at.MOTION], m.clock[at.WINDOW] = inf, LONGEST * (p.t_end - p.t_start)
     m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = p.first_step, stepping.LOG_ERROR_FLOOR
     for i in range(m.states.width):
         m.states[at.Y, i] = p.start_state[i]
@@ -306,19 +305,18 @@ def _enter_many(
     phi = memory.square(memory.float_table(desk[at.TANGENT_TABLE], n), 0)
     own = memory.array_of(memory.float_vector(desk[at.PARAMS], params.shape[1]))
     here, room = address_of(view(desk)), address_of(view(samples))
-    no_change = np.eye(n if len(jacobians) > 0 else 0)
     numbers = memory.float_vector(here, len(desk))
     numbers[at.T_START], numbers[at.T_END], numbers[at.RTOL] = t_start, t_end, rtol
     numbers[at.MAX_STEP], numbers[at.FIRST_STEP] = max_step, step
     desk[at.MAX_STEPS], desk[at.MAX_EVENTS], desk[at.ROWS_PER_STEP] = max_steps, max_events, 0
     for b in range(first, last):
-        own[:] = params[b % len(params)]
-        mode[:] = modes[b % len(modes)]
-        start[:] = y0[b]
+        copy(params[b % len(params)], own)
+        copy(modes[b % len(modes)], mode)
+        copy(y0[b], start)
         if n_wanted > 0:
             desk[at.SAMPLE_TABLE] = room + b * n_wanted * n * BYTES
-        if len(jacobians) > 0:
-            phi[:] = no_change
+        for k in range(n * n if len(jacobians) > 0 else 0):
+            phi[k // n, k % n] = 1.0 if k // n == k % n else 0.0
         ended = call_run(desk[at.RUN], here, at.GIVEN_MODE)
         while ended in (at.NEEDS_ROOM, at.PAUSED):
             count[at.EVENT_ROWS] = 0 if ended == at.NEEDS_ROOM else count[at.EVENT_ROWS]
@@ -327,11 +325,11 @@ def _enter_many(
             return b
         status[b, 0], ends[b, 0] = ended, clock[at.T]
         ends[b, 1], ends[b, 2] = clock[at.RATE_BELOW], clock[at.RATE_ABOVE]
-        ends[b, END_STATE:] = state
-        end_modes[b] = mode
-        counts[b] = count
-        if len(jacobians) > 0:
-            jacobians[b] = phi
+        copy(state, ends[b, END_STATE:])
+        copy(mode, end_modes[b])
+        copy(count, counts[b])
+        for i in range(n if len(jacobians) > 0 else 0):
+            copy(phi[i], jacobians[b, i])
     return last
 
 

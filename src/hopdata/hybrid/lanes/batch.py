@@ -150,9 +150,8 @@ class LaneCode:
         names |= {"FIRST_LOCK": starts["lock"], "FIRST_PARAM": starts["params"]}
         items = [f"part_{name}(table, {first})" for name, first in starts.items()]
         items[-1] = items[-1] if in_lanes else "row(view(params), 0)"
-        made = ", ".join([*items, "view(table)", "view(modes)", "view(book)"])
         known = {**names, "Room": code.Room, "row": row, "view": view}
-        body = [f"return Room({made})"]
+        body = [f"return Room({', '.join(items)}, view(table), view(modes), view(book))"]
         names["room"] = put_in(compose("room", "table, params, modes, book", body, known))
         names["FIELD"] = put_in(code.field_of_groups, CALL=system.field.dispatcher)
         names["GUARDS"] = put_in(code.guards_of_groups, CALL=_guards_of(system))

@@ -21,7 +21,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import ON_EVENT, caller, kernel
+from hopdata.hybrid.compiled.kernel import ON_EVENT, caller, copy, kernel
 from hopdata.hybrid.compiled.memory import row
 from hopdata.hybrid.driver import windows
 from hopdata.hybrid.driver.end_step import SPARED
@@ -240,11 +240,11 @@ def take_systems(
             r.table[i, j] = y0[first, i]
         for i in range(N_PARAMS if PARAMS_IN_LANES else 0):
             r.table[FIRST_PARAM + i, j] = params[first % len(params), i]
-        row(r.modes, j)[:] = modes[first % len(modes)]
+        copy(modes[first % len(modes)], row(r.modes, j))
         r.book[INDEX, j], r.book[CULPRIT, j], r.book[STATUS, j] = first, -1, at.FINISHED
         r.book[EVENTS, j], r.book[SAMPLES, j], r.book[DUE, j], r.book[OPEN, j] = 0, 0, 0, 0
         if len(times) > 0 and times[0] == t_start:
-            samples[first, 0] = y0[first]
+            copy(y0[first], samples[first, 0])
             r.book[SAMPLES, j] = 1
         first += 1
         started |= 1 << j
@@ -597,11 +597,10 @@ def leave(
         status[b, 0], ends[b, 0], ends[b, 1], ends[b, 2] = r.book[STATUS, j], lane(t, j), 0.0, 0.0
         for i in range(N):
             ends[b, END_STATE + i] = r.table[i, j]
-        end_modes[b] = row(r.modes, j)
+        copy(row(r.modes, j), end_modes[b])
         counts[b] = 0
-        steps, tries = int(lane(taken, j)), int(lane(tried, j))
-        further = (1 + FURTHER) * int(lane(cuts, j))
-        counts[b, at.NFEV] = STAGES * tries + further + r.book[EVENTS, j] + 2
+        steps, tries, short = int(lane(taken, j)), int(lane(tried, j)), int(lane(cuts, j))
+        counts[b, at.NFEV] = STAGES * tries + (1 + FURTHER) * short + r.book[EVENTS, j] + 2
         counts[b, at.STEPS], counts[b, at.REJECTED] = steps, tries - steps
         counts[b, at.EVENTS], counts[b, at.SAMPLES] = r.book[EVENTS, j], r.book[SAMPLES, j]
         counts[b, at.CULPRIT] = r.book[CULPRIT, j]
@@ -621,7 +620,8 @@ def run(
     lanes. The status of a system that is given up is GIVEN_UP.
     """
     r = room(table, params, lane_modes, book)
-    own, own_params = np.empty(N), np.stack((params[0], params[0]))
+    own, own_params = np.empty(N), np.empty((2, N_PARAMS))
+    copy(params[0], own_params[1])
     t, run_s, before = spread(t_start), t_end - t_start, spread(1.0)
     h_next = resume = tries = stiff = tried = taken = idle = landed = hit = cuts = spread(0.0)
     active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
@@ -694,8 +694,7 @@ def run(
             h_next = where(mask_of(landing), largest(h_next, resume), h_next)
             resume = where(mask_of(landing), 0.0, resume)
         else:
-            for i in range(N):
-                r.moved[i] = r.end[i]
+            copy(r.end, r.moved)
         t_new = where(whole & (shift == 0.0), t_end, t + h + shift)
         if len(times) > 0:
             sample(bits(accepted), t, full, t_new, times, samples, ready, r)

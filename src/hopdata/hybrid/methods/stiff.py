@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import copy, kernel
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, row, square
 from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, SLOPE, W1, Y
 from hopdata.hybrid.methods.explicit import coefficients
@@ -99,7 +99,7 @@ def jacobian_by_differences(
     change within the step if that is larger, so it does not depend on units. A state smaller than
     its absolute tolerance counts as zero and is changed by that tolerance.
     """
-    row(s, SCRATCH)[:] = row(s, Y)
+    copy(row(s, Y), row(s, SCRATCH))
     for j in range(N):
         size = max(abs(s[Y, j]), dt * abs(s[K1, j]))
         increment = CUBE_ROOT_OF_EPS * size if size > atol[j] else max(atol[j], TINY)
@@ -214,7 +214,7 @@ def step(
             s[SCRATCH, i] = state
             s[U + k, i] = bend / dt + D[k] * dt * s[KEND, i]
         if k == 0:
-            row(s, SLOPE)[:] = row(s, K1)
+            copy(row(s, K1), row(s, SLOPE))
         else:
             FIELD(t + TIME[k] * dt, row(s, SCRATCH), mode, params, row(s, SLOPE))
         for i in range(N):

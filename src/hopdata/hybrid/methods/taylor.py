@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma, row, square
 from hopdata.hybrid.layout import END, K1, KEND, LARGEST_DEGREE, P1, SCRATCH, SLOPE, W1, Y
 from hopdata.hybrid.methods.explicit import INDENT, compose_part
@@ -238,8 +238,8 @@ def tangent(
 
     The result is NaN if the series does not converge because the step is too long.
     """
-    square(phi, N)[:] = square(phi, 0)
-    square(phi, 2 * N)[:] = square(phi, 0)
+    for i in range(2 * N):
+        copy(row(phi, i % N), row(phi, N + i))
     for k in range(1, 2 * DEGREE):
         largest, size = 0.0, 0.0
         for j in range(N):
