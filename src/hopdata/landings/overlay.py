@@ -58,6 +58,8 @@ def _clusters(
 def _assigned(
     first: FloatArray, second: FloatArray, rows: IntArray, columns: IntArray, window_s: float
 ) -> IntArray:
+    if len(rows) == len(columns) == 1:  # as in most recordings, which need no slow import then
+        return np.column_stack([rows, columns])
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(first[rows][:, None] - second[columns])
