@@ -18,23 +18,10 @@ from typing import Any, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import extending, types
 from numba.core import cgutils
 from numba.core.datamodel import models
-from numba.core.typing.templates import (
-    AbstractTemplate,
-    AttributeTemplate,
-    infer_getattr,
-    infer_global,
-    signature,
-)
-from numba.extending import (
-    intrinsic,
-    lower_builtin,
-    lower_getattr_generic,
-    make_attribute_wrapper,
-    register_model,
-)
+from numba.core.typing import templates
 from numba.np.arrayobj import make_array, populate_array
 
 
@@ -80,13 +67,13 @@ class View(types.Type):
         return INDEX if self.ndim == 1 else types.UniTuple(INDEX, 2)
 
 
-@register_model(View)
+@extending.register_model(View)
 class _ViewModel(models.StructModel):
     def __init__(self, manager: Any, kind: View) -> None:
         super().__init__(manager, kind, [("data", types.CPointer(kind.dtype)), ("width", INDEX)])
 
 
-make_attribute_wrapper(View, "width", "width")
+extending.make_attribute_wrapper(View, "width", "width")
 
 
 def built(count: int, typed: Callable[..., Any]) -> Any:
@@ -96,7 +83,7 @@ def built(count: int, typed: Callable[..., Any]) -> Any:
     code, or None.
     """
     names = ", ".join(f"a{k}" for k in range(count))
-    return intrinsic(eval(f"lambda typing, {names}: typed({names})", {"typed": typed}))
+    return extending.intrinsic(eval(f"lambda typing, {names}: typed({names})", {"typed": typed}))
 
 
 def _view_at(kind: View) -> Any:
@@ -125,26 +112,26 @@ float_vector, float_table = (_view_at(View(types.float64, ndim)) for ndim in (1,
 int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
 
 
-class FirstTried(AbstractTemplate):
+class FirstTried(templates.AbstractTemplate):
     """Meaning of an operator for our types, tried before all that Numba defines for it."""
 
     metadata = {"target": "cpu"}  # noqa: RUF012
 
 
-@infer_global(operator.getitem)
+@templates.infer_global(operator.getitem)
 class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
-        return signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
+        return templates.signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
 
 
-@infer_global(operator.setitem)
+@templates.infer_global(operator.setitem)
 class _SetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
         if not isinstance(kind, View):
             return None
-        return signature(types.none, kind, kind.index, kind.dtype)
+        return templates.signature(types.none, kind, kind.index, kind.dtype)
 
 
 def _element(context: Any, builder: Any, kind: View, value: Any, index: Any) -> Any:
@@ -155,12 +142,12 @@ def _element(context: Any, builder: Any, kind: View, value: Any, index: Any) -> 
     return builder.gep(proxy.data, [index])
 
 
-@lower_builtin(operator.getitem, View, types.Any)
+@extending.lower_builtin(operator.getitem, View, types.Any)
 def _get_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     return builder.load(_element(context, builder, sign.args[0], *values))
 
 
-@lower_builtin(operator.setitem, View, types.Any, types.Any)
+@extending.lower_builtin(operator.setitem, View, types.Any, types.Any)
 def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     builder.store(values[2], _element(context, builder, sign.args[0], *values[:2]))
     return context.get_dummy_value()
@@ -231,15 +218,15 @@ class Record(types.Type):
         super().__init__(name=f"Record({name}, {self.items})")
 
 
-@register_model(Record)
+@extending.register_model(Record)
 class _RecordModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Record) -> None:
         address = manager.lookup(types.CPointer(INDEX)).get_value_type()
         super().__init__(manager, kind, address)
 
 
-@infer_getattr
-class _Items(AttributeTemplate):
+@templates.infer_getattr
+class _Items(templates.AttributeTemplate):
     key = Record
 
     def generic_resolve(self, kind: Record, name: str) -> Any:  # type: ignore[override]
@@ -253,7 +240,7 @@ def _slot(context: Any, builder: Any, address: Any, slot: int) -> Any:
     return value
 
 
-@lower_getattr_generic(Record)
+@extending.lower_getattr_generic(Record)
 def _item(context: Any, builder: Any, kind: Record, address: Any, name: str) -> Any:
     item, slot = kind.items[name]
     value = _slot(context, builder, address, slot)

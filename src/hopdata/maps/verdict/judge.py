@@ -18,13 +18,7 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require, require_choice, told_call
 from hopdata.maps.draws import Notes, named_generator
 from hopdata.maps.verdict import effect as sizing
-from hopdata.maps.verdict.inputs import (
-    SectionLandings,
-    far_off,
-    feet_as_one,
-    section_landings,
-    two_kinds,
-)
+from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
 from hopdata.recording import numbers
 
@@ -198,7 +192,7 @@ def judge(
     how: dict[str, Any] = {"confidence": confidence, "power": power, "flips": flips}
     asked = how | {"n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "margin": margin}
     try:
-        landings = section_landings(*(part[known] for part in parts))
+        landings = inputs.section_landings(*(part[known] for part in parts))
         *differences, what = sizing.compared(landings)
         fit = fit_kinks(landings)
     except AnalysisError as error:
@@ -259,8 +253,8 @@ def _left_out(known: BoolArray) -> Notes:
     return [{"what": "touchdowns left out of the verdict", "reason": reason}] if unknown else []
 
 
-def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
-    far, state = far_off(landings), two_kinds(landings.inputs)
+def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> Notes:
+    far, state = inputs.far_off(landings), inputs.two_kinds(landings.inputs)
     apart = f"a C1 map may look different by up to {percent(allowed)}"
     kinds = (
         f"by their {state} before, such as two speeds or heights: a size is a share of the "
@@ -273,7 +267,7 @@ def _limits(landings: SectionLandings, allowed: float, alike: bool) -> Notes:
     )
     copies = "is one marker a copy of the other? The order of these two was not judged"
     told = [
-        (feet_as_one(landings), "two feet are always the same time apart", copies),
+        (inputs.feet_as_one(landings), "two feet are always the same time apart", copies),
         (allowed > LEFT, "contacts far apart", f"{apart}: smaller sizes are not evidence"),
         (state, TWO_KINDS, kinds),
         (far, "landings far from all others", mistakes),
