@@ -21,7 +21,13 @@ from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
 from numba.core.datamodel import models
-from numba.core.typing import templates
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    infer_global,
+    signature,
+)
 from numba.np.arrayobj import make_array, populate_array
 
 
@@ -112,26 +118,26 @@ float_vector, float_table = (_view_at(View(types.float64, ndim)) for ndim in (1,
 int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
 
 
-class FirstTried(templates.AbstractTemplate):
+class FirstTried(AbstractTemplate):
     """Meaning of an operator for our types, tried before all that Numba defines for it."""
 
     metadata = {"target": "cpu"}  # noqa: RUF012
 
 
-@templates.infer_global(operator.getitem)
+@infer_global(operator.getitem)
 class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
-        return templates.signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
+        return signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
 
 
-@templates.infer_global(operator.setitem)
+@infer_global(operator.setitem)
 class _SetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
         if not isinstance(kind, View):
             return None
-        return templates.signature(types.none, kind, kind.index, kind.dtype)
+        return signature(types.none, kind, kind.index, kind.dtype)
 
 
 def _element(context: Any, builder: Any, kind: View, value: Any, index: Any) -> Any:
@@ -225,8 +231,8 @@ class _RecordModel(models.PrimitiveModel):
         super().__init__(manager, kind, address)
 
 
-@templates.infer_getattr
-class _Items(templates.AttributeTemplate):
+@infer_getattr
+class _Items(AttributeTemplate):
     key = Record
 
     def generic_resolve(self, kind: Record, name: str) -> Any:  # type: ignore[override]
