@@ -129,7 +129,6 @@ def _low_surface(heights: FloatArray, columns: FloatArray, still_m: float = 1e-6
 
 
 _STAYS = 0.01  # relative singular value below which feet stay in place and show no slope
-_ROUNDING_M = 1e-9  # residual, m, of feet at rest without noise
 _MOST_OF_PLANE = 20_000  # evenly sampled rests from which a slope of the floor is found
 
 
@@ -211,7 +210,7 @@ def fit_floor(
     fit = floor_surface.regress_floor(rest, scaled, used, **by)
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
-    inlier = used & (np.abs(fit.residuals) <= max(floor_surface.BIWEIGHT * rms, _ROUNDING_M))
+    inlier = used & (np.abs(fit.residuals) <= floor_surface.BIWEIGHT * rms)
     ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
     rim = floor_surface.rim_of(scaled[inlier], floor_surface.RIM_DIRECTIONS) * scale
     note = _notes(recording, rest, raised, (fit.degree, degree), largest_error_m, ground[inlier])

@@ -368,21 +368,18 @@ def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
     coefficients are stationary. The scale is the median absolute residual. statsmodels' `RLM` gives
     the same result, but takes longer to load than the rest of the job to run.
     """
-    basis, sizes, right = np.linalg.svd(columns, full_matrices=False)
-    known = sizes > np.finfo(float).eps * max(columns.shape) * sizes.max(initial=0.0)
-    basis, back = basis[:, known], right[known].T / sizes[known]
-    found = basis.T @ values
+    found = np.linalg.lstsq(columns, values, rcond=None)[0]
     for _ in range(100):
-        residuals = values - basis @ found
+        residuals = values - columns @ found
         scale = robust_rms(residuals)
         if scale <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit
             break
-        weighted = basis * np.clip(1 - (residuals / scale / BIWEIGHT) ** 2, 0, None)[:, None] ** 2
+        root = np.clip(1 - (residuals / scale / BIWEIGHT) ** 2, 0, None)  # root of the weights
         before = found
-        found = np.linalg.lstsq(weighted.T @ basis, weighted.T @ values, rcond=None)[0]
-        if np.abs(back @ (found - before)).max() <= 1e-10 * scale:
+        found = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)[0]
+        if np.abs(found - before).max() <= 1e-10 * scale:
             break
-    return np.asarray(back @ found)
+    return np.asarray(found)
 
 
 def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:

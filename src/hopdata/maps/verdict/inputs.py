@@ -133,8 +133,7 @@ def far_off(landings: SectionLandings) -> int:
 
 def feet_as_one(landings: SectionLandings) -> bool:
     """Return whether two feet are always the same time apart, as those of copied markers are."""
-    pairs = combinations(landings.expected.T, 2)
-    return any(np.ptp(one - other) < _AS_ONE for one, other in pairs)
+    return any(np.ptp(a - b) < _AS_ONE for a, b in combinations(landings.expected.T, 2))
 
 
 def least_landings(feet: int) -> int:
