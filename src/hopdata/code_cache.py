@@ -18,7 +18,6 @@ import gc
 import hashlib
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -33,6 +32,7 @@ import llvmlite.binding as llvm
 import numba
 import numpy as np
 from numba import NumbaError, config, njit
+from platformdirs import user_cache_path
 
 DIGITS = 16
 BROUGHT = Path(__file__).parent / "_machine_code"  # included in a wheel
@@ -170,18 +170,10 @@ def _candidates(function: Function, chosen_by_user: str) -> Iterator[Path]:
     if not source.exists():  # typed at a prompt, so Numba has no file to check the cache against
         return
     yield Path(chosen_by_user or source.parent / "__pycache__")
-    users = _users_cache() / "hopdata"
+    users = user_cache_path("hopdata", appauthor=False)
     if users.is_absolute():  # without a home the path is relative to the working directory
         yield users
     yield from _temporary()
-
-
-def _users_cache() -> Path:
-    """Return the user's cache folder on this system."""
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", ""))
-    usual = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
-    return Path(os.environ.get("XDG_CACHE_HOME", "") or usual).expanduser()
 
 
 def _temporary() -> Iterator[Path]:
