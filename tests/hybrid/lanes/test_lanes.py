@@ -163,7 +163,7 @@ def test_resets_and_terminal_events():
     y0 = np.column_stack([np.linspace(0.5, 3.0, 40), np.zeros(40)])
     for options in ({}, {"terminal": (True,)}):
         system = replace(ball_on_table(), **options)
-        asked = {"params": [0.7, 0.0, 1.0, 0.0], "rtol": 1e-10}
+        asked = {"params": [[0.7, 0.0, 1.0, 0.0]] * len(y0), "rtol": 1e-10}
         here = solve_batch(system, (0.0, 1.5), y0, lanes=True, **OPTIONS, **asked)
         plain = solve_batch(system, (0.0, 1.5), y0, lanes=False, **OPTIONS, **asked)
         assert here.lanes.all()
@@ -253,9 +253,6 @@ def point(handler=None):
     )  # fmt: skip
 
 
-RIGHTWARDS = [1.0, 0.0, 0.0, 0.0, 0.0]
-
-
 @on_event
 def start_again(t, y, mode, params, guard, direction):
     if t > 2.95:
@@ -265,13 +262,16 @@ def start_again(t, y, mode, params, guard, direction):
     return 0
 
 
-@pytest.mark.parametrize("params", [RIGHTWARDS, [RIGHTWARDS] * 3])
-def test_handlers_that_raise_or_change_parameters(params):
-    """No lane sees another's parameters, and an exception is raised as by the driver."""
+def test_handlers_that_raise_or_change_parameters():
+    """No lane sees another's parameters, and an exception is raised as by the driver.
+
+    `test_quick_lanes` has the same for parameters that all systems share.
+    """
     system, y0 = point(start_again), [[-1.0, -1.0], [-0.9, -1.0], [-0.8, -1.0]]
-    options = {"params": params, "workers": 1, "lanes": True}
+    options = {"params": [[1.0, 0.0, 0.0, 0.0, 0.0]] * 3, "workers": 1, "lanes": True}
     here = solve_batch(system, (0.0, 2.95), y0, **options)
     assert here.success, here.message
+    assert here.lanes.all()
     np.testing.assert_allclose(here.y_end[:, 0], [-0.025, -0.9875, -0.9625], rtol=0, atol=1e-12)
     with pytest.raises(OverflowError, match="too late"):
         solve_batch(system, (0.0, 3.5), y0, **options)
@@ -287,7 +287,8 @@ def no_lock(t, y, mode, params, guard, direction):
 def test_a_lock_that_is_none_is_named(lock):
     """Else its guard would never flip again, or flip to a lock that the field does not know."""
     system, y0 = point(no_lock), [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
-    batch = solve_batch(system, (0.0, 2.0), y0, params=[1.0, 0.0, 0.0, lock, 0.0], lanes=True)
+    params = [[1.0, 0.0, 0.0, lock, 0.0]] * 3
+    batch = solve_batch(system, (0.0, 2.0), y0, params=params, lanes=True)
     assert batch.status.tolist() == [NO_LOCK, NO_LOCK, 0]
     assert "lock of guard 'x'" in batch.message
     assert batch.lanes.tolist() == [False, False, True]
@@ -303,7 +304,7 @@ def push(t, y, mode, params, guard, direction):
 
 def test_a_handler_that_pushes_another_guard_across():
     y0 = np.column_stack([np.linspace(-1.5, -0.1, 15), np.zeros(15)])
-    options = {"params": [1.0, 0.0, 0.0, 1.0, 1.0], **OPTIONS}
+    options = {"params": [[1.0, 0.0, 0.0, 1.0, 1.0]] * len(y0), **OPTIONS}
     here = solve_batch(point(push), (0.0, 2.0), y0, lanes=True, **options)
     plain = solve_batch(point(push), (0.0, 2.0), y0, lanes=False, **options)
     assert here.lanes.all()

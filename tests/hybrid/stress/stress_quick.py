@@ -311,7 +311,7 @@ def fall_field(t, y, mode, params, dy):
 
 @guards
 def table_guard(t, y, dy, mode, params, h, hdot):
-    _, a, w, phase = params
+    a, w, phase = params[1], params[2], params[3]
     h[0], hdot[0] = a * np.sin(w * t + phase) - y[0], a * w * np.cos(w * t + phase) - dy[0]
 
 
