@@ -62,26 +62,38 @@ def empty_cache(tmp_path, monkeypatch):
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
 
 
+def swing(t, y, mode, params, dy):
+    n = len(y)
+    for i in range(n):
+        dy[i] = np.sin(3.0 * y[(i + 1) % n]) - 0.3 * y[i] ** 3 + mode[1] * np.cos(5.0 * t)
+
+
+def switch(t, y, dy, mode, params, h, hdot):
+    h[0] = np.sin(4.0 * t) + 0.1 * y[0] - 0.05
+    hdot[0] = 4.0 * np.cos(4.0 * t) + 0.1 * dy[0]
+
+
+def flip(t, y, mode, params, guard, direction):
+    mode[1] = 1 - mode[1]
+    y[len(y) - 1] += 1e-3
+    return 0
+
+
+PARTS = {
+    compiled: tuple(
+        declare(one, compiled=compiled)
+        for declare, one in ((field, swing), (guards, switch), (on_event, flip))
+    )
+    for compiled in (True, False)
+}
+
+
 def ring(n, compiled=True):
-    """Return coupled oscillators in a ring, with a drive that the handler switches on and off."""
+    """Return coupled oscillators in a ring, with a drive that the handler switches on and off.
 
-    @field(compiled=compiled)
-    def swing(t, y, mode, params, dy):
-        for i in range(n):
-            dy[i] = np.sin(3.0 * y[(i + 1) % n]) - 0.3 * y[i] ** 3 + mode[1] * np.cos(5.0 * t)
-
-    @guards(compiled=compiled)
-    def switch(t, y, dy, mode, params, h, hdot):
-        h[0] = np.sin(4.0 * t) + 0.1 * y[0] - 0.05
-        hdot[0] = 4.0 * np.cos(4.0 * t) + 0.1 * dy[0]
-
-    @on_event(compiled=compiled)
-    def flip(t, y, mode, params, guard, direction):
-        mode[1] = 1 - mode[1]
-        y[n - 1] += 1e-3
-        return 0
-
-    return System(swing, switch, flip, n_states=n, guard_names=("switch",), n_extra_modes=1)
+    All sizes share their functions, which are compiled once.
+    """
+    return System(*PARTS[compiled], n_states=n, guard_names=("switch",), n_extra_modes=1)
 
 
 def outcome(system, method, **options):
