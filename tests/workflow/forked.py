@@ -6,6 +6,7 @@ code is written as a line to stdout. A script that it runs is a fork in turn, wh
 half second each.
 """
 
+import gc
 import json
 import os
 import runpy
@@ -15,6 +16,8 @@ import sys
 import traceback
 from importlib import import_module
 
+import PIL.Image
+from numba.core.registry import cpu_target
 from snakemake.benchmark import benchmarked
 from snakemake.cli import get_argument_parser
 from snakemake.script import PythonScript
@@ -22,8 +25,9 @@ from snakemake.script import PythonScript
 # Imports of Snakemake, its rules and the scripts at run time.
 LIBRARIES = (
     *("h5py", "jinja2", "jsonschema", "numba", "numpy", "pandas", "smart_open"),
-    *("matplotlib.backends.backend_svg", "matplotlib.figure"),
-    *("scipy.linalg", "scipy.optimize", "scipy.spatial", "scipy.special", "scipy.stats"),
+    *("matplotlib.backends.backend_svg", "matplotlib.figure", "matplotlib.style", "nbformat"),
+    *("scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.spatial", "scipy.special"),
+    *("scipy.stats", "sklearn.gaussian_process", "threadpoolctl"),
 )
 TIMEOUT_S = 1200
 
@@ -66,6 +70,11 @@ def _code_of(file):
 get_argument_parser()  # also imports the plugins
 for library in LIBRARIES:
     import_module(library)
+# What Numba and Pillow load only at their first use.
+cpu_target.typing_context.refresh()
+cpu_target.target_context.refresh()
+PIL.Image.init()
+gc.freeze()  # no fork searches, and thereby copies, all these modules for garbage
 PythonScript.execute_script = execute_script
 folder, environment, arguments, files = serve()
 signal.alarm(TIMEOUT_S)
