@@ -30,14 +30,20 @@ def study(sample_path):
     return hd.analyse(recording, progress=told.append), told
 
 
+@pytest.fixture(scope="module")
+def short_study(sample_path):
+    """Return a study of 40 s of the sample."""
+    return hd.study(read_recording(sample_path).part(slice(4_000)))
+
+
 @pytest.mark.parametrize("size", [1 / 256, 1 / 16, 4.0])
-def test_what_is_found_does_not_depend_on_the_size_of_the_animal(sample_path, size):
-    seen = read_recording(sample_path).part(slice(4_000))
+def test_what_is_found_does_not_depend_on_the_size_of_the_animal(short_study, size):
+    one, seen = short_study, short_study.imported[0]
     root = np.sqrt(size)
     copy = {"time": root * seen.time, "positions": size * seen.positions}
     copy = replace(seen, **copy, rate_hz=seen.rate_hz / root)
     assert (seen.scale, copy.scale) == (1.0, size)
-    one, other = hd.study(seen), hd.study(copy)
+    other = hd.study(copy)
     np.testing.assert_allclose(other.floors["hopper"].moved_m, one.floors["hopper"].moved_m)
     table, same = other.touchdowns, one.touchdowns
     assert (~same["excluded"]).sum() > 30
@@ -240,7 +246,7 @@ def test_steps_one_by_one_compute_no_more_than_they_need(sample_path):
     with pytest.raises(hd.HopdataError, match="frames: expected a slice"):
         whole.part(slice(None, None, -1))
     assert whole.part(slice(0, 100, 2)).rate_hz == whole.rate_hz / 2
-    recording = whole.part(slice(12_000))
+    recording = whole.part(slice(4_000))
     study = hd.study(recording, progress=told.append)
     assert "no verdict yet" in repr(study)
     assert study.read()[0] is recording

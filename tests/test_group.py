@@ -198,7 +198,7 @@ def test_too_few_answers_are_no_answer(rows):
 @pytest.mark.workflow
 def test_a_group_runs_to_its_page(tmp_path):
     """One subject's file is missing and another's is not a recording: the others have answers."""
-    sample = part_of_sample(tmp_path / "hopper.h5", 400)
+    sample = part_of_sample(tmp_path / "hopper.h5", 150)
     (tmp_path / "broken.h5").write_bytes(b"no recording")
     table = f"subject\tfile\tkind\nanna\t{sample}\thopper\nben\tgone.h5\t\ncara\tbroken.h5\t\n"
     (tmp_path / "samples.tsv").write_text(table)

@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from checkouts import ROOT, part_of_sample
 from made_up_files import export
 from made_up_hopper import MARKERS, hopping, with_spike
 from made_up_jumps import STYLES, jumping
@@ -23,11 +24,10 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_sample_gets_the_roles_of_its_own_configuration(sample_path, folder, capsys):
-    root = sample_path.parents[2]
-    assert main(["init", str(sample_path)]) == 0
+def test_the_sample_gets_the_roles_of_its_own_configuration(folder, capsys):
+    assert main(["init", str(part_of_sample(folder / "hopper.h5", 200))]) == 0
     drafted = load_config("config/hopper.yaml")
-    bundled = load_config(root / "config/config.yaml", check_files=False)
+    bundled = load_config(ROOT / "config/config.yaml", check_files=False)
     assert drafted["markers"] == bundled["markers"]
     assert drafted["home"] == bundled["home"]
     changed = {key for key in bundled if drafted[key] != bundled[key]}

@@ -1,6 +1,7 @@
 import jumps as jumps_of
 import numpy as np
 import pytest
+from checkouts import ROOT, part_of_sample
 from made_up_hopper import MARKERS, hopping, with_gap, with_spike, with_swap
 from made_up_jumps import STYLES, jumping
 
@@ -221,12 +222,12 @@ def test_the_file_s_order_is_kept():
     assert found.other_feet == ()
 
 
-def test_the_sample_s_roles_are_those_of_its_configuration(sample_path):
+def test_the_sample_s_roles_are_those_of_its_configuration(tmp_path):
     from hopdata.config.loading import load_config
     from hopdata.recordings.readers.formats import read_raw
 
-    config = load_config(sample_path.parents[2] / "config/config.yaml", check_files=False)
-    found = guess_roles(inspect_recording(read_raw(sample_path)))
+    config = load_config(ROOT / "config/config.yaml", check_files=False)
+    found = guess_roles(inspect_recording(read_raw(part_of_sample(tmp_path / "part.h5", 200))))
     assert {k: list(getattr(found, k)) for k in ("body", "feet", "boom")} == config["markers"]
 
 
