@@ -7,7 +7,7 @@ the path densely and bracketing.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
@@ -111,11 +111,18 @@ def quick(affine_too: bool = False) -> System:
 def place(params: np.ndarray, y0: np.ndarray, t: float) -> tuple[float, ...]:
     """Return u, v and their rates at one or many times, with the start at 0."""
     fall, growth, turn = params[:FIXED]
-    c = np.exp(growth * t) * (y0[2] * np.cos(turn * t) - y0[3] * np.sin(turn * t))
-    s = np.exp(growth * t) * (y0[3] * np.cos(turn * t) + y0[2] * np.sin(turn * t))
+    grown, cosine, sine = np.exp(growth * t), np.cos(turn * t), np.sin(turn * t)
+    c, s = grown * (y0[2] * cosine - y0[3] * sine), grown * (y0[3] * cosine + y0[2] * sine)
     v = y0[1] - fall * t
     u = y0[0] + y0[1] * t - 0.5 * fall * t * t + c
     return u, v, v + growth * c - turn * s, -fall + 0.0 * t
+
+
+@lru_cache(1)
+def path(fixed: tuple[float, ...], y0: tuple[float, ...], end: float) -> tuple[np.ndarray, ...]:
+    """Return times, u and v along the whole path, which all guards and shifts have in common."""
+    t = np.linspace(0.0, end, SAMPLES + 1)
+    return t, *place(np.array(fixed), np.array(y0), t)[:2]
 
 
 @kept_njit()
@@ -134,8 +141,7 @@ def crossings(
     The result is None if the guard turns near its surface.
     """
     q = params[FIXED + k * WIDTH : FIXED + (k + 1) * WIDTH]
-    t = np.linspace(0.0, end, SAMPLES + 1)
-    u, v, _, _ = place(params, y0, t)
+    t, u, v = path(tuple(params[:FIXED]), tuple(y0), end)
     h = sampled(q, t, u + off, v, after_from)
 
     def at(instant: float) -> float:
@@ -299,6 +305,16 @@ def quick_member(family: str, rng: np.random.Generator, rtol: float) -> Case:
             answer = Expected(tuple(events), y_end, off, state_off + 1e-9)
             options = {"params": params, "rtol": rtol, "atol": 1e-3 * rtol}
             return Case(family, f"{rtol:g}", quick(), (0.0, end), y0, (answer,), options)
+
+
+MEMBERS = 6  # per family and tolerance; `benchmarks/stress.py` takes 200
+
+
+@cache
+def members(family: str, rtol: float) -> list[Case]:
+    """Return the members of a family that several tests share."""
+    rng = np.random.default_rng([RTOLS.index(rtol), *map(ord, family)])
+    return [quick_member(family, rng, rtol) for _ in range(MEMBERS)]
 
 
 # params: restitution, amplitude, angular rate, phase of the table

@@ -9,10 +9,12 @@ import pytest
 from stress_case import judge, turned_back
 from stress_quick import (
     FAMILIES,
+    MEMBERS,
     METHODS,
     RTOLS,
     ball_on_table,
     bounces,
+    members,
     quick,
     quick_member,
     table_member,
@@ -21,15 +23,11 @@ from stress_quick import (
 from hopdata.hybrid import System, field, guards, solve, solve_batch
 from hopdata.hybrid.layout import RATE_DIFFERS, ZENO
 
-MEMBERS = 6  # per family and tolerance; `benchmarks/stress.py` takes 200
-
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_contact_of_a_family_is_missed(family):
-    for number, rtol in enumerate(RTOLS):
-        rng = np.random.default_rng([number, *map(ord, family)])
-        for _ in range(MEMBERS):
-            case = quick_member(family, rng, rtol)
+    for rtol in RTOLS:
+        for case in members(family, rtol):
             for method in METHODS:
                 options = {**case.options, "method": method}
                 verdict = judge(replace(case, system=quick(method == "taylor"), options=options))
@@ -38,10 +36,8 @@ def test_no_contact_of_a_family_is_missed(family):
 
 @pytest.mark.parametrize("family", [one for one in FAMILIES if one != "after an event"])
 def test_no_contact_of_a_family_is_missed_on_the_way_back(family):
-    for number, rtol in enumerate(RTOLS):
-        rng = np.random.default_rng([number, *map(ord, family)])
-        for method in METHODS:
-            case = quick_member(family, rng, rtol)
+    for rtol in RTOLS:
+        for method, case in zip(METHODS, members(family, rtol), strict=False):
             options = {**case.options, "method": method}
             case = replace(case, system=quick(method == "taylor"), options=options)
             assert judge(turned_back(case)).right, case
