@@ -7,6 +7,8 @@ drawn with sums, products and roots alone, which all processors round alike.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from stress_case import EPS, Case, Expected
 from stress_reference import (
@@ -116,6 +118,7 @@ def affine_answer(system: Piecewise, y0: np.ndarray, rtol: float) -> Expected:
     )  # fmt: skip
 
 
+@cache
 def random_case(seed: int, *, affine: bool) -> Case:
     """Return the case of a seed."""
     system, y0, gap = random_system(seed, affine=affine)

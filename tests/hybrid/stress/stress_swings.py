@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from stress_case import Case, Expected
 from stress_systems import swinging
 
-END, GRID = 3.0, 6000
+END, GRID, BLOCK = 3.0, 6000, 100
 RTOL, ATOL = 1e-9, 1e-11
 NEAREST, FARTHEST = 1e-3, 0.3  # of the guard's range: from its surface to the turning point
 CLEAR = 3e-4  # of that range: the grid cannot resolve levels closer to a turning point
@@ -84,11 +84,14 @@ def flow(swing: Swing, span: float) -> np.ndarray:
 
 
 def path(swing: Swing) -> np.ndarray:
-    """Return (y, 1) at GRID + 1 instants."""
+    """Return (y, 1) at GRID + 1 instants: those of a block, advanced block by block."""
     on, rows = flow(swing, END / GRID), [np.append(swing.start, 1.0)]
-    for _ in range(GRID):
+    while len(rows) < BLOCK:
         rows.append(on @ rows[-1])
-    return np.array(rows)
+    far, blocks = flow(swing, BLOCK * END / GRID).T, [np.array(rows)]
+    while len(blocks) <= GRID // BLOCK:
+        blocks.append(blocks[-1] @ far)
+    return np.concatenate(blocks)[: GRID + 1]
 
 
 def crossing_time(swing: Swing, state: np.ndarray, level: float) -> float:
