@@ -187,7 +187,7 @@ def body_shape(positions: FloatArray) -> FloatArray:
         if np.abs(shape - before).max() <= _SETTLED * np.abs(shape).max():
             break
     widths = np.linalg.svd(shape, compute_uv=False)
-    if widths[1] < _LEAST_BODY_WIDTH * widths[0]:
+    if widths[1] <= _LEAST_BODY_WIDTH * widths[0]:
         raise AnalysisError("rigid body: expected body markers that are not on one line")
     return shape
 

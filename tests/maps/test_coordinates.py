@@ -97,6 +97,7 @@ def test_the_shape_is_found_from_noisy_attitudes():
     ("shape", "words"),
     [
         (np.outer([-0.1, 0.03, 0.07], [1.0, 2.0, 0.5]), "not on one line"),
+        (np.zeros((3, 3)), "not on one line"),
         (SHAPE[:2] - SHAPE[:2].mean(axis=0), "at least 3 body markers are needed, found 2"),
     ],
 )
