@@ -196,7 +196,8 @@ STATES = np.zeros((20, 18))
             lambda: hd.judge(STATES, STATES, STATES, seed=1, power="80 %"),
             "power: .* between .* 80 %",
         ),
-        (lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=None), "margin: .* above 0"),
+        (lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=None), r"margin: .* \(0, 1\]"),
+        (lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=20), r"margin: .* found 20"),
         (lambda: hd.judge(STATES, STATES, STATES, seed=None), "seed: .* whole number, 0 or more"),
         (
             lambda: hd.judge(STATES, STATES, STATES, seed=1, flips=9),

@@ -182,7 +182,7 @@ def judge(
         raise AnalysisError(told + ", ".join(map(str, shapes)))
     for key, share in (("confidence", confidence), ("power", power)):
         require(isinstance(share, Real) and 0 < share < 1, key, "a number between 0 and 1", share)
-    require(isinstance(margin, Real) and margin > 0, "margin", "a number above 0", margin)
+    require(isinstance(margin, Real) and 0 < margin <= 1, "margin", "a number in (0, 1]", margin)
     # With fewer flips no p-value could be small enough.
     for key, whole, least in (("seed", seed, 0), ("flips", flips, ceil(1 / (1 - confidence)))):
         fits = isinstance(whole, Integral) and whole >= least
