@@ -236,6 +236,7 @@ def test_an_exception_of_python_is_raised_unchanged(place):
         ({"workers": "two"}, "workers: expected a number"),
         ({"workers": 1.5}, "workers: expected a whole number"),
         ({"jacobian": "yes"}, "jacobian: expected True or False"),
+        ({"lanes": "yes"}, "lanes: expected True or False"),
         ({"jacobian": True, "method": "rosenbrock"}, "jacobian"),
     ],
 )

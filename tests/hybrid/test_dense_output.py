@@ -84,8 +84,8 @@ def test_only_when_asked_for_and_only_within():
     with pytest.raises(ValueError, match="dense_output=True"):
         plain(0.5)
     dense = solve(ladder(1), (0, 1), [0.0, 0.0], params=(5.0, 1.0), dense_output=True)
-    for wrong in (-0.1, 1.1, np.nan, [0.5, 2.0]):
-        with pytest.raises(ValueError, match="times within"):
+    for wrong, told in ((-0.1, "-0.1"), (1.1, "1.1"), (np.nan, "nan"), ([0.5, 2.0], "2.")):
+        with pytest.raises(ValueError, match=rf"times within \(0.0, 1.0\), found \[ *{told}\]"):
             dense(wrong)
     with pytest.raises(ValueError, match="side"):
         dense(0.5, side="above")

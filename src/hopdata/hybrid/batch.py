@@ -259,7 +259,7 @@ def solve_batch(
     times = np.empty(0) if t_eval is None else arguments.check_times(t_eval, *options[:2])
     room = _Room(len(states), system, len(times), jacobian)
     left, reason = np.arange(len(states)), "they were not requested"
-    if lanes if lanes is not None else len(states) >= LARGE:
+    if len(states) >= LARGE if lanes is None else arguments.check_flag("lanes", lanes):
         from hopdata.hybrid.lanes.batch import lane_runner
         from hopdata.hybrid.lanes.step import GIVEN_UP
 

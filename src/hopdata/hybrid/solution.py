@@ -192,11 +192,11 @@ class Solution(Told):
         if self.dense is None:
             raise ValueError("solution(t): expected solve(..., dense_output=True)")
         expect(side in ("left", "right"), "side", "'left' or 'right'", repr(side))
-        knots, before, after, steps = self._pieces
-        times = self.form.way * np.asarray(t, dtype=np.float64)
-        inside, ends = (times >= knots[0]) & (times <= knots[-1]), self.form.way * knots[[0, -1]]
-        expect(inside.all(), "t", f"times within {tuple(ends.tolist())}", times * self.form.way)
-        at_knots = before if (side == "left") == (self.form.way > 0.0) else after
+        way, (knots, before, after, steps) = self.form.way, self._pieces
+        times = way * np.asarray(t, dtype=np.float64)
+        outside, ends = ~((times >= knots[0]) & (times <= knots[-1])), way * knots[[0, -1]]
+        expect(not outside.any(), "t", f"times within {tuple(ends.tolist())}", way * times[outside])
+        at_knots = before if (side == "left") == (way > 0.0) else after
         place = np.searchsorted(knots, times.ravel())
         states = at_knots[place]
         inside = knots[place] != times.ravel()
