@@ -1,6 +1,11 @@
+from dataclasses import make_dataclass
 from pathlib import Path
 
+import pytest
+
+from hopdata.config import schema as schemas
 from hopdata.config.schema import configuration_page, load_schema
+from hopdata.errors import ConfigError
 
 PAGE = Path(__file__).parents[2] / "docs/configuration.md"
 
@@ -35,3 +40,10 @@ def test_a_new_key_appears_by_itself():
     page = configuration_page({"description": "", "properties": {"part": section}, "required": []})
     assert "## `part`\n\nA section.\n" in page
     assert "| `new_key` | Of note \\| and bar. |  | `3` | a whole number at most 9 |" in page
+
+
+def test_a_scene_with_a_parameter_without_a_default_is_named_with_it(monkeypatch):
+    bare = make_dataclass("Bare", [("mass_kg", float), ("legs", int, 2)])
+    monkeypatch.setattr(schemas, "scene_class", lambda _name: bare)
+    with pytest.raises(ConfigError, match=r"scene bare: .* default .*, found mass_kg$"):
+        load_schema("bare")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import yaml
 
-from hopdata.errors import did_you_mean
+from hopdata.errors import did_you_mean, require
 from hopdata.scenes import SCENES, STANDARD, scene_class
 
 if TYPE_CHECKING:
@@ -58,17 +58,17 @@ def _take_choices(schema: dict[str, Any]) -> None:
 def _scene_block(name: str) -> dict[str, Any]:
     """Return the schema of a scene's parameters, as declared by its dataclass."""
     kind = scene_class(name)
+    bare = [one.name for one in fields(kind) if type(one.default) not in _KINDS]
+    require(not bare, f"scene {name}", "a number as default of each parameter", ", ".join(bare))
     keys = {
         one.name: {"type": _KINDS[type(one.default)], "default": one.default, **one.metadata}
         for one in fields(kind)
     }
+    description = " ".join(str(kind.__doc__).split("\n\n")[0].split())
     return {
-        "description": " ".join(str(kind.__doc__).split("\n\n")[0].split()),
-        "type": "object",
-        "additionalProperties": False,
-        "default": {},
-        "properties": keys,
-    }
+        "description": description, "type": "object", "additionalProperties": False,
+        "default": {}, "properties": keys,
+    }  # fmt: skip
 
 
 _KINDS = {int: "integer", float: "number"}
