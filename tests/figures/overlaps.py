@@ -15,9 +15,8 @@ from hopdata.figures.style import style_context
 def text_faults(figure: Figure) -> list[str]:
     """Return pairs of visible texts that overlap by over a pixel, and texts cut by the edge."""
     with style_context():
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        renderer = canvas.get_renderer()
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        figure.draw_without_rendering()
         hidden = _undrawn(figure)
         texts = [
             (text.get_text().replace("\n", " "), text.get_window_extent(renderer))
