@@ -34,6 +34,8 @@ from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 
 pytestmark = pytest.mark.workflow
 
+SVG = {"figures": {"formats": ["svg"]}}
+
 
 @pytest.fixture(scope="module")
 def sample(tmp_path_factory):
@@ -154,7 +156,8 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
     target = sample / "data" / "external"
     target.mkdir(parents=True, exist_ok=True)
     shutil.copy(external_recording, target)
-    completed(sample, "--configfile", "config/runner.yaml")
+    svg = edit_config(sample, lambda config: config.update(SVG), source="config/runner.yaml")
+    completed(sample, "--configfile", svg)
     results = sample / "results" / "runner"
     table = pd.read_csv(results / "tables" / "touchdowns.csv")
     assert 25 <= (~table["excluded"]).sum() <= 45
