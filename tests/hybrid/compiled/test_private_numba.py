@@ -23,7 +23,9 @@ MAY = {"hybrid/compiled/memory.py", "hybrid/compiled/linking.py", "hybrid/lanes/
 def private_names():
     """Return (file, module, name) of each import of a private name."""
     for path in sorted(LIBRARY.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
+        text = path.read_text()
+        named = "numba" in text or "llvmlite" in text  # parsing all files would take a second
+        for node in ast.walk(ast.parse(text)) if named else ():
             if isinstance(node, ast.ImportFrom) and node.module:
                 modules = [(node.module, one.name) for one in node.names]
             elif isinstance(node, ast.Import):
