@@ -70,7 +70,7 @@ def test_judge_works_with_one_thread_and_gives_the_others_back(monkeypatch):
         seen.append(blas_threads())
         raise AnalysisError("seen enough")
 
-    monkeypatch.setattr(sys.modules["hopdata.maps.verdict.judge"], "section_landings", look)
+    monkeypatch.setattr(sys.modules["hopdata.maps.verdict.inputs"], "section_landings", look)
     with threadpool_limits(2, user_api="blas"):
         judge([[0.0] * 6], [[0.0] * 6], [[0.0, 0.0]], seed=1)
         assert blas_threads() == {2}
