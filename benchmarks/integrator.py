@@ -425,7 +425,7 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
             low, median, high = np.percentile(times[name], [25, 50, 75])
             row = (case.name, name, tolerance, float(np.abs(end - case.exact).max()))
             ratio = 1e3 * median / (part[FIELD] * evaluations)
-            step, count = part.get(name, np.nan), TABLEAUS[name].evaluations if name in part else 1
+            step, count = part.get(name, np.nan), len(TABLEAUS[name].weights) if name in part else 1
             timed = (median, low, high, evaluations, part[FIELD], ratio, empty_us)
             timed += (step, step / (part[FIELD] * count))
             timed += (1e3 * median / (step * evaluations / count),)
