@@ -42,8 +42,9 @@ _FLAT = 1e-9  # relative rounding limit
 _SAME = 6  # decimals in which copies of a landing agree
 #: Coordinates whose sd is below this fraction of the median sd count as constant.
 _CONSTANT = 1e-3
-#: Two feet whose instants vary relative to each other by less, in spreads, touch down as one.
-_AS_ONE = 1e-6
+#: Two feet whose instants vary relative to each other by less, in spreads, touch down as one. For a
+#: copied marker it is 0.003, since the fits of two feet differ.
+_AS_ONE = 0.01
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def far_off(landings: SectionLandings) -> int:
 
 def feet_as_one(landings: SectionLandings) -> bool:
     """Return whether two feet are always the same time apart, as those of copied markers are."""
-    return any(np.ptp(a - b) < _AS_ONE for a, b in combinations(landings.expected.T, 2))
+    return any(np.std(a - b) < _AS_ONE for a, b in combinations(landings.expected.T, 2))
 
 
 def least_landings(feet: int) -> int:
