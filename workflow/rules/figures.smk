@@ -42,6 +42,7 @@ for kind in KINDS:
             f"{RESULTS}/logs/figures_{kind}.log",
         benchmark:
             f"{RESULTS}/benchmarks/figures_{kind}.tsv"
+        priority: 1  # longer than the other stages that only the page waits for
         resources:
             **needs(mb_a_mb=20, minutes=10),
         params:

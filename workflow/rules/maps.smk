@@ -153,7 +153,6 @@ rule score:
         f"{RESULTS}/logs/score.log",
     benchmark:
         f"{RESULTS}/benchmarks/score.tsv"
-    priority: 1  # more waits for it than for a figure
     resources:
         **needs(mb_a_mb=20, minutes=10),
     params:
