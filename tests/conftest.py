@@ -1,5 +1,6 @@
 """Recordings for the tests: the bundled sample, and real ones that are not in git."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -14,6 +15,17 @@ for library in ("OPENBLAS", "MKL"):
 def pytest_collection_modifyitems(items):
     """Start with whole studies, so that the longest files are not the last in one process."""
     items.sort(key=lambda item: item.get_closest_marker("workflow") is None)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Look for garbage less often, and never in the modules that are imported."""
+    gc.disable()
+    found = yield
+    gc.freeze()
+    gc.set_threshold(10_000, 20)
+    gc.enable()
+    return found
 
 
 ROOT = Path(__file__).parents[1]
