@@ -248,7 +248,7 @@ def effect_size(
     def drawn(true: float) -> FloatArray:
         """Return draws of T for kinks of this size along those found."""
         share = min(1.0, true / size)
-        errors = (1.0 - share) * null + share * full
+        errors = full if share == 1.0 else (1.0 - share) * null + share * full
         return np.asarray(((errors + true * along) ** 2).sum(axis=1))
 
     def below(least: float, share: float) -> float:
