@@ -317,13 +317,13 @@ def extent(positions: FloatArray) -> float:
     float
         In the unit of `positions`; NaN if no frame shows two markers.
     """
-    frames = sampled(positions)
-    frames = frames[(~np.isnan(frames).any(axis=2)).sum(axis=1) >= 2]
-    if not len(frames):
+    frames = np.ascontiguousarray(sampled(positions).T)  # (3, M, N): NumPy is slow along short axes
+    seen = (~np.isnan(frames).any(axis=0)).sum(axis=0) >= 2
+    if not seen.any():
         return float("nan")
-    span = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
+    span = (np.fmax.reduce(frames, axis=1) - np.fmin.reduce(frames, axis=1))[:, seen]
     with np.errstate(over="ignore"):  # an absurd size may be infinite
-        return float(np.median(np.sqrt((span**2).sum(axis=1))))
+        return float(np.median(np.sqrt((span**2).sum(axis=0))))
 
 
 def scale_of(positions: FloatArray) -> float:

@@ -108,11 +108,10 @@ def _shares(measured: FloatArray, metres: float) -> dict[str, float]:
     One share per direction, for a unit that is `metres` long. With g in that unit, ``|a - g|² < (c
     g)²`` is tested as ``|a|² - 2 a·g < (c² - 1) g²``, so that squares are formed only once.
     """
-    known = np.asarray(np.isfinite(measured).all(axis=2))
+    squares: FloatArray = np.einsum("kmi,kmi->km", measured, measured)
+    known = np.asarray(np.isfinite(squares))
     seen = known.any(axis=0)
     counts = known.sum(axis=0)[seen]
-    measured = np.where(known[..., np.newaxis], measured, np.nan)
-    squares: FloatArray = np.einsum("kmi,kmi->km", measured, measured)
     shares, gravity = {}, GRAVITY_M_S2 / metres
     for up in DIRECTIONS:
         pulled = 2 * gravity * along(measured, up)
