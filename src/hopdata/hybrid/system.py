@@ -173,7 +173,7 @@ class System(Told):
     def made(self) -> dict[Any, Any]:
         """Cache of objects made for this system, keyed by their kind and choices.
 
-        It holds method tables, machine code that integrates many systems at a time (see
+        It holds method tables, machine code of the functions for many systems at a time (see
         `lanes.batch`), and systems derived from this one (see `hybrid.derived`).
         """
         return {}

@@ -21,19 +21,19 @@ def driver_digest() -> str:
     return sources_digest(Path(__file__).parent.parent)
 
 
-def sources_digest(package: Path) -> str:
-    """Return a digest of the driver in a package: its folder and all modules it imports."""
+def sources_digest(package: Path, folder: str = "driver") -> str:
+    """Return a digest of a folder of a package and of all modules that it imports."""
     digest = hashlib.sha256()
-    for name, source in sorted(driver_sources(package).items()):
+    for name, source in sorted(driver_sources(package, folder).items()):
         digest.update(name.encode())
         digest.update(source)
     return digest.hexdigest()[:DIGITS]
 
 
-def driver_sources(package: Path) -> dict[str, bytes]:
-    """Return the sources of the driver by their paths within the package."""
+def driver_sources(package: Path, folder: str = "driver") -> dict[str, bytes]:
+    """Return the sources of the driver, or of another folder, by their paths in the package."""
     found: dict[str, bytes] = {}
-    waiting = [f"driver/{path.name}" for path in (package / "driver").glob("*.py")]
+    waiting = [f"{folder}/{path.name}" for path in (package / folder).glob("*.py")]
     while waiting:
         name = waiting.pop()
         if name in found or name in NOT_IN_CODE or not (package / name).is_file():

@@ -259,7 +259,8 @@ def _item(context: Any, builder: Any, kind: Record, address: Any, name: str) -> 
         return builder.bitcast(value, context.get_value_type(item))
     if item == types.boolean:
         return builder.icmp_unsigned("!=", value, value.type(0))
-    return value
+    native = context.get_value_type(item)
+    return builder.inttoptr(value, native) if isinstance(native, ir.PointerType) else value
 
 
 def reader(
@@ -279,12 +280,16 @@ def reader(
     """
     places = {**slots, **{name.upper(): slot for name, slot in others.items()}}
     items = {k: (KINDS[hint], int(places[k.upper()])) for k, hint in get_type_hints(kind).items()}
-    record = Record(kind.__name__, items)
+    return reader_of(Record(kind.__name__, items))
+
+
+def reader_of(record: Record) -> Any:
+    """Return a function for compiled code that reads a record from a desk."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0]).data
 
-    return built(1, lambda desk: (record(desk), generate))  # type: ignore[no-any-return]
+    return built(1, lambda desk: (record(desk), generate))
 
 
 # Calls of machine code by address, and the conversion of views to its arguments.

@@ -1,50 +1,32 @@
-"""The loop in lanes for one system: whether it is possible, and its machine code."""
+"""Lanes for one system: whether they can integrate it, and the machine code of its functions."""
 
-import hashlib
 import re
 from collections.abc import Callable
+from ctypes import CFUNCTYPE, c_int64
 from functools import cache
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import NumbaError, njit, types
+from numba import NumbaError, cfunc, types
 
-from hopdata.arrays import FloatArray, IntArray
-from hopdata.code_cache import DIGITS, compiled_in_cache, function_digest
+from hopdata.arrays import IntArray
+from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
-from hopdata.hybrid.compiled.digest import driver_digest, with_digest
+from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
-from hopdata.hybrid.compiled.memory import row, view
-from hopdata.hybrid.lanes import method as written
+from hopdata.hybrid.compiled.memory import row
 from hopdata.hybrid.lanes import step as code
-from hopdata.hybrid.lanes.vectors import WIDTH, aligned, part
+from hopdata.hybrid.lanes.vectors import WIDTH, Rows, aligned, mask_of, part, where
 from hopdata.hybrid.methods.explicit import compose
 from hopdata.hybrid.methods.method import put_in
 from hopdata.hybrid.system import System
 
 MOST_GUARDS = 62  # their indices are bits of an integer
 MOST_READ = 12  # most integers of the mode: with more, lanes would seldom agree
-AIMS = 7
 BRANCH = "it branches on the state or the time: choose between values by np.where, min or max"
-_F, _I = types.float64, types.int64
-_INTS, _FLOATS = types.int64[:, ::1], types.float64[:, ::1]
-NATIVE = _I(
-    _I, _I, _FLOATS, _FLOATS, _INTS, _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1],
-    types.float64[::1], types.float64[::1], _I, _INTS, _FLOATS, _INTS, _INTS,
-    _F, _F, _F, _F, _F, _I, _I,
-)  # fmt: skip
-# The parts of the loop that depend on the system, each after the parts that it calls.
-PARTS = (
-    code.group, code.take_systems, code.settle, code.give_up, code.close, code.fire,
-    code.refresh, code.first_step, code.clipped, code.look, code.look_along, code.judge, code.cut,
-    code.land, code.sample, code.sample_again, code.leave,
-)  # fmt: skip
-STATE_ROWS = {"y": 1, "k": written.SLOPES, "inner": 1, "end": 1, "moved": 1, "work": 1, "other": 1,
-              "dense": 7}  # fmt: skip
 
 
 def reason_against(system: System, method: str, jacobian: bool) -> str:
@@ -85,17 +67,19 @@ def lane_runner(
     reason = reason_against(system, method, jacobian)
     if reason:
         return None, reason
-    key = LaneCode, arrays[1].shape[1], len(arrays[1]) > 1 or system.n_memory > 0
+    params = arrays[1]
+    key = lane_functions, params.shape[1], len(params) > 1 or system.n_memory > 0
     if key not in system.made:
-        system.made[key] = LaneCode(system, *key[1:])
-    code = system.made[key]
-    if code.run is None:
-        return None, code.reason
-    handler = 0 if system.on_event is None else system.on_event.address
+        system.made[key] = lane_functions(system, *key[1:])
+    functions, reason = system.made[key]
+    if reason:
+        return None, reason
+    integrate = CFUNCTYPE(c_int64, c_int64, c_int64, c_int64)(compiled_loop().address)
 
     def run(first: int, last: int) -> int:
+        desk, _kept = _desk(system, arrays, options, key[2], functions)
         with Caught() as caught:
-            code.run(first, last, *arrays, handler, system.rules, *code.room(), *options)
+            integrate(first, last, desk.ctypes.data)
         if caught:
             raise caught[0]
         return last - first
@@ -103,8 +87,47 @@ def lane_runner(
     return run, ""
 
 
-class LaneCode:
-    """The machine code for one system.
+# The system's functions, compiled for lanes and called by their address.
+
+CALL: Any = None  # inserted, as are the following
+states = margins = params_of = CALL
+
+
+def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
+    """Evaluate the field for each group of lanes."""
+    other, params = states(r.other, 0), params_of(r)
+    CALL(t, y, row(r.modes, r.book[code.LEAD, 0]), params, dy)
+    for group in range(1, r.book[code.N_GROUPS, 0]):
+        CALL(t, y, row(r.modes, r.book[code.LEAD, group]), params, other)
+        mine = mask_of(r.book[code.MEMBERS, group])
+        for i in range(len(dy)):
+            dy[i] = where(mine, other[i], dy[i])
+
+
+def guards_of_groups(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
+    """Evaluate the guards for each group of lanes."""
+    other_h, other_rate, params = margins(r.other_h, 0), margins(r.other_rate, 0), params_of(r)
+    CALL(t, y, dy, row(r.modes, r.book[code.LEAD, 0]), params, h, rate)
+    for group in range(1, r.book[code.N_GROUPS, 0]):
+        CALL(t, y, dy, row(r.modes, r.book[code.LEAD, group]), params, other_h, other_rate)
+        mine = mask_of(r.book[code.MEMBERS, group])
+        for g in range(len(h)):
+            h[g] = where(mine, other_h[g], h[g])
+            rate[g] = where(mine, other_rate[g], rate[g])
+
+
+def guards_one_by_one(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
+    """Evaluate guards that are declared one by one."""
+    for g in range(len(h)):
+        CALL(t, y, dy, mode, params, g, h, rate)
+
+
+def no_guards(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
+    """Evaluate the guards of a system that has none."""
+
+
+def lane_functions(system: System, n_params: int, in_lanes: bool) -> tuple[list[Any], str]:
+    """Return the machine code of field and guards, and why there is none; empty if there is.
 
     Parameters
     ----------
@@ -114,70 +137,59 @@ class LaneCode:
         Number of its parameters, including the memory.
     in_lanes : bool
         Whether each lane has its own parameters.
-
-    Attributes
-    ----------
-    reason : str
-        Why there is no code; empty if there is.
     """
-
-    def __init__(self, system: System, n_params: int, in_lanes: bool) -> None:
-        self.reason, self.run, self._rows, self._n_modes = "", None, 0, system.n_modes
-        function = with_digest(code.run, **self._names(system, n_params, in_lanes))
-        digest = hashlib.sha256((function_digest(function) + _sources()).encode()).hexdigest()
-
-        def compile_it(cached: bool) -> Any:
-            return njit(NATIVE, cache=cached, nogil=True, **ENTRY)(function)
-
-        try:
-            self.run = compiled_in_cache(code.run, digest[:DIGITS], compile_it)
-        except NumbaError as error:
-            self.reason = _sentence(error)
-
-    def _names(self, system: System, n_params: int, in_lanes: bool) -> dict[str, Any]:
-        """Return the loop's names for properties of the system, with their values."""
-        n, n_guards = system.n_states, system.n_guards
-        names: dict[str, Any] = {
-            "N": n, "N_GUARDS": n_guards, "N_PARAMS": n_params, "PARAMS_IN_LANES": in_lanes,
-            "state": part(n), "READ": np.array(read_modes(system), dtype=np.int64),
-        }  # fmt: skip
-        lengths = {name: count * n for name, count in STATE_ROWS.items()} | {"aim": AIMS}
-        lengths |= dict.fromkeys(code.Room._fields[len(lengths) : -4], n_guards)
-        lengths["params"] = n_params if in_lanes else 0
-        starts = dict(zip(lengths, accumulate(lengths.values(), initial=0), strict=False))
-        self._rows = sum(lengths.values())
-        names |= {f"part_{name}": part(length) for name, length in lengths.items()}
-        names |= {"FIRST_LOCK": starts["lock"], "FIRST_PARAM": starts["params"]}
-        items = [f"part_{name}(table, {first})" for name, first in starts.items()]
-        items[-1] = items[-1] if in_lanes else "row(view(params), 0)"
-        known = {**names, "Room": code.Room, "row": row, "view": view}
-        body = [f"return Room({', '.join(items)}, view(table), view(modes), view(book))"]
-        names["room"] = put_in(compose("room", "table, params, modes, book", body, known))
-        names["FIELD"] = put_in(code.field_of_groups, CALL=system.field.dispatcher)
-        names["GUARDS"] = put_in(code.guards_of_groups, CALL=_guards_of(system))
-        known = {**vars(code), **names}
-        for name, arguments, lines in (
-            ("take_step", "t, h, rtol, atol, r", written.step_code()),
-            ("prepare", "t, h, r", written.dense_code()),
-        ):
-            names[name] = put_in(compose(name, arguments, lines, known))
-        for function in PARTS:
-            names[function.__name__] = put_in(function, **names)
-        return names
-
-    def room(self) -> tuple[FloatArray, IntArray, IntArray]:
-        """Return room for one thread: rows, modes and integers of the lanes."""
-        table = np.asarray(aligned(self._rows).reshape(self._rows, WIDTH))
-        modes = np.zeros((WIDTH, self._n_modes), dtype=np.int64)
-        return table, modes, np.zeros((code.BOOK_ROWS, WIDTH), dtype=np.int64)
+    n, n_guards, own = system.n_states, system.n_guards, f"part_{n_params}"
+    body, known = [f"return {own if in_lanes else 'row'}(r.params, 0)"], {own: part(n_params)}
+    params_of = put_in(compose("params_of", "r", body, {**known, "row": row}))
+    names = {"states": part(n), "margins": part(n_guards), "params_of": params_of}
+    field = with_digest(field_of_groups, **names, CALL=system.field.dispatcher)
+    guards = with_digest(guards_of_groups, **names, CALL=_guards_of(system))
+    natives = code.natives(Rows(n), Rows(n_guards))
+    try:
+        return list(map(_compiled, (field, guards), natives)), ""
+    except NumbaError as error:
+        return [], _sentence(error)
 
 
 def _guards_of(system: System) -> Any:
-    if system.guards is not None:
-        return system.guards.dispatcher
     if system.guard is not None:
-        return put_in(code.guards_one_by_one, CALL=system.guard.dispatcher)
-    return put_in(code.no_guards)
+        return put_in(guards_one_by_one, CALL=system.guard.dispatcher)
+    return put_in(no_guards) if system.guards is None else system.guards.dispatcher
+
+
+def _desk(
+    system: System, arrays: tuple[Any, ...], options: tuple[Any, ...], in_lanes: bool, made: Any,
+) -> tuple[IntArray, tuple[Any, ...]]:  # fmt: skip
+    """Return the desk of one thread (see `step.ITEMS`), and the arrays to which it points."""
+    n, n_guards, params = system.n_states, system.n_guards, arrays[1]
+    n_own, first = params.shape[1] * in_lanes, code.first_rows(n, n_guards)
+    table = np.asarray(aligned(first["params"] + n_own).reshape(-1, WIDTH))
+    own = table[first["params"] :] if in_lanes else params
+    modes = np.zeros((WIDTH, system.n_modes), dtype=np.int64)
+    book = np.zeros((code.BOOK_ROWS, WIDTH), dtype=np.int64)
+    read, rules = np.array(read_modes(system), dtype=np.int64), system.rules
+    handled = np.empty(n), np.empty_like(params[0])
+    views = table, table[first["lock"] :], own, *handled, modes, book, read, rules, *arrays
+    desk = [table[row:].ctypes.data for row in list(first.values())[:-1]]
+    desk += [number for array in views for number in (array.ctypes.data, array.shape[-1])]
+    handler = 0 if system.on_event is None else system.on_event.address
+    desk += np.array(options[:5]).view(np.int64).tolist()
+    desk += [*options[5:], n, n_guards, n_own, len(params), handler]
+    return np.array([*desk, *(one.address for one in made)], dtype=np.int64), views
+
+
+@cache
+def compiled_loop() -> Any:
+    """Return the machine code of the loop, which serves all systems."""
+    return _compiled(code.run, types.int64(types.int64, types.int64, types.int64))
+
+
+def _compiled(function: Any, native: Any) -> Any:
+    sources = sources_digest(Path(__file__).parents[1], "lanes")
+    digest = f"{function_digest(function)}-{sources}-{WIDTH}"
+    return compiled_in_cache(
+        function, digest, lambda kept: cfunc(native, cache=kept, **ENTRY)(function)
+    )
 
 
 def read_modes(system: System) -> tuple[int, ...]:
@@ -187,15 +199,6 @@ def read_modes(system: System) -> tuple[int, ...]:
         if one is not None:
             found |= set(one.elements_of("mode", system.n_modes))
     return tuple(sorted(found))
-
-
-@cache
-def _sources() -> str:
-    """Return a digest of the sources of the loop."""
-    digest = hashlib.sha256(driver_digest().encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
-    return f"{digest.hexdigest()} {WIDTH}"
 
 
 def _sentence(error: NumbaError) -> str:

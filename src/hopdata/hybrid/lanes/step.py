@@ -2,7 +2,8 @@
 
 Each lane has its own time, step and mode; when one ends, the lane takes the next system. All
 operations apply to all lanes, and a mask selects the results that are kept, so no lane depends on
-the others. The field is called once for each group of lanes whose modes are the same to it.
+the others. The loop serves all systems: it calls field and guards by their address, once for each
+group of lanes whose modes are the same to them.
 
 Guards are judged by value and rate at both ends of a step and at a stage inside, whose state is of
 fifth order; these three places show the error of a cubic. Where they do not determine what a guard
@@ -13,20 +14,22 @@ A system for which this fails (guards that graze or slide, vanishing steps, infi
 given up and left to the driver.
 """
 
-from collections import namedtuple
+from itertools import accumulate
 from math import inf
 from typing import Any
 
-import numpy as np
+from numba import types
 
-from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import ON_EVENT, caller, copy, kernel
-from hopdata.hybrid.compiled.memory import row
+from hopdata.hybrid.compiled.kernel import FLOATS, ON_EVENT, TABLE, caller, copy, kernel
+from hopdata.hybrid.compiled.memory import Record, View, int_vector, reader_of, row
 from hopdata.hybrid.driver import windows
 from hopdata.hybrid.driver.end_step import SPARED
 from hopdata.hybrid.driver.loop import END_STATE
+from hopdata.hybrid.driver.problem import ROUNDING
 from hopdata.hybrid.driver.watch import CLIP_MOST, OVERSHOOT
+from hopdata.hybrid.lanes import method as written
+from hopdata.hybrid.lanes import vectors
 from hopdata.hybrid.lanes.method import DENSE_ERROR, FURTHER, INSIDE, ORDER, PLACE, STAGES, TINY
 from hopdata.hybrid.lanes.vectors import (
     ALL,
@@ -44,13 +47,7 @@ from hopdata.hybrid.lanes.vectors import (
     where,
     with_lane,
 )
-
-# Properties of the system, inserted by `lanes.batch`.
-
-N = N_GUARDS = N_PARAMS = FIRST_PARAM = FIRST_LOCK = 0
-PARAMS_IN_LANES, READ = False, np.zeros(0, dtype=np.int64)  # READ: places of the mode that are read
-FIELD: Any = None
-GUARDS = CALL = state = room = take_step = prepare = FIELD
+from hopdata.hybrid.methods.explicit import compose
 
 # The interpolant, and the memory of the lanes.
 
@@ -58,8 +55,8 @@ GUARDS = CALL = state = room = take_step = prepare = FIELD
 @kernel
 def interpolate(theta: Any, r: Any) -> None:
     """Write the states at `theta` of the steps into `work`."""
-    count, rest = len(r.dense) // len(r.y), 1.0 - theta
-    for i in range(len(r.y)):
+    count, rest = written.DENSE, 1.0 - theta
+    for i in range(r.n):
         value = r.dense[count * i + count - 1]
         for q in range(count - 2, -1, -1):
             value = fma(rest if q % 2 == 0 else theta, value, r.dense[count * i + q])
@@ -80,44 +77,48 @@ BOOK_ROWS = 10
 # Guards: h0, rate0 at the start, h, rate inside, h1, rate1 at the end of the step; along, along1,
 # inside: rates along one direction, at the start, at the end and inside; size: largest recent
 # value, the scale of rounding; leaving: 1 where a guard is at its surface, on its new side; lock;
-# bend: change of the rate in the last step; other_h, other_rate: scratch. params; table: all rows,
-# by lane; modes: one row per lane; book: integers of each lane.
-Room = namedtuple(
-    "Room",
-    "y k inner end moved work other dense aim h0 rate0 h rate h1 rate1 along along1 size leaving "
-    "lock inside bend other_h other_rate params table modes book",
-)
+# bend: change of the rate in the last step; other_h, other_rate: scratch.
+#
+# By lane: table: all rows, from y on; locks; params, or one row that all share; modes: a row for
+# each; book. Of one lane, for the handler: own, own_params. read: places of the mode that are read;
+# rules: of the layout. The next are given to `solve_batch` or returned by it, as in `driver.loop`:
+# `given` are the parameters, and `mode` is the mode at the start. n_own: number of parameters of
+# each lane, 0 if shared; n_given: number of rows of `given`; handler, field, guards: addresses.
+STATES = {"y": 1, "k": written.SLOPES, "inner": 1, "end": 1, "moved": 1, "work": 1, "other": 1,
+          "dense": written.DENSE}  # fmt: skip
+GUARDS = "h0 rate0 h rate h1 rate1 along along1 size leaving lock inside bend other_h other_rate"
+ROWS, INTS = vectors.Rows(None), View(types.int64, 2)
+ITEMS = {
+    **dict.fromkeys((*STATES, "aim", *GUARDS.split()), ROWS),
+    **dict.fromkeys(("table", "locks", "params", "own", "own_params"), TABLE),
+    **dict.fromkeys(("modes", "book", "read", "rules"), INTS),
+    **{"y0": TABLE, "given": TABLE, "mode": INTS, "status": INTS, "ends": TABLE},
+    **{"end_modes": INTS, "counts": INTS, "samples": TABLE, "times": FLOATS, "atol": FLOATS},
+    **dict.fromkeys(("t_start", "t_end", "rtol", "max_step", "first_step"), types.float64),
+    **dict.fromkeys(("max_steps", "max_events", "n", "n_guards", "n_own", "n_given"), types.int64),
+    **dict.fromkeys(("handler", "field", "guards"), types.int64),
+}
+_SLOTS = accumulate((2 if isinstance(kind, View) else 1 for kind in ITEMS.values()), initial=0)
+ROOM = Record("Room", dict(zip(ITEMS, zip(ITEMS.values(), _SLOTS, strict=False), strict=True)))
+room, state = reader_of(ROOM), vectors.part(None)
 
 
-def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
-    """Evaluate the field for each group of lanes."""
-    CALL(t, y, row(r.modes, r.book[LEAD, 0]), r.params, dy)
-    for group in range(1, r.book[N_GROUPS, 0]):
-        CALL(t, y, row(r.modes, r.book[LEAD, group]), r.params, r.other)
-        mine = mask_of(r.book[MEMBERS, group])
-        for i in range(len(dy)):
-            dy[i] = where(mine, r.other[i], dy[i])
+def first_rows(n: int, n_guards: int) -> dict[str, int]:
+    """Return the first row of each part of the table; the parameters are the last part."""
+    lengths = {name: count * n for name, count in STATES.items()}
+    lengths |= {"aim": 7} | dict.fromkeys(GUARDS.split(), n_guards)
+    return dict(zip([*lengths, "params"], accumulate(lengths.values(), initial=0), strict=True))
 
 
-def guards_of_groups(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
-    """Evaluate the guards for each group of lanes."""
-    CALL(t, y, dy, row(r.modes, r.book[LEAD, 0]), r.params, h, rate)
-    for group in range(1, r.book[N_GROUPS, 0]):
-        CALL(t, y, dy, row(r.modes, r.book[LEAD, group]), r.params, r.other_h, r.other_rate)
-        mine = mask_of(r.book[MEMBERS, group])
-        for g in range(len(h)):
-            h[g] = where(mine, r.other_h[g], h[g])
-            rate[g] = where(mine, r.other_rate[g], rate[g])
+def natives(states: Any, margins: Any) -> tuple[Any, Any]:
+    """Return the signatures of field and guards, given the types of rows of states and guards."""
+    field = types.void(vectors.lanes, states, ROOM, states)
+    return field, types.void(vectors.lanes, states, states, ROOM, margins, margins)
 
 
-def guards_one_by_one(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
-    """Evaluate guards that are declared one by one."""
-    for g in range(len(h)):
-        CALL(t, y, dy, mode, params, g, h, rate)
-
-
-def no_guards(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
-    """Evaluate the guards of a system that has none."""
+call_field, call_guards = map(caller, natives(ROWS, ROWS))
+take_step = kernel(compose("take_step", "t, h, r", written.step_code(), globals()))
+prepare = kernel(compose("prepare", "t, h, r", written.dense_code(), globals()))
 
 
 @kernel
@@ -129,17 +130,18 @@ def mark(lanes: int, g: int, margin: Any, rate: Any, noise: Any, r: Any) -> int:
     return due
 
 
+@kernel
 def group(r: Any) -> None:
     """Group the lanes by the entries of the mode that are read."""
     left, count = ALL, 0
     for first in range(WIDTH):
         if left >> first & 1:
-            same = 0
-            for j in range(first, WIDTH):
-                alike = True
-                for i in READ:
-                    alike = alike and r.modes[j, i] == r.modes[first, i]
-                same |= (1 << j) & left if alike else 0
+            same = left
+            for q in range(r.read.width):
+                i, unlike = r.read[0, q], 0
+                for j in range(WIDTH):
+                    unlike |= 1 << j if r.modes[j, i] != r.modes[first, i] else 0
+                same &= ~unlike
             r.book[LEAD, count], r.book[MEMBERS, count] = first, same
             left, count = left & ~same, count + 1
     r.book[N_GROUPS, 0] = count
@@ -147,8 +149,6 @@ def group(r: Any) -> None:
 
 # The guards within a step.
 
-EPS = 2.0**-52
-ROUNDING = 4 * EPS  # rounding error of time, and of a guard relative to its largest recent value
 ITERATIONS, ROOT_TOLERANCE = 40, 1e-6  # fraction of a step: Newton's next change is negligible
 # Flips are predicted in a lane where they end this fraction of steps. A few guards seldom do, and
 # prediction would cost each step 5 %.
@@ -227,45 +227,44 @@ SAFETY, SHRINK_MOST, GROW_MOST = 0.8, 0.2, 6.0
 call_on_event = caller(ON_EVENT.native)
 
 
-def take_systems(
-    want: int, first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray,
-    times: FloatArray, samples: FloatArray, t_start: float, r: Any,
-) -> tuple[int, int]:  # fmt: skip
+@kernel
+def take_systems(want: int, first: int, last: int, r: Any) -> tuple[int, int]:
     """Give the next systems to these lanes; return the lanes that got one, and the next system."""
     started = 0
     for j in range(WIDTH):
         if want >> j & 1 == 0 or first == last:
             continue
-        for i in range(N):
-            r.table[i, j] = y0[first, i]
-        for i in range(N_PARAMS if PARAMS_IN_LANES else 0):
-            r.table[FIRST_PARAM + i, j] = params[first % len(params), i]
-        copy(modes[first % len(modes)], row(r.modes, j))
+        for i in range(r.n):
+            r.table[i, j] = r.y0[first, i]
+        for i in range(r.n_own):
+            r.params[i, j] = r.given[first % r.n_given, i]
+        copy(row(r.mode, 0), row(r.modes, j))
         r.book[INDEX, j], r.book[CULPRIT, j], r.book[STATUS, j] = first, -1, at.FINISHED
         r.book[EVENTS, j], r.book[SAMPLES, j], r.book[DUE, j], r.book[OPEN, j] = 0, 0, 0, 0
-        if len(times) > 0 and times[0] == t_start:
-            copy(y0[first], samples[first, 0])
+        if r.times.width > 0 and r.times[0] == r.t_start:
+            copy(row(r.y0, first), row(r.samples, first * r.times.width))
             r.book[SAMPLES, j] = 1
         first += 1
         started |= 1 << j
     return started, first
 
 
+@kernel
 def settle(started: int, t: Any, r: Any) -> int:
     """Decide open locks by the guards' sides; return the lanes with a guard on its surface.
 
     Such a lock stays open, because the guard's rate decides it.
     """
-    for i in range(N):
+    for i in range(r.n):
         r.work[i] = 0.0
     for j in range(WIDTH):
-        for g in range(N_GUARDS if started >> j & 1 else 0):
+        for g in range(r.n_guards if started >> j & 1 else 0):
             r.book[OPEN, j] |= 1 << g if r.modes[j, g] == 0 else 0
             r.modes[j, g] = -1 if r.modes[j, g] == 0 else r.modes[j, g]
     group(r)
-    GUARDS(t, r.y, r.work, r, r.h, r.rate)
+    call_guards(r.guards, t, r.y, r.work, r, r.h, r.rate)
     mine, open_ones = mask_of(started), 0
-    for g in range(N_GUARDS):
+    for g in range(r.n_guards):
         r.size[g] = where(mine, absolute(r.h[g]), r.size[g])
         above, level = bits(r.h[g] > 0.0), bits(r.h[g] == 0.0)
         for j in range(WIDTH):
@@ -274,92 +273,90 @@ def settle(started: int, t: Any, r: Any) -> int:
                     r.modes[j, g] = 1
                 if level >> j & 1 == 0:
                     r.book[OPEN, j] &= ~(1 << g)
-                r.table[FIRST_LOCK + g, j] = r.modes[j, g]
+                r.locks[g, j] = r.modes[j, g]
                 open_ones |= 1 << j if r.book[OPEN, j] != 0 else 0
     return open_ones
 
 
+@kernel
 def close(open_ones: int, r: Any) -> tuple[int, int]:
     """Decide the locks still open in these lanes by their guards' rates.
 
     Returns the lanes in which a lock has changed, and those with a rate of zero, to be given up.
     """
     changed = resting = 0
-    for g in range(N_GUARDS):
+    for g in range(r.n_guards):
         rising, still = bits(r.rate0[g] > 0.0), bits(r.rate0[g] == 0.0)
         for j in range(WIDTH):
             if open_ones >> j & 1 and r.book[OPEN, j] >> g & 1:
                 lock, resting = 1 if rising >> j & 1 else -1, resting | (still & 1 << j)
                 if lock != r.modes[j, g]:
-                    r.modes[j, g] = r.table[FIRST_LOCK + g, j] = lock
+                    r.modes[j, g] = r.locks[g, j] = lock
                     r.book[DUE, j], changed = 0, changed | 1 << j
     return changed, give_up(resting, r)
 
 
-def fire(
-    lanes: int, t: Any, handler: int, rules: IntArray, own: FloatArray, own_params: FloatArray,
-    most_events: int, r: Any,
-) -> int:  # fmt: skip
+@kernel
+def fire(lanes: int, t: Any, r: Any) -> int:
     """Flip the guards that are due in these lanes, and call the handler.
 
-    Rows of `own_params` are the parameters for the handler, and a copy of them. Returns the lanes
-    that end or are given up; a lane is given up if its handler changes parameters that all systems
-    share.
+    Returns the lanes that end or are given up; a lane is given up if its handler changes parameters
+    that all systems share.
     """
-    over = 0
+    over, own, own_params = 0, row(r.own, 0), row(r.own_params, 0)
     for j in range(WIDTH):
         if lanes >> j & 1 == 0:
             continue
         due, now = r.book[DUE, j], lane(t, j)
         r.book[DUE, j] = 0
-        for i in range(N):
+        for i in range(r.n if r.handler != 0 else 0):
             own[i] = r.table[i, j]
-        for i in range(N_PARAMS):
-            own_params[0, i] = r.table[FIRST_PARAM + i, j] if PARAMS_IN_LANES else own_params[1, i]
-        for g in range(N_GUARDS):
+        for i in range(len(own_params) if r.handler != 0 else 0):
+            own_params[i] = r.params[i, j] if r.n_own > 0 else r.params[0, i]
+        for g in range(r.n_guards):
             if due >> g & 1:
                 r.modes[j, g] = -r.modes[j, g]
-        for place in range(N_GUARDS):
-            g = place if rules[at.WAY, place] > 0 else N_GUARDS - 1 - place
+        for place in range(r.n_guards):
+            g = place if r.rules[at.WAY, place] > 0 else r.n_guards - 1 - place
             direction = r.modes[j, g]
-            wanted = rules[at.DIRECTION, g]
-            if due >> g & 1 == 0 or (wanted != 0 and wanted != direction):
+            if due >> g & 1 == 0 or r.rules[at.DIRECTION, g] * direction < 0:
                 continue
-            stop, mode = rules[at.TERMINAL, g], row(r.modes, j)
-            if handler != 0:
-                stop |= call_on_event(handler, now, own, mode, own_params[0], g, direction)
+            stop, mode = r.rules[at.TERMINAL, g], row(r.modes, j)
+            if r.handler != 0:
+                stop |= call_on_event(r.handler, now, own, mode, own_params, g, direction)
             r.book[EVENTS, j] += 1
             if stop != 0 or over >> j & 1 == 0:
                 r.book[CULPRIT, j] = g
             if stop != 0:
                 r.book[STATUS, j] = at.TERMINATED
                 over |= 1 << j
-        lost = r.book[EVENTS, j] >= most_events and over >> j & 1 == 0
-        for g in range(N_GUARDS):
-            r.table[FIRST_LOCK + g, j] = r.modes[j, g]
+        lost = r.book[EVENTS, j] >= r.max_events and over >> j & 1 == 0
+        for g in range(r.n_guards):
+            r.locks[g, j] = r.modes[j, g]
             lost |= r.modes[j, g] * r.modes[j, g] != 1
-        for i in range(N if handler != 0 else 0):
+        for i in range(r.n if r.handler != 0 else 0):
             r.table[i, j] = own[i]
-        for i in range(N_PARAMS if handler != 0 else 0):
-            if PARAMS_IN_LANES:
-                r.table[FIRST_PARAM + i, j] = own_params[0, i]
-            lost |= not PARAMS_IN_LANES and own_params[0, i] != own_params[1, i]
+        for i in range(len(own_params) if r.handler != 0 else 0):
+            if r.n_own > 0:
+                r.params[i, j] = own_params[i]
+            lost |= r.n_own == 0 and own_params[i] != r.params[0, i]
         if lost:
             r.book[STATUS, j] = GIVEN_UP
             over |= 1 << j
     return over
 
 
+@kernel
 def refresh(fresh: int, t: Any, r: Any) -> int:
     """Evaluate field and guards again in these lanes; return those with guards that are due."""
     group(r)
-    slope, mine = state(r.k, STAGES * N), mask_of(fresh)
-    FIELD(t, r.y, r, slope)
-    for i in range(N):
+    slope, mine = state(r.k, STAGES * r.n), mask_of(fresh)
+    call_field(r.field, t, r.y, r, slope)
+    for i in range(r.n):
         r.k[i] = where(mine, slope[i], r.k[i])
-    GUARDS(t, r.y, slope, r, r.h, r.rate)
+    call_guards(r.guards, t, r.y, slope, r, r.h, r.rate)
     resolution, flipping = resolution_of(t, spread(0.0)), 0
-    for g in range(N_GUARDS):
+    for g in range(r.n_guards):
         r.h0[g], r.rate0[g] = where(mine, r.h[g], r.h0[g]), where(mine, r.rate[g], r.rate0[g])
         margin, rate = r.lock[g] * r.h0[g], r.lock[g] * r.rate0[g]
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
@@ -368,32 +365,34 @@ def refresh(fresh: int, t: Any, r: Any) -> int:
     return flipping
 
 
-def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> Any:
+@kernel
+def first_step(t: Any, longest: Any, r: Any) -> Any:
     """Return a first step from two slopes (Hairer, Norsett, Wanner, section II.4)."""
-    slope = state(r.k, STAGES * N)
+    slope = state(r.k, STAGES * r.n)
     size = steep = bent = spread(0.0)
-    for i in range(N):
-        per = 1.0 / largest(fma(rtol, absolute(r.y[i]), atol[i]), TINY)
+    for i in range(r.n):
+        per = 1.0 / largest(fma(r.rtol, absolute(r.y[i]), r.atol[i]), TINY)
         size, steep = largest(absolute(r.y[i]) * per, size), largest(absolute(r.k[i]) * per, steep)
     trial = where((size > 0.0) & (steep > 0.0), 0.01 * size / steep, 1e-3 * longest)
     trial = least(trial, longest)
-    for i in range(N):
+    for i in range(r.n):
         r.work[i] = fma(trial, r.k[i], r.y[i])
-    FIELD(t + trial, r.work, r, slope)
-    for i in range(N):
-        per = 1.0 / (trial * largest(fma(rtol, absolute(r.y[i]), atol[i]), TINY))
+    call_field(r.field, t + trial, r.work, r, slope)
+    for i in range(r.n):
+        per = 1.0 / (trial * largest(fma(r.rtol, absolute(r.y[i]), r.atol[i]), TINY))
         bent = largest(absolute(slope[i] - r.k[i]) * per, bent)
     steepest = largest(largest(steep, bent), TINY)
     return least(least(100.0 * trial, rough_power(0.01 / steepest, 1.0 / ORDER)), longest)
 
 
+@kernel
 def clipped(t: Any, h: Any, before: Any, r: Any) -> Any:
     """Return the steps, or slightly more than the time to the first predicted flip.
 
     It is predicted from value, rate, and the rate's change in the last step, of length `before`.
     """
     shortest, per_s = CLIP_MOST * resolution_of(t, h), 1.0 / before
-    for g in range(N_GUARDS):
+    for g in range(r.n_guards):
         value, rate = largest(r.lock[g] * r.h0[g], 0.0), r.lock[g] * r.rate0[g]
         bend = r.lock[g] * r.bend[g] * per_s
         room = rate * rate - 2.0 * value * bend
@@ -403,21 +402,17 @@ def clipped(t: Any, h: Any, before: Any, r: Any) -> Any:
     return h
 
 
-def look(t: Any, h: Any, r: Any) -> None:
-    """Evaluate the guards inside and at the end of the steps."""
-    GUARDS(fma(PLACE, h, t), r.inner, state(r.k, INSIDE * N), r, r.h, r.rate)
-    GUARDS(t + h, r.end, state(r.k, STAGES * N), r, r.h1, r.rate1)
-
-
+@kernel
 def look_along(t: Any, h: Any, r: Any) -> None:
     """Evaluate the guards' rates along one direction at start, inside and end of the steps."""
-    for i in range(N):
+    for i in range(r.n):
         r.work[i] = windows.way(i)
-    GUARDS(t, r.y, r.work, r, r.other_h, r.along)
-    GUARDS(fma(PLACE, h, t), r.inner, r.work, r, r.other_h, r.inside)
-    GUARDS(t + h, r.end, r.work, r, r.other_h, r.along1)
+    call_guards(r.guards, t, r.y, r.work, r, r.other_h, r.along)
+    call_guards(r.guards, fma(PLACE, h, t), r.inner, r.work, r, r.other_h, r.inside)
+    call_guards(r.guards, t + h, r.end, r.work, r, r.other_h, r.along1)
 
 
+@kernel
 def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, Any, Any]:
     """Judge all guards in the steps that are `fine`.
 
@@ -429,7 +424,7 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
     unclear, far, touching, soonest = mask_of(0), mask_of(0), mask_of(0), spread(inf)
     r.aim[6], looked = 1.0, False
     resolution = resolution_of(t, h)
-    for g in range(len(r.h0)):
+    for g in range(r.n_guards):
         lock, left = r.lock[g], r.leaving[g] > 0.5
         per_step = lock * h
         m0, d0 = where(left, 0.0, lock * r.h0[g]), per_step * r.rate0[g]
@@ -476,34 +471,36 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
     return unclear, far, touching, soonest
 
 
+@kernel
 def cut(crossed: Any, place: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
     """End steps at these places on the interpolant if it is accurate enough; return where.
 
     This costs less than repeating the step, but all lanes pay for it.
     """
-    slope, new = state(r.k, STAGES * N), state(r.k, (STAGES + 1) * N)
+    slope, new = state(r.k, STAGES * r.n), state(r.k, (STAGES + 1) * r.n)
     prepare(t, h, r)
     interpolate(place, r)
     span = place * h
-    FIELD(t + span, r.work, r, new)
-    GUARDS(t + span, r.work, new, r, r.h, r.rate)
+    call_field(r.field, t + span, r.work, r, new)
+    call_guards(r.guards, t + span, r.work, new, r, r.h, r.rate)
     worst = 4.0 * place * (1.0 - place)
     good = crossed & (DENSE_ERROR * error * worst * worst <= SPARED)
     resolution, on_one = resolution_of(t, span), mask_of(0)
-    for g in range(N_GUARDS):
+    for g in range(r.n_guards):
         margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
         noise = ROUNDING * largest(absolute(r.h0[g]), absolute(r.h1[g]))
         near = largest(-0.1 * NEAR * span * rate, noise + resolution * absolute(rate))
         touches = (rate < 0.0) & (absolute(margin) <= near)
         good, on_one = good & ((margin > 0.0) | touches), on_one | touches
     good = good & on_one
-    for i in range(N):
+    for i in range(r.n):
         r.end[i], slope[i] = where(good, r.work[i], r.end[i]), where(good, new[i], slope[i])
-    for g in range(N_GUARDS):
+    for g in range(r.n_guards):
         r.h1[g], r.rate1[g] = where(good, r.h[g], r.h1[g]), where(good, r.rate[g], r.rate1[g])
     return good
 
 
+@kernel
 def land(
     landing: int, t: Any, h: Any, soonest: Any, idle: Any, run_s: float, r: Any
 ) -> tuple[Any, int]:
@@ -512,25 +509,25 @@ def land(
     In lanes that have landed in vain before, the state cannot come any nearer to the surface: the
     rounding of state or guard is larger than the guard's values suggest. It flips from there.
     """
-    mine, slope = mask_of(landing), state(r.k, STAGES * N)
+    mine, slope = mask_of(landing), state(r.k, STAGES * r.n)
     shift = where(mine, soonest * h, 0.0)
-    for i in range(N):
-        bend = BY_START * r.k[i] + BY_INSIDE * r.k[INSIDE * N + i] + BY_END * slope[i]
+    for i in range(r.n):
+        bend = BY_START * r.k[i] + BY_INSIDE * r.k[INSIDE * r.n + i] + BY_END * slope[i]
         half = 0.5 * where(mine, soonest, 0.0) * bend
         r.moved[i] = fma(shift, slope[i] + half, r.end[i])
     resolution = resolution_of(t, h)
-    GUARDS(t + h + shift, r.moved, slope, r, r.h, r.rate)
+    call_guards(r.guards, t + h + shift, r.moved, slope, r, r.h, r.rate)
     more = spread(inf)
-    for g in range(N_GUARDS):
+    for g in range(r.n_guards):
         margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
         close = (rate < 0.0) & (absolute(margin) <= NEAR * h * absolute(rate))
         more = where(close, least(more, -margin / rate), more)
     more = where(mine & (more < inf), more, 0.0)
-    for i in range(N):
+    for i in range(r.n):
         r.moved[i] = fma(more, slope[i], r.moved[i])
     shift, flipping = shift + more, 0
-    GUARDS(t + h + shift, r.moved, slope, r, r.h, r.rate)
-    for g in range(N_GUARDS):
+    call_guards(r.guards, t + h + shift, r.moved, slope, r, r.h, r.rate)
+    for g in range(r.n_guards):
         size = largest(absolute(r.h0[g]), absolute(r.h1[g]))
         margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
         stuck = (idle > IN_VAIN) & (absolute(margin) <= SHORTEST * run_s * absolute(rate))
@@ -542,41 +539,42 @@ def land(
     return shift, flipping
 
 
-def sample(
-    lanes: int, t: Any, h: Any, t_new: Any, times: FloatArray, samples: FloatArray, ready: bool,
-    r: Any,
-) -> None:  # fmt: skip
+@kernel
+def sample(lanes: int, t: Any, h: Any, t_new: Any, ready: bool, r: Any) -> None:
     """Write the states at the requested times in the steps of these lanes."""
     while True:
         now, pending = t_new, 0
         for j in range(WIDTH):
             next_one = r.book[SAMPLES, j]
-            if lanes >> j & 1 and next_one < len(times) and times[next_one] <= lane(t_new, j):
-                now, pending = with_lane(now, j, times[next_one]), pending | 1 << j
+            if lanes >> j & 1 and next_one < r.times.width and r.times[next_one] <= lane(t_new, j):
+                now, pending = with_lane(now, j, r.times[next_one]), pending | 1 << j
         if pending == 0:
             return
         if not ready:
             prepare(t, h, r)
             ready = True
         interpolate((now - t) / h, r)
-        for i in range(N):
+        for i in range(r.n):
             r.work[i] = where(now == t_new, r.moved[i], r.work[i])
         for j in range(WIDTH):
             if pending >> j & 1:
-                for i in range(N):
-                    samples[r.book[INDEX, j], r.book[SAMPLES, j], i] = lane(r.work[i], j)
+                place = r.book[INDEX, j] * r.times.width + r.book[SAMPLES, j]
+                for i in range(r.n):
+                    r.samples[place, i] = lane(r.work[i], j)
                 r.book[SAMPLES, j] += 1
 
 
-def sample_again(lanes: int, t: Any, times: FloatArray, samples: FloatArray, r: Any) -> None:
+@kernel
+def sample_again(lanes: int, t: Any, r: Any) -> None:
     """Overwrite the states before an event with those after it, at a requested time."""
     for j in range(WIDTH):
         last = r.book[SAMPLES, j] - 1
-        if lanes >> j & 1 and last >= 0 and times[last] == lane(t, j):
-            for i in range(N):
-                samples[r.book[INDEX, j], last, i] = r.table[i, j]
+        if lanes >> j & 1 and last >= 0 and r.times[last] == lane(t, j):
+            for i in range(r.n):
+                r.samples[r.book[INDEX, j] * r.times.width + last, i] = r.table[i, j]
 
 
+@kernel
 def give_up(lanes: int, r: Any) -> int:
     """Leave these lanes' systems to the driver; return the lanes."""
     for j in range(WIDTH if lanes != 0 else 0):
@@ -585,59 +583,55 @@ def give_up(lanes: int, r: Any) -> int:
     return lanes
 
 
-def leave(
-    lanes: int, t: Any, tried: Any, taken: Any, cuts: Any, status: IntArray, ends: FloatArray,
-    end_modes: IntArray, counts: IntArray, r: Any,
-) -> None:  # fmt: skip
+@kernel
+def leave(lanes: int, t: Any, tried: Any, taken: Any, cuts: Any, r: Any) -> None:
     """Record how the integrations in these lanes have ended."""
     for j in range(WIDTH):
         if lanes >> j & 1 == 0:
             continue
         b = r.book[INDEX, j]
-        status[b, 0], ends[b, 0], ends[b, 1], ends[b, 2] = r.book[STATUS, j], lane(t, j), 0.0, 0.0
-        for i in range(N):
-            ends[b, END_STATE + i] = r.table[i, j]
-        copy(row(r.modes, j), end_modes[b])
-        counts[b] = 0
+        r.status[b, 0], r.ends[b, 0], r.ends[b, 1], r.ends[b, 2] = (
+            r.book[STATUS, j],
+            lane(t, j),
+            0.0,
+            0.0,
+        )
+        for i in range(r.n):
+            r.ends[b, END_STATE + i] = r.table[i, j]
+        copy(row(r.modes, j), row(r.end_modes, b))
+        row(r.counts, b)[:] = 0
         steps, tries, short = int(lane(taken, j)), int(lane(tried, j)), int(lane(cuts, j))
-        counts[b, at.NFEV] = STAGES * tries + (1 + FURTHER) * short + r.book[EVENTS, j] + 2
-        counts[b, at.STEPS], counts[b, at.REJECTED] = steps, tries - steps
-        counts[b, at.EVENTS], counts[b, at.SAMPLES] = r.book[EVENTS, j], r.book[SAMPLES, j]
-        counts[b, at.CULPRIT] = r.book[CULPRIT, j]
+        r.counts[b, at.NFEV] = STAGES * tries + (1 + FURTHER) * short + r.book[EVENTS, j] + 2
+        r.counts[b, at.STEPS], r.counts[b, at.REJECTED] = steps, tries - steps
+        r.counts[b, at.EVENTS], r.counts[b, at.SAMPLES] = r.book[EVENTS, j], r.book[SAMPLES, j]
+        r.counts[b, at.CULPRIT] = r.book[CULPRIT, j]
 
 
-def run(
-    first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray, status: IntArray,
-    ends: FloatArray, end_modes: IntArray, counts: IntArray, samples: FloatArray,
-    times: FloatArray, atol: FloatArray, handler: int, rules: IntArray, table: FloatArray,
-    lane_modes: IntArray, book: IntArray, t_start: float, t_end: float, rtol: float,
-    max_step: float, step: float, max_steps: int, max_events: int,
-) -> int:  # fmt: skip
-    """Integrate from the rows `first` to `last` of y0, as in `driver.loop`, with its arguments.
+def run(first: int, last: int, desk: int) -> int:
+    """Integrate from the rows `first` to `last` of y0, as `driver.loop` does.
 
-    `atol` (n,) holds the tolerances, `handler` is the address of the event handler, and `rules` are
-    those of the layout; `table` (rows, WIDTH), `lane_modes` (WIDTH, m) and `book` are room for the
-    lanes. The status of a system that is given up is GIVEN_UP.
+    `desk` is the address of the desk, which holds or points to everything else. The status of a
+    system that is given up is GIVEN_UP.
     """
-    r = room(table, params, lane_modes, book)
-    own, own_params = np.empty(N), np.empty((2, N_PARAMS))
-    copy(params[0], own_params[1])
-    t, run_s, before = spread(t_start), t_end - t_start, spread(1.0)
+    r = room(int_vector(desk, 0))
+    t, run_s, before = spread(r.t_start), r.t_end - r.t_start, spread(1.0)
     h_next = resume = tries = stiff = tried = taken = idle = landed = hit = cuts = spread(0.0)
     active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
     while True:
         begun = open_ones = rounds = 0
         if want != 0:
-            begun, first = take_systems(
-                want, first, last, y0, params, modes, times, samples, t_start, r
-            )
+            begun, first = take_systems(want, first, last, r)
             active, over, new = (active & ~want) | begun, over & ~want, mask_of(begun)
             if active == 0:
                 return last
-            t, tries, stiff = where(new, t_start, t), where(new, 0.0, tries), where(new, 0.0, stiff)
+            t, tries, stiff = (
+                where(new, r.t_start, t),
+                where(new, 0.0, tries),
+                where(new, 0.0, stiff),
+            )
             idle, cuts, tried = where(new, 0.0, idle), where(new, 0.0, cuts), where(new, 0.0, tried)
             resume, taken = where(new, 0.0, resume), where(new, 0.0, taken)
-            landed, hit = where(new, 0.0, landed), where(new, t_start, hit)
+            landed, hit = where(new, 0.0, landed), where(new, r.t_start, hit)
             open_ones = settle(begun, t, r)
             fresh, rejected, aimed = fresh | begun, rejected & ~begun, aimed & ~begun
         while fresh != 0:
@@ -647,27 +641,29 @@ def run(
             fresh, due = fresh & ~over, due & ~(fresh | over)
             open_ones = fresh if rounds < MOST_ROUNDS else 0  # rates may depend on other locks
             if due != 0:
-                over |= fire(due, t, handler, rules, own, own_params, max_events, r)
-                sample_again(due, t, times, samples, r)
+                over |= fire(due, t, r)
+                sample_again(due, t, r)
                 if rounds > MOST_ROUNDS:
                     over |= give_up(due & ~over, r)
                 fresh = (fresh | due) & ~over
         if begun != 0:
-            guess = first_step(t, spread(min(run_s, max_step)), rtol, atol, r)
-            h_next = where(mask_of(begun), step if step > 0.0 else guess, h_next)
-        want = (bits(t >= t_end) & active) | over
+            guess = first_step(t, spread(min(run_s, r.max_step)), r)
+            h_next = where(mask_of(begun), r.first_step if r.first_step > 0.0 else guess, h_next)
+        want = (bits(t >= r.t_end) & active) | over
         if want != 0:
-            leave(want, t, tried, taken, cuts, status, ends, end_modes, counts, r)
+            leave(want, t, tried, taken, cuts, r)
             continue
-        left = t_end - t
-        h, often = least(h_next, max_step), landed > MOSTLY * taken
-        if N_GUARDS > FEW and bits(often) != 0:
+        left = r.t_end - t
+        h, often = least(h_next, r.max_step), landed > MOSTLY * taken
+        if r.n_guards > FEW and bits(often) != 0:
             h = where(often, clipped(t, h, before, r), h)
         whole = h * where(mask_of(aimed), 1.0, ALMOST_THERE) >= left
         h = where(whole, left, h)
-        error, hard = take_step(t, h, rtol, atol, r)
+        error, hard = take_step(t, h, r)
         error = where(error < HUGE, error, HUGE)
-        look(t, h, r)
+        middle, slope = state(r.k, INSIDE * r.n), state(r.k, STAGES * r.n)
+        call_guards(r.guards, fma(PLACE, h, t), r.inner, middle, r, r.h, r.rate)
+        call_guards(r.guards, t + h, r.end, slope, r, r.h1, r.rate1)
         live = mask_of(active)
         fine = (error <= 1.0) & live
         unclear, far, touching, soonest = judge(t, h, fine, run_s, r)
@@ -679,7 +675,7 @@ def run(
         if aimed != 0:
             place = root(crossed, r)
             resume = where(crossed, largest(resume, h), resume)
-            ready = N_GUARDS > FEW and bits(crossed & often) != 0
+            ready = r.n_guards > FEW and bits(crossed & often) != 0
             if ready:
                 short = cut(crossed & often, place, t, h, error, r)
                 cuts = where(short, cuts + 1.0, cuts)
@@ -693,35 +689,31 @@ def run(
             shift, fresh = land(landing, t, h, soonest, idle, run_s, r)
             h_next = where(mask_of(landing), largest(h_next, resume), h_next)
             resume = where(mask_of(landing), 0.0, resume)
-        else:
-            copy(r.end, r.moved)
-        t_new = where(whole & (shift == 0.0), t_end, t + h + shift)
-        if len(times) > 0:
-            sample(bits(accepted), t, full, t_new, times, samples, ready, r)
+        t_new = where(whole & (shift == 0.0), r.t_end, t + h + shift)
+        if r.times.width > 0:
+            sample(bits(accepted), t, full, t_new, ready, r)
         stiff = where(accepted, largest(stiff + where(hard, 1.0, -0.1), 0.0), stiff)
         tries, tried = where(accepted, 0.0, tries + 1.0), tried + 1.0
         t, taken = where(accepted, t_new, t), where(accepted, taken + 1.0, taken)
         before = where(accepted, h, before)
         landed = where(mask_of(landing), landed + 1.0, landed)
-        slope = state(r.k, STAGES * N)
-        for i in range(N):
+        for i in range(r.n):
             r.y[i], r.k[i] = where(accepted, r.moved[i], r.y[i]), where(accepted, slope[i], r.k[i])
-        for g in range(N_GUARDS):
-            if N_GUARDS > FEW:
-                r.bend[g] = where(accepted, r.rate1[g] - r.rate0[g], r.bend[g])
+        for g in range(r.n_guards):
+            r.bend[g] = where(accepted, r.rate1[g] - r.rate0[g], r.bend[g])
             r.h0[g] = where(accepted, r.h1[g], r.h0[g])
             r.rate0[g] = where(accepted, r.rate1[g], r.rate0[g])
             r.leaving[g] = where(accepted, 0.0, r.leaving[g])
         if fresh != 0:
-            over |= fire(fresh, t, handler, rules, own, own_params, max_events, r)
-            sample_again(fresh, t, times, samples, r)
+            over |= fire(fresh, t, r)
+            sample_again(fresh, t, r)
         nowhere = (mask_of(landing) | (h < SHORTEST * run_s)) & ~mask_of(fresh)
         idle = where(accepted, where(nowhere, idle + 1.0, 0.0), idle)
         lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | ~(h > ROUNDING * absolute(t))
-        lost = lost | (idle > MOST_IDLE) | ((taken >= float(max_steps)) & (t < t_end))
+        lost = lost | (idle > MOST_IDLE) | ((taken >= float(r.max_steps)) & (t < r.t_end))
         soon, hit = mask_of(fresh) & (t - hit < SOON * run_s), where(mask_of(fresh), t, hit)
         over |= give_up(bits((lost | soon) & live) & ~over, r)
-        want = ((bits(t >= t_end) & active & ~fresh) | over) & active
+        want = ((bits(t >= r.t_end) & active & ~fresh) | over) & active
         if want != 0:
-            leave(want, t, tried, taken, cuts, status, ends, end_modes, counts, r)
+            leave(want, t, tried, taken, cuts, r)
             fresh &= ~want

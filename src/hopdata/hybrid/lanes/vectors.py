@@ -65,9 +65,9 @@ class _Mask(types.Type):
 
 
 class Rows(types.Type):
-    """The type of `length` consecutive lanes, stored by their address."""
+    """The type of `length` consecutive lanes, stored by their address; None: any number."""
 
-    def __init__(self, length: int) -> None:
+    def __init__(self, length: int | None) -> None:
         self.length = length
         super().__init__(name=f"Rows{WIDTH}({length})")
 
@@ -176,7 +176,7 @@ _operator(operator.pos, 1, _fits, lanes, lambda b, x: x)
 _operator(operator.invert, 1, _are_masks, mask, lambda b, x: b.not_(x))
 
 
-# Rows: indexed by integers; negative ones count from the end.
+# Rows: indexed by integers; negative ones count from the end, where it is known.
 
 
 @infer_global(operator.getitem)
@@ -197,9 +197,10 @@ class _SetItem(FirstTried):
 
 
 def _place(builder: Any, rows: Any, address: Any, index: Any) -> Any:
-    length = ir.Constant(index.type, rows.length)
-    negative = builder.icmp_signed("<", index, ir.Constant(index.type, 0))
-    index = builder.select(negative, builder.add(index, length), index)
+    if rows.length is not None:
+        length = ir.Constant(index.type, rows.length)
+        negative = builder.icmp_signed("<", index, ir.Constant(index.type, 0))
+        index = builder.select(negative, builder.add(index, length), index)
     return builder.gep(address, [index], inbounds=True)
 
 
@@ -226,18 +227,18 @@ overload(len)(lambda rows: _length(rows))
 overload_attribute(Rows, "size")(lambda rows: _length(rows))
 
 
-def part(length: int) -> Any:
+def part(length: int | None) -> Any:
     """Return a function for compiled code that gives `length` lanes of an array or of `Rows`.
 
     ``made(array, first)`` starts at row `first` of other `Rows`, or of an aligned float array (see
-    `aligned`) whose rows have the length `WIDTH`.
+    `aligned`), or a view of one, whose rows have the length `WIDTH`.
     """
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         address = values[0]
         if not isinstance(sign.args[0], Rows):
-            array = context.make_array(sign.args[0])(context, builder, address)
-            address = builder.bitcast(array.data, VECTOR.as_pointer())
+            owner = cgutils.create_struct_proxy(sign.args[0])(context, builder, address)
+            address = builder.bitcast(owner.data, VECTOR.as_pointer())
         return builder.gep(address, [values[1]], inbounds=True)
 
     return built(2, lambda owner, first: (Rows(length)(owner, INDEX), generate))
