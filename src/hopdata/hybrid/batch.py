@@ -26,9 +26,9 @@ from hopdata.hybrid.workspace import FIRST_PATIENCE
 CHUNK = 64  # integrations that a thread takes at a time; results do not depend on it
 # Most steps in a chunk of more than one integration: Ctrl-C takes effect only between chunks.
 STEPS_AT_A_TIME = 200_000
-# Number of systems from which lanes pay off: compilation takes 5 to 10 s, and each system saves
-# 10 to 20 us.
-LARGE = 500_000
+# Number of systems from which lanes pay off: compilation takes 0.5 s, and each system saves 10 to
+# 20 us.
+LARGE = 50_000
 BETWEEN_S = 0.1  # interval of progress messages on stderr
 
 
