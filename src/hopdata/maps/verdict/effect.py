@@ -244,12 +244,13 @@ def effect_size(
     size = float(np.sqrt(statistic))
     along = found / size
     null, full = _draws(fit, root, flips, generator)
+    for_none, for_found = (np.ascontiguousarray(draws.T) for draws in (null, full))  # quick to add
 
     def drawn(true: float) -> FloatArray:
         """Return draws of T for kinks of this size along those found."""
         share = min(1.0, true / size)
-        errors = full if share == 1.0 else (1.0 - share) * null + share * full
-        return np.asarray(((errors + true * along) ** 2).sum(axis=1))
+        errors = for_found if share == 1.0 else (1.0 - share) * for_none + share * for_found
+        return np.asarray(((errors + true * along[:, None]) ** 2).sum(axis=0))
 
     def below(least: float, share: float) -> float:
         """Return the size at which only this share of the draws is at most `least`."""
