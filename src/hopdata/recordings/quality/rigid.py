@@ -317,7 +317,7 @@ def _exchanged(
 ) -> BoolArray:
     """Mask frames (N,) in which exchanged names fit the cluster but the own names do not."""
     others = [c for c in known if c not in (a, b)]
-    if len(others) < (1 if {a, b} <= inside else 2 if a in inside else 3):
+    if not len(positions) or len(others) < (1 if {a, b} <= inside else 2 if a in inside else 3):
         return np.zeros(len(positions), dtype=bool)
     terms = [(a, b, c) for c in others]
     if (a in inside) == (b in inside):  # otherwise the place of `b` is unknown
