@@ -23,7 +23,7 @@ LEAST_FRAMES = 4  # fewest frames that are fitted
 _T = "f8[:,::1]"  # type of a table
 
 
-@kept_njit(_nrt=False)
+@kept_njit(_nrt=False, inline="always")
 def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyped-def]
     """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients.
 
@@ -111,6 +111,8 @@ def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, rig
         total += z[i] * z[i]
         _design_row(s, tau, t[i], live, others, soft, size, row)
         for a in range(3 + 2 * live if s < 0.0 else size if size % 2 == 0 else 2):
+            if row[a] == 0.0:  # as most entries of the stance
+                continue
             right[a] += row[a] * z[i]
             for b in range(a + 1):
                 gram[a, b] += row[a] * row[b]
