@@ -196,6 +196,9 @@ def test_too_few_markers():
 def test_extent_and_offset_by_hand():
     frame = np.array([[[0.0, 0, 0], [3, 0, 0], [0, 4, 0], [0, 0, 12], [np.nan] * 3]])
     assert extent(frame) == 13
+    alone = np.full((2, *frame.shape[1:]), np.nan)  # two frames of a single marker
+    alone[:, 0] = 1.0
+    assert extent(np.concatenate([frame, alone])) == 13
     assert np.isnan(extent(np.full((3, 4, 3), np.nan)))
     up = recording(
         positions=np.tile([[0, 0, 1.0]], (100, 5, 1)) * np.array([1, 1, 1, 0, 0])[:, None]

@@ -1,5 +1,6 @@
 """Size, interval, bound and detectable size for kinks with a known error."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -33,15 +34,15 @@ def fit(size, seed, largest=False, allowed=LEFT):
     )
 
 
+def size_of(kinks, seed=0):
+    generator = np.random.default_rng(seed)
+    return effect_size(
+        kinks, np.eye(len(WEIGHTS)), generator=generator, confidence=0.95, power=0.8, flips=199
+    )
+
+
 def sizes(size, count=150, largest=False, allowed=LEFT):
-    root = np.eye(len(WEIGHTS))
-    return [
-        effect_size(
-            fit(size, seed, largest, allowed), root, generator=np.random.default_rng(seed),
-            confidence=0.95, power=0.8, flips=199,
-        )
-        for seed in range(count)
-    ]  # fmt: skip
+    return [size_of(fit(size, seed, largest, allowed), seed) for seed in range(count)]
 
 
 def share(holds):
@@ -55,6 +56,13 @@ def test_false_alarms_are_as_rare_as_said(allowed):
     found = sizes(allowed, count=300, allowed=allowed)
     assert 0.0 < share(effect.low > 0 for effect in found) <= 0.1
     assert share(effect.p_value <= 0.2 for effect in found) >= 0.1
+
+
+def test_only_sizes_below_the_estimate_share_the_errors_of_no_kinks():
+    kinks = fit(0.4, 0)
+    own, wide = size_of(kinks), size_of(replace(kinks, null_scores=2 * kinks.scores))
+    assert (wide.high, wide.upper_bound) == (own.high, own.upper_bound)
+    assert wide.low < own.low
 
 
 @pytest.mark.parametrize("size", [0.1, 0.2, 0.4])
