@@ -475,12 +475,13 @@ class Study(Shown):
     @cached_property
     def verdict(self) -> Verdict:
         """Whether one smooth map serves all contact orders."""
+        from hopdata.landings.checks import blurred
         from hopdata.maps.verdict import judge
 
-        pairs = self.pairs
+        pairs, asked = self.pairs, {"seed": self.config["seed"], **self.config["verdict"]}
         self.progress("verdict")
-        instants: Any = pairs.instants
-        return judge(pairs.x, pairs.y, instants, seed=self.config["seed"], **self.config["verdict"])
+        states: Any = pairs.x, pairs.y, pairs.instants
+        return judge(*states, blurred=blurred(self.touchdowns), **asked)
 
     @cached_property
     @one_blas_thread()

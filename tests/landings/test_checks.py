@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.landings.checks import GOOD, LOOK, POOR, UNKNOWN, check_study
+from hopdata.landings.checks import GOOD, LOOK, POOR, UNKNOWN, blurred, check_study
+from hopdata.landings.contacts.find import FILTER_DELAYS
 
 WHAT = {
     "seen": "frames seen, worst marker",
@@ -208,3 +209,15 @@ def test_no_landing_of_any_followed_foot_is_poor(tables):
     tables["touchdowns"] = tables["touchdowns"].assign(excluded=True, reason="no foot landed")
     found = judged(tables, other_feet=True)[WHAT["used"]]
     assert (found.value, found.status) == (0.0, POOR)
+
+
+def test_a_filter_blurs_where_half_its_period_is_longer_than_a_landing(tables):
+    touchdowns = tables["touchdowns"].assign(recording="r", common_f1_s=1e-4, common_f2_s=2e-4)
+    touchdowns["t_post_s"] = touchdowns["t_pre_s"] + 0.05
+    assert blurred(touchdowns) == ""
+    late_s = FILTER_DELAYS / np.array([11.0, 9.0])  # a half period of 45 and of 56 ms
+    assert blurred(touchdowns.assign(common_f2_s=late_s[0])) == ""
+    other = touchdowns.assign(recording="filtered", common_f2_s=late_s[1])
+    assert "'filtered' is smoothed as by a low-pass of some 9 Hz" in blurred(other)
+    assert blurred(pd.concat([touchdowns, other])) == blurred(other)
+    assert blurred(other.assign(excluded=True)) == ""

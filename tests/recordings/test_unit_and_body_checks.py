@@ -70,6 +70,23 @@ def test_a_foot_among_the_body_is_named():
     assert message.endswith("is 'toe1' on the body?")
 
 
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("stance", "refused"), [(0.1, True), (0.0, False)])
+def test_a_foot_that_leaves_the_body_only_in_stance_is_named(seed, stance, refused):
+    sound = recording(seed)
+    positions, hip = sound.positions.copy(), sound.positions[:, 0]
+    lowest = np.quantile(hip[:, 2], stance) - 5e-3 * (stance == 0.0)
+    foot = hip + np.array([0.05, 0.02, -lowest])
+    foot[:, 2] = np.maximum(foot[:, 2], 0.0)  # the leg is compressed by up to some cm
+    positions[:, 1] = foot + np.random.default_rng(seed).normal(0, 6e-4, foot.shape)
+    with_foot = replace(sound, positions=positions)
+    if refused:
+        with pytest.raises(RecordingError, match=f"is '{MARKERS[1]}' on the body"):
+            check_rigid(with_foot)
+    else:
+        check_rigid(with_foot)
+
+
 def test_a_body_that_should_bend_can_be_allowed():
     sound = recording()
     positions = sound.positions.copy()

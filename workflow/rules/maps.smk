@@ -77,6 +77,7 @@ rule verdict:
     """Judge whether the map through the landing is C1: effect size, interval and bound."""
     input:
         pairs=rules.pairs.output.pairs,
+        touchdowns=rules.pairs.output.touchdowns,
     output:
         verdict=f"{RESULTS}/verdict.json",
     log:

@@ -1,6 +1,7 @@
 """Judge whether the map through the landing is C1."""
 
-from hopdata.jobs import reported, write_json
+from hopdata.jobs import read_table, reported, write_json
+from hopdata.landings.checks import blurred
 from hopdata.landings.states.pairs import read_pairs
 from hopdata.maps.verdict import judge
 
@@ -11,6 +12,7 @@ with reported(snakemake.log[0]):
         pairs.y,
         pairs.instants,
         seed=snakemake.params.seed,
+        blurred=blurred(read_table(snakemake.input.touchdowns)),
         **snakemake.params.options,
     )
     write_json(snakemake.output.verdict, verdict.to_dict())

@@ -12,6 +12,7 @@ import numpy as np
 
 from hopdata.arrays import pd
 from hopdata.errors import with_names
+from hopdata.landings.contacts.find import FILTER_DELAYS
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
@@ -230,6 +231,22 @@ def _common(used: pd.DataFrame) -> str:
         if common > float(used[f"se_{foot}"].median()):
             told.append(f"{foot.removesuffix('_s')} by {1e3 * common:.2g} ms")
     return f"; contacts of a foot may all be early or late: {', '.join(told)}" if told else ""
+
+
+def blurred(touchdowns: pd.DataFrame) -> str:
+    """Explain which recording a low-pass filter has blurred too much to compare maps; else empty.
+
+    It has if half a period of its cut-off is longer than a landing from section to section: states
+    before and after the contacts are then mixed, and equal maps look different.
+    """
+    for name, used in touchdowns[~touchdowns["excluded"].astype(bool)].groupby("recording"):
+        landing_s = float((used["t_post_s"] - used["t_pre_s"]).median())
+        period_s = float(used.filter(regex="^common_").median().max()) / FILTER_DELAYS
+        if period_s > 2 * landing_s:
+            cut = f"by a low-pass of some {1 / period_s:.2g} Hz"
+            mixed = f"mixes before and after, {1e3 * landing_s:.2g} ms from section to section"
+            return f"'{name}' is smoothed as {cut}, which {mixed}: export it unfiltered"
+    return ""
 
 
 def _sections(stability: pd.DataFrame) -> Check:

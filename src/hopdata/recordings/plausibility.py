@@ -10,7 +10,7 @@ from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
 from hopdata.recordings.quality.orientation import PLAUSIBLE_EXTENT_M, FreeFall, free_fall
 from hopdata.recordings.quality.rigid import frame_noise, pair_distances, treated
-from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet
+from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet, quantiles
 from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 
 MIN_BODY_MARKERS = 3
@@ -189,8 +189,16 @@ def check_fall(recording: Recording) -> None:
         raise RecordingError.at(f"{recording.place}: scale", wanted, f"{found}; {looks}")
 
 
+# Share of the frames in which a marker counts as low, and how low noise alone makes it there, in
+# standard deviations.
+LOWEST_FRAMES, LOWEST_NOISE = 0.05, 3.0
+
+
 def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_STRAIN) -> None:
     """Require constant distances between body markers, up to their noise.
+
+    Where a marker is lowest, distances may not change either: a foot among the markers of the body
+    moves with it in flight, but not in stance, which may be a small part of the recording.
 
     Parameters
     ----------
@@ -201,7 +209,12 @@ def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_ST
     """
     pairs, noise = pair_distances(recording.body), frame_noise(recording.body)
     own = np.nan_to_num(noise[:, None] ** 2 + noise[None] ** 2)
-    bend = np.sqrt(np.clip(pairs.spread**2 - NOISE_MARGIN * own, 0, None))
+    bend = pairs.spread**2 - NOISE_MARGIN * own
+    heights = recording.body[:, :, 2]
+    for m, low in enumerate((heights <= quantiles(heights, [LOWEST_FRAMES])[0]).T):
+        moved = pair_distances(recording.body[low]).median[m] - pairs.median[m]
+        bend[m] = np.fmax(bend[m], moved**2 - LOWEST_NOISE**2 * own[m])
+    bend = np.sqrt(np.clip(np.fmax(bend, bend.T), 0, None))
     with np.errstate(invalid="ignore", divide="ignore"):
         strain = np.nan_to_num(bend / pairs.median)
     if strain.max(initial=0.0) <= largest_strain:

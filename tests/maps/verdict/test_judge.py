@@ -56,6 +56,23 @@ def test_a_jump_of_the_outcome_is_a_difference_beside_kinks_or_without(seed, str
     assert one.jump.low < exact.jump.estimate < one.jump.high
 
 
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_a_session_exported_twice_cannot_tell(seed):
+    data, generator = landings(n=400, seed=seed), np.random.default_rng(seed)
+    twice = some(data, np.r_[:400, :400])
+    error = 1e-3 * data.before.std(axis=0)
+    again = verdict(replace(twice, before=twice.before + error * generator.normal(size=(800, 1))))
+    assert "400 of 800 touchdowns are copies" in again.sentence
+    assert "1 of 401 touchdowns" in verdict(some(data, np.r_[:400, 7])).sentence
+    assert verdict(data).effect is not None
+
+
+def test_blurred_states_cannot_tell():
+    answer = verdict(landings(strength=0.3), blurred="they are smoothed")
+    assert answer.sentence == "These data cannot tell: they are smoothed."
+    assert answer.effect is None
+
+
 def test_the_answer_is_said_to_follow_from_the_jump_where_that_is_all():
     assert verdict(landings(jump=0.4)).decided_by == "jump"
     one = verdict(landings(strength=0.3, jump=0.1))

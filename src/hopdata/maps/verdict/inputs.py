@@ -39,7 +39,9 @@ _FAR_OFF = 30.0
 #: Larger non-rigid speeds of markers, as a share of the body's speed, mean mixed-up columns.
 _MOST_APART = 0.5
 _FLAT = 1e-9  # relative rounding limit
-_SAME = 6  # decimals in which copies of a landing agree
+#: Distances in standard deviations of whitened inputs, and shares of the landings: copies are many
+#: that are nearer to others than any two of 100,000 landings, or a few that agree to rounding.
+_COPIES = ((0.1, 0.01), (1e-5, 0.0))
 #: Coordinates whose sd is below this fraction of the median sd count as constant.
 _CONSTANT = 1e-3
 #: Two feet whose instants vary relative to each other by less, in spreads, touch down as one. For a
@@ -92,10 +94,6 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     for what, least, found in (("feet", 2, feet), known):
         if found < least:
             raise AnalysisError(f"expected at least {least} {what}, found {found}")
-    both = np.hstack([x, y])  # rounded below, as a copy later in a recording differs by rounding
-    both = np.round(both / max(np.ptp(both, axis=0).max(), 1e-300), _SAME)
-    if repeated := landings - len(np.unique(both, axis=0)):
-        raise AnalysisError(f"{repeated} of {len(x)} touchdowns are copies of others")
     spread = np.sqrt(np.mean(np.var(instants, axis=1)))
     if not np.ptp(instants, axis=1).any():
         raise AnalysisError("all feet touch at the same instant in every touchdown")
@@ -103,11 +101,26 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     pre, post = rigid_states(before, shape), rigid_states(after, shape)
     inputs, outputs = _inputs(pre), _outputs(pre, post, shape)
     spreads = inputs.std(axis=0)
-    widths = np.linalg.svd((inputs - inputs.mean(axis=0)) / spreads.clip(1e-300), compute_uv=False)
+    scaled = (inputs - inputs.mean(axis=0)) / spreads.clip(1e-300)
+    whitened, widths, _ = np.linalg.svd(scaled, full_matrices=False)
     if spreads.min() < _CONSTANT * np.median(spreads) or not widths[-1] > _FLAT * widths[0]:
         raise AnalysisError("the states before the landing do not vary in all their coordinates")
+    if copies := _copies(np.sqrt(landings) * whitened):
+        told = f"{copies} of {landings} touchdowns are copies of others"
+        raise AnalysisError(f"{told}, as of one session that two programs exported")
     expected = expected_contacts(inputs, instants / spread)
     return SectionLandings(inputs - inputs.mean(axis=0), outputs - outputs.mean(axis=0), expected)
+
+
+def _copies(whitened: FloatArray) -> int:
+    """Return the number of landings that repeat others, but for rounding; 0 if it is chance."""
+    from scipy.spatial import cKDTree
+
+    nearest = cKDTree(whitened).query(whitened, 2)[0][:, 1]
+    for close, share in _COPIES:
+        if (count := int((nearest < close).sum())) > share * len(whitened):
+            return count // 2
+    return 0
 
 
 def two_kinds(inputs: FloatArray) -> str:

@@ -146,6 +146,7 @@ def judge(
     confidence: float = 0.95,
     power: float = 0.8,
     flips: int = 1999,
+    blurred: str = "",
 ) -> Verdict:
     """Judge whether the map through the landing has one derivative.
 
@@ -166,6 +167,8 @@ def judge(
         is 1 - confidence.
     flips
         Number of random sign patterns.
+    blurred
+        Why the states cannot be trusted, if so; the answer is then ``"cannot tell"``.
 
     Raises
     ------
@@ -192,6 +195,8 @@ def judge(
     how: dict[str, Any] = {"confidence": confidence, "power": power, "flips": flips}
     asked = how | {"n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "margin": margin}
     try:
+        if blurred:
+            raise AnalysisError(blurred)
         landings = inputs.section_landings(*(part[known] for part in parts))
         *differences, what = sizing.compared(landings)
         fit = fit_kinks(landings)
