@@ -62,7 +62,6 @@ lint: $(VENV)/.dev
 	$(BIN)/mypy
 	$(BIN)/snakefmt --check Snakefile workflow/rules
 	$(BIN)/snakemake --lint
-	$(BIN)/python tests/house_size.py
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .

@@ -1,4 +1,4 @@
-"""The house rules that a machine can check: which room imports which, and module lengths."""
+"""The house rules that a machine can check: imports between rooms, and what modules state."""
 
 import ast
 from functools import cache
@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 import hopdata
-from house_size import rooms
 
 PACKAGE = Path(hopdata.__file__).parent
 SHARED = {"arrays", "code_cache", "errors", "jobs", "recording", "rigid"}
@@ -98,27 +97,6 @@ def test_annotations_that_would_load_pandas_are_deferred():
         ]
         if any("pd." in ast.unparse(one) for one in told if one is not None):
             assert "from __future__ import annotations" in path.read_text(), path
-
-
-def test_scripts_are_thin():
-    scripts = sorted(Path("workflow/scripts").resolve().glob("*.py"))
-    assert scripts
-    for path in scripts:
-        lines = [x for x in path.read_text().splitlines() if x.strip() and not x.startswith("#")]
-        assert len(lines) <= 40, f"{path.name} has {len(lines)} lines"
-
-
-SMALL = "shorten first; what a new reader or scene then needs raises the limit, in the same commit"
-
-
-def test_the_house_stays_small():
-    sizes = [size for room in rooms().values() for size in room]
-    lines = sum(size.lines for size in sizes)
-    assert len(sizes) <= 208, SMALL
-    # 27,000 were asked for, before lanes, groups, the page and the drive.
-    assert lines <= 28_077, SMALL
-    assert sum(size.imports for size in sizes) <= 0.085 * lines
-    assert max(size.lines for size in sizes) <= 600
 
 
 def test_every_module_explains_itself():
