@@ -185,6 +185,12 @@ def _is_recording(path: Path) -> bool:
 # Vertical forces under the feet, from a text table or the analog channels of a C3D file.
 
 NEWTONS_PER_UNIT = {"N": 1.0, "kN": 1000.0, "body_weight": 1.0}
+# Units as C3D files spell them, in small letters; "nt" is that of older laboratories.
+FORCE_UNIT_SPELLINGS = {
+    **dict.fromkeys(("n", "nt", "newton", "newtons"), "N"),
+    **dict.fromkeys(("kn", "kilonewton", "kilonewtons"), "kN"),
+    **dict.fromkeys(("bw", "xbw", "body_weight", "body weight", "bodyweight"), "body_weight"),
+}
 LEAST_RATE_HZ = 50.0  # Hz; below it, onsets are no more precise than those of a camera
 RATE_TOLERANCE = 1e-3  # relative
 
@@ -231,12 +237,32 @@ def _analog_signals(
         _check_times(f"{path}: analog rate", analogs.time, options["rate_hz"])
     signals = []
     for column in columns:
-        force, unit = analogs.channel(column.name)
-        if unit in NEWTONS_PER_UNIT and unit != options["unit"]:
-            wanted = f"forces.unit: {unit} as the file states"
-            raise RecordingError.at(f"{path}: channel '{column.name}'", wanted, options["unit"])
+        force, stated = analogs.channel(column.name)
+        _check_force_unit(f"{path}: channel '{column.name}'", stated, options["unit"])
         signals.append(_signal(path, column, analogs.time + options["offset_s"], force, options))
     return signals
+
+
+def _check_force_unit(place: str, stated: str, wanted: str) -> None:
+    """Require the unit that a channel states, if it states one, to be that of `forces.unit`.
+
+    A channel of volts, of moments or of muscle activity is not a force, whatever the
+    configuration says.
+
+    Raises
+    ------
+    RecordingError
+        If the unit is another one, or none that is known.
+    """
+    if not stated:
+        return
+    unit = FORCE_UNIT_SPELLINGS.get(stated.lower())
+    if unit is None:
+        known = ", ".join(NEWTONS_PER_UNIT)
+        found = f"'{stated}'; name a channel of forces, or export the plate's forces calibrated"
+        raise RecordingError.at(place, f"a unit of force ({known})", found)
+    if unit != wanted:
+        raise RecordingError.at(place, f"forces.unit: {unit} as the file states", wanted)
 
 
 def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> FloatArray:

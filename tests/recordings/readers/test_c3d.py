@@ -1,6 +1,7 @@
 """C3D: false counts, long recordings, absolute events, residuals; compared with another library."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from hopdata.errors import RecordingError
 from hopdata.recording import Event
 from hopdata.recordings.external import read_force_signals
 from hopdata.recordings.raw import RawRecording
-from hopdata.recordings.readers.c3d import read_analogs, read_c3d
+from hopdata.recordings.readers.c3d import open_c3d, read_analogs, read_c3d
 from hopdata.recordings.readers.c3d_parameters import (
     BLOCK,
     PROCESSORS,
+    Parameters,
     count_frames,
     read_c3d_header,
     read_parameters,
@@ -361,6 +363,22 @@ def test_forces_of_a_plate(tmp_path):
             read_force_signals(block("forces", **given, **options), feet=("heel", "toe"))
 
 
+@pytest.mark.parametrize("unit", ["V", "mV", "Nmm", "kg", "N/A"])
+def test_a_channel_in_another_unit_is_not_a_force(tmp_path, unit):
+    file = str(written_c3d_analogs(tmp_path / "a.c3d", UNITS=["N", unit, "V"]))
+    given = {"file": file, "columns": columns(Fz=["toe"]), "inverted": True}
+    with pytest.raises(RecordingError, match=f"'Fz': expected a unit of force .* found '{unit}'"):
+        read_force_signals(block("forces", **given), feet=("toe",))
+
+
+@pytest.mark.parametrize("unit", ["", "N", "nt", "Newtons"])
+def test_newtons_have_several_spellings(tmp_path, unit):
+    file = str(written_c3d_analogs(tmp_path / "a.c3d", UNITS=["N", unit, "V"]))
+    given = {"file": file, "columns": columns(Fz=["toe"]), "inverted": True}
+    (signal,) = read_force_signals(block("forces", **given), feet=("toe",))
+    np.testing.assert_allclose(signal.force, -FORCE[:, 1], atol=1e-3)
+
+
 MISTAKES = {
     "no channels": ({"USED": 0}, ["ANALOG:USED: expected channels, found none"]),
     "another number": ({"USED": 4}, ["a divisor of the 15 analog numbers", "found 4"]),
@@ -410,3 +428,116 @@ def test_residuals_that_are_all_below_0_are_not_believed(tmp_path):
     found = read_raw(path)
     np.testing.assert_allclose(found.positions, positions, atol=1e-3)
     assert "all residuals are below 0" in found.remarks[0]
+
+
+def unsigned_plate(folder, *, offset, **changed):
+    """Write whole numbers about 32768 and return the channel Fz as it is read, N."""
+    file = written_c3d_analogs(folder / "a.c3d", whole=True, offset=offset, **changed)
+    return read_analogs(file).values[:, 1]
+
+
+def test_offsets_of_unsigned_samples_are_unsigned(tmp_path):
+    words = {"offset": (32768, 32768, 32768), "FORMAT": ["UNSIGNED"]}
+    found = unsigned_plate(tmp_path, **words)
+    np.testing.assert_allclose(found, FORCE[:, 1], atol=0.5 * 0.05 + 1e-9)
+    signed = unsigned_plate(tmp_path, offset=(-100, -100, -100), FORMAT=["SIGNED"])
+    np.testing.assert_allclose(signed, FORCE[:, 1], atol=0.5 * 0.05 + 1e-9)
+
+
+def test_only_whole_words_lose_their_sign():
+    parameters = Parameters(Path("a.c3d"), INTEL)
+    parameters.groups["ANALOG"] = {
+        "OFFSET": np.array([-32768, 100], np.int16),
+        "OFFSET2": np.array([-2.5], np.float32),
+    }
+    assert parameters.unsigned_numbers("ANALOG", "OFFSET") == [32768, 100, -2.5]
+    assert parameters.numbers("ANALOG", "OFFSET") == [-32768, 100, -2.5]
+
+
+def with_residuals(path, words):
+    """Write residual words (N, M) into a file of floats."""
+    header = read_c3d_header(path.read_bytes()[:BLOCK], INTEL)
+    content = bytearray(path.read_bytes())
+    n_numbers = words.size * 4
+    numbers = np.frombuffer(content, "<f4", n_numbers, header.data_start)
+    numbers.reshape(*words.shape, 4)[:, :, 3] = words
+    path.write_bytes(content)
+    return path
+
+
+def test_a_mask_of_eight_cameras_does_not_hide_a_point(tmp_path):
+    words = np.zeros((20, 3))
+    eight_cameras, unseen = np.int16(0x8305 - 65536), -1
+    words[4, 0] = eight_cameras
+    words[5, 1] = unseen
+    words[6, 2] = 65535  # -1 without a sign
+    words[7, 0] = -2  # below 0, and no mask of some cameras
+    found = read_c3d(with_residuals(written(tmp_path), words))
+    hidden = np.argwhere(np.isnan(found.positions).all(axis=2)).tolist()
+    assert hidden == [[5, 1], [6, 2], [7, 0]]
+    assert "1 of 60 residual words are below -256" in found.remarks[0]
+
+
+def test_the_count_of_points_that_fills_the_file_is_believed(tmp_path):
+    path = written(tmp_path, raw(n_frames=200))
+    changed(path, value_at(path, b"USED"), np.array([5], "<i2").tobytes())
+    found = read_c3d(path)
+    np.testing.assert_array_equal(found.positions, raw(n_frames=200).positions)
+    assert "expected 3 points as in the header, found 5; 3 fit the size" in found.remarks[0]
+    path = written(tmp_path, raw(n_frames=200))
+    changed(path, 2, np.array([5], "<i2").tobytes())  # now the header's count is wrong
+    assert "found 3; 3 fit the size" in read_c3d(path).remarks[0]
+    changed(path, value_at(path, b"USED"), np.array([4], "<i2").tobytes())
+    with pytest.raises(RecordingError, match=r"POINT:USED: expected 5 .* found 4"):
+        read_c3d(path)
+
+
+def test_a_last_block_that_was_not_written_costs_its_frames_and_is_said(tmp_path):
+    path = written(tmp_path, raw(n_frames=200))
+    frame_bytes = 48
+    end = read_c3d_header(path.read_bytes()[:BLOCK], INTEL).data_start + 200 * frame_bytes
+    path.write_bytes(path.read_bytes()[: end - 100])
+    found = read_c3d(path)
+    np.testing.assert_array_equal(found.positions, raw(n_frames=200).positions[:197])
+    assert "200 frames are stated" in found.remarks[0]
+    assert "the 197 that are whole are read" in found.remarks[0]
+    path.write_bytes(path.read_bytes()[: end - BLOCK - 1])
+    with pytest.raises(RecordingError, match="cut short"):
+        read_c3d(path)
+
+
+def test_data_start_where_the_parameters_say_if_the_header_does_not(tmp_path):
+    path = written(tmp_path)
+    changed(path, 16, b"\0\0")
+    np.testing.assert_array_equal(read_c3d(path).positions, raw().positions)
+    changed(path, value_at(path, b"DATA_START"), b"\0\0")
+    with pytest.raises(RecordingError, match="byte 16: data"):
+        read_c3d(path)
+
+
+def test_a_parameter_without_a_group_is_left_out_and_said(tmp_path):
+    path = written(tmp_path)
+    content = path.read_bytes()
+    at = content.index(b"LONG_FRAMES") - 1
+    found = read_c3d(changed(path, at, bytes([77])))
+    np.testing.assert_array_equal(found.positions, raw().positions)
+    assert "parameter LONG_FRAMES: expected a group of number 77" in found.remarks[0]
+
+
+@pytest.mark.parametrize("n_rows", [70, 140])  # 35,700 and 71,400 bytes: past 15 and 16 bits
+def test_parameters_larger_than_their_count_are_read_to_the_end(with_parameters, n_rows):
+    table = np.arange(n_rows * 255).reshape(n_rows, 255) % 1000
+    path = with_parameters(raw(), VALUES=table, LAST=1)
+    parameters = open_c3d(path)[1]
+    found = parameters.groups["POINT"]["VALUES"]
+    np.testing.assert_array_equal(found, table.ravel())
+    assert parameters.number("POINT", "LAST") == 1
+    np.testing.assert_array_equal(read_c3d(path).positions, raw().positions)
+
+
+def test_parameters_beyond_the_stated_blocks_are_read(with_parameters):
+    path = with_parameters(raw(), VALUES=np.arange(20 * 255).reshape(20, 255), LAST=7)
+    n_blocks = path.read_bytes()[BLOCK + 2]
+    assert n_blocks > 10
+    changed(path, BLOCK + 2, bytes([n_blocks - 10]))
+    assert open_c3d(path)[1].number("POINT", "LAST") == 7

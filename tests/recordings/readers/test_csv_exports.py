@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -270,3 +271,53 @@ def test_two_columns_of_one_name_are_refused(tmp_path):
     one = pd.DataFrame(track().reshape(30, -1), columns=[f"a_{axis}" for axis in "xyz" * 3])
     with pytest.raises(RecordingError, match="distinct names of columns, found 'a' twice"):
         read(tmp_path, one.to_csv(), rate_hz=100.0)
+
+
+def kinetics_toolkit(positions, names, *, fourth=1.0):
+    """Return what Kinetics Toolkit saves of a time series of markers, in m."""
+    last = np.full((len(positions), len(names), 1), fourth)
+    points = np.concatenate([positions, last], axis=2).reshape(len(positions), -1)
+    head = ["Time", *(f"{name}[{k}]" for name in names for k in range(4)), "effort"]
+    rows = np.column_stack([np.arange(len(positions)) / 100, points, np.zeros(len(positions))])
+    return pd.DataFrame(rows, columns=head).to_csv(index=False)
+
+
+def test_points_of_kinetics_toolkit(tmp_path):
+    found = read(tmp_path, kinetics_toolkit(track() / 1000, NAMES))
+    assert (found.markers, found.unit, found.rate_hz) == (NAMES, "m", 100.0)
+    np.testing.assert_allclose(found.positions, track() / 1000, atol=1e-12)
+    assert "no markers are left out: effort" in found.remarks[0]
+    with pytest.raises(
+        RecordingError, match=r"line 2: .*\[3\]: expected 1, as of a point, found 0"
+    ):
+        read(tmp_path, kinetics_toolkit(track() / 1000, NAMES, fourth=0.0))
+
+
+def sleap(path, tracks, names=None):
+    """Write what SLEAP's triangulation writes: frames, animals, nodes, coordinates."""
+    with h5py.File(path, "w") as file:
+        file["tracks"] = tracks
+        if names is not None:
+            file["node_names"] = [name.encode() for name in names]
+    return path
+
+
+def test_triangulated_points_of_sleap(tmp_path):
+    tracks = track()[:, None].copy()
+    tracks[3, 0, 1] = np.nan
+    found = read_raw(sleap(tmp_path / "points3d.h5", tracks, NAMES), rate_hz=50.0)
+    assert found.markers == NAMES
+    np.testing.assert_array_equal(found.positions, tracks[:, 0])
+    pair = np.concatenate([tracks, tracks + 1], axis=1)
+    two = read_raw(sleap(tmp_path / "two.h5", pair), rate_hz=50.0)
+    assert two.markers[0] == "animal 1 node 1"
+    assert two.markers[-1] == f"animal 2 node {len(NAMES)}"
+    np.testing.assert_array_equal(two.positions[:, len(NAMES) :], tracks[:, 0] + 1)
+
+
+def test_one_camera_of_sleap_is_told_to_be_triangulated(tmp_path):
+    plane = np.zeros((1, 2, 3, 30))
+    with pytest.raises(RecordingError, match=r"frames x animals x nodes x 3, .* triangulate"):
+        read_raw(sleap(tmp_path / "one.analysis.h5", plane), rate_hz=50.0)
+    with pytest.raises(RecordingError, match="node_names': expected 3 names, found 2"):
+        read_raw(sleap(tmp_path / "a.h5", track()[:, None], ("a", "b")), rate_hz=50.0)

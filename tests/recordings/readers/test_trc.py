@@ -91,6 +91,31 @@ FORMS = {
         TEXT.replace("NumFrames", "NumFrame", 1),
         "found 'NumFrame'; did you mean 'NumFrames'?; it is not read",
     ),
+    "empty cells at the ends of rows, more in some": (
+        "\n".join(
+            row if k < 6 or not row else row + "\t" * (3 + 3 * (k % 2))
+            for k, row in enumerate(ROWS)
+        ),
+        "",
+    ),
+    "columns beyond the markers that some rows lack": (
+        "\n".join(
+            row if k < 6 or not row else row + "\t7\t8\t9" * (k % 2 == 0)
+            for k, row in enumerate(ROWS)
+        ),
+        "expected 15 columns of 5 markers, found 18; the others are not read",
+    ),
+    "names without columns, beyond those of the markers": (
+        line(TEXT, 4, ROWS[3] + "\t\tV_mid\t\t\tV_hip\t\t"),
+        "expected 5 marker names (NumMarkers), found V_mid, V_hip beyond them, without columns",
+    ),
+    "no line of axes": ("\n".join(ROWS[:4] + ROWS[5:]), ""),
+    "neither a line of axes nor an empty one": ("\n".join(ROWS[:4] + ROWS[6:]), ""),
+    "commas everywhere": (TEXT.replace("\t", ","), ""),
+    "semicolons, and decimals with a comma": (
+        TEXT.replace("\t", ";").replace(".", ",").replace("trial,trc", "trial.trc"),
+        "",
+    ),
     "another number of markers": (
         trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}),
         "expected 6 marker names (NumMarkers), found 5, which are used",

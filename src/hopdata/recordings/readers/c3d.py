@@ -46,23 +46,21 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         If the file cannot be read; names the file, the place, what was expected and found.
     """
     header, parameters, size = open_c3d(path)
-    n_points, stated = header.n_points, parameters.number("POINT", "USED")
-    if stated is not None and stated % 65536 != n_points:
-        wanted = f"{n_points} as in the header"
-        raise RecordingError.at(parameters.place("POINT", "USED"), wanted, f"{stated:g}")
+    available = size - header.data_start
+    header, miscounted = head.settle_points(header, parameters, available)
+    n_points = header.n_points
     if not n_points:
         raise RecordingError.at(path, "markers", "none")
-    n_frames, remarks = head.count_frames(header, parameters, size - header.data_start)
+    n_frames, remarks = head.count_frames(header, parameters, available)
     markers, kept, more = _markers(parameters, n_points)
     numbers = _numbers(path, header, parameters, n_frames)
-    if _all_invalid(numbers, header):
-        told = "all residuals are below 0, as for unseen points; they are ignored"
-        remarks += (f"{path}: {told}",)
+    positions, doubted = _positions(path, header, numbers, kept)
+    remarks = miscounted + remarks + doubted
     events, unread = _events(parameters)
     return raw.assembled(
         f"{path}: header",
         (markers, more),
-        _positions(header, numbers, kept),
+        positions,
         number=head.first_frame(header, parameters) + np.arange(n_frames, dtype=float),
         unit=(parameters.place("POINT", "UNITS"), "".join(parameters.texts("POINT", "UNITS")[:1])),
         rates_hz=(frame_rate(header, parameters), rate_hz),
@@ -81,9 +79,14 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
         section = file.read(MOST_PARAMETER_BYTES)
         size = os.fstat(file.fileno()).st_size
     if len(section) > 3 and section[2]:
-        section = section[: section[2] * BLOCK]
+        # Some writers count fewer blocks than they fill; the data begin where the section ends.
+        first_words = head.PROCESSORS.get(section[3], head.PROCESSORS[84]).whole(block)
+        data_start = (head.unsigned(first_words[8]) - 1) * BLOCK
+        section = section[: max(section[2] * BLOCK, data_start - start)]
     parameters = head.read_parameters(path, section, start)
     header = head.read_c3d_header(block, parameters.processor)
+    if not BLOCK <= header.data_start <= size:
+        header = head.with_stated_start(header, parameters)
     if not BLOCK <= header.data_start <= size:
         wanted = f"to start between byte {BLOCK} and the end of the file (byte {size})"
         raise RecordingError.at(f"{path}, byte 16: data", wanted, f"byte {header.data_start}")
@@ -143,21 +146,46 @@ def _numbers(path: Path, header: C3dHeader, parameters: Parameters, n_frames: in
     return numbers.reshape(n_frames, -1)
 
 
-def _positions(header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice) -> FloatArray:
-    """Return the stated positions (N, M, 3) of the selected points, NaN where unseen."""
-    points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)[:, kept]
+UNSEEN_WORD = -1  # residual of a point that was not seen; as an unsigned word 65,535
+EIGHT_CAMERAS = -256  # words below it are a residual beside a mask of eight cameras, not -1
+
+
+def _positions(
+    path: Path, header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return positions (N, M, 3) of the selected points, NaN where unseen, and remarks."""
+    points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)
+    words = points[:, :, 3]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
-        positions = points[:, :, :3].astype(np.float64)
-        if not _all_invalid(numbers, header):
-            positions[~(points[:, :, 3] >= 0)] = np.nan
+        positions = points[:, kept, :3].astype(np.float64)
+        unseen, remarks = _unseen(path, words)
+    positions[unseen[:, kept]] = np.nan
     if header.scale > 0:
         positions *= header.scale
-    return positions
+    return positions, remarks
 
 
-def _all_invalid(numbers: NDArray[Any], header: C3dHeader) -> bool:
-    """Tell whether all points are marked invalid; some programs write no other residual."""
-    return bool((numbers[:, 3 : 4 * header.n_points : 4] < 0).all())
+def _unseen(path: Path, words: NDArray[Any]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """Tell which points their residual words (N, M) mark as unseen, and what was odd about them.
+
+    The format's word holds the residual in its lower byte and a mask of seven cameras in the
+    upper one; below 0 it marks an unseen point. Two habits differ. Some programs write a word
+    below 0 for each point of a file. Others mask eight cameras, which sets the sign of a good
+    point; the word -1, or 65,535 without a sign, still marks an unseen one.
+    """
+    if not (words >= 0).any():
+        told = "all residuals are below 0, as for unseen points; they are ignored"
+        return np.zeros(words.shape, bool), (f"{path}: {told}",)
+    unseen = ~(words >= 0) | (words == UNSEEN_WORD % 65536)
+    if not (words < EIGHT_CAMERAS).any():
+        return unseen, ()
+    masked = (words < EIGHT_CAMERAS) & (words >= -32768) & (words % 1 == 0)
+    unseen &= ~masked
+    told = (
+        f"{masked.sum()} of {masked.size} residual words are below {EIGHT_CAMERAS}, as with a mask "
+        "of eight cameras; these points count as seen"
+    )
+    return unseen, (f"{path}: {told}",)
 
 
 def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
@@ -218,7 +246,7 @@ def read_analogs(path: Path) -> Analogs:
     """Read all analog channels of a C3D file.
 
     A channel's value is (stored - ``ANALOG:OFFSET``) x ``ANALOG:SCALE`` x ``ANALOG:GEN_SCALE``
-    (C3D user guide).
+    (C3D user guide). If ``ANALOG:FORMAT`` is UNSIGNED, samples and offsets are unsigned words.
 
     Parameters
     ----------
@@ -237,15 +265,19 @@ def read_analogs(path: Path) -> Analogs:
     if header.n_analog % n_channels:
         wanted = f"a divisor of the {header.n_analog} analog numbers in each frame"
         raise RecordingError.at(parameters.place("ANALOG", "USED"), wanted, n_channels)
-    n_frames, _ = head.count_frames(header, parameters, size - header.data_start)
+    available = size - header.data_start
+    header, _ = head.settle_points(header, parameters, available)
+    n_frames, _ = head.count_frames(header, parameters, available)
     per_frame = header.n_analog // n_channels
     stored = _numbers(path, header, parameters, n_frames)[:, 4 * header.n_points :].astype(float)
     unsigned = (parameters.texts("ANALOG", "FORMAT") or [""])[0].upper() == "UNSIGNED"
     if unsigned and header.scale > 0:
         stored = np.where(stored < 0, stored + 65536, stored)
     stored = stored.reshape(n_frames * per_frame, n_channels)
-    offset = _per_channel(parameters, "OFFSET", n_channels, default=0.0)
-    scale = _per_channel(parameters, "SCALE", n_channels, default=1.0)
+    offsets = (parameters.unsigned_numbers if unsigned else parameters.numbers)("ANALOG", "OFFSET")
+    offset = _per_channel(parameters, "OFFSET", offsets, n_channels, default=0.0)
+    scales = parameters.numbers("ANALOG", "SCALE")
+    scale = _per_channel(parameters, "SCALE", scales, n_channels, default=1.0)
     general = parameters.number("ANALOG", "GEN_SCALE")
     start = head.first_frame(header, parameters) - 1
     samples = start * per_frame + np.arange(n_frames * per_frame)
@@ -256,10 +288,9 @@ def read_analogs(path: Path) -> Analogs:
 
 
 def _per_channel(
-    parameters: Parameters, name: str, n_channels: int, *, default: float
+    parameters: Parameters, name: str, found: list[float], n_channels: int, *, default: float
 ) -> FloatArray:
     """Return one number per channel, (C,); the default if the file has none."""
-    found = parameters.numbers("ANALOG", name)
     if found and len(found) < n_channels:
         wanted = f"{n_channels} numbers"
         raise RecordingError.at(parameters.place("ANALOG", name), wanted, len(found))

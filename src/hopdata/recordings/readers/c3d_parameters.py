@@ -5,7 +5,7 @@ against the section before use, so that a file cannot make the reader run away.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite, prod
 from pathlib import Path
 from typing import Any
@@ -97,6 +97,17 @@ class Parameters:
         """
         return [float(x) for value in self._all(group, name, np.ndarray) for x in value]
 
+    def unsigned_numbers(self, group: str, name: str) -> list[float]:
+        """Return all numbers of a parameter whose 16-bit words are unsigned, as `numbers` does.
+
+        Whole numbers are decoded as signed, so 32768 comes as -32768. Floats keep their sign.
+        """
+        found: list[float] = []
+        for values in self._all(group, name, np.ndarray):
+            is_word = values.dtype == np.int16
+            found += [unsigned(x) if is_word else float(x) for x in values]
+        return found
+
     def texts(self, group: str, name: str) -> list[str]:
         """Return all texts of a parameter and its continuations (``LABELS2`` ...); none if absent.
 
@@ -158,8 +169,11 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
             parameters.remarks += (told,)
     for number, name, value in found:
         if number not in names:
-            wanted = f"a group of number {number}"
-            raise RecordingError.at(f"{path}: parameter {name}", wanted, "none")
+            told = mismatch(
+                f"{path}: parameter {name}", f"a group of number {number}", "none; it is left out"
+            )
+            parameters.remarks += (told,)
+            continue
         parameters.groups.setdefault(names[number], {})[name] = value
     return parameters
 
@@ -180,13 +194,30 @@ class _Section:
             length, number = np.frombuffer(self.data, np.int8, 2, at).tolist()
             name = decoded(self.take(at + 2, abs(length))).strip().upper()
             after = at + 2 + abs(length)
-            step = self.processor.whole(self.take(after, 2))[0]
+            step = unsigned(self.processor.whole(self.take(after, 2))[0])
             yield number, name, after + 2
             if step == 0:
                 return
             if step < 2:
                 raise self.fault(after, f"the distance to the next record, found {step}")
-            at = after + int(step)
+            at = after + self.distance(number, after + 2, step)
+
+    def distance(self, number: int, content: int, step: int) -> int:
+        """Return the distance to the next record, of which the file states the lower 16 bits.
+
+        A parameter of more than 65,535 bytes is known by its own lengths, which then agree with
+        the stated distance but for a multiple of 65,536.
+        """
+        if number < 0 or self.kind(content) not in _WIDTH:
+            return step
+        n_dimensions = self.take(content + 1, 1)[0]
+        sizes = self.take(content + 2, n_dimensions)
+        n_bytes = prod(sizes) * _WIDTH[self.kind(content)]
+        description_at = content + 2 + n_dimensions + n_bytes
+        if n_bytes <= MOST_16_BIT or description_at >= len(self.data):
+            return step
+        whole = description_at + 1 + self.data[description_at] - (content - 2)
+        return whole if whole % 65536 == step else step
 
     def kind(self, at: int) -> int:
         """Return the type of a parameter."""
@@ -273,6 +304,52 @@ def read_c3d_header(block: bytes, processor: Processor) -> C3dHeader:
     return C3dHeader(n_points, n_analog, first, last, scale, start, rate_hz, events)
 
 
+def with_stated_start(header: C3dHeader, parameters: Parameters) -> C3dHeader:
+    """Return the header with the start of the data from ``POINT:DATA_START``, if it has one."""
+    stated = parameters.unsigned_numbers("POINT", "DATA_START")[:1]
+    if not stated or not isfinite(stated[0]):
+        return header
+    return replace(header, data_start=(int(stated[0]) - 1) * BLOCK)
+
+
+def settle_points(
+    header: C3dHeader, parameters: Parameters, available: int
+) -> tuple[C3dHeader, tuple[str, ...]]:
+    """Return the header with the number of points that fits the file's size, and remarks.
+
+    Header and ``POINT:USED`` both state it. Where they differ, the frames of only one of them
+    may fill the file to the block.
+
+    Raises
+    ------
+    RecordingError
+        If they differ and neither or both fit.
+    """
+    stated = parameters.number("POINT", "USED")
+    if stated is None or stated % 65536 == header.n_points or not isfinite(stated):
+        return header, ()
+    place = parameters.place("POINT", "USED")
+    other = replace(header, n_points=int(stated % 65536))
+    fitting = [one for one in (header, other) if _fits(one, parameters, available)]
+    if len(fitting) != 1:
+        raise RecordingError.at(place, f"{header.n_points} as in the header", f"{stated:g}")
+    (right,) = fitting
+    wanted = f"{header.n_points} points as in the header"
+    found = f"{stated:g}; {right.n_points} fit the size of the file and are read"
+    return right, (mismatch(place, wanted, found),)
+
+
+def _fits(header: C3dHeader, parameters: Parameters, available: int) -> bool:
+    """Tell whether the stated frames, with this number of points, fill the file."""
+    if not header.frame_bytes:
+        return False
+    try:
+        count_frames(header, parameters, available)
+    except RecordingError:
+        return False
+    return True
+
+
 def first_frame(header: C3dHeader, parameters: Parameters) -> int:
     """Return the number of the first frame; long recordings store it in two words of ``TRIAL``."""
     return _two_words(parameters, "ACTUAL_START_FIELD") or header.first
@@ -298,7 +375,7 @@ def count_frames(
     -------
     n_frames : int
     remarks : tuple of str
-        Claims that contradict the valid one.
+        Claims that contradict the valid one, or frames that are lacking in the last block.
 
     Raises
     ------
@@ -311,6 +388,9 @@ def count_frames(
     possible = range(most, max(0, -(-(available - BLOCK) // header.frame_bytes) - 1), -1)
     fitting = [n for n in claims.values() if n in possible]
     wrapped = [n for n in possible if all(_is_full(c) or c == n % 65536 for c in claims.values())]
+    if most and _lacks_a_block(claims, header, available):
+        told = f"{min(claims.values()):g} frames are stated, the file ends within one block of them"
+        return most, (f"{parameters.path}: {told}; the {most} that are whole are read",)
     if not claims or not (fitting or wrapped):
         told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
         cut = "; was the file cut short?" if all(claim > most for claim in claims.values()) else ""
@@ -326,6 +406,15 @@ def count_frames(
     if not fitting:
         remarks.append(f"{parameters.path}: {n} frames counted from the size of the file")
     return n, tuple(remarks)
+
+
+def _lacks_a_block(claims: dict[str, float], header: C3dHeader, available: int) -> bool:
+    """Tell whether the last block of the stated frames was not written, as some programs do."""
+    stated = set(claims.values())
+    if len(stated) != 1 or not isfinite(min(stated)):
+        return False
+    lacking = min(stated) * header.frame_bytes - available
+    return 0 < lacking <= BLOCK
 
 
 def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:

@@ -1,17 +1,20 @@
 """Text exports of many programs: Motive, Vicon Nexus, keypoints, Qualisys and plain tables.
 
 The suffix says little, so the first lines decide. Motive begins with its format version, Nexus with
-the name of a section, DeepLabCut with three rows from its scorer on, and Anipose names columns of
-coordinates. The reader of QTM's exports and plain tables handles the rest. Cells are separated by
-commas, semicolons or tabs; with the last two, a comma is the decimal mark. Lines above the
-table that begin with # are comments.
+the name of a section, DeepLabCut with three rows from its scorer on, Anipose names columns of
+coordinates, and Kinetics Toolkit numbers them in brackets. The reader of QTM's exports and plain
+tables handles the rest. Cells are separated by commas, semicolons or tabs; with the last two, a
+comma is the decimal mark. Lines above the table that begin with # are comments.
 """
 
 import codecs
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
+
+import numpy as np
 
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
@@ -24,7 +27,8 @@ _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of N
 _MOST_HEADER_LINES, _MOST_NAME_LINES = 40, 8
 _KNOWN = (
     "an export of Motive (Format Version), Vicon Nexus (a section Trajectories), DeepLabCut "
-    "(scorer) or Anipose, or a table (columns <name>_x, _y, _z)"
+    "(scorer), Anipose or Kinetics Toolkit (<name>[0] to [3]), or a table (columns <name>_x, "
+    "_y, _z)"
 )
 _LONG = (
     "one for each marker; in pandas table.pivot(index='frame', columns='marker', "
@@ -102,6 +106,8 @@ def read_export(
         at = _row_of(sheet, "coords")
         places = [k for k in range(1, len(rows[at])) if rows[at][k]]
         columns: Columns = [tuple(_at(row, k) for row in rows[: at + 1]) for k in places]
+    elif _homogeneous_markers(first):
+        return _kinetics_toolkit(sheet, rows.index(first), rate_hz)
     elif (found := _names_over_axes(rows)) is not None:
         at, columns = found
         places = list(range(len(columns)))
@@ -138,6 +144,50 @@ def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
                     return at, columns
                 return at + 1, [(_at(index, k),) for k in range(start)] + columns[start:]
     return None
+
+
+_COMPONENT = re.compile(r"(.+)\[([0-3])\]")  # `toe[0]` to `toe[3]`, the last of which is 1
+
+
+def _homogeneous_markers(columns: Row) -> dict[str, list[int]]:
+    """Return the four columns of each marker in homogeneous coordinates, by its name."""
+    places: dict[str, dict[int, int]] = {}
+    for place, column in enumerate(columns):
+        found = _COMPONENT.fullmatch(column)
+        if found:
+            places.setdefault(found[1], {})[int(found[2])] = place
+    return {name: [at[k] for k in range(4)] for name, at in places.items() if len(at) == 4}
+
+
+def _kinetics_toolkit(sheet: _Sheet, at: int, rate_hz: float | None) -> raw.RawRecording:
+    """Read a time series that Kinetics Toolkit saved: markers in m, each with a fourth number 1."""
+    path, columns = sheet.path, sheet.rows[at]
+    markers = _homogeneous_markers(columns)
+    used = {place for places in markers.values() for place in places} | {0}
+    others = [name for place, name in enumerate(columns) if place not in used and name]
+    coordinates = [place for places in markers.values() for place in places]
+    stamps, flat = sheet.below(at).numbers([0], coordinates)
+    points = flat.reshape(len(flat), -1, 4)
+    seen = np.isfinite(points).all(axis=2)
+    wrong = np.argwhere(seen & (points[:, :, 3] != 1))
+    if len(wrong):
+        row, marker = wrong[0]
+        name = list(markers)[marker]
+        place = f"{sheet.line(at + 1 + row)}: {name}[3]"
+        raise RecordingError.at(place, "1, as of a point", f"{points[row, marker, 3]:g}")
+    remarks: tuple[str, ...] = ()
+    if others:
+        remarks = (f"{path}: columns that are no markers are left out: {text.listed(others)}",)
+    return raw.assembled(
+        str(path),
+        raw.distinct_names(str(path), list(markers)),
+        points[:, :, :3].copy(),
+        number=np.arange(1.0, len(points) + 1),
+        stamps=stamps[:, 0].copy(),
+        unit=(str(path), "m"),
+        rates_hz=(None, rate_hz),
+        remarks=remarks,
+    )
 
 
 def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:

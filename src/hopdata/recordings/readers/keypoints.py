@@ -1,7 +1,8 @@
-"""3-D keypoints from video: tables of DeepLabCut, Anipose and JARVIS, as CSV or HDF5.
+"""3-D keypoints from video: of DeepLabCut, Anipose and JARVIS as CSV or HDF5, of SLEAP as HDF5.
 
 They state no unit and rarely a clock, but the confidence of each point. In HDF5 they are pandas
 tables: either rows with pickled column names beside them, or arrays of blocks with their names.
+SLEAP's triangulated points are an array ``tracks`` of frames, animals, nodes and coordinates.
 """
 
 from __future__ import annotations
@@ -94,7 +95,9 @@ def keypoints(
 def read_hdf5(
     path: Path, *, rate_hz: float | None = None, most_unpacked_mb: float, least_score: float
 ) -> raw.RawRecording:
-    """Read an HDF5 file that holds either a hopdata recording or a table of keypoints."""
+    """Read an HDF5 file that holds a hopdata recording, a table of keypoints or SLEAP's tracks."""
+    if (tracks := sleap_tracks(path, most_unpacked_mb)) is not None:
+        return keypoints(path, *tracks, rate_hz, least_score)
     if (table := pandas_table(path, most_unpacked_mb)) is not None:
         return keypoints(path, *table, rate_hz, least_score)
     own = hdf5.read_recording(path, most_unpacked_mb=most_unpacked_mb)
@@ -114,6 +117,46 @@ def read_hdf5(
         stated_up="z",
         remarks=own.remarks + renamed,
     )
+
+
+def sleap_tracks(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArray] | None:
+    """Read the points that SLEAP's cameras triangulated; None if the file has no such array.
+
+    Returns
+    -------
+    columns : list of tuple of str
+        Name of each node, with its animal if there are several, and coordinate.
+    values : (N, K) array
+        NaN where a node was not seen.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or its tracks are those of one camera.
+    """
+    with hdf5.opened(path, "not a file of SLEAP", most_unpacked_mb) as file:
+        tracks = file.get("tracks")
+        if not hasattr(tracks, "dtype"):
+            return None
+        if len(tracks.shape) != 4 or tracks.shape[3] != len(AXES):
+            how = "triangulate the cameras first (SLEAP's points3d.h5)"
+            found = f"an array of shape {tracks.shape}; {how}"
+            wanted = "frames x animals x nodes x 3"
+            raise ValueError(f"dataset 'tracks': expected {wanted}, found {found}")
+        values = np.asarray(hdf5.whole_array(tracks, float), np.float64)
+        n_frames, n_animals, n_nodes, _ = values.shape
+        names = [f"node {k + 1}" for k in range(n_nodes)]
+        if "node_names" in file:
+            names = list(hdf5.stored_texts(file, "node_names"))
+        if len(names) != n_nodes:
+            raise ValueError(f"dataset 'node_names': expected {n_nodes} names, found {len(names)}")
+        animals: list[tuple[str, ...]] = [()]
+        if n_animals > 1:
+            animals = [(f"animal {k + 1}",) for k in range(n_animals)]
+        columns: Columns = [
+            ("SLEAP", *animal, name, axis) for animal in animals for name in names for axis in AXES
+        ]
+        return columns, values.reshape(n_frames, -1)
 
 
 def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArray] | None:

@@ -180,6 +180,9 @@ class Rows:
         Whether fields lacking at the end of a row are missing values rather than a fault.
     is_section : bool
         Whether an empty line ends the rows.
+    needed : int, optional
+        Number of fields that are read, if rows may be shorter or longer than `width` beyond them.
+        Fields beyond `width` must be empty.
     """
 
     path: Path
@@ -189,6 +192,7 @@ class Rows:
     mark: str = "\t"
     may_be_short: bool = False
     is_section: bool = False
+    needed: int | None = None
 
     def line(self, row: int) -> str:
         """Return file and line of a row, for messages; rows count from 0."""
@@ -257,7 +261,8 @@ class Rows:
         n_lines = n_bytes = 0
         while block := file.read(BLOCK):
             n_lines, n_bytes = n_lines + block.count(b"\n"), n_bytes + len(block)
-        return min(n_lines, n_bytes // (1 if self.may_be_short else self.width)) + 1
+        fewest = self.width if self.needed is None else self.needed
+        return min(n_lines, n_bytes // (1 if self.may_be_short else fewest)) + 1
 
     def _blocks(self, file: BinaryIO) -> Iterator[tuple[int, list[bytes], bool]]:
         """Yield the first line's number, rows of `width` fields, and whether the file ends here.
@@ -289,7 +294,12 @@ class Rows:
         if not (is_row or line.strip(mark + b" \t\r\n")):
             return b""
         fields = [f.replace(self.mark, HELD) for f in fields_of(line.decode("latin-1"), self.mark)]
-        if len(fields) > self.width or (len(fields) < self.width and not self.may_be_short):
+        fewest = self.width
+        if self.needed is not None:
+            fewest = self.needed
+            if not any(fields[self.width :]):
+                fields = fields[: self.width]
+        if len(fields) > self.width or (len(fields) < fewest and not self.may_be_short):
             place, cut = f"{self.path}, line {number}", CUT * is_last
             raise RecordingError.at(place, f"{self.width} columns", f"{len(fields)}{cut}")
         fields += [""] * (self.width - len(fields))

@@ -1,6 +1,7 @@
 """Reader of TRC files, the marker format of OpenSim and Cortex: often y up, in m or mm."""
 
 import re
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -14,7 +15,7 @@ KEYS = (
 )
 COUNTERS = ["Frame#", "Time"]
 _COUNTERS = (r"frames? ?#?", r"times?( ?\(s(ec)?\))?")
-_HEADER_LINES = 5  # file type, keys, values, marker names, axes; possibly an empty line follows
+_NAMED_LINES = 4  # file type, keys, values, marker names; axes and empty lines may follow
 
 
 def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -55,44 +56,140 @@ def _stated(path: Path, values: dict[str, str], key: str) -> float | None:
     return text.stated_number(f"{path}, line 3", key, values.get(key, ""))
 
 
+@dataclass(frozen=True)
+class _Lines:
+    """The lines of a file above its first row of numbers, and that row.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    named : list of list of str
+        Fields of the lines with file type, keys, values and marker names.
+    axes : list of str or None
+        Fields of the line X1, Y1, Z1 and so on; None if the file has no such line.
+    first : list of str
+        Fields of the first row of numbers.
+    n_above, offset : int
+        Lines and bytes above that row.
+    mark : str
+        Field separator of the rows of numbers.
+    """
+
+    path: Path
+    named: list[list[str]]
+    axes: list[str] | None
+    first: list[str]
+    n_above: int
+    offset: int
+    mark: str
+
+
 def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
     """Return values by key, marker names, the location of the numbers, and remarks."""
-    lines: list[list[str]] = []
-    with text.readable(path) as file:
-        for line in islice(file, _HEADER_LINES):
-            lines.append(text.split_line(path, line, _mark(line) if lines else "\t"))
-        while (first := file.readline()).isspace():
-            lines.append([])
-        offset = file.tell() - len(first)
-    if not lines or re.split(r"[\s,;]", lines[0][0])[0].lower() != "pathfiletype":
-        found = f"'{lines[0][0][:40]}'" if lines else "an empty file"
-        raise RecordingError.at(f"{path}, line 1", "PathFileType", found)
-    if not first:
-        raise RecordingError.at(path, "rows of numbers after the header", "none")
-    values, unknown = _values(path, lines[1], lines[2])
-    n_axes = _count_axes(path, lines[4])
-    names = _names(path, lines[3], n_axes)
+    lines = _lines_above(path)
+    values, unknown = _values(path, lines.named[1], lines.named[2])
     stated = _stated(path, values, "NumMarkers")
+    if lines.axes is None:
+        n_axes = _count_columns(lines, stated)
+    else:
+        n_axes = _count_axes(path, lines.axes)
+    names, without_columns = _with_columns(lines, n_axes, stated)
     if stated == n_axes // 3:  # the last may have no name
         names += [""] * (n_axes // 3 - len(names))
     told = f"{path}, line 4: expected {stated or 0:g} marker names (NumMarkers), found {len(names)}"
     if stated not in (None, len(names), n_axes // 3) and n_axes != 3 * len(names):
         raise RecordingError(told)
     markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
-    remarks += unknown + (f"{told}, which are used",) * (stated not in (None, len(names)))
-    mark = _mark(first)
-    fields = text.split_line(path, first, mark)
-    width = max(len(fields), 2 + 3 * len(markers))
-    if any(fields[2 + 3 * len(markers) :]) or n_axes > 3 * len(markers):
+    remarks += unknown + without_columns
+    if stated not in (None, len(names)):
+        remarks += (f"{told}, which are used",)
+    needed = 2 + 3 * len(markers)
+    width = max(len(lines.first), needed)
+    if any(lines.first[needed:]) or n_axes > 3 * len(markers):
         wanted = f"{3 * len(markers)} columns of {len(markers)} markers"
-        found = f"{max(n_axes, len(text.trimmed(fields)) - 2)}; the others are not read"
+        found = f"{max(n_axes, len(text.trimmed(lines.first)) - 2)}; the others are not read"
         remarks += (mismatch(path, wanted, found),)
-    return values, markers, text.Rows(path, len(lines), offset, width, mark), remarks
+    rows = text.Rows(path, lines.n_above, lines.offset, width, lines.mark, needed=needed)
+    return values, markers, rows, remarks
+
+
+def _lines_above(path: Path) -> _Lines:
+    """Split a file at its first row of numbers.
+
+    Raises
+    ------
+    RecordingError
+        If it does not begin as a TRC file, or has no such row.
+    """
+    named: list[list[str]] = []
+    with text.readable(path) as file:
+        for line in islice(file, _NAMED_LINES):
+            named.append(text.split_line(path, line, _mark(line) if named else "\t"))
+        _require_type(path, named)
+        n_above = len(named)
+        axes: list[str] | None = None
+        while first := file.readline():
+            fields = text.split_line(path, first, _mark(first))
+            is_blank = not any(fields)
+            if not is_blank and (axes is not None or text.is_number(text.pointed(fields[0]))):
+                break
+            if not is_blank:
+                axes = fields
+            n_above += 1
+        offset = file.tell() - len(first)
+    if not first:
+        raise RecordingError.at(path, "rows of numbers after the header", "none")
+    return _Lines(path, named, axes, fields, n_above, offset, _mark(first))
+
+
+def _require_type(path: Path, named: list[list[str]]) -> None:
+    """Require a file to begin with PathFileType, and to have all lines up to the names."""
+    if not named or re.split(r"[\s,;]", named[0][0])[0].lower() != "pathfiletype":
+        found = f"'{named[0][0][:40]}'" if named else "an empty file"
+        raise RecordingError.at(f"{path}, line 1", "PathFileType", found)
+    if len(named) < _NAMED_LINES:
+        raise RecordingError.at(path, "rows of numbers after the header", "none")
 
 
 def _mark(line: bytes) -> str:
-    """Return the field separator of a line: a tab, or a blank if it has no tabs."""
-    return "\t" if b"\t" in line.strip() else " "
+    """Return the field separator of a line: a tab, a comma or semicolon, or else a blank."""
+    inner = line.strip()
+    return next((mark for mark in ("\t", ";", ",") if mark.encode() in inner), " ")
+
+
+def _count_columns(lines: _Lines, stated: float | None) -> int:
+    """Return the number of coordinates in a file without a line of axes: that of its first row."""
+    n_columns = len(text.trimmed(lines.first)) - 2
+    if stated is not None and stated == stated // 1:
+        n_columns = max(n_columns, 3 * int(stated))  # markers at the end may be unseen
+    if n_columns % 3:
+        wanted = "X, Y, Z of each marker"
+        found = f"{n_columns} numbers after {' and '.join(COUNTERS)}"
+        raise RecordingError.at(f"{lines.path}, line {lines.n_above + 1}", wanted, found)
+    return n_columns
+
+
+def _with_columns(
+    lines: _Lines, n_axes: int, stated: float | None
+) -> tuple[list[str], tuple[str, ...]]:
+    """Return the names of the markers that have columns, and a remark on the other names.
+
+    Cortex names its virtual markers behind the measured ones, also where it exports no columns
+    for them. They are left out if `NumMarkers` agrees with the columns.
+    """
+    fields = lines.named[3]
+    n_markers = n_axes // 3
+    named = [k for k, name in enumerate(fields) if k >= 2 and name]
+    if stated != n_markers or len(named) <= n_markers or fields[2:].count(fields[2]) == 3:
+        return _names(lines.path, fields, n_axes), ()
+    last = named[n_markers - 1]
+    beyond = [fields[k] for k in named[n_markers:]]
+    place = f"{lines.path}, line 4"
+    wanted = f"{stated:g} marker names (NumMarkers)"
+    found = f"{text.listed(beyond)} beyond them, without columns; they are left out"
+    names = _names(lines.path, fields[: last + 1], n_axes)
+    return names, (mismatch(place, wanted, found),)
 
 
 def _values(
