@@ -492,6 +492,13 @@ def test_the_count_of_points_that_fills_the_file_is_believed(tmp_path):
         read_c3d(path)
 
 
+def test_two_counts_of_points_that_both_fill_the_file_are_refused(tmp_path):
+    path = written(tmp_path, raw(n_frames=2))
+    changed(path, value_at(path, b"USED"), np.array([5], "<i2").tobytes())
+    with pytest.raises(RecordingError, match=r"POINT:USED: expected 3 .* found 5"):
+        read_c3d(path)
+
+
 def test_a_last_block_that_was_not_written_costs_its_frames_and_is_said(tmp_path):
     path = written(tmp_path, raw(n_frames=200))
     frame_bytes = 48

@@ -138,6 +138,16 @@ def test_forms_that_other_programs_write_are_read(tmp_path, form):
     assert remark in "".join(raw.remarks)
 
 
+def test_a_first_row_with_many_empty_cells_costs_no_row(tmp_path):
+    positions = POSITIONS.copy()
+    positions[1:, 1:] = np.nan
+    rows = trc_text(positions, NAMES).split("\n")
+    rows[6] += "\t" * 900
+    raw = read(tmp_path, "\n".join(rows))
+    assert len(raw.time) == len(positions)
+    np.testing.assert_allclose(raw.positions, positions, atol=1e-6)
+
+
 @pytest.mark.parametrize("word", ["Nan", "NAN", "nAN", "-nan", "naN", " NaN"])
 def test_nan_in_any_letters_is_missing(tmp_path, word):
     row = ROWS[8].split("\t")
