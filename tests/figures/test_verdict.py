@@ -1,9 +1,12 @@
+import numpy as np
 import pandas as pd
 import pytest
 from overlaps import text_faults
 
 from hopdata.figures.verdict import (
     ASKED,
+    BAR_ROW,
+    SEEN_ROW,
     group_figure,
     verdict_figure,
     verdicts_figure,
@@ -66,7 +69,7 @@ def test_the_sentence_is_not_broken_within_a_number():
 @pytest.mark.parametrize(
     ("conclusion", "words", "bar", "label"),
     [
-        ("different", "Different maps: by 38 % (32 % to 45 %)", [32, 45], "95 % interval"),
+        ("different", "Different maps: by 38 % (32 to 45 %)", [32, 45], "95 % interval"),
         ("no difference", "One smooth map: no difference above 12 %", [0, 12], "not excluded"),
         ("cannot tell", "Cannot tell: up to 33 % possible", [0, 33], "not excluded"),
     ],
@@ -77,7 +80,9 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, word
     assert list(axes.lines[0].get_xdata()) == pytest.approx(bar)
     assert any(text.startswith(label) for text in texts(axes))
     (seen,) = [
-        x.get_xdata()[0] for x in axes.lines if x.get_marker() == "|" and x.get_ydata()[0] < 1
+        x.get_xdata()[0]
+        for x in axes.lines
+        if x.get_marker() == "|" and x.get_ydata()[0] == SEEN_ROW
     ]
     assert seen == pytest.approx(100 * EFFECTS[conclusion][-1])
     assert axes.get_xlabel().startswith(ASKED)
@@ -115,7 +120,7 @@ def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
     figure = verdict_figure(verdict("cannot tell", effect=effect), touchdowns())
     axes = figure.axes[0]
     assert axes.get_xlim()[1] < 400
-    assert any(line.get_marker() == ">" and line.get_ydata()[0] > 1 for line in axes.lines)
+    assert any(line.get_marker() == ">" and line.get_ydata()[0] == BAR_ROW for line in axes.lines)
     assert text_faults(figure) == []
 
 
@@ -151,3 +156,54 @@ def test_what_counts_as_none_is_seen_where_all_subjects_are_below():
     rows = [{"name": name, "reason": "", **known, **effect} for name in ("ann", "bob")]
     (axes,) = group_figure({**known, "members": rows}).axes
     assert axes.get_xlim()[1] > 20
+
+
+def random_verdict(rng):
+    """Draw a verdict with its touchdowns and, for one in two, the true difference."""
+    conclusion = str(rng.choice(list(EFFECTS)))
+    margin = round(float(rng.uniform(0.02, 0.6)), 2)
+    estimate = float(rng.lognormal(-1.5, 1.2))
+    low = 0.0
+    high = estimate + float(rng.lognormal(-1.5, 1.5))
+    if conclusion == "different":
+        low = estimate * float(rng.uniform(0.05, 0.95))
+    bound = float(rng.uniform(estimate, high))
+    names = ("estimate", "low", "high", "upper_bound", "detectable")
+    sizes = (estimate, low, high, bound, float(rng.lognormal(-1.0, 1.0)))
+    by_jump = conclusion == "different" and rng.random() < 0.3
+    decided = "jump" if by_jump else "effect"
+    content = verdict(
+        conclusion,
+        margin=margin,
+        confidence=float(rng.choice([0.8, 0.9, 0.95, 0.99, 0.995])),
+        decided_by=decided,
+        outlook=OUTLOOK * int(rng.integers(0, 3)),
+        **{decided: dict(zip(names, sizes, strict=True))},
+    )
+    feet = [str(k + 1) for k in range(rng.integers(2, 7))]
+    orders = [">".join(rng.permutation(feet)) for _ in range(rng.integers(1, 6))]
+    true = pd.DataFrame({"true_effect": [float(rng.lognormal(-1.5, 1.0))]})
+    return content, touchdowns(*orders), true if rng.random() < 0.5 else None
+
+
+OUTLOOK = (
+    "A difference that shows as 7.7 % would be found in 80 % of such studies; to see 20 % you "
+    "would need about 1,990 landings, or contacts farther apart. "
+)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_text_covers_another_whatever_the_numbers(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(50):
+        content, landings, true = random_verdict(rng)
+        assert text_faults(verdict_figure(content, landings, true)) == [], (content, true)
+
+
+def test_texts_that_cover_each_other_would_be_seen():
+    """The control of the test above: a label moved into another's row is found."""
+    figure = verdict_figure(verdict("cannot tell"), touchdowns())
+    labels = [text for text in figure.axes[0].texts if text.get_text()]
+    labels[0].xy = labels[1].xy
+    labels[0].set_horizontalalignment(labels[1].get_horizontalalignment())
+    assert text_faults(figure)

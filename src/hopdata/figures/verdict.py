@@ -12,7 +12,9 @@ from matplotlib.figure import Figure, SubFigure
 from hopdata.figures import style
 from hopdata.figures.schedule import ARROW
 
-ROW_MM, MEMBER_MM = 58.0, 4.2
+ROW_MM, MEMBER_MM, TITLE_MM = 58.0, 4.2, 3.0
+SAID_WIDTH = 90  # characters of a line of the verdict in words
+LINE_MM = 3.0  # height of such a line
 ASKED = "difference between the maps of the contact orders"
 # Quantity that decides the answer: its axis label.
 AXES = {
@@ -51,15 +53,15 @@ def verdict_figure(
         words is below. If a study has no answer, the words are beside (b).
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
-        return style.message_figure(_said(verdict, 90), width_mm=style.DOUBLE_COLUMN_MM)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM + 6.0)
+        return style.message_figure(_said(verdict, SAID_WIDTH), width_mm=style.DOUBLE_COLUMN_MM)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, _height_mm(verdict))
     true = None if truth is None or truth.empty else float(truth["true_effect"].iloc[0])
     top = max(_top(verdict), 112.0 * (true or 0.0))
     left = _draw_row(figure, verdict, touchdowns, top)
     if true is not None:
         left.plot(100.0 * true, 0.0, "^", color=style.BLUE, markersize=5, clip_on=False, zorder=5)
         words = f"true: {_percent(true)}, estimated: {_percent(verdict['effect']['estimate'])}"
-        _write(left, words, (100.0 * true, 0.0), 4, style.BLUE, top)
+        _write(left, words, (100.0 * true, TRUE_ROW), style.BLUE, top)
     return figure
 
 
@@ -75,14 +77,20 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
         Titles of the studies.
     """
     rows = list(zip(content[::2], content[1::2], names, strict=True))
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, (ROW_MM + 9.0) * len(rows))
+    heights = [_height_mm(verdict) + TITLE_MM for verdict, _, _ in rows]
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, sum(heights))
     top = max(_top(verdict) for verdict, _, _ in rows)
-    for part, (verdict, touchdowns, name) in zip(
-        figure.subfigures(len(rows), 1, squeeze=False).ravel(), rows, strict=True
-    ):
+    parts = figure.subfigures(len(rows), 1, squeeze=False, height_ratios=heights).ravel()
+    for part, (verdict, touchdowns, name) in zip(parts, rows, strict=True):
         part.suptitle(style.label_of(name), fontsize=style.pt(8), x=0.01, ha="left")
         _draw_row(part, verdict, touchdowns, top)
     return figure
+
+
+def _height_mm(verdict: Mapping[str, Any]) -> float:
+    """Return the height of a row of two plots with the verdict in words below them."""
+    n_lines = _said(verdict, SAID_WIDTH).count("\n") + 1
+    return ROW_MM + LINE_MM * n_lines
 
 
 def _draw_row(
@@ -97,7 +105,7 @@ def _draw_row(
         left.set_axis_off()
         return left
     _draw_size(left, verdict, top)
-    figure.supxlabel(_said(verdict, 90), fontsize=style.pt(7))
+    figure.supxlabel(_said(verdict, SAID_WIDTH), fontsize=style.pt(7))
     style.letters((left, right))
     return left
 
@@ -121,49 +129,72 @@ def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
     return float(effect["high" if conclusion == "different" else "upper_bound"])
 
 
+# Rows of the plot of the size, from the axis (0) upwards. Each text has a row of its own, as high
+# as two of its lines, so that no text can cover another wherever the data place them.
+TRUE_ROW, SEEN_TEXT_ROW, SEEN_ROW, BAR_ROW, BAR_TEXT_ROW, NONE_ROW = 0.13, 0.6, 1.0, 1.4, 1.82, 2.4
+HIGHEST_ROW = 2.65
+
+
 def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     """Draw what is known of the difference above an axis that begins at zero."""
     effect = verdict[_decided(verdict)]
     colour = ANSWERS[verdict["conclusion"]][1]
-    margin, seen = 100.0 * verdict["margin"], 100.0 * effect["detectable"]
-    low, end = 100.0 * effect["low"], 100.0 * _end(verdict["conclusion"], effect)
-    sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
-    look: Any = {"fontsize": style.pt(9.5), "fontweight": "bold", "loc": "left"}
+    look: Any = {"fontsize": style.pt(9), "fontweight": "bold", "loc": "left"}
     axes.set_title(in_short(verdict), color=colour, **look)
-    axes.plot([low, min(end, top)], [1.2, 1.2], color=colour, linewidth=7, solid_capstyle="butt")
-    if end > top:
-        axes.plot(top, 1.2, ">", color=colour, markersize=9, clip_on=False)
-    if low > 0:
-        axes.plot(100.0 * effect["estimate"], 1.2, "|", color="white", ms=7, mew=2)
-    words = f"{sure} interval" if low > 0 else f"not excluded by this study\n(at {sure} confidence)"
-    is_short = max(end, margin) < 0.4 * top  # no room above the bar
-    place = (max(end, margin), -7) if is_short and low <= 0 else (low, 7)
-    _write(axes, words, (place[0], 1.2), place[1], colour, top)
+    low = 100.0 * effect["low"]
+    end = 100.0 * _end(verdict["conclusion"], effect)
+    _draw_interval(axes, verdict, (low, end), colour, top)
     if low <= 0:  # a difference that was found does not count as none
+        margin = 100.0 * verdict["margin"]
         axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
         none = f"smaller than {margin:g} %\ncounts as none"
-        _write(axes, none, (margin, 1.8), -3, style.INK, top)
-    words = "nothing could have been seen"
-    if seen < top:
-        words = f"from here on, {power} of\nsuch studies find a difference"
-        axes.plot([seen, top], [0.75, 0.75], color=style.PURPLE, linewidth=1.2)
-        axes.plot(seen, 0.75, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
-        axes.plot(top, 0.75, ">", color=style.PURPLE, markersize=4, clip_on=False)
-    _write(axes, words, (min(seen, top), 0.75), -19, style.PURPLE, top)
-    axes.set_ylim(0.0, 2.15)
+        _write(axes, none, (margin, NONE_ROW), style.INK, top)
+    _draw_seen(axes, verdict, top)
+    axes.set_ylim(0.0, HIGHEST_ROW)
     axes.set_xlim(0.0, top)
     axes.set_yticks([])
     axes.spines["left"].set_linewidth(2.0)
     axes.set_xlabel(AXES[_decided(verdict)])
 
 
-def _write(
-    axes: Axes, words: str, at: tuple[float, float], above: float, colour: str, top: float
+def _draw_interval(
+    axes: Axes, verdict: Mapping[str, Any], interval: tuple[float, float], colour: str, top: float
 ) -> None:
-    """Write beside a place, on the side with more room; `above` is in points."""
+    """Draw the interval, per cent, as a bar; if it is cut, the bar ends in an arrowhead."""
+    low, end = interval
+    effect = verdict[_decided(verdict)]
+    sure = f"{100 * float(verdict['confidence']):g} %"
+    bar: Any = {"color": colour, "linewidth": 7, "solid_capstyle": "butt"}
+    axes.plot([low, min(end, top)], [BAR_ROW, BAR_ROW], **bar)
+    if end > top:
+        axes.plot(top, BAR_ROW, ">", color=colour, markersize=9, clip_on=False)
+    if low > 0:
+        axes.plot(100.0 * effect["estimate"], BAR_ROW, "|", color="white", ms=7, mew=2)
+        words = f"{sure} interval"
+    else:
+        words = f"not excluded by this study\n(at {sure} confidence)"
+    _write(axes, words, (low, BAR_TEXT_ROW), colour, top)
+
+
+def _draw_seen(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
+    """Draw from where on such studies would have found a difference."""
+    seen = 100.0 * verdict[_decided(verdict)]["detectable"]
+    power = f"{100 * float(verdict['power']):g} %"
+    words = "nothing could have been seen"
+    if seen < top:
+        words = f"from here on, {power} of\nsuch studies find a difference"
+        axes.plot([seen, top], [SEEN_ROW, SEEN_ROW], color=style.PURPLE, linewidth=1.2)
+        start: Any = {"color": style.PURPLE, "markersize": 8, "markeredgewidth": 1.5}
+        axes.plot(seen, SEEN_ROW, "|", **start)
+        axes.plot(top, SEEN_ROW, ">", color=style.PURPLE, markersize=4, clip_on=False)
+    _write(axes, words, (min(seen, top), SEEN_TEXT_ROW), style.PURPLE, top)
+
+
+def _write(axes: Axes, words: str, at: tuple[float, float], colour: str, top: float) -> None:
+    """Write in a row beside a place, on the side with more room."""
     left = at[0] < 0.5 * top
-    look = {"ha": "left" if left else "right", "color": colour, "bbox": style.ON_WHITE}
-    style.note(axes, words, at, (3 if left else -3, above), fontsize=7, **look)
+    look = {"ha": "left" if left else "right", "va": "center", "color": colour}
+    style.note(axes, words, at, (3 if left else -3, 0), fontsize=7, bbox=style.ON_WHITE, **look)
 
 
 def in_short(verdict: Mapping[str, Any]) -> str:
@@ -175,21 +206,25 @@ def in_short(verdict: Mapping[str, Any]) -> str:
         _percent(effect[key]) for key in ("estimate", "low", "high", "upper_bound")
     )
     by = {"effect": "by", "jump": "a jump of"}[_decided(verdict)]
+    interval = f"{low.removesuffix(PER_CENT)} to {high}"
     sizes = {
-        "different": f"{by} {size} ({low} to {high})",
+        "different": f"{by} {size} ({interval})",
         "no difference": f"no difference above {bound}",
         "cannot tell": f"up to {bound} possible",
     }
     return f"{answer}: {sizes[verdict['conclusion']]}"
 
 
+PER_CENT = "\u00a0%"  # the space keeps number and sign on one line
+
+
 def _percent(share: float) -> str:
-    return f"{float(f'{100 * share:.2g}'):g}\u00a0%"
+    return f"{float(f'{100 * share:.2g}'):g}{PER_CENT}"
 
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
     """Return the sentence and the outlook, wrapped to as few, evenly long lines as possible."""
-    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(" %", "\u00a0%")
+    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(" %", PER_CENT)
     filled = [textwrap.wrap(said, width) for width in range(20, longest + 1)]
     return "\n".join(next(lines for lines in filled if len(lines) == len(filled[-1])))
 
