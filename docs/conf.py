@@ -3,6 +3,7 @@
 Its root is the checkout, so that README, docs and benchmarks link to each other as they do there.
 """
 
+import re
 import sys
 from pathlib import Path
 
@@ -64,7 +65,22 @@ def _first_page(app, failed):
         Path(app.outdir, "index.html").write_text(f"<!doctype html>{to}\n", encoding="utf-8")
 
 
+#: A line that a command of the first page prints; a broken one would show a broken page.
+WHOLE_LINE = "markers  7: body1, body2, body3, foot1, foot2, foot3, boom"
+
+
+def _whole_lines(app, failed):
+    """Require that what a command printed was not broken into pieces."""
+    page = Path(app.outdir, "docs", "first_study.html")
+    if failed or not page.exists():
+        return
+    shown = re.sub("<[^>]*>", "", page.read_text(encoding="utf-8"))
+    if WHOLE_LINE not in shown:
+        raise RuntimeError(f"{page}: expected the line '{WHOLE_LINE}', found it broken or not at all")
+
+
 def setup(app):
     """Connect what Sphinx calls."""
     app.connect("source-read", _contents)
     app.connect("build-finished", _first_page)
+    app.connect("build-finished", _whole_lines)

@@ -25,6 +25,20 @@ shutil.copytree(root / "config", "config")
 Path("data").symlink_to(root / "data")
 from IPython.core.pylabtools import select_figure_formats
 select_figure_formats(get_ipython(), {"svg"})
+
+# IPython's own magic prints what it reads from the shell in pieces that may end within a word,
+# and the page shows each piece on a line of its own.
+def bash(options, commands):
+    import subprocess
+    done = subprocess.run(
+        ["bash", *options.split()], input=commands, text=True, encoding="utf-8",
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )
+    print(done.stdout, end="", flush=True)
+    if done.returncode:
+        raise RuntimeError(f"the shell ended with exit code {done.returncode}")
+
+get_ipython().register_magic_function(bash, "cell")
 """
 
 
