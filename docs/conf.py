@@ -76,7 +76,9 @@ def _whole_lines(app, failed):
         return
     shown = re.sub("<[^>]*>", "", page.read_text(encoding="utf-8"))
     if WHOLE_LINE not in shown:
-        raise RuntimeError(f"{page}: expected the line '{WHOLE_LINE}', found it broken or not at all")
+        raise RuntimeError(
+            f"{page}: expected the line '{WHOLE_LINE}', found it broken or not at all"
+        )
 
 
 def setup(app):

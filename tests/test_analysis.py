@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import hopdata as hd
-from hopdata.errors import absent
+from hopdata.errors import ArgumentError, absent
 from hopdata.recordings.readers.hdf5 import read_recording
 
 FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
@@ -92,6 +92,17 @@ def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
     checks = json.loads((tmp_path / "quality.json").read_text())
     assert any(check["value"] is None for check in checks)
     assert (tmp_path / "figures" / "verdict.svg").is_file()
+
+
+def test_the_name_of_a_file_is_no_folder(study, tmp_path):
+    for name in ("results.h5", "results.CSV", "page.html"):
+        with pytest.raises(ArgumentError, match="folder: expected the name of a folder, found"):
+            study[0].save(tmp_path / name)
+    (tmp_path / "written").write_text("before")
+    with pytest.raises(ArgumentError, match="folder: expected the name of a folder, found"):
+        study[0].save(tmp_path / "written")
+    assert [path.name for path in tmp_path.iterdir()] == ["written"]
+    assert study[0].save(tmp_path / "version 1.2").is_dir()
 
 
 def test_a_file_with_its_roles_gives_the_recording_s_numbers(study, sample_path):

@@ -481,6 +481,7 @@ class Study(Shown):
         pairs, asked = self.pairs, {"seed": self.config["seed"], **self.config["verdict"]}
         self.progress("verdict")
         states: Any = pairs.x, pairs.y, pairs.instants
+        asked["instants_se"] = pairs.instants_se
         return judge(*states, blurred=blurred(self.touchdowns), **asked)
 
     @cached_property
@@ -644,14 +645,28 @@ class Study(Shown):
     def save(self, folder: str | Path) -> Path:
         """Write ``verdict.json``, ``quality.json`` and the folders ``tables`` and ``figures``.
 
+        Parameters
+        ----------
+        folder : path
+            Folder to write to; it is made if it does not exist.
+
         Returns
         -------
         Path
             The folder.
+
+        Raises
+        ------
+        ArgumentError
+            If this is the name of a file.
         """
         from hopdata.figures.style import save_figure
 
         base = _place("folder", folder)
+        is_file = base.is_file() or base.suffix.lower() in SUFFIXES_OF_FILES
+        if is_file and not base.is_dir():
+            how = f"such as '{base.with_suffix('')}', or write one page with report()"
+            raise ArgumentError.at("folder", "the name of a folder", f"'{base}'; name one {how}")
         write_json(base / "verdict.json", self.verdict.to_dict())
         write_json(base / "quality.json", self._checks)
         for name, table in self.tables.items():
@@ -660,6 +675,16 @@ class Study(Shown):
             place = base / "figures" / full
             save_figure(getattr(self.figures, name)(), place, **self.config["figures"])
         return base
+
+
+#: Names that end so are meant as files.
+SUFFIXES_OF_FILES = frozenset(
+    (
+        *(".h5", ".hdf5", ".nc", ".mat", ".npz", ".pkl", ".pickle", ".parquet"),
+        *(".csv", ".tsv", ".txt", ".json", ".yaml", ".yml", ".xlsx"),
+        *(".html", ".md", ".pdf", ".svg", ".png", ".jpg", ".zip"),
+    )
+)
 
 
 def _place(key: str, path: str | Path) -> Path:

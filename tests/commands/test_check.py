@@ -150,3 +150,13 @@ def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(tmp_path,
     told = capsys.readouterr()
     assert "study dog: 'recording1': " in told.out
     assert f"{files[1]}: vertical axis z: expected" in told.err
+
+
+def test_the_bundled_study_is_checked_outside_a_clone(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", "config/quadruped.yaml"]) == 0
+    told = capsys.readouterr().out
+    assert "config/quadruped.yaml: copied from the installation" in told
+    assert "config/quadruped.yaml is sound" in told
+    assert main(["check", "config/quadrupet.yaml"]) == 1
+    assert "did you mean 'quadruped.yaml'?" in capsys.readouterr().err

@@ -11,6 +11,7 @@ with reported(snakemake.log[0]):
         pairs.x,
         pairs.y,
         pairs.instants,
+        instants_se=pairs.instants_se,
         seed=snakemake.params.seed,
         blurred=blurred(read_table(snakemake.input.touchdowns)),
         **snakemake.params.options,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 def check(options: argparse.Namespace) -> int:
     """Check a configuration, read all its recordings and forecast its first study."""
+    from hopdata.commands.run import bring_bundled
     from hopdata.config.consistency import feet_of, files_of, simulation_of
     from hopdata.config.loading import load_config, place_of, read_yaml
     from hopdata.group import read_group
@@ -28,6 +30,7 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
 
+    bring_bundled(Path(options.config))
     content, studies = read_yaml(options.config), [options.config]
     if isinstance(content, Mapping) and "samples" in content:
         studies = [one["config"] for one in read_group(options.config)["members"].values()]

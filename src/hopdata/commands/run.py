@@ -39,10 +39,8 @@ def run(options: argparse.Namespace) -> int:
     if config is None:
         _bring(SAMPLE)
         config = SNAKEFILE.parent / SAMPLE_CONFIG
-    elif not config.exists() and (bundled := SNAKEFILE.parent / config).is_file():
-        named = re.findall(r"(?:config|data/sample)/\w+\.\w+", bundled.read_text(encoding="utf-8"))
-        for file in dict.fromkeys([config, *map(Path, named)]):
-            _bring(file)
+    else:
+        bring_bundled(config)
     if isinstance(content := read_yaml(config), dict) and "samples" in content:
         from hopdata.group import read_group
 
@@ -165,6 +163,16 @@ def _stages(study: str, told: str) -> str:
     table = re.findall(r"^(\w+) +(\d+)$", told.partition("\ntotal ")[0], re.MULTILINE)
     lines = [f"  {rule:18} {counted(int(n), 'job')}" for rule, n in table if rule != "all"]
     return "\n".join([f"{study}: {'would run' if lines else 'nothing to do'}", *lines])
+
+
+def bring_bundled(config: Path) -> None:
+    """Copy a configuration that only the installation has, and the files that it names."""
+    bundled = SNAKEFILE.parent / config
+    if config.exists() or config.is_absolute() or not bundled.is_file():
+        return
+    named = re.findall(r"(?:config|data/sample)/\w+\.\w+", bundled.read_text(encoding="utf-8"))
+    for file in dict.fromkeys([config, *map(Path, named)]):
+        _bring(file)
 
 
 def _bring(file: Path) -> None:

@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 from kinked_landings import landings
 
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, ConfigError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import two_kinds
-from hopdata.maps.verdict.judge import CANNOT_TELL, TWO_KINDS, conclude, outlook, sentence
+from hopdata.maps.verdict.judge import (
+    CANNOT_TELL,
+    NOT_FORETOLD,
+    TWO_KINDS,
+    conclude,
+    outlook,
+    sentence,
+)
 from hopdata.maps.verdict.model import LEFT
 
 OPTIONS = {"seed": 3, "flips": 199}
@@ -407,3 +414,30 @@ def test_a_bound_that_rounds_to_the_margin_is_said_to_be_above_it():
     said = [sentence(CANNOT_TELL, (0, 0, 0, b), "two orders", 0.95, 0.2) for b in (0.2004, 0.21)]
     assert "of up to just over 20 % of the map cannot be excluded, and 20 % was wanted" in said[0]
     assert "of up to 21 % of the map" in said[1]
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_contacts_that_the_state_does_not_explain_are_noted(seed):
+    data = landings(seed=seed)
+    rigid = verdict(data)
+    assert rigid.foretold > 0.995
+    assert NOT_FORETOLD not in [note["what"] for note in rigid.notes]
+    scatter_s = 0.0015  # of when each leg touches, beside what the body's state decides
+    posture = np.random.default_rng(seed).normal(0.0, scatter_s, data.instants.shape)
+    moved = replace(data, instants=data.instants + posture)
+    answer = verdict(moved)
+    varied = np.mean((data.instants - data.instants.mean(axis=1, keepdims=True)) ** 2)
+    expected = varied / (varied + scatter_s**2 * (1 - 1 / 3))
+    assert answer.foretold == pytest.approx(expected, abs=0.01)
+    (note,) = [note for note in answer.notes if note["what"] == NOT_FORETOLD]
+    assert f"{100 * answer.foretold:.1f} %" in note["reason"]
+    # The same scatter as an error of measurement says nothing of the animal.
+    known = verdict(moved, instants_se=np.full(data.instants.shape, scatter_s))
+    assert known.foretold > 0.99
+    assert NOT_FORETOLD not in [note["what"] for note in known.notes]
+
+
+def test_standard_errors_have_the_shape_of_the_instants():
+    data = landings(n=300)
+    with pytest.raises(ConfigError, match=r"instants_se: expected a standard error .*\(300, 3\)"):
+        verdict(data, instants_se=np.zeros((300, 2)))

@@ -26,6 +26,7 @@ DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no differen
 #: Difference for which every verdict gives the number of landings needed to show it.
 ASKED = 0.2
 TWO_KINDS = "landings are of two kinds"
+NOT_FORETOLD = "contacts are not explained by the body's state"
 
 
 @dataclass(frozen=True, repr=False)
@@ -62,6 +63,10 @@ class Verdict(Shown):
     landings_needed
         Number of landings that show a difference of `ASKED` with the given power; None if the size
         could not be computed, if the jump decided, or if no number suffices.
+    foretold
+        Share of the contact instants' mean square that the state before the landing foretells;
+        None if it could not be computed. What it does not foretell (legs whose length varies from
+        landing to landing, noise in the state) makes every size too small.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}``.
     """
@@ -81,6 +86,7 @@ class Verdict(Shown):
     jump: sizing.EffectSize | None = None
     decided_by: str = "effect"
     landings_needed: int | None = None
+    foretold: float | None = None
     notes: Notes = field(default_factory=list)
 
     def told(self) -> str:
@@ -142,6 +148,7 @@ def judge(
     instants: ArrayLike,
     *,
     seed: int,
+    instants_se: ArrayLike | None = None,
     margin: float = 0.2,
     confidence: float = 0.95,
     power: float = 0.8,
@@ -160,6 +167,9 @@ def judge(
         (n, feet) contact instants, in the same unit of time; NaN where not known.
     seed
         Seed of the study.
+    instants_se
+        (n, feet) standard errors of the instants, in the same unit; they tell what the states do
+        not foretell of the contacts from what was not measured well. None if they are not known.
     margin
         Relative difference that the study is to exclude.
     confidence, power
@@ -173,7 +183,7 @@ def judge(
     Raises
     ------
     AnalysisError
-        If the shapes of the three arrays do not match.
+        If the shapes of the arrays do not match.
     ConfigError
         If another argument is not a number in its range.
     """
@@ -183,6 +193,11 @@ def judge(
     if not fits or shapes[0][0] != shapes[2][0] or shapes[0][1] % 6 or not shapes[0][1]:
         told = "x, y, instants: expected one row per landing, (n, 6B), (n, 6B), (n, feet), found "
         raise AnalysisError(told + ", ".join(map(str, shapes)))
+    errors = None
+    if instants_se is not None:
+        errors = numbers("instants_se", instants_se)
+        told = "a standard error for each instant, " + str(shapes[2])
+        require(errors.shape == shapes[2], "instants_se", told, errors.shape)
     for key, share in (("confidence", confidence), ("power", power)):
         require(isinstance(share, Real) and 0 < share < 1, key, "a number between 0 and 1", share)
     require(isinstance(margin, Real) and 0 < margin <= 1, "margin", "a number in (0, 1]", margin)
@@ -197,7 +212,11 @@ def judge(
     try:
         if blurred:
             raise AnalysisError(blurred)
-        landings = inputs.section_landings(*(part[known] for part in parts))
+        known_errors = None
+        if errors is not None:
+            known_errors = np.nan_to_num(errors[known])
+        before, after, touched = (part[known] for part in parts)
+        landings = inputs.section_landings(before, after, touched, known_errors)
         *differences, what = sizing.compared(landings)
         fit = fit_kinks(landings)
     except AnalysisError as error:
@@ -240,6 +259,7 @@ def judge(
         jump=jump,
         decided_by=decided_by,
         landings_needed=needed,
+        foretold=landings.foretold,
         notes=notes + _limits(landings, no_evidence, err_alike(fit.scores @ size.T)),
         **asked,
     )
@@ -270,6 +290,12 @@ def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> No
         f"successive ones err alike, so signs are drawn for {sizing.IN_A_ROW} together, which "
         "widens the interval; even so, a difference may be false"
     )
+    explained = f"{100 * landings.foretold:.1f} % of how far apart the feet touch"
+    unforetold = (
+        f"the state before the landing foretells {explained}; the rest is posture, such as legs "
+        "whose length varies from landing to landing, or noise in the state. Differences between "
+        "orders then look smaller than they are, and the bounds are too low, those of a jump most"
+    )
     copies = "is one marker a copy of the other? The order of these two was not judged"
     told = [
         (inputs.feet_as_one(landings), "two feet are always the same time apart", copies),
@@ -277,6 +303,7 @@ def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> No
         (state, TWO_KINDS, kinds),
         (far, "landings far from all others", mistakes),
         (alike, "landings are not independent", in_a_row),
+        (landings.foretold < inputs.WELL_FORETOLD, NOT_FORETOLD, unforetold),
     ]
     return [{"what": what, "reason": reason} for holds, what, reason in told if holds]
 
