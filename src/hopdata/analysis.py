@@ -419,7 +419,8 @@ class Study(Shown):
 
         contacts = self.contacts
         self.progress("sections")
-        return select_sections(self.recordings, landings=contacts, **self._section_options)
+        options = self._section_options
+        return select_sections(self.recordings, landings=contacts, compare=True, **options)
 
     @property
     def _section_options(self) -> Contents:
@@ -526,7 +527,7 @@ class Study(Shown):
             "gap_times": inspected.pop("gaps"),
             **inspected,
             "section_densities": section_densities(
-                recordings, sections, nodes=self.config["sections"]["grid_nodes"]
+                recordings, sections, self.contacts, nodes=self.config["sections"]["grid_nodes"]
             ),
             "section_frames": section_frames(recordings, sections),
             "example_touchdown": example_touchdown(recordings, touchdowns),

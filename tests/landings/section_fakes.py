@@ -76,14 +76,6 @@ def _centre_and_leg(
     return centre, LEG_M + extension_m * drawn
 
 
-def true_sections(fake: Fake, tail: float) -> tuple[float, float]:
-    """Return pre and post section by the rule, from the truth."""
-    some_down, some_up = fake.foot_down.any(axis=1), (~fake.foot_down).any(axis=1)
-    pre = np.quantile(fake.body_height[some_down], 1 - tail)
-    post = np.quantile(fake.body_height[some_up], tail)
-    return float(pre), float(post)
-
-
 def on_floor(
     recording: Recording,
     floor: Callable[[np.ndarray, np.ndarray], np.ndarray],

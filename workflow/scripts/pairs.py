@@ -18,9 +18,11 @@ with reported(snakemake.log[0]):
     require_distinct(recordings)
     names = [one.name for one in recordings]
     landings = dict(zip(names, map(read_table, source.landings), strict=True))
-    sections = select_sections(recordings, landings=landings, **params.sections)
+    sections = select_sections(recordings, landings=landings, compare=True, **params.sections)
     write_json(target.sections, sections.to_dict())
-    write_table(target.densities, section_densities(recordings, sections, nodes=params.nodes))
+    write_table(
+        target.densities, section_densities(recordings, sections, landings, nodes=params.nodes)
+    )
     write_table(target.frames, section_frames(recordings, sections))
     heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
     paths, how = iter(target.labelled), {**params.touchdowns, **heights}

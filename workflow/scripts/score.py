@@ -5,7 +5,7 @@ from pathlib import Path
 from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
 from hopdata.landings.floor_surface import FloorModel
 from hopdata.maps.truth.scoring import score
-from hopdata.recordings.readers.hdf5 import read_truth
+from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 
 with reported(snakemake.log[0]):
     source = snakemake.input
@@ -21,6 +21,9 @@ with reported(snakemake.log[0]):
         feet=snakemake.params.markers["feet"],
         tables=tables,
         sections=read_json(source.sections),
+        recordings={
+            name: read_recording(path) for name, path in zip(truths, source.recordings, strict=True)
+        },
         prediction_summary=read_table(source.prediction),
         distance_summary=read_table(source.distances),
         exact={Path(path).stem: read_table(path) for path in source.exact},

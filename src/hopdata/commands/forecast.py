@@ -61,7 +61,7 @@ class Forecast:
     stops
         Whether the study has too few touchdowns to run to its end.
     best
-        Share of the landings held by the best height of a section that loses many.
+        Share of the landings held by each section that was chosen to hold as many as it can.
     kinds
         What divides the landings into two kinds; empty if they are of one.
     """
@@ -140,8 +140,11 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
     study = Study(config, tuple(parts))
     looked_at, made = study.candidates, study.sections
-    moved = [side for side in made.held if made.decided[f"{side}_height_m"] == "contacts"]
-    best = {side: made.held[side] or 0.0 for side in moved}
+    best = dict[str, float]()
+    for side, held in made.held.items():
+        by_landings = made.rule == "landings" and made.decided[f"{side}_height_m"] == "data"
+        if by_landings and held is not None:
+            best[side] = held
     some = partial(Forecast, frames_share=share, best=best)
     try:
         touchdowns = study.touchdowns
@@ -215,7 +218,9 @@ def _changes(
         return [f"no foot comes down to z = 0: {raise_it}"]
     seen = {x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings) for x in body}
     hidden = min(seen, default="", key=seen.__getitem__)
-    by_landings = ", or sections.frames to landings" * (config["sections"]["frames"] == "all")
+    by_landings = ""
+    if config["sections"]["rule"] == "printed":
+        by_landings = ", or sections.rule to landings"
     sections, changes = {}, []
     for side, state, last in (("pre", "up", "first"), ("post", "down", "last")):
         sections[side] = f"set sections.{side}_height_m{by_landings}"

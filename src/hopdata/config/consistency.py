@@ -259,6 +259,8 @@ def _home_marker(config: dict[str, Any]) -> Iterator[str]:
         yield from _unknown("a body marker", config["markers"]["body"], [("home.marker", marker)])
 
 
+DEFAULT_SIGMAS = 3.0  # of sections.threshold_sigmas in the schema
+
 _IN_ORDER = (
     ("sections.pre_height_m", "more", "sections.post_height_m"),
     ("subspaces.components", "fewer", "subspaces.samples"),
@@ -272,6 +274,26 @@ def _in_order(config: dict[str, Any]) -> Iterator[str]:
         limit: Any = reduce(getitem, other.split("."), config)
         if None not in (value, limit) and not (value > limit if side == "more" else value < limit):
             yield mismatch(key, f"{side} than {other} ({limit:g})", f"{value:g}")
+
+
+def _idle_section_keys(config: dict[str, Any]) -> Iterator[str]:
+    """Yield keys of `sections` that would decide nothing beside the others."""
+    sections = config["sections"]
+    printed = sections["rule"] == "printed"
+    both_given = None not in (sections["pre_height_m"], sections["post_height_m"])
+    thresholds_given = None not in (
+        sections["min_foot_threshold_m"],
+        sections["max_foot_threshold_m"],
+    )
+    sigmas = sections["threshold_sigmas"]
+    if printed and sigmas != DEFAULT_SIGMAS:
+        expected = "none beside sections.rule: printed, whose thresholds are knees of densities"
+        yield mismatch("sections.threshold_sigmas", expected, f"{sigmas:g}")
+    bandwidth_m = sections["bandwidth_m"]
+    idle = both_given and (thresholds_given or not printed)
+    if bandwidth_m is not None and idle:
+        expected = "none beside heights that are given, since it would choose nothing"
+        yield mismatch("sections.bandwidth_m", expected, f"{bandwidth_m:g}")
 
 
 def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
@@ -336,7 +358,8 @@ def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
 
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
-    _repeated, _left_out, _joined_feet, _home_marker, _in_order, _scales_in_order,
+    _repeated, _left_out, _joined_feet, _home_marker, _in_order, _idle_section_keys,
+    _scales_in_order,
     _simulated_markers, _simulated_files, external_mistakes, _braces, _reserved_study,
     _enough_flips, steering_mistakes,
 ]  # fmt: skip

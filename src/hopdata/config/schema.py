@@ -301,7 +301,19 @@ def found(value: Any) -> str:
     return str(value)
 
 
+#: Keys that were removed, by their whole name, and what to do instead.
+REMOVED = {
+    "sections.tail_fraction": (
+        "this key was removed: sections are now chosen from landings, not from tails of frames "
+        "(see sections.rule); delete the line"
+    ),
+}
+
+
 def _unknown_key(key: str, place: str, known: Sequence[str], schema: dict[str, Any]) -> str:
+    whole = _join(place, key)
+    if whole in REMOVED:
+        return f"{whole}: expected a known key, found '{key}'; {REMOVED[whole]}"
     near = did_you_mean(key, known)
     if not get_close_matches(key, known, n=1, cutoff=SURE):
         elsewhere = _elsewhere(key, place, schema)

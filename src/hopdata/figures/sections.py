@@ -18,6 +18,7 @@ DECADES_SHOWN = 4
 MARGIN = 0.03
 THRESHOLDS = ("min_foot_threshold_m", "max_foot_threshold_m")
 DASHED: dict[str, Any] = {"color": style.INK, "lw": 0.8, "ls": (0, (4, 2)), "zorder": 3}
+DOTTED: dict[str, Any] = {**DASHED, "ls": (0, (1, 2))}
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,8 @@ class _Side:
     foot: str  # the foot height that decides
     where: str  # position of all feet in the selected frames
     otherwise: str  # position of some feet in the other frames
-    so: str  # text: what holds beyond the section
+    contact: str  # curve of the body's heights at the contact that bounds the section
+    turn: str  # curve of those at the turning point on its other side
     colour: str
 
     @property
@@ -38,8 +40,8 @@ class _Side:
 
 
 SIDES = (
-    _Side("a", "pre", "min_foot", "up", "down", "above {} mm no foot is down", style.BLUE),
-    _Side("b", "post", "max_foot", "down", "up", "below {} mm all feet are down", style.VERMILION),
+    _Side("a", "pre", "min_foot", "up", "down", "first_contact", "top", style.BLUE),
+    _Side("b", "post", "max_foot", "down", "up", "last_contact", "lowest", style.VERMILION),
 )
 
 
@@ -58,24 +60,26 @@ def sections_figure(
     densities : DataFrame
         Tidy curves: ``curve``, ``height_m``, ``density_per_m``. Curves drawn: ``min_foot`` and
         ``max_foot`` (marginal); body height ``body_given_all_up``, ``body_given_all_down`` and,
-        in the other frames, ``body_given_some_down``, ``body_given_some_up``.
+        in the other frames, ``body_given_some_down``, ``body_given_some_up``; body height in
+        landings, ``top``, ``first_contact``, ``last_contact`` and ``lowest``.
     sections : mapping
         ``min_foot_threshold_m``, ``max_foot_threshold_m``, ``pre_height_m``, ``post_height_m``,
-        ``frames``.
+        ``frames``; ``held``, the share of the landings that each section holds; ``decided``, and
+        ``beside``, the heights by the other rule.
 
     Returns
     -------
     Figure
-        Two halves, one per section, of 2 x 2 axes with shared height axes. The range between the
+        Two halves, one per section, of 3 x 2 axes with shared height axes. The range between the
         sections is yellow, as in Fig. 2.3. The scatter plot is rasterised.
     """
     if frames.empty:
         return style.message_figure("No frame to draw: the recording holds no complete frames.")
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 104.0)
     halves: Any = figure.subfigures(1, 2, wspace=0.02)
     for half, side in zip(halves, SIDES, strict=True):
         _draw_side(half, side, frames, densities, sections)
-    figure.legend(handles=_legend_handles(), loc="outside lower center", ncols=3)
+    figure.legend(handles=_legend_handles(sections), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -86,10 +90,11 @@ def _draw_side(
     densities: pd.DataFrame,
     sections: Mapping[str, Any],
 ) -> None:
-    grid = half.add_gridspec(2, 2, width_ratios=(1, 2.8), height_ratios=(1, 2.3))
-    scatter = half.add_subplot(grid[1, 1])
-    beside = half.add_subplot(grid[1, 0], sharey=scatter)
-    above = half.add_subplot(grid[0, 1], sharex=scatter)
+    grid = half.add_gridspec(3, 2, width_ratios=(1, 2.8), height_ratios=(1, 1, 2.3))
+    scatter = half.add_subplot(grid[2, 1])
+    beside = half.add_subplot(grid[2, 0], sharey=scatter)
+    above = half.add_subplot(grid[1, 1], sharex=scatter)
+    landings = half.add_subplot(grid[0, 1], sharex=scatter)
     threshold = _height(sections, f"{side.foot}_threshold_m")
     _draw_scatter(scatter, side, frames, threshold, sections.get("frames") == "landings")
     scatter.set(
@@ -98,14 +103,27 @@ def _draw_side(
     )
     _draw_foot_density(beside, side, densities)
     _draw_body_density(above, side, densities)
+    _draw_landing_density(landings, side, densities)
     _draw_threshold((scatter, beside), threshold)
-    _draw_sections((scatter, above), sections, side)
-    height = _height(sections, f"{side.section}_height_m")
-    said = "not found" if height is None else side.so.format(f"{height:.0f}")
+    _draw_sections((scatter, above, landings), sections, side)
     half.suptitle(
-        f"{side.letter}   {side.section.capitalize()} section: {said}", color=side.colour, x=0.02,
-        ha="left", fontsize=style.pt(8), fontweight="bold",
+        f"{side.letter}   {side.section.capitalize()} section: {_said(sections, side)}",
+        color=side.colour, x=0.02, ha="left", fontsize=style.pt(8), fontweight="bold",
     )  # fmt: skip
+
+
+def _said(sections: Mapping[str, Any], side: _Side) -> str:
+    """Say where a section lies and how many landings it holds, by count and not by intention."""
+    height = _height(sections, f"{side.section}_height_m")
+    if height is None:
+        return "not found"
+    said = f"{height:.0f} mm"
+    if sections.get("decided", {}).get(f"{side.section}_height_m") == "config":
+        said += " (given)"
+    held = sections.get("held", {}).get(side.section)
+    if held is not None:
+        said += f", holds {np.floor(100 * held):.0f} % of the landings"
+    return said
 
 
 def _draw_scatter(
@@ -168,6 +186,19 @@ def _draw_body_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
     axes.locator_params(axis="y", nbins=4)
 
 
+def _draw_landing_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None:
+    """Draw the body's heights in landings: at the contact, and at the turning point beyond."""
+    axes.tick_params(labelbottom=False)
+    axes.set_ylabel("density (1/m)")
+    for name, colour in ((side.turn, style.GREY), (side.contact, style.INK)):
+        height, density = _curve(densities, name)
+        axes.plot(height, density, color=colour, linewidth=0.9)
+    if not len(_curve(densities, side.contact)[0]):
+        style.lacking(axes, 0.5, 0.5, "no landings", axes.transAxes)
+    axes.set_ylim(bottom=0)
+    axes.locator_params(axis="y", nbins=3)
+
+
 def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
     if threshold is None:
         return
@@ -177,18 +208,21 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
     style.note(both[0], f"{threshold:.1f} mm", (1, threshold), (2, 0), xycoords=where, va="center")
 
 
-def _draw_sections(both: tuple[Axes, Axes], sections: Mapping[str, Any], side: _Side) -> None:
-    """Draw the section of a half, and the range between both sections."""
+def _draw_sections(each: tuple[Axes, ...], sections: Mapping[str, Any], side: _Side) -> None:
+    """Draw the section of a half, that by the other rule, and the range between both sections."""
+    other = _height(sections.get("beside", {}), f"{side.section}_height_m")
     heights = {name: _height(sections, f"{name}_height_m") for name in ("post", "pre")}
     own, known = heights[side.section], [one for one in heights.values() if one is not None]
-    for axes in both:
+    for axes in each:
+        if other is not None:
+            axes.axvline(other, **DOTTED)
         if len(known) == len(heights):
             axes.axvspan(*known, color=style.YELLOW, alpha=0.35, linewidth=0, zorder=-1)
         if own is not None:
             axes.axvline(own, **DASHED)
 
 
-def _legend_handles() -> list[Artist]:
+def _legend_handles(sections: Mapping[str, Any]) -> list[Artist]:
     dots = [(side.colour, side.condition) for side in SIDES]
     dots.append((style.GREY, "other frames"))
     handles: list[Artist] = [
@@ -196,7 +230,13 @@ def _legend_handles() -> list[Artist]:
     ]
     handles.append(Line2D([], [], label="threshold, section", **DASHED))
     between: Any = {"facecolor": style.YELLOW, "alpha": 0.35, "linewidth": 0}
-    return [*handles, Patch(label="transition, pre to post", **between)]
+    handles.append(Patch(label="transition, pre to post", **between))
+    if _height(sections.get("beside", {}), "pre_height_m") is not None:
+        rule = sections["beside"]["rule"]
+        handles.append(Line2D([], [], label=f"section by the rule {rule}", **DOTTED))
+    handles.append(Line2D([], [], color=style.INK, lw=0.9, label="landings: at a contact"))
+    handles.append(Line2D([], [], color=style.GREY, lw=0.9, label="landings: at a turn"))
+    return handles
 
 
 def _height(sections: Mapping[str, Any], key: str) -> float | None:

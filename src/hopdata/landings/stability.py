@@ -126,7 +126,7 @@ def section_stability(
     """Select the sections again with six other bandwidths, and from parts of the data.
 
     The parts are each half, each recording, and all data but the second around the frame farthest
-    on the wrong side of a section. A section depends on few frames, so one bad second can move it.
+    on the wrong side of a section: one bad second must not move it.
 
     Parameters
     ----------
@@ -142,9 +142,10 @@ def section_stability(
     Returns
     -------
     pandas.DataFrame
-        ``kind`` (``chosen, bandwidth, second, half, recording``), ``variant``, ``bandwidth_m`` of
-        the ground mode of the lowest foot, ``pre_height_m``, ``post_height_m``, and ``note``, which
-        says why a variant has no sections. Heights set by the configuration stay as they are.
+        ``kind`` (``chosen, bandwidth, second, half, recording``), ``variant``, ``bandwidth_m`` by
+        which the sections were chosen, ``pre_height_m``, ``post_height_m``, and ``note``, which
+        says why a variant has no sections. Heights set by the configuration stay as they are; if
+        both are, there is no bandwidth to vary.
     """
     landings = landings or {one.name: find_landings(one) for one in recordings}
     rows = [_row("chosen", "all data", sections)]
@@ -160,10 +161,10 @@ def section_stability(
 def _variants(
     recordings: Sequence[Recording], sections: Sections
 ) -> Iterator[tuple[str, str, Sequence[Recording], dict[str, float]]]:
-    bandwidth = sections.min_foot_mode.bandwidth_m
-    for factor in BANDWIDTH_FACTORS:
-        changed = {"bandwidth_m": factor * bandwidth}
-        yield "bandwidth", f"bandwidth × {factor:g}", recordings, changed
+    if sections.bandwidth_m is not None:
+        for factor in BANDWIDTH_FACTORS:
+            changed = {"bandwidth_m": factor * sections.bandwidth_m}
+            yield "bandwidth", f"bandwidth × {factor:g}", recordings, changed
     for number, frame in dict.fromkeys(_farthest_frames(recordings, sections)):
         with _without_second(recordings, number, frame) as (told, parts):
             yield "second", told, parts, {}
@@ -212,5 +213,7 @@ def _without_second(
 
 
 def _row(kind: str, variant: str, found: Sections) -> tuple[str, str, float, float, float, str]:
-    bandwidth = found.min_foot_mode.bandwidth_m
-    return kind, variant, bandwidth, found.pre_height_m, found.post_height_m, ""
+    bandwidth_m = float("nan")
+    if found.bandwidth_m is not None:
+        bandwidth_m = found.bandwidth_m
+    return kind, variant, bandwidth_m, found.pre_height_m, found.post_height_m, ""

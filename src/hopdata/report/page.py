@@ -27,8 +27,10 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body; ``n_landings``, those
         in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the landings
         and ``n_excluded``, the rest of them; ``n_schedules`` among those used. Texts with units
-        (``pre, post, travel, min_threshold, max_threshold, units, spread``). ``moved`` (whether a
-        section was moved to hold the landings), ``landings_only`` (whether the sections use the
+        (``pre, post, travel, min_threshold, max_threshold, bandwidth, units, spread``; by the other
+        rule ``beside_pre, beside_post``; shares of the landings ``pre_held, post_held``).
+        ``printed_rule`` (whether sections are knees of densities), ``pre_given, post_given``
+        (whether the configuration sets them), ``landings_only`` (whether the densities are of the
         body's descents only), ``medians`` of the fitted models (normalised) and ``distances`` (rad)
         by name, ``fitted`` and ``not_fitted`` as text, ``labels_right`` by method (%), and
         ``study``.
@@ -66,15 +68,30 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
 
 def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
     pre, post = (show.scaled(sections.get(f"{side}_height_m"), 1.0) for side in ("pre", "post"))
+    decided = sections.get("decided") or {}
+    held = sections.get("held") or {}
+    beside = sections.get("beside") or {}
     return {
         "pre": _shown(pre, 1e3, "mm"),
         "post": _shown(post, 1e3, "mm"),
         "travel": _shown(None if pre is None or post is None else pre - post, 1e3, "mm"),
         "min_threshold": _shown(sections.get("min_foot_threshold_m"), 1e3, "mm", decimals=1),
         "landings_only": sections.get("frames") == "landings",
-        "moved": "contacts" in (sections.get("decided") or {}).values(),
+        "printed_rule": sections.get("rule") == "printed",
+        "pre_given": decided.get("pre_height_m") == "config",
+        "post_given": decided.get("post_height_m") == "config",
+        "pre_held": _share_in_words(held.get("pre")),
+        "post_held": _share_in_words(held.get("post")),
+        "bandwidth": _shown(sections.get("bandwidth_m"), 1e3, "mm", decimals=1),
+        "beside_pre": _shown(beside.get("pre_height_m"), 1e3, "mm"),
+        "beside_post": _shown(beside.get("post_height_m"), 1e3, "mm"),
         "max_threshold": _shown(sections.get("max_foot_threshold_m"), 1e3, "mm", decimals=1),
     }
+
+
+def _share_in_words(share: float | None) -> str | None:
+    """Write a share in whole per cent, rounded down, so that 100 % means all."""
+    return None if share is None else f"{math.floor(100 * share)} %"
 
 
 def _units(units: Mapping[str, Any]) -> dict[str, str | None]:

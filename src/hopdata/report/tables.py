@@ -107,6 +107,12 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     pre, post = sections.get("pre_height_m"), sections.get("post_height_m")
     if pre is not None and post is not None:
         rows.append(("travel from pre to post", show.fixed((pre - post) * 1e3, 2), "mm"))
+    for side in ("pre", "post"):
+        speed_m_s = sections.get(f"{side}_speed_m_s")
+        if speed_m_s is not None:
+            # A height that is wrong by 1 mm shifts the instant of the passage by this many ms.
+            name = f"error of the instant per mm of height, {side} section"
+            rows.append((name, show.fixed(1 / speed_m_s, 2), "ms"))
     shown = {*SECTION_NAMES, "decided"}
     for key, value in show.flat({key: sections[key] for key in sections if key not in shown}):
         words, text, unit = show.labelled(key, value)

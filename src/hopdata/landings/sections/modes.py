@@ -8,6 +8,7 @@ order (spacing / bandwidth)^4; the grid is chosen fine enough for it.
 The ground mode is found from such densities: where the heights of feet on the ground pile up.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,25 @@ def normal_bandwidth(samples: ArrayLike) -> float:
     lower, upper = np.quantile(values, [0.25, 0.75])
     spread = min(float(values.std(ddof=1)), float(upper - lower) / 1.349)
     return 0.9 * (spread or float(values.std(ddof=1))) * values.size**-0.2
+
+
+_FINEST_SHARE = 1e-4  # smallest usual bandwidth, as a share of the range of heights
+
+
+def usual_bandwidth(groups: Sequence[FloatArray], range_m: float) -> float:
+    """Return the smallest bandwidth of the normal rule for groups of heights, m.
+
+    Heights without scatter have no bandwidth of their own: 1e-4 of `range_m` is the least.
+
+    Parameters
+    ----------
+    groups : sequence of array
+        Heights, m; non-finite ones are ignored.
+    range_m : float
+        Range of all heights in question, m.
+    """
+    found = [normal_bandwidth(one) for one in groups if np.isfinite(one).sum() > 1]
+    return max(min(found, default=0.0), _FINEST_SHARE * range_m)
 
 
 def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
@@ -88,6 +108,38 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     return np.maximum(smooth[margin : margin + n_inside : refine], 0.0) / (n_finite * step)
 
 
+_GRID_NODES_PER_BANDWIDTH = 16  # a height read off the grid is right to 3 % of a bandwidth
+_LEAST_GRID_NODES = 1024
+_MOST_GRID_NODES = 2**18
+_GRID_MARGIN = 5.0  # bandwidths beyond the samples, where a density has ended
+
+
+def grid_of(samples: FloatArray, bandwidth_m: float) -> FloatArray:
+    """Return a uniform grid for reading heights off a density of `samples`, m.
+
+    Parameters
+    ----------
+    samples : array of any shape
+        Finite heights, m.
+    bandwidth_m : float
+        Bandwidth of the density, m, > 0.
+
+    Raises
+    ------
+    AnalysisError
+        If the bandwidth is too small for the range of the heights.
+    """
+    margin = _GRID_MARGIN * bandwidth_m
+    low = float(samples.min()) - margin
+    high = float(samples.max()) + margin
+    nodes = int((high - low) / bandwidth_m * _GRID_NODES_PER_BANDWIDTH)
+    if nodes > _MOST_GRID_NODES:
+        least_m = (high - low) * _GRID_NODES_PER_BANDWIDTH / _MOST_GRID_NODES
+        expected = f"at least {least_m:.2g} m, for heights that range over {high - low:.3g} m"
+        raise AnalysisError.at("sections.bandwidth_m", expected, f"{bandwidth_m:g} m")
+    return np.linspace(low, high, max(nodes, _LEAST_GRID_NODES))
+
+
 def _fast_length(least: int) -> int:
     """Return the smallest 2^k 3^m 5^n that is at least `least`, for a fast FFT."""
     odd = (3**k * 5**m for k in range(15) for m in range(10))
@@ -123,7 +175,7 @@ _COARSE = 0.04  # coarse bandwidth, as a share of the range from the 2 % to the 
 _STEP_REACH_M = 5e-3  # distance from the mode within which printed steps are sought
 _COARSE_STEP_M = 1e-4  # finer steps are below the noise of cameras
 _TIES, _LEAST_TIES = 20, 2  # mean and median heights per level above which heights come in steps
-_LARGE = 0.2  # smallest density of a mode that counts, as a share of the highest density
+LARGE = 0.2  # smallest density of a mode that counts, as a share of the highest density
 
 
 @dataclass(frozen=True)
@@ -150,9 +202,7 @@ class GroundMode:
         return self.height_m + sigmas * self.sigma_m
 
 
-def ground_mode(
-    heights: ArrayLike, *, bandwidth_m: float | None = None, scale: float = 1.0
-) -> GroundMode:
+def ground_mode(heights: ArrayLike, *, scale: float = 1.0) -> GroundMode:
     """Find the lowest large mode of `heights` and the scatter on its left flank.
 
     The mode is narrower than any bandwidth suited to the whole density, so it has a bandwidth of
@@ -162,9 +212,6 @@ def ground_mode(
     ----------
     heights : array of any shape
         Foot heights, m; non-finite ones are ignored.
-    bandwidth_m : float, optional
-        Bandwidth for the place of the mode, m; by default from the data as above. A bandwidth wider
-        than sigma is reduced to sigma: its peak would be that of all heights, not of the mode.
     scale : float
         Scale of the recording (`hopdata.recording.scale_of`).
 
@@ -184,8 +231,6 @@ def ground_mode(
     for _ in range(3):
         n_ground = 2 * max(int(np.searchsorted(values, place)), 1)
         width = sigma * n_ground ** (-1 / 7)
-        if bandwidth_m is not None:
-            width = float(np.clip(bandwidth_m / scale, _FINEST_M, sigma))
         place = _highest_near(values, place, reach=6 * sigma + 2 * width, bandwidth=width)
         sigma = _left_flank(values, place)
     return GroundMode(height_m=scale * place, sigma_m=scale * sigma, bandwidth_m=scale * width)
@@ -198,7 +243,7 @@ def _upper_end_of_lowest_mode(values: FloatArray) -> float:
     grid = np.linspace(low - 3 * width, high + 3 * width, 512)
     density = kde(values, bandwidth=width, grid=grid)
     inner = density[1:-1]
-    is_peak = (inner > density[:-2]) & (inner >= density[2:]) & (inner >= _LARGE * density.max())
+    is_peak = (inner > density[:-2]) & (inner >= density[2:]) & (inner >= LARGE * density.max())
     return float(grid[1:-1][np.argmax(is_peak)]) + 2 * width
 
 

@@ -4,16 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
-from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED
+from hopdata.errors import AnalysisError, chosen, counted, require_choice
+from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import contacts_of, find_landings
 from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames, pooled
-from hopdata.landings.sections.modes import GroundMode, finite, ground_mode, kde, normal_bandwidth
+from hopdata.landings.sections.from_densities import heights_from_densities, upper_knee
+from hopdata.landings.sections.from_landings import (
+    FIRST_CONTACT,
+    LAST_CONTACT,
+    LOWEST,
+    TOP,
+    fall_speed,
+    heights_from_landings,
+    holds,
+    landing_heights,
+)
+from hopdata.landings.sections.modes import (
+    GroundMode,
+    finite,
+    ground_mode,
+    kde,
+    normal_bandwidth,
+    usual_bandwidth,
+)
 from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether only frames of landings count
@@ -36,21 +54,31 @@ class Sections(Shown):
         Ground mode of the pooled heights of all feet, m.
     min_foot_mode, max_foot_mode : GroundMode
         Ground mode of the lowest and of the highest foot.
+    rule : {"landings", "printed"}
+        How the sections were chosen.
+    bandwidth_m : float or None
+        Bandwidth of the densities by which they were chosen, m; None if both heights were given.
     threshold_sigmas : float
-        Deviations from a mode to its upper knee.
-    tail_fraction : float
-        Share of frames that may be on the wrong side of a section.
+        Deviations from a mode to its upper knee, with the rule ``"landings"``.
     frames : {"all", "landings"}
-        Frames from which the sections are selected.
+        Frames whose body heights are pooled.
     decided : dict
-        ``"data"`` or ``"config"`` for each of the four heights above; ``"contacts"`` for a section
-        that was moved because it lost too many landings.
+        ``"data"`` or ``"config"`` for each of the four heights above.
     held : dict
-        Share of the landings of all feet that the ``"pre"`` and the ``"post"`` section hold.
+        Share of the landings of all feet that the ``"pre"`` and the ``"post"`` section hold; None
+        if there are no landings.
+    pre_speed_m_s, post_speed_m_s : float or None
+        Median speed of the fall as a landing passes the section, m/s. An error in height shifts the
+        instant of the passage by that error over this speed.
+    n_landings : int
+        Number of landings of all feet.
     n_frames : int
         Number of frames in which all feet and the body are seen.
     n_used : int
-        Number of these frames from which the sections are selected.
+        Number of these frames that are pooled.
+    beside : dict
+        The same recordings by the other rule: ``rule``, ``pre_height_m`` and ``post_height_m``; if
+        it has no heights, ``note`` says why. Empty if it was not asked for.
     """
 
     pre_height_m: float
@@ -60,16 +88,21 @@ class Sections(Shown):
     ground_m: float
     min_foot_mode: GroundMode
     max_foot_mode: GroundMode
+    rule: str
+    bandwidth_m: float | None
     threshold_sigmas: float
-    tail_fraction: float
     frames: str
     decided: dict[str, str]
     held: dict[str, float | None]
+    pre_speed_m_s: float | None
+    post_speed_m_s: float | None
+    n_landings: int
     n_frames: int
     n_used: int
+    beside: dict[str, Any]
 
     def pooled(self, heights: Sequence[Heights]) -> Frames:
-        """Pool the frames from which the sections are selected, each with its state."""
+        """Pool the frames whose body heights count, each with its state."""
         return pool_frames(
             heights,
             min_foot_m=self.min_foot_threshold_m,
@@ -99,20 +132,17 @@ def select_sections(
     recordings: Sequence[Recording],
     *,
     landings: Mapping[str, pd.DataFrame] | None = None,
+    rule: str = "landings",
     frames: str = "all",
-    tail_fraction: float = 0.0003,
     threshold_sigmas: float = 3.0,
     bandwidth_m: float | None = None,
     min_foot_threshold_m: float | None = None,
     max_foot_threshold_m: float | None = None,
     pre_height_m: float | None = None,
     post_height_m: float | None = None,
+    compare: bool = False,
 ) -> Sections:
     """Select the pre- and post-touchdown sections from all recordings of a study.
-
-    The thresholds are the upper knees of the ground modes of the lowest and the highest foot.
-    The pre section is the height that the body hardly ever exceeds while some foot is down. The
-    post section is the height that it hardly ever falls below while some foot is up.
 
     Parameters
     ----------
@@ -121,105 +151,219 @@ def select_sections(
     landings : mapping, optional
         Landings of each recording by name, from
         `hopdata.landings.contacts.find.find_landings`; by default found here.
+    rule : {"landings", "printed"}
+        ``"landings"``: the heights of the body in landings choose the sections (see
+        `hopdata.landings.sections.from_landings`). ``"printed"``: knees of the densities of all
+        frames do (see `hopdata.landings.sections.from_densities`).
     frames : {"all", "landings"}
-        Use all frames, or only descents of the body, from apex to nadir, in which the feet go
-        from all up to all down. The latter is for animals that also stand on feet that are not
-        followed.
-    tail_fraction : float
-        Meaning of "hardly ever", as a share of the frames in question, 0 to 0.1.
+        Frames whose densities of body height are drawn, and count for the rule ``"printed"``: all
+        frames, or only descents of the body, from apex to nadir, in which the feet go from all up
+        to all down. The latter is for animals that also stand on feet that are not followed.
     threshold_sigmas : float
-        Distance from a mode to its knee, in deviations of the left flank, > 0.
+        With the rule ``"landings"``, distance from a ground mode to its threshold, in deviations of
+        the left flank, > 0.
     bandwidth_m : float, optional
-        Bandwidth for the place of the modes, m; by default from the data.
+        Bandwidth of all densities by which the rule chooses, m; by default from the data.
     min_foot_threshold_m, max_foot_threshold_m, pre_height_m, post_height_m : float, optional
         Values to use instead of those from the data, m.
+    compare : bool
+        Whether to add the heights that the other rule chooses.
 
     Raises
     ------
     AnalysisError
-        If the feet never leave the ground together or never stand on it together, if no descent is
-        a landing, or if the pre section is not above the post section.
+        If there is no landing of all feet; with the rule ``"printed"``, if the feet never leave the
+        ground together or never stand on it together, or if no descent is a landing. If the pre
+        section is not above the post section, or the bandwidth does not suit the heights.
     ConfigError
-        If `frames` is unknown.
-
-    Notes
-    -----
-    See Sec. 2.2.2 of the dissertation, with its two conditions the right way round: all feet are up
-    above the pre section, and all are down below the post section. Each section is a tail quantile
-    of the frames that would contradict it: frames with some foot down, and frames with some foot
-    up. A touchdown crosses few frames, so the share of touchdowns that lose a foot beyond a section
-    is much larger than the share of frames (one or two per cent at the default).
-
-    A foot between the ground and its threshold counts as down while the body may still be higher
-    than at contact, by at most that distance. The section lies within this range, and its middle is
-    taken. If the threshold comes from the configuration, a foot below it *is* down, and nothing is
-    subtracted.
-
-    If a section loses many more landings than this, feet and thresholds disagree on what is down (a
-    runner's sole gives after its contact). The section then moves to the nearest height that holds
-    almost all landings, judged by their contacts (see `holds`).
+        If `rule` or `frames` is unknown.
     """
+    require_choice("sections.rule", rule, RULES)
     require_choice("sections.frames", frames, FRAMES)
-    heights = [heights_of(recording) for recording in recordings]
-    scale = float(np.median([recording.scale for recording in recordings]))
-    by: Any = {"bandwidth_m": bandwidth_m, "scale": scale}
-    modes = [ground_mode(pooled([getattr(h, foot) for h in heights]), **by) for foot in FEET]
-    every = ground_mode(pooled([r.feet[:, :, 2] for r in recordings]), **by)
-    knees = [max(m.knee(threshold_sigmas), m.height_m + LEAST_KNEE_M * scale) for m in modes]
     given = {
         "min_foot_threshold_m": min_foot_threshold_m,
         "max_foot_threshold_m": max_foot_threshold_m,
         "pre_height_m": pre_height_m,
         "post_height_m": post_height_m,
     }
-    taken = zip(knees, given.values(), strict=False)
-    lowest, highest = (knee if own is None else own for knee, own in taken)
-    # How far above the ground a foot may be and still count as down, unless its threshold is given.
-    excess = [max(knee - every.height_m, 0.0) for knee in knees]
-    decided = {name: "data" if value is None else "config" for name, value in given.items()}
-    sections = Sections(
-        pre_height_m=np.nan, post_height_m=np.nan, held={}, n_used=0, min_foot_threshold_m=lowest,
-        max_foot_threshold_m=highest, ground_m=every.height_m, min_foot_mode=modes[0],
-        max_foot_mode=modes[1], threshold_sigmas=threshold_sigmas, tail_fraction=tail_fraction,
-        frames=frames, decided=decided, n_frames=sum(int(h.seen.sum()) for h in heights),
-    )  # fmt: skip
-    frames_used = sections.pooled(heights)
-    if pre_height_m is None or post_height_m is None:
-        _require_hopping(frames_used, sections)
-    pre, post = pre_height_m, post_height_m
-    if pre is None:  # hardly ever exceeded while some foot is down
-        highest_body = np.quantile(frames_used.body[~frames_used.all_up], 1.0 - tail_fraction)
-        pre = float(highest_body - 0.5 * excess[0] * (min_foot_threshold_m is None))
-    if post is None:  # hardly ever reached while some foot is up
-        lowest_body = np.quantile(frames_used.body[~frames_used.all_down], tail_fraction)
-        post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
-    landings = landings or {one.name: find_landings(one) for one in recordings}
-    known = np.concatenate([landing_heights(one, landings[one.name]) for one in recordings])
-    sections = replace(sections, n_used=len(frames_used.body), pre_height_m=pre, post_height_m=post)
-    sections = _held(sections, known / scale, scale)
+    if landings is None:
+        tables = [find_landings(one) for one in recordings]
+    else:
+        tables = [landings[one.name] for one in recordings]
+    heights = [heights_of(recording) for recording in recordings]
+    in_each = [landing_heights(*pair) for pair in zip(recordings, tables, strict=True)]
+    of_landings = np.concatenate(in_each)
+    scale = float(np.median([recording.scale for recording in recordings]))
+    every_foot = pooled([recording.feet[:, :, 2] for recording in recordings])
+    start = Sections(
+        **{name: np.nan if value is None else value for name, value in given.items()},
+        ground_m=ground_mode(every_foot, scale=scale).height_m,
+        min_foot_mode=ground_mode(pooled([h.min_foot for h in heights]), scale=scale),
+        max_foot_mode=ground_mode(pooled([h.max_foot for h in heights]), scale=scale),
+        rule=rule,
+        bandwidth_m=bandwidth_m,
+        threshold_sigmas=threshold_sigmas,
+        frames=frames,
+        decided={name: "data" if value is None else "config" for name, value in given.items()},
+        held={},
+        pre_speed_m_s=None,
+        post_speed_m_s=None,
+        n_landings=len(of_landings),
+        n_frames=sum(int(h.seen.sum()) for h in heights),
+        n_used=0,
+        beside={},
+    )
+    material = _Material(recordings, tables, heights, of_landings, scale)
+    sections = RULES[rule](start, material)
     if not sections.pre_height_m > sections.post_height_m:
         found = f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
-        found += "sections.pre_height_m and sections.post_height_m, or sections.frames to landings"
-        found += " if the body also stands on feet that are not followed"
+        found += "sections.pre_height_m and sections.post_height_m"
+        if rule == "printed":
+            found += ", or sections.rule to landings"
         raise AnalysisError.at("sections", "the pre section above the post section", found)
-    return sections
+    if compare:
+        sections = replace(sections, beside=_beside(start, material))
+    return replace(
+        sections,
+        held={
+            "pre": _share_held(sections.pre_height_m, of_landings, "pre"),
+            "post": _share_held(sections.post_height_m, of_landings, "post"),
+        },
+        pre_speed_m_s=_usual_speed(sections.pre_height_m, material),
+        post_speed_m_s=_usual_speed(sections.post_height_m, material),
+    )
 
 
-def _held(sections: Sections, landings: FloatArray, scale: float) -> Sections:
-    """Move sections that lose too many landings (L, 4), in `scale` m, and add what each holds."""
-    heights = {"pre": sections.pre_height_m / scale, "post": sections.post_height_m / scale}
-    decided = dict(sections.decided)
-    held = dict[str, float | None](pre=None, post=None)
-    least = 1.0 - max(LOST_PER_TAIL * sections.tail_fraction, LEFT_LOSS)
-    for side in heights if len(landings) else ():
-        share = float(np.mean(holds(heights[side], landings, side)))
-        if share < least and decided[f"{side}_height_m"] == "data":
-            heights[side] = nearest_holding(heights[side], landings, side)
-            share = float(np.mean(holds(heights[side], landings, side)))
-            decided[f"{side}_height_m"] = "contacts"
-        held[side] = share
-    moved: Any = {f"{side}_height_m": height * scale for side, height in heights.items()}
-    return replace(sections, **moved, decided=decided, held=held)
+@dataclass(frozen=True)
+class _Material:
+    """What a rule may choose from: recordings, and heights in their frames and landings (L, 6)."""
+
+    recordings: Sequence[Recording]
+    landings: Sequence[pd.DataFrame]
+    heights: Sequence[Heights]
+    of_landings: FloatArray
+    scale: float
+
+
+def _by_landings(sections: Sections, material: _Material) -> Sections:
+    """Fill in what is not given (NaN) by the rule `landings`."""
+    floor_m = LEAST_KNEE_M * material.scale
+    lowest, highest = sections.min_foot_mode, sections.max_foot_mode
+    sigmas = sections.threshold_sigmas
+    sections = _filled(
+        sections,
+        min_foot_threshold_m=max(lowest.knee(sigmas), lowest.height_m + floor_m),
+        max_foot_threshold_m=max(highest.knee(sigmas), highest.height_m + floor_m),
+    )
+    frames = sections.pooled(material.heights)
+    sections = replace(sections, n_used=len(frames.body))
+    if sections.decided["min_foot_threshold_m"] == "config":
+        _require_both("min_foot_threshold_m", sections.min_foot_threshold_m, "up", frames.all_up)
+    if sections.decided["max_foot_threshold_m"] == "config":
+        _require_both(
+            "max_foot_threshold_m", sections.max_foot_threshold_m, "down", frames.all_down
+        )
+    if _both_given(sections):
+        return replace(sections, bandwidth_m=None)
+    if len(material.of_landings) == 0:
+        raise _no_landing(material, frames, sections)
+    pre_m, post_m, bandwidth_m = heights_from_landings(material.of_landings, sections.bandwidth_m)
+    sections = _filled(sections, pre_height_m=pre_m, post_height_m=post_m)
+    return replace(sections, bandwidth_m=bandwidth_m)
+
+
+def _by_densities(sections: Sections, material: _Material) -> Sections:
+    """Fill in what is not given (NaN) by the rule `printed`."""
+    min_foot = pooled([h.min_foot[h.seen] for h in material.heights])
+    max_foot = pooled([h.max_foot[h.seen] for h in material.heights])
+    bandwidth_m = sections.bandwidth_m
+    if bandwidth_m is None:
+        body = pooled([h.body[h.seen] for h in material.heights])
+        range_m = float(max(np.ptp(body), np.ptp(max_foot)))
+        bandwidth_m = usual_bandwidth([min_foot, max_foot, body], range_m)
+    sections = _filled(
+        sections,
+        min_foot_threshold_m=upper_knee(min_foot, bandwidth_m),
+        max_foot_threshold_m=upper_knee(max_foot, bandwidth_m),
+    )
+    frames = sections.pooled(material.heights)
+    sections = replace(sections, n_used=len(frames.body), bandwidth_m=bandwidth_m)
+    if _both_given(sections):
+        return sections
+    _require_hopping(frames, sections)
+    pre_m, post_m = heights_from_densities(frames, bandwidth_m)
+    return _filled(sections, pre_height_m=pre_m, post_height_m=post_m)
+
+
+RULES = {"landings": _by_landings, "printed": _by_densities}
+
+
+def _filled(sections: Sections, **values_m: float) -> Sections:
+    """Return the sections with those of the values, m, that are not given (NaN)."""
+    missing = {name: one for name, one in values_m.items() if np.isnan(getattr(sections, name))}
+    return replace(sections, **cast("Any", missing))
+
+
+def _both_given(sections: Sections) -> bool:
+    """Tell whether both heights come from the configuration."""
+    decided = sections.decided
+    return decided["pre_height_m"] == decided["post_height_m"] == "config"
+
+
+def _beside(start: Sections, material: _Material) -> dict[str, Any]:
+    """Return what the other rule chooses from the same material, or why it cannot."""
+    other = "printed" if start.rule == "landings" else "landings"
+    # A bandwidth that was given suits the densities of one rule only.
+    free = replace(start, rule=other, pre_height_m=np.nan, post_height_m=np.nan, bandwidth_m=None)
+    decided = start.decided | {"pre_height_m": "data", "post_height_m": "data"}
+    try:
+        found = RULES[other](replace(free, decided=decided), material)
+    except AnalysisError as error:
+        return {"rule": other, "pre_height_m": None, "post_height_m": None, "note": str(error)}
+    heights = {"pre_height_m": found.pre_height_m, "post_height_m": found.post_height_m}
+    return {"rule": other, **heights}
+
+
+def _share_held(height_m: float, of_landings: FloatArray, side: str) -> float | None:
+    """Return the share of the landings (L, 6) that a section holds; None if there are none."""
+    if len(of_landings) == 0:
+        return None
+    return float(np.mean(holds(height_m, of_landings, side)))
+
+
+def _usual_speed(height_m: float, material: _Material) -> float | None:
+    """Return the median speed, m/s, at which landings fall past a height; None if none does."""
+    pairs = zip(material.recordings, material.landings, strict=True)
+    speeds = [fall_speed(recording, table, height_m) for recording, table in pairs]
+    known = finite(np.concatenate(speeds))
+    if len(known) == 0:
+        return None
+    return float(np.median(known))
+
+
+def _no_landing(material: _Material, frames: Frames, sections: Sections) -> AnalysisError:
+    """Return the error that says which feet land, if never all of them do.
+
+    If none does, the heights of the feet may say why: `_require_hopping` raises its own error.
+    """
+    feet = material.recordings[0].names("foot")
+    touches = np.zeros(len(feet), dtype=np.int64)
+    descents = 0
+    for table in material.landings:
+        status = contacts_of(table).status
+        touches += (status == LANDED).sum(axis=0)
+        descents += len(status)
+    if touches.max() > 0:
+        change = "take feet that hardly land off markers.feet"
+    else:
+        _require_hopping(frames, sections)
+        change = "if they stand above z = 0, raise touchdowns.down_height_m above that"
+    each = ", ".join(f"{foot} in {count}" for foot, count in zip(feet, touches, strict=True))
+    return AnalysisError(
+        "sections: expected landings in which the contact of every foot is found, found none in "
+        f"{counted(descents, 'descent')} of the body ({each}); {change}, or set "
+        "sections.pre_height_m and sections.post_height_m"
+    )
 
 
 def _require_hopping(pooled: Frames, sections: Sections) -> None:
@@ -230,12 +374,16 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
         _require_both("min_foot_threshold_m", lowest, "up", pooled.all_up)
         _require_both("max_foot_threshold_m", highest, "down", pooled.all_down)
         return
+    narrower = ""
+    if sections.rule == "printed":
+        narrower = ", or a smaller sections.bandwidth_m"
     if FRAMES[sections.frames]:
         raise AnalysisError(
             "sections: expected descents of the body in which the feet go from all up to all "
             f"down, found none (all up: lowest foot above {lowest:.4f} m; all down: highest foot "
             f"below {highest:.4f} m); in a walk the body need not sink when a foot lands; "
             "otherwise set sections.min_foot_threshold_m and sections.max_foot_threshold_m"
+            f"{narrower}"
         )
     where, name, value, n = "stand on", "max_foot_threshold_m", highest, n_down
     if n_up < n_down:
@@ -244,7 +392,7 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
-        f"check the foot markers, or set sections.{name}{walks if where == 'leave' else ''}"
+        f"check the foot markers, or set sections.{name}{narrower}{walks if where == 'leave' else ''}"
     )
 
 
@@ -255,75 +403,6 @@ def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) 
         raise AnalysisError.at(f"sections.{name}", "a height that divides the frames", found)
 
 
-# Landings that a section holds: a foot is down from the instant of its contact on.
-#
-# A pre section holds a landing that begins above it and has its first contact below it, or so
-# little above it that the flight can be continued. A post section holds a landing with all contacts
-# above it that continues below it. Heights of feet show only roughly where this is: a heel, or a
-# sole that gives, may lie within its threshold long before or after its contact.
-
-#: Share of landings that a section may lose, per share of frames on its wrong side; and the share
-#: that the height it moves to may lose if it loses more.
-LOST_PER_TAIL, LEFT_LOSS = 150.0, 0.015
-_INSIDE_M = 1e-3  # margin of a moved section inside the heights that hold as many, if it fits
-#: Columns of `landing_heights` that bound a section (contact and turning point), and its sign.
-_BOUNDS = {"pre": (1, 0, 1.0), "post": (2, 3, -1.0)}
-
-
-def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
-    """Return body heights in the landings of all feet: apex, first and last contact, nadir.
-
-    Parameters
-    ----------
-    recording : Recording
-        Levelled, with feet and body; it may be a part of the recording with these landings.
-    landings : pandas.DataFrame
-        Landings from `hopdata.landings.contacts.find.find_landings`.
-
-    Returns
-    -------
-    ndarray
-        (L, 4) mean heights of the body markers, m, for the landings that the recording shows. The
-        height of the first contact is taken as far down as the flight can be continued.
-    """
-    contacts = contacts_of(landings)
-    whole = (contacts.status == LANDED).all(axis=1) & np.isfinite(contacts.instant).all(axis=1)
-    instant, spans = contacts.instant[whole], landings[["begin_s", "end_s"]].to_numpy(float)[whole]
-    first = instant.min(axis=1) + CONTINUED_S * recording.pace
-    ends = np.clip(np.column_stack([first, instant.max(axis=1)]), spans[:, :1], spans[:, 1:])
-    at = np.insert(spans, 1, ends.T, axis=1)
-    seen = np.isfinite(recording.body_height)
-    time, height = recording.time[seen], recording.body_height[seen]
-    if len(time) < 2:
-        return np.empty((0, 4))
-    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
-    gap = time[after] - time[after - 1]
-    shown = (at >= time[0]) & (at <= time[-1]) & (gap <= HIDDEN_S * recording.pace)
-    return np.interp(at[shown.all(axis=1)], time, height)
-
-
-def holds(height_m: float, landings: FloatArray, side: str) -> BoolArray:
-    """Mark the landings (L, 4) that a section at this height, m, holds, (L,), by its `side`."""
-    contact, turn, sign = _BOUNDS[side]
-    reached = sign * landings[:, contact] <= sign * height_m
-    return np.asarray(reached & (sign * height_m <= sign * landings[:, turn]))
-
-
-def nearest_holding(height_m: float, landings: FloatArray, side: str) -> float:
-    """Return the nearest height, m, that loses few of the landings (L, 4), or the fewest."""
-    contact, turn, sign = _BOUNDS[side]
-    edges = np.unique(landings[:, [contact, turn]])
-    middles = 0.5 * (edges[1:] + edges[:-1])
-    low, high = sign * landings[:, contact], sign * landings[:, turn]
-    low, high = np.sort(low[low <= high]), np.sort(high[low <= high])
-    begun = np.searchsorted(low, sign * middles, side="right")
-    losses = 1.0 - (begun - np.searchsorted(high, sign * middles)) / len(landings)
-    few = losses <= max(losses.min(initial=1.0), LEFT_LOSS)
-    margin = np.minimum(0.5 * (edges[1:] - edges[:-1]), _INSIDE_M)[few]
-    inside = np.clip(height_m, edges[:-1][few] + margin, edges[1:][few] - margin)
-    return float(inside[np.argmin(np.abs(inside - height_m))]) if few.any() else height_m
-
-
 # Tables behind the figure of the sections: densities of heights, and a sample of frames.
 
 _FOOT_BANDWIDTH = 0.5  # bandwidth in deviations of the ground mode, which it widens by 12 %
@@ -332,9 +411,13 @@ _FINEST = 1e-5  # smallest bandwidth, as a share of the range of heights
 
 @one_blas_thread()
 def section_densities(
-    recordings: Sequence[Recording], sections: Sections, *, nodes: int = 1024
+    recordings: Sequence[Recording],
+    sections: Sections,
+    landings: Mapping[str, pd.DataFrame],
+    *,
+    nodes: int = 1024,
 ) -> pd.DataFrame:
-    """Estimate densities of foot heights, and of body height given the state of the feet.
+    """Estimate densities of foot heights, of body height given the feet, and in landings.
 
     Parameters
     ----------
@@ -342,6 +425,8 @@ def section_densities(
         Recordings from which the sections were selected, above the floor.
     sections : Sections
         Sections whose thresholds divide the frames and determine which are used.
+    landings : mapping
+        Landings of each recording by name.
     nodes : int
         Nodes of each curve, >= 2.
 
@@ -351,10 +436,14 @@ def section_densities(
         Columns curve, height_m and density_per_m, with `nodes` rows for each curve. The curves
         ``min_foot`` and ``max_foot`` are of all frames. The curves ``body_all``,
         ``body_given_all_up``, ``body_given_all_down``, ``body_given_some_down`` and
-        ``body_given_some_up`` are of the frames from which the sections are selected. A condition
-        that fewer than two frames meet, or that leaves only one height, has no curve.
+        ``body_given_some_up`` are of the pooled frames. The curves ``top``, ``first_contact``,
+        ``last_contact`` and ``lowest`` are of the body's heights in landings of all feet. A
+        condition that fewer than two frames or landings meet, or that leaves only one height, has
+        no curve. The curves by which the rule chose have its bandwidth.
     """
     heights = [heights_of(recording) for recording in recordings]
+    in_each = [landing_heights(one, landings[one.name]) for one in recordings]
+    of_landings = np.concatenate(in_each)
     frames = sections.pooled(heights)
     bodies = {
         "body_all": frames.body,
@@ -363,13 +452,36 @@ def section_densities(
         "body_given_some_down": frames.body[~frames.all_up],
         "body_given_some_up": frames.body[~frames.all_down],
     }
-    bodies = {name: body for name, body in bodies.items() if len(body) > 1 and np.ptp(body) > 0}
+    in_landings = {
+        "top": of_landings[:, TOP],
+        "first_contact": of_landings[:, FIRST_CONTACT],
+        "last_contact": of_landings[:, LAST_CONTACT],
+        "lowest": of_landings[:, LOWEST],
+    }
+    bodies = _with_spread(bodies)
+    in_landings = _with_spread(in_landings)
     feet = {foot: finite(pooled([getattr(h, foot) for h in heights])) for foot in FEET}
     least = _FINEST * float(feet["max_foot"].max() - feet["min_foot"].min())  # without noise
     sigmas = [getattr(sections, f"{foot}_mode").sigma_m for foot in FEET]
-    tables = _curves(feet, [max(_FOOT_BANDWIDTH * sigma, least) for sigma in sigmas], 4, nodes)
-    tables += _curves(bodies, [*map(normal_bandwidth, bodies.values())], 3, nodes)
+    foot_widths = [max(_FOOT_BANDWIDTH * sigma, least) for sigma in sigmas]
+    body_widths = [normal_bandwidth(one) for one in bodies.values()]
+    landing_widths = [usual_bandwidth([one], np.ptp(one)) for one in in_landings.values()]
+    if sections.bandwidth_m is not None and sections.rule == "landings":
+        landing_widths = [sections.bandwidth_m] * len(in_landings)
+    if sections.bandwidth_m is not None and sections.rule == "printed":
+        foot_widths = [sections.bandwidth_m] * len(feet)
+        body_widths = [sections.bandwidth_m] * len(bodies)
+    tables = [
+        *_curves(feet, foot_widths, 4, nodes),
+        *_curves(bodies, body_widths, 3, nodes),
+        *_curves(in_landings, landing_widths, 3, nodes),
+    ]
     return pd.concat(tables, ignore_index=True)
+
+
+def _with_spread(groups: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return the groups of heights that have a density: two or more that differ."""
+    return {name: one for name, one in groups.items() if len(one) > 1 and np.ptp(one) > 0}
 
 
 def _curves(

@@ -204,7 +204,7 @@ def assemble_pairs(
             f"pairs: expected at least {LEAST_PAIRS} usable touchdowns, found {n_pairs or 'none'} "
             f"with the pre section at {pre_height_m:.4g} m and the post section at "
             f"{post_height_m:.4g} m ({found}); set sections.pre_height_m and "
-            "sections.post_height_m, or sections.frames to landings"
+            "sections.post_height_m"
         )
     return joined(parts, DESCRIPTIONS)
 

@@ -46,11 +46,6 @@ def mean(values: NDArray[Any]) -> float:
     return float(np.mean(values)) if values.size else float("nan")
 
 
-def quantile(values: NDArray[Any], fraction: float) -> float:
-    """Return a quantile, or NaN if there are no values."""
-    return float(np.quantile(values, fraction)) if values.size else float("nan")
-
-
 # Differences between linear maps, for the inputs of a study.
 #
 # A difference is measured by its effect on predictions: the rms change over the inputs relative to

@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import chosen
+from hopdata.landings.contacts.descents import descents
 from hopdata.landings.floor_surface import FloorModel
 from hopdata.landings.overlay import match_instants
 from hopdata.landings.schedules import AMBIGUOUS, schedule_names
-from hopdata.landings.sections.frames import kept_frames
+from hopdata.landings.sections.frames import Frames, kept_frames
+from hopdata.landings.sections.from_densities import heights_from_densities
+from hopdata.landings.sections.from_landings import heights_at_contacts, heights_from_landings
 from hopdata.landings.sections.select import FRAMES
 from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth import maps
-from hopdata.maps.truth.maps import Entries, entry, mean, quantile
+from hopdata.maps.truth.maps import Entries, entry, mean
 from hopdata.maps.truth.scaling import score_scaling
-from hopdata.recording import Truth
+from hopdata.recording import Recording, Truth
 
 # Matching of touchdowns found with true landings, one to one, by time.
 
@@ -99,8 +102,12 @@ def score_contacts(
     }
 
 
-def score_sections(known: Mapping[str, Truth], sections: Mapping[str, Any]) -> Entries:
-    """Compare the sections with those that the same rule gives for the true foot states.
+def score_sections(
+    known: Mapping[str, Truth],
+    sections: Mapping[str, Any],
+    recordings: Mapping[str, Recording],
+) -> Entries:
+    """Compare the sections with those that the same rule gives for the true contacts or states.
 
     Parameters
     ----------
@@ -108,23 +115,51 @@ def score_sections(known: Mapping[str, Truth], sections: Mapping[str, Any]) -> E
         Recording name -> its truth.
     sections
         Content of ``sections.json``. A height set in the configuration gets no error.
+    recordings
+        Recording name -> the recording, of which only the times are used.
     """
-    pooled = [_true_frames(item, sections["frames"]) for item in known.values()]
-    height, all_up, all_down = map(np.concatenate, zip(*pooled, strict=True))
-    tail = sections["tail_fraction"]
-    true = {"pre": quantile(height[~all_up], 1 - tail), "post": quantile(height[~all_down], tail)}
+    if sections["rule"] == "landings":
+        what = "true contacts"
+        each = [_true_heights(item, recordings[name]) for name, item in known.items()]
+        heights = np.concatenate(each)
+        if len(heights) == 0:
+            return {}
+        pre_m, post_m, _ = heights_from_landings(heights, sections["bandwidth_m"])
+    else:
+        what = "true foot states"
+        pooled = [_true_frames(item, sections["frames"]) for item in known.values()]
+        frames = Frames(*map(np.concatenate, zip(*pooled, strict=True)))
+        pre_m, post_m = heights_from_densities(frames, sections["bandwidth_m"])
     entries: Entries = {}
-    for name, height_m in true.items():
-        entries[f"section_{name}_true"] = entry(height_m, "m", f"{name} section, true foot states")
+    for name, height_m in {"pre": pre_m, "post": post_m}.items():
+        entries[f"section_{name}_true"] = entry(height_m, "m", f"{name} section, {what}")
         if sections["decided"][f"{name}_height_m"] == "data":
             error = 1e3 * (sections[f"{name}_height_m"] - height_m)
-            what = f"{name} section found minus that of the true foot states"
-            entries[f"section_{name}_error"] = entry(error, "mm", what)
+            told = f"{name} section found minus that of the {what}"
+            entries[f"section_{name}_error"] = entry(error, "mm", told)
     return entries
 
 
+def _true_heights(item: Truth, recording: Recording) -> FloatArray:
+    """Return the body's true heights in the landings, (L, 6): see `landing_heights`."""
+    turns = np.array(descents(item.body_height), dtype=np.int64).reshape(-1, 2)
+    spans = recording.time[turns]
+    instant = item.contact_times[_landed(item)]
+    if len(spans) == 0 or len(instant) == 0:
+        return np.empty((0, 6))
+    number = np.searchsorted(spans[:, 0], instant.min(axis=1)) - 1
+    inside = (number >= 0) & (instant.max(axis=1) <= spans[number, 1])
+    return heights_at_contacts(
+        recording.time,
+        item.body_height,
+        spans[number[inside]],
+        instant[inside],
+        pace=recording.pace,
+    )
+
+
 def _true_frames(item: Truth, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
-    """Return body height and foot states of the frames that the section rule uses."""
+    """Return body height and foot states of the frames that the rule `printed` uses."""
     n_down, landings_only = item.foot_down.sum(axis=1), chosen("sections.frames", frames, FRAMES)
     all_down = n_down == item.foot_down.shape[1]
     return kept_frames(item.body_height, n_down == 0, all_down, landings_only)
@@ -262,6 +297,7 @@ def score(
     feet: Sequence[str],
     tables: Mapping[str, pd.DataFrame],
     sections: Mapping[str, Any],
+    recordings: Mapping[str, Recording],
     prediction_summary: pd.DataFrame,
     distance_summary: pd.DataFrame,
     exact: Mapping[str, pd.DataFrame] | None = None,
@@ -280,6 +316,8 @@ def score(
         Method (``"kink"``, ``"velocity_minimum"``) -> touchdown table of all recordings.
     sections
         Content of ``sections.json``.
+    recordings
+        Recording name -> the recording, of which only the times are used.
     prediction_summary, distance_summary
         Tables of the same names.
     exact
@@ -291,7 +329,7 @@ def score(
     entries: Entries = maps.score_verdict(exact["verdict_errors"]) if exact else {}
     for method, table in tables.items():
         entries |= score_contacts(known, table, feet=feet, method=method)
-    entries |= score_sections(known, sections)
+    entries |= score_sections(known, sections, recordings)
     entries |= score_floor(known, floors)
     entries |= score_predictions(prediction_summary)
     entries |= score_distances(distance_summary)
