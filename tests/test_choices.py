@@ -71,6 +71,10 @@ ASKED = {
     "states.method": (states.METHODS, lambda name: section(method=name)),
     "states.gravity": (states.GRAVITIES, lambda name: section(gravity=name)),
     "side of a section": (states.SIDES, lambda name: section(side=name)),
+    "sections.rule": (
+        sections.RULES,
+        lambda name: sections.select_sections([ANY], rule=name),
+    ),
     "sections.frames": (
         sections.FRAMES,
         lambda name: sections.select_sections([ANY], frames=name),
@@ -130,6 +134,7 @@ CONFIGURED = {
     "recordings.forces.unit": force_signals.NEWTONS_PER_UNIT,
     "input.unit": orientation.UNITS,
     "input.vertical_axis": orientation.UPWARD,
+    "sections.rule": sections.RULES,
     "sections.frames": sections.FRAMES,
     "touchdowns.method": contacts.METHODS,
     "touchdowns.gravity": kink_recording.GRAVITIES,

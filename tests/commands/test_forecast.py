@@ -62,7 +62,7 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     columns = {"schedule": orders * 15, "class": orders * 15, "excluded": False, "reason": ""}
     touchdowns = pd.DataFrame(columns | {f"contact_{foot}_s": 0.0 for foot in "abc"})
     markers, verdict = {"body": [], "feet": ["a", "b", "c"]}, {"margin": 0.2, "power": 0.8}
-    config = {"markers": markers, "verdict": verdict, "feet": [], "sections": {"frames": "all"}}
+    config = {"markers": markers, "verdict": verdict, "feet": [], "sections": {"rule": "landings"}}
     found = forecast.Forecast(touchdowns, 1.0, reason="contact orders: expected 2, found 0")
     lines = forecast.told(found, config, [])
     assert found.vain == "its verdict is out of reach"
@@ -89,7 +89,7 @@ def test_the_foot_that_makes_orders_unsure_is_named():
     assert shares == [0.0, 0.0, 1.0]
     config = {
         "markers": {"body": [], "feet": feet}, "verdict": {"margin": 0.2}, "feet": [],
-        "sections": {"frames": "all"},
+        "sections": {"rule": "landings"},
         "touchdowns": {"ambiguous_below": 0.9},
     }  # fmt: skip
     changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
@@ -117,7 +117,7 @@ def test_a_foot_that_only_drags_is_to_be_left_out():
     found = forecast.Forecast(pd.DataFrame(columns | instants, index=range(30)), 1.0, stops=True)
     config = {
         "markers": {"body": [], "feet": ["a", "b", "c"]}, "verdict": {"margin": 0.2}, "feet": [],
-        "sections": {"frames": "all"},
+        "sections": {"rule": "landings"},
     }  # fmt: skip
     changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
     assert changes == ["b is hardly ever seen to land: take it off markers.feet"]
@@ -129,7 +129,7 @@ def test_feet_that_never_come_down_to_the_floor_are_told():
     config = {
         "markers": {"body": ["hip"], "feet": ["a"]},
         "verdict": {"margin": 0.2},
-        "sections": {"frames": "all"},
+        "sections": {"rule": "landings"},
         "feet": [],
     }
     changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
@@ -145,7 +145,7 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
     )
     config = {
         "markers": {"body": [], "feet": ["a", "b", "c"]}, "verdict": {"margin": 0.2}, "feet": [],
-        "sections": {"frames": "all"},
+        "sections": {"rule": "landings"},
     }  # fmt: skip
     for share, advice in (
         (0.05, "at no height are all feet down in more than 5 % of the landings: drop"),
@@ -155,6 +155,11 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
         told = [line.strip() for line in forecast.told(found, config, [])]
         (change,) = (x for x in starting(told, "change") if x.startswith("the body does not sink"))
         assert advice in change
+        assert "sections.rule" not in change
+    printed = config | {"sections": {"rule": "printed"}}
+    told = [line.strip() for line in forecast.told(forecast.Forecast(table, 1.0), printed, [])]
+    (change,) = (x for x in starting(told, "change") if x.startswith("the body does not sink"))
+    assert "set sections.post_height_m, or sections.rule to landings" in change
 
 
 def test_without_a_landing_no_share_of_them_is_timed():

@@ -134,9 +134,9 @@ ADDED = {
         "found '60 ms'; write the number alone, in s",
     ),
     "a decimal comma": (
-        "sections:\n  tail_fraction: 0,002",
-        "9: sections.tail_fraction: expected a number above 0 and at most 0.1, found '0,002'; "
-        "write 0.002, with a point",
+        "sections:\n  threshold_sigmas: 2,5",
+        "9: sections.threshold_sigmas: expected a number above 0 and at most 20, found '2,5'; "
+        "write 2.5, with a point",
     ),
     "a dot between section and key": (
         "sections.grid_nodes: 128",

@@ -27,7 +27,7 @@ markers:
 home:
   marker: b1
 sections:
-  tail_fraction: 0.002
+  threshold_sigmas: 0.002
 """
 
 
@@ -76,7 +76,7 @@ def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
     assert config["study"] == "trial"
     assert config["seed"] == 7
     assert config["markers"] == {"body": ["b1", "b2", "b3"], "feet": ["heel", "toe"], "boom": []}
-    assert config["sections"]["tail_fraction"] == 0.002
+    assert config["sections"]["threshold_sigmas"] == 0.002
     assert config["sections"]["grid_nodes"] == 1024
     assert config["prediction"] == {
         "bootstraps": 1000,
@@ -117,7 +117,7 @@ def test_the_home_marker_is_by_default_the_first_of_the_body(folder):
 def test_numbers_in_either_notation(folder):
     for text in ("2e-3", "2.0e-3", "+2E-3", "0.002"):
         config = load(SOUND.replace("0.002", text))
-        assert config["sections"]["tail_fraction"] == 0.002
+        assert config["sections"]["threshold_sigmas"] == 0.002
 
 
 def test_a_recording_without_a_file_is_simulated(folder):
@@ -172,9 +172,9 @@ MISTAKES = {
         ["sectoins: expected a known key", "did you mean 'sections'"],
     ),
     "misspelt key": (
-        "tail_fraction",
-        "tail_fracton",
-        ["sections.tail_fracton", "expected a known key", "did you mean 'tail_fraction'"],
+        "threshold_sigmas",
+        "threshold_sigms",
+        ["sections.threshold_sigms", "expected a known key", "did you mean 'threshold_sigmas'"],
     ),
     "misspelt required key": (
         "markers:",
@@ -183,8 +183,8 @@ MISTAKES = {
     ),
     "key one level too high": (
         "seed: 7",
-        "tail_fraction: 0.1",
-        ["tail_fraction: expected", "did you mean 'sections.tail_fraction'"],
+        "threshold_sigmas: 0.1",
+        ["threshold_sigmas: expected", "did you mean 'sections.threshold_sigmas'"],
     ),
     "unlike any key": ("marker: b1", "colour: red", ["home.colour", "the keys here are marker"]),
     "no markers": (
@@ -206,12 +206,12 @@ MISTAKES = {
     "seed true": ("seed: 7", "seed: true", ["seed: expected a whole number", "found true"]),
     "out of range": (
         "0.002",
-        "2",
-        ["sections.tail_fraction: expected a number above 0 and at most 0.1", "found 2"],
+        "21",
+        ["sections.threshold_sigmas: expected a number above 0 and at most 20", "found 21"],
     ),
     "number in quotes": ("0.002", "'0.002'", ["expected a number", "'0.002'", "without quotes"]),
-    "not a number": ("0.002", ".nan", ["sections.tail_fraction", "a finite number", "nan"]),
-    "nothing": ("0.002", "", ["sections.tail_fraction: expected a number", "found null"]),
+    "not a number": ("0.002", ".nan", ["sections.threshold_sigmas", "a finite number", "nan"]),
+    "nothing": ("0.002", "", ["sections.threshold_sigmas: expected a number", "found null"]),
     "choice": (
         "home:",
         "touchdowns: {method: kinks}\nhome:",
@@ -301,8 +301,23 @@ MISTAKES = {
         "",
         ["markers.body: expected a marker of the simulation (body1", "found 'b1'"],
     ),
-    "sections upside down": (
+    "a key that was removed": (
+        "threshold_sigmas: 0.002",
         "tail_fraction: 0.002",
+        ["sections.tail_fraction: expected a known key", "chosen from landings", "sections.rule"],
+    ),
+    "sigmas beside knees": (
+        "  threshold_sigmas: 0.002",
+        "  rule: printed\n  threshold_sigmas: 2.5",
+        ["sections.threshold_sigmas: expected none beside sections.rule: printed", "found 2.5"],
+    ),
+    "a bandwidth beside heights": (
+        "  threshold_sigmas: 0.002",
+        "  pre_height_m: 0.5\n  post_height_m: 0.3\n  bandwidth_m: 0.002",
+        ["sections.bandwidth_m: expected none beside heights that are given", "found 0.002"],
+    ),
+    "sections upside down": (
+        "threshold_sigmas: 0.002",
         "pre_height_m: 0.2\n  post_height_m: 0.3",
         ["sections.pre_height_m: expected more than", "(0.3)", "found 0.2"],
     ),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -27,8 +29,16 @@ def frames(travel_m: float = 0.211, n: int = 4000, seed: int = 1) -> pd.DataFram
     )
 
 
-def sections(travel_m: float = 0.211) -> dict[str, float]:
+def sections(travel_m: float = 0.211) -> dict[str, Any]:
     return {
+        "rule": "landings",
+        "decided": {"pre_height_m": "data", "post_height_m": "data"},
+        "held": {"pre": 1.0, "post": 0.989},
+        "beside": {
+            "rule": "printed",
+            "pre_height_m": 0.3 + 0.3 * travel_m,
+            "post_height_m": 0.3 - 0.2 * travel_m,
+        },
         "min_foot_threshold_m": 0.0014,
         "max_foot_threshold_m": 0.0027,
         "pre_height_m": 0.3 + 0.27 * travel_m,
@@ -36,10 +46,12 @@ def sections(travel_m: float = 0.211) -> dict[str, float]:
     }
 
 
-def densities(table: pd.DataFrame, limits: dict[str, float]) -> pd.DataFrame:
+def densities(table: pd.DataFrame, limits: dict[str, Any]) -> pd.DataFrame:
     up = table["min_foot_m"] > limits["min_foot_threshold_m"]
     down = table["max_foot_m"] < limits["max_foot_threshold_m"]
     body = table["body_m"].to_numpy()
+    pre, post = limits["pre_height_m"], limits["post_height_m"]
+    scatter = 0.05 * (pre - post) * np.random.default_rng(3).standard_normal(200)
     curves = {
         "min_foot": _kde(table["min_foot_m"].to_numpy(), 0.0007),
         "max_foot": _kde(table["max_foot_m"].to_numpy(), 0.0007),
@@ -47,6 +59,10 @@ def densities(table: pd.DataFrame, limits: dict[str, float]) -> pd.DataFrame:
         "body_given_some_down": _kde(body[~up], 0.02 * np.ptp(body)),
         "body_given_all_down": _kde(body[down], 0.02 * np.ptp(body)),
         "body_given_some_up": _kde(body[~down], 0.02 * np.ptp(body)),
+        "top": _kde(pre + 0.3 * (pre - post) + scatter, 0.01 * np.ptp(body)),
+        "first_contact": _kde(pre - 0.3 * (pre - post) + scatter, 0.01 * np.ptp(body)),
+        "last_contact": _kde(post + 0.2 * (pre - post) + scatter, 0.01 * np.ptp(body)),
+        "lowest": _kde(post - 0.2 * (pre - post) + scatter, 0.01 * np.ptp(body)),
     }
     parts = [
         pd.DataFrame({"curve": name, "height_m": x, "density_per_m": y})

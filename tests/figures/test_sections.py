@@ -10,8 +10,12 @@ from hopdata.figures.style import BLUE, VERMILION
 
 
 def panels(figure):
-    """Return the axes of each half: scatter, foot density, body density (and the corner)."""
+    """Return the axes of each half: scatter, foot density, body density."""
     return [half.axes[:3] for half in figure.subfigs]
+
+
+def titles(figure):
+    return [half.get_suptitle() for half in figure.subfigs]
 
 
 @pytest.fixture(params=[0.02, 0.211, 0.4], ids=lambda travel: f"{travel * 1000:.0f}mm")
@@ -52,6 +56,51 @@ def test_dashes_stand_at_thresholds_and_sections(drawn):
         assert above.lines[-1].get_xdata()[0] == pytest.approx(1000 * limits[section])
         between = above.patches[-1].get_bbox()
         assert [between.x0, between.x1] == pytest.approx(both)
+
+
+def test_the_other_rule_is_dotted_and_named(drawn):
+    _, limits, figure = drawn
+    for half, side in zip(figure.subfigs, ("pre", "post"), strict=True):
+        wanted = [1000 * limits[f"{side}_height_m"], 1000 * limits["beside"][f"{side}_height_m"]]
+        for axes in (half.axes[0], half.axes[2], half.axes[3]):
+            upright = [line.get_xdata()[0] for line in axes.lines if np.ptp(line.get_xdata()) == 0]
+            assert sorted(upright) == pytest.approx(sorted(wanted))
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "section by the rule printed" in named
+    alone = sections_figure(drawn[0], densities(drawn[0], limits), limits | {"beside": {}})
+    assert not any("by the rule" in text.get_text() for text in alone.legends[0].get_texts())
+
+
+def test_titles_count_landings_and_claim_nothing_about_frames(drawn):
+    table, limits, figure = drawn
+    pre, post = titles(figure)
+    assert pre.endswith("holds 100 % of landings")
+    assert post.endswith("holds 98 % of landings"), "98.9 % are not 99"
+    assert "down" not in pre + post
+    curves = densities(table, limits)
+    few = limits | {"held": {"pre": 0.4, "post": None}}
+    few["decided"] = {"pre_height_m": "config", "post_height_m": "data"}
+    pre, post = titles(sections_figure(table, curves, few))
+    assert pre.endswith("mm (given), holds 40 % of landings")
+    assert post.endswith(" mm")
+
+
+def test_the_top_row_shows_heights_in_landings(drawn):
+    table, limits, figure = drawn
+    for half, curves in zip(
+        figure.subfigs, (("top", "first_contact"), ("lowest", "last_contact")), strict=True
+    ):
+        peaks = [
+            line.get_xdata()[np.argmax(line.get_ydata())]
+            for line in half.axes[3].lines
+            if np.ptp(line.get_xdata()) > 0
+        ]
+        known = densities(table, limits).set_index("curve")
+        wanted = [
+            1e3 * known.loc[name, "height_m"].to_numpy()[known.loc[name, "density_per_m"].argmax()]
+            for name in curves
+        ]
+        assert peaks == pytest.approx(wanted)
 
 
 def test_no_text_lies_over_another(drawn):

@@ -54,6 +54,12 @@ def sections() -> dict[str, object]:
         "max_foot_threshold_m": 0.00271,
         "pre_height_m": 0.4991,
         "post_height_m": 0.2883,
+        "rule": "landings",
+        "bandwidth_m": 0.0021,
+        "held": {"pre": 1.0, "post": 0.979},
+        "pre_speed_m_s": 1.25,
+        "post_speed_m_s": 1.43,
+        "beside": {"rule": "printed", "pre_height_m": 0.5087, "post_height_m": 0.3075},
         "frames": "all",
         "min_foot_mode": {"height_m": -0.0002, "sigma_m": 0.00054, "bandwidth_m": 0.00011},
     }

@@ -14,6 +14,7 @@ from fake_study import (
     full_study,
     prediction,
     remarks,
+    sections,
     touchdowns,
     truth,
 )
@@ -21,7 +22,7 @@ from fake_study import (
 from hopdata.errors import ConfigError
 from hopdata.landings.checks import check_study
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
-from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures
+from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures, render_caption
 from hopdata.report.page import build_report, study_facts
 from hopdata.report.tables import quality_summary
 
@@ -384,7 +385,26 @@ def test_tables_without_rows_or_optional_columns():
     assert set(facts["distances"].values()) == {None}
 
 
-def test_a_section_that_was_moved_is_said_in_its_caption():
-    for decided, moved in (("data", False), ("contacts", True)):
-        sections = {"decided": {"pre_height_m": decided, "post_height_m": "data"}}
-        assert study_facts(ReportInputs(study="x", sections=sections))["moved"] is moved
+def test_the_caption_says_which_rule_chose_and_what_it_holds():
+    facts = study_facts(ReportInputs(study="x", sections=sections()))
+    assert (facts["pre_held"], facts["post_held"]) == ("100\u00a0%", "97\u00a0%")
+    assert not facts["printed_rule"]
+    assert "308" in facts["beside_post"]
+    template = captions()["fig2_2_sections"]
+    said = {}
+    for name, changed in (
+        ("landings", {}),
+        ("printed", {"rule": "printed"}),
+        ("given", {"decided": {"pre_height_m": "config", "post_height_m": "config"}}),
+    ):
+        inputs = full_study(sections=sections() | changed)
+        caption = render_caption(template, study_facts(inputs), name="fig2_2")
+        said[name] = " ".join(caption.paragraphs)
+    assert "chosen from the landings" in said["landings"]
+    assert "chosen by the printed rule" in said["printed"]
+    assert "The configuration sets both" in said["given"]
+    for name, text in said.items():
+        assert ("chosen from the landings" in text) == (name == "landings")
+        assert ("chosen by the printed rule" in text) == (name == "printed")
+        assert "pre section 100\u00a0% of the landings" in text
+        assert "the post section 97\u00a0%." in text

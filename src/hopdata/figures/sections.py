@@ -122,7 +122,7 @@ def _said(sections: Mapping[str, Any], side: _Side) -> str:
         said += " (given)"
     held = sections.get("held", {}).get(side.section)
     if held is not None:
-        said += f", holds {np.floor(100 * held):.0f} % of the landings"
+        said += f", holds {np.floor(100 * held):.0f} % of landings"
     return said
 
 

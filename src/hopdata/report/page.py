@@ -91,7 +91,9 @@ def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
 
 def _share_in_words(share: float | None) -> str | None:
     """Write a share in whole per cent, rounded down, so that 100 % means all."""
-    return None if share is None else f"{math.floor(100 * share)} %"
+    if share is None:
+        return None
+    return show.with_unit(str(math.floor(100 * share)), "%")
 
 
 def _units(units: Mapping[str, Any]) -> dict[str, str | None]:

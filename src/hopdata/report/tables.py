@@ -111,7 +111,7 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
         speed_m_s = sections.get(f"{side}_speed_m_s")
         if speed_m_s is not None:
             # A height that is wrong by 1 mm shifts the instant of the passage by this many ms.
-            name = f"error of the instant per mm of height, {side} section"
+            name = f"time per mm of height, {side} section"
             rows.append((name, show.fixed(1 / speed_m_s, 2), "ms"))
     shown = {*SECTION_NAMES, "decided"}
     for key, value in show.flat({key: sections[key] for key in sections if key not in shown}):

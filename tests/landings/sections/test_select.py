@@ -289,10 +289,12 @@ def test_two_recordings_are_pooled(fake, select):
         )
         for p in (slice(0, n), slice(n, None))
     ]
-    whole, pooled = select(), select_sections(parts)
+    whole = select()
+    pooled = select_sections(parts, landings=landings_of(fake.recording))
+    assert pooled.n_landings in (whole.n_landings, whole.n_landings - 1)
     assert pooled.n_frames == whole.n_frames
-    assert pooled.pre_height_m == pytest.approx(whole.pre_height_m, abs=1e-4)
-    assert pooled.post_height_m == pytest.approx(whole.post_height_m, abs=1e-4)
+    assert pooled.pre_height_m == pytest.approx(whole.pre_height_m, abs=2e-4)
+    assert pooled.post_height_m == pytest.approx(whole.post_height_m, abs=2e-4)
     assert select_sections(parts[:1]).n_frames == n
 
 
@@ -390,7 +392,7 @@ def test_without_a_landing_of_all_feet_each_foot_is_counted(fake):
     positions = fake.recording.positions.copy()
     positions[positions[:, -1, 2] < 0.05, -1] = np.nan  # the last foot is seen in the air only
     unseen = replace(fake.recording, positions=positions)
-    with pytest.raises(AnalysisError, match=r"every foot .* none .*f1 in 2\d\d.*f3 in [01]\b"):
+    with pytest.raises(AnalysisError, match=r"every foot .* none .*f1 in 300.*f3 in 0\)"):
         select_sections([unseen])
 
 

@@ -63,11 +63,12 @@ def touchdowns(item, found, name="hopper"):
     return table
 
 
-def sections(pre, post, *, frames="all", decided="data"):
+def sections(pre, post, *, rule="printed", frames="all", decided="data"):
     return {
         "pre_height_m": pre,
         "post_height_m": post,
-        "tail_fraction": 0.001,
+        "rule": rule,
+        "bandwidth_m": 0.001,
         "frames": frames,
         "decided": {"pre_height_m": decided, "post_height_m": decided},
     }
@@ -146,12 +147,32 @@ def test_missed_and_invented_touchdowns_count():
 
 def test_sections_of_a_known_order():
     item = known(np.random.default_rng(6), landings=20_000)
-    found = values(score_sections({"hopper": item}, sections(0.501, 0.302)))
-    # Frames are uniform: the tail of the 75 % (a foot down below 0.5 m) ends 0.3 mm below 0.5 m.
-    assert found["section_pre_true"] == pytest.approx(0.4997, abs=5e-5)
-    assert found["section_post_true"] == pytest.approx(0.3003, abs=5e-5)
-    assert found["section_pre_error"] == pytest.approx(1.3, abs=0.05)
-    assert found["section_post_error"] == pytest.approx(1.7, abs=0.05)
+    found = values(score_sections({"hopper": item}, sections(0.501, 0.302), {}))
+    # Frames are uniform: the density of those with a foot down has left zero 2 mm above 0.5 m.
+    assert found["section_pre_true"] == pytest.approx(0.502, abs=3e-4)
+    assert found["section_post_true"] == pytest.approx(0.298, abs=3e-4)
+    assert found["section_pre_error"] == pytest.approx(-1.0, abs=0.3)
+    assert found["section_post_error"] == pytest.approx(4.0, abs=0.3)
+
+
+def test_sections_by_the_true_contacts_of_landings():
+    time = np.arange(0, 60.0, 0.01)
+    height = 0.4 + 0.2 * np.cos(2 * np.pi * time)  # a top at each whole second
+    scatter = 0.001 * np.random.default_rng(1).normal(size=(59, 2))
+    contacts = np.arange(59)[:, None] + [0.2, 0.3] + scatter
+    item = truth_of(contacts, np.zeros((len(time), 2), bool), height)
+    recording = SimpleNamespace(time=time, pace=1.0)
+    given = sections(0.55, 0.3, rule="landings")
+    found = values(score_sections({"hopper": item}, given, {"hopper": recording}))
+    untouched_m = 0.4 + 0.2 * np.cos(2 * np.pi * (0.2 - 0.002))
+    settled_m = 0.4 + 0.2 * np.cos(2 * np.pi * (0.3 + 0.002))
+    assert found["section_pre_true"] == pytest.approx(0.6 - 0.25 * (0.6 - untouched_m), abs=2e-3)
+    assert found["section_post_true"] == pytest.approx(settled_m, abs=4e-3)
+    assert found["section_post_error"] == pytest.approx(
+        1e3 * (0.3 - found["section_post_true"]), abs=1e-6
+    )
+    none = truth_of(contacts[:0], np.zeros((len(time), 2), bool), height)
+    assert score_sections({"hopper": none}, given, {"hopper": recording}) == {}
 
 
 def test_sections_of_landings_alone_and_those_given():
@@ -162,11 +183,11 @@ def test_sections_of_landings_alone_and_those_given():
     rising = np.sin(phase) < 0
     down = np.repeat((height < np.where(rising, 0.5, 0.3))[:, None], 2, axis=1)
     item = truth_of(np.zeros((0, 2)), down, height)
-    everywhere = values(score_sections({"hopper": item}, sections(0.3, 0.3)))
-    landing = values(score_sections({"hopper": item}, sections(0.3, 0.3, frames="landings")))
-    assert everywhere["section_pre_true"] == pytest.approx(0.5, abs=1e-3)
-    assert landing["section_pre_true"] == pytest.approx(0.3, abs=1e-3)
-    given = score_sections({"hopper": item}, sections(0.3, 0.3, decided="config"))
+    everywhere = values(score_sections({"hopper": item}, sections(0.3, 0.3), {}))
+    landing = values(score_sections({"hopper": item}, sections(0.3, 0.3, frames="landings"), {}))
+    assert everywhere["section_pre_true"] == pytest.approx(0.5, abs=3e-3)
+    assert landing["section_pre_true"] == pytest.approx(0.3, abs=3e-3)
+    given = score_sections({"hopper": item}, sections(0.3, 0.3, decided="config"), {})
     assert "section_pre_error" not in given
 
 
@@ -218,6 +239,7 @@ def test_the_whole_score_is_json_with_units():
         feet=FEET,
         tables={"kink": table, "printed": none},
         sections=sections(0.5, 0.3),
+        recordings={},
         prediction_summary=pd.DataFrame({"model": ["all"], "median": [3.0]}),
         distance_summary=pd.DataFrame({"kind": [], "q05": [], "q95": []}),
     )

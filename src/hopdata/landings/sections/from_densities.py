@@ -1,12 +1,14 @@
 """The rule `printed`: sections at knees of the densities of body height, as Sec. 2.2.2 prints it.
 
-The lowest mode of the density of a foot's height is the ground. Its upper knee, where the density bends
-most while it falls, is the threshold above which the foot is up. The pre section is the upper knee of
-the density of body height while some foot is down; the post section is the lower knee of that while some
-foot is up. The two conditions are exchanged in print: see `docs/decisions.md`.
+The lowest mode of the density of a foot's height is the ground. Its upper knee, where
+the density bends most while it falls, is the threshold above which the foot is up. The
+pre section is the upper knee of the density of body height while some foot is down; the
+post section is the lower knee of that while some foot is up. The two conditions are
+exchanged in print: see `docs/decisions.md`.
 
-All four knees move with the bandwidth of the densities, and with a few odd frames. The rule is there so
-that the printed method can be run and compared; `landings` is the default.
+All four knees move with the bandwidth of the densities, and with a few odd frames. The
+rule is there so that the printed method can be run and compared; `landings` is the
+default.
 """
 
 from __future__ import annotations
@@ -17,9 +19,10 @@ from hopdata.arrays import FloatArray
 from hopdata.landings.sections.frames import Frames
 from hopdata.landings.sections.modes import LARGE, finite, grid_of, kde
 
-#: Density at an outer knee, as a share of the largest: there it has left zero. The largest bend is no
-#: stable place, because a sparse tail bends between its bumps: on the sample it jumped from 0.25 to
-#: 0.54 m. At 3 % the sample's sections lie 2 mm closer together.
+#: Density at an outer knee, as a share of the largest: there it has left zero. The
+#: largest bend is no stable place, because a sparse tail bends between its bumps: on
+#: the sample it jumped from 0.25 to 0.54 m. At 3 % the sample's sections lie 2 mm
+#: closer together.
 LEFT_ZERO = 0.02
 
 

@@ -1,14 +1,15 @@
 """The rule `landings`: sections at heights that nearly all landings pass as they should.
 
-A landing of all feet has four heights of the body: at its top, at the first and at the last contact,
-and at its lowest point. A pre section *holds* the landing if it lies between the top and the first
-contact; a post section, if it lies between the last contact and the lowest point. The share of the
-landings that a height holds is the area between two densities, that of the heights of contact and that
-of the heights of turning, each estimated with a Gaussian kernel.
+A landing of all feet has four heights of the body: at its top, at the first and at the
+last contact, and at its lowest point. A pre section *holds* the landing if it lies
+between the top and the first contact; a post section, if it lies between the last
+contact and the lowest point. The share of the landings that a height holds is the area
+between two densities, that of the heights of contact and that of the heights of
+turning, each estimated with a Gaussian kernel.
 
-The rule asks for two heights and not for a tail of frames, because a tail belongs to whoever is in it.
-One fall of a second is more frames than the tail has, and moved the post section by 28 mm; of 500
-landings, it is one.
+The rule asks for two heights and not for a tail of frames, because a tail belongs to
+whoever is in it. One fall of a second is more frames than the tail has, and moved the
+post section by 28 mm; of 500 landings, it is one.
 """
 
 from __future__ import annotations
@@ -25,25 +26,29 @@ from hopdata.recording import Recording
 #: Columns of `landing_heights`.
 TOP, FIRST_CONTACT, LAST_CONTACT, LOWEST, UNTOUCHED, SETTLED = range(6)
 
-#: Share of the landings held by the best height that a section may lose. These are the landings with
-#: the widest contacts. At 3 % the sample's post section lies 0.5 mm higher.
+#: Share of the landings held by the best height that a section may lose. These are the
+#: landings with the widest contacts. At 3 % the sample's post section lies 0.5 mm
+#: higher.
 MAY_LOSE = 0.02
-#: Share of the fall from the top to the first contact at which the usual landing passes the pre section.
-#: The body falls from rest, so a quarter of the fall is half of its time: there a fit to the flight has
-#: as many frames before as after. At 0.375 the sample's bound rises from 0.133 to 0.135, at 0.4 to 0.136.
+#: Share of the fall from the top to the first contact at which the usual landing passes
+#: the pre section. The body falls from rest, so a quarter of the fall is half of its
+#: time: there a fit to the flight has as many frames before as after. At 0.375 the
+#: sample's bound rises from 0.133 to 0.135, at 0.4 to 0.136.
 PRE_FALL = 0.25
-#: A pre section lies below the top by at least this share of the fall from the top to the first
-#: contact, since a body at its top crosses no height at a sure instant.
+#: A pre section lies below the top by at least this share of the fall from the top to
+#: the first contact, since a body at its top crosses no height at a sure instant.
 BELOW_TOP = 0.1
-#: A post section lies above the lowest point by at least this share of the way from the last contact
-#: to it, for the same reason. A section among the lowest points made a C1 body "different by 22 %".
+#: A post section lies above the lowest point by at least this share of the way from the
+#: last contact to it, for the same reason. A section among the lowest points made a C1
+#: body "different by 22 %".
 ABOVE_LOWEST = 0.25
-#: Time by which contacts keep clear of both sections, s: about two standard errors of a contact seen at
-#: 100 Hz. At 3 ms the sample's post section lies 1.5 mm lower.
+#: Time by which contacts keep clear of both sections, s: about two standard errors of a
+#: contact seen at 100 Hz. At 3 ms the sample's post section lies 1.5 mm lower.
 LEAD_S = 0.002
 
-#: Half of the time over which the speed at a section is taken, s: a frame at 100 Hz. A body that falls
-#: freely has exactly this mean speed; after contacts, twice the time reads 1 % less on the sample.
+#: Half of the time over which the speed at a section is taken, s: a frame at 100 Hz. A
+#: body that falls freely has exactly this mean speed; after contacts, twice the time
+#: reads 1 % less on the sample.
 HALF_SPAN_S = 0.01
 
 
@@ -175,7 +180,7 @@ def heights_from_landings(
 
 
 def fall_speed(recording: Recording, landings: pd.DataFrame, height_m: float) -> FloatArray:
-    """Return how fast the body falls as each landing passes a height, (L,), m/s; NaN if it does not.
+    """Return how fast each landing falls past a height, (L,), m/s; NaN if it does not.
 
     Parameters
     ----------

@@ -386,13 +386,14 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
             f"{narrower}"
         )
     where, name, value, n = "stand on", "max_foot_threshold_m", highest, n_down
+    walks = ""
     if n_up < n_down:
         where, name, value, n = "leave", "min_foot_threshold_m", lowest, n_up
-    walks = "; a walk, in which some foot is always down, has no landing on several feet"
+        walks = "; a walk, in which some foot is always down, has no landing on several feet"
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
-        f"check the foot markers, or set sections.{name}{narrower}{walks if where == 'leave' else ''}"
+        f"check the foot markers, or set sections.{name}{narrower}{walks}"
     )
 
 
