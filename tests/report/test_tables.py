@@ -257,7 +257,7 @@ def test_sections_begin_with_what_matters_and_keep_the_rest():
     assert rows["ground mode of the minimum foot height"] == ("−0.2", "mm")
     assert rows["its scatter"] == ("0.54", "mm")
     assert rows["kind of frames pooled"] == ("all", "")
-    assert rows["rule by which the sections are chosen"] == ("landings", "")
+    assert rows["how the sections are chosen"] == ("landings", "")
     assert rows["speed of the fall at the post section"] == ("1.43", "m/s")
     assert rows["time per mm of height, post section"] == ("0.70", "ms")
     assert rows["pre section by the other rule"] == ("509", "mm")
