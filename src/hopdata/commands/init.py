@@ -249,7 +249,7 @@ def _draft(
     if roles.other_feet:
         settings["sections"] = {"frames": "landings"}
         others = "; ".join(", ".join(group) for group in roles.other_feet)
-        only = "only the landings of those named above tell where the sections should be"
+        only = "Fig. 2.2 shows only the landings of those named above"
         reasons["sections.frames"] = f"Other feet land in between ({others}), so {only}."
     return Draft(
         study_name(out.stem),
