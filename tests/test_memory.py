@@ -64,7 +64,7 @@ def studied(recording):
     known = {ready.name: landings}
     sections = select_sections([ready], landings=known)
     heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
-    densities = section_densities([ready], sections)
+    densities = section_densities([ready], sections, known)
     return (
         ready,
         landings,
@@ -135,9 +135,10 @@ def pair(recording, landings):
 
 
 def choose(recording, landings):
-    sections = select_sections([recording], landings={recording.name: landings})
-    section_densities([recording], sections)
-    section_stability([recording], sections, {}, {recording.name: landings})
+    known = {recording.name: landings}
+    sections = select_sections([recording], landings=known)
+    section_densities([recording], sections, known)
+    section_stability([recording], sections, {}, known)
 
 
 STAGES = {

@@ -61,7 +61,7 @@ def piece(sample_path):
 def stages(recording, folder, home):
     """Return the tables of a study that contain names, written and read back as its jobs do."""
     floored = level(recording, fit_floor(recording, degree=0))
-    sections = select_sections([floored], tail_fraction=0.01)
+    sections = select_sections([floored])
     heights = {key: getattr(sections, key) for key in ("pre_height_m", "post_height_m")}
     table = touchdown_table(floored, **heights, method="velocity_minimum")
     write_table(folder / "touchdowns.csv", table)

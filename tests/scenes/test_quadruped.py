@@ -10,7 +10,7 @@ from hopdata.analysis import synthesize
 from hopdata.errors import ConfigError
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.scoring import match_landings
+from hopdata.maps.truth.scoring import match_landings, score_sections
 from hopdata.scenes import SCENES, scene_class
 from hopdata.scenes.body import flight_mode, rotation_matrices
 from hopdata.scenes.quadruped import (
@@ -202,11 +202,10 @@ def test_feet_of_the_recording_stay_where_they_touch():
 def test_its_orders_are_found_between_sections_from_the_data(recorded):
     recording, truth = recorded
     sections = select_sections([recording])
-    some, every = truth.foot_down.any(axis=1), truth.foot_down.all(axis=1)
-    height, tail = truth.body_height, sections.tail_fraction
-    tails = np.quantile(height[some], 1 - tail), np.quantile(height[~every], tail)
     found = sections.pre_height_m, sections.post_height_m
-    np.testing.assert_allclose(found, tails, rtol=0, atol=0.01)
+    entries = score_sections({"one": truth}, sections.to_dict(), {"one": recording})
+    true = entries["section_pre_true"]["value"], entries["section_post_true"]["value"]
+    np.testing.assert_allclose(found, true, rtol=0, atol=0.005)
     table = touchdown_table(recording, pre_height_m=found[0], post_height_m=found[1])
     used = table[~table["excluded"].astype(bool)]
     assert len(used) > 0.8 * len(truth.complete)
