@@ -165,7 +165,10 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     out = capsys.readouterr().out
     assert "These are guesses: correct any that are wrong in the file." in out
     main(["check", "config/monday.yaml"])  # two jumps are too few; otherwise the study is sound
-    assert capsys.readouterr().err.startswith("hopdata: error: pairs: expected at least 3 usable")
+    # In some layouts the noise leaves one of them without a contact of both feet.
+    too_few = ("pairs: expected at least 3 usable", "sections: expected landings in which")
+    told = tuple(f"hopdata: error: {one}" for one in too_few)
+    assert capsys.readouterr().err.startswith(told)
     config = load_config("config/monday.yaml")
     assert len(config["markers"]["feet"]) >= 4
     assert len(config["markers"]["body"]) >= 4

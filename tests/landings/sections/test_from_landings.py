@@ -102,6 +102,16 @@ def test_of_few_landings_none_is_lost():
         assert holds(post_m, heights, "post").all()
 
 
+def test_one_deep_contact_of_few_is_held():
+    """The tail of its density alone may be lost: it is one landing, and one in 39 is not 2 %."""
+    heights = landings_like(np.random.default_rng(1), 39, contact_sd_m=5e-4)
+    heights[0, [LAST_CONTACT, 5]] = 0.295
+    _, post_m, _ = heights_from_landings(heights, 2e-3)
+    assert 0.293 < post_m <= 0.295
+    many = np.concatenate([heights, landings_like(np.random.default_rng(2), 200, 5e-4)])
+    assert heights_from_landings(many, 2e-3)[1] > 0.2955, "of 239 landings, it may be lost"
+
+
 def test_the_pre_section_lies_half_way_in_the_time_of_the_flight():
     heights = np.tile([1.0, 0.78, 0.7, 0.6, 0.8, 0.69], (100, 1))
     heights += 1e-4 * np.random.default_rng(1).standard_normal((100, 1))

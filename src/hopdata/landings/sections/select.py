@@ -354,7 +354,7 @@ def _no_landing(material: _Material, frames: Frames, sections: Sections) -> Anal
         touches += (status == LANDED).sum(axis=0)
         descents += len(status)
     if touches.max() > 0:
-        change = "take feet that hardly land off markers.feet"
+        change = "record more, or take feet that hardly land off markers.feet"
     else:
         _require_hopping(frames, sections)
         change = "if they stand above z = 0, raise touchdowns.down_height_m above that"
