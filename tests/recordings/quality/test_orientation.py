@@ -421,3 +421,10 @@ def test_names_serve_where_no_roles_are_given():
     assert (named.value, named.is_sure) == ("y", True)
     nameless = replace(recording, markers=tuple("abcdefgh"))
     assert inspect_recording(nameless).up.value != "y"
+
+
+@pytest.mark.parametrize(("up", "is_sure"), [("x", False), ("y", True)])
+def test_only_what_falls_along_the_vertical_speaks_against_a_stated_rate(up, is_sure):
+    falls_along_x = turned(hopping(1)[1], "x")
+    found = guess_rate(raw(falls_along_x, rate_hz=50.0), "m", up=up)  # half of the true rate
+    assert found.is_sure == is_sure

@@ -202,8 +202,9 @@ def find_contacts(
         from the recording, unknown in each landing, or that of gravity.
     window_before_s, window_after_s : float, optional
         Time before and after the contact whose frames the kink fit uses, s (at least 5 and 3
-        frames that show the foot). The defaults are 0.08 and 0.05 s where feet fly freely and then stand still to
-        within the noise, and 0.04 and 0.027 s where they do not (a runner's foot rolls).
+        frames that show the foot). The defaults are 0.08 and 0.05 s where feet fly freely and then
+        stand still to within the noise, and 0.04 and 0.027 s where they do not (a runner's foot
+        rolls).
     maximum_misfit : float
         Largest accepted ratio of a kink fit's rms residual to that of the whole recording.
     correlation : float

@@ -207,9 +207,7 @@ def what_bends(
             limit = FLOOR_STRAINS * largest_strain
             bends.append(Bend(pair, m, change_m, float(rest_m), limit, ON_FLOOR))
     bends = [one for one in bends if one.strain > one.limit]
-    # A foot is named as such even if another distance changes by more.
-    of_feet = [one for one in bends if one.when == ON_FLOOR]
-    return max(of_feet or bends, key=lambda one: one.strain / one.limit, default=None)
+    return max(bends, key=lambda one: one.strain / one.limit, default=None)
 
 
 def _worst(found: Bending, changes_m: FloatArray, limit: float, when: str) -> Bend:
