@@ -111,6 +111,7 @@ def test_warnings_of_numpy_are_errors_in_tests_and_in_the_processes_that_they_st
     with pytest.raises(RuntimeWarning, match="Mean of empty slice"):
         np.nanmean(np.empty(0))
     empty = "import numpy; numpy.nanmean(numpy.empty(0))"
-    started = subprocess.run([sys.executable, "-c", empty], capture_output=True, text=True)
+    command = [sys.executable, "-c", empty]
+    started = subprocess.run(command, check=False, capture_output=True, text=True)
     assert started.returncode == 1
     assert "RuntimeWarning: Mean of empty slice" in started.stderr
