@@ -11,6 +11,9 @@ import pytest
 for library in ("OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+# Processes that tests start fail at NumPy's warnings too, as tests do (`pyproject.toml`).
+os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
+
 
 def pytest_collection_modifyitems(items):
     """Start with whole studies, so that the longest files are not the last in one process."""

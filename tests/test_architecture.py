@@ -1,9 +1,12 @@
 """The house rules that a machine can check: imports between rooms, and what modules state."""
 
 import ast
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import hopdata
@@ -102,3 +105,13 @@ def test_annotations_that_would_load_pandas_are_deferred():
 def test_every_module_explains_itself():
     for path in PACKAGE.rglob("*.py"):
         assert ast.get_docstring(walked(path)[0]), path
+
+
+def test_warnings_of_numpy_are_errors_in_tests_and_in_the_processes_that_they_start():
+    with pytest.raises(RuntimeWarning, match="Mean of empty slice"):
+        np.nanmean(np.empty(0))
+    empty = "import numpy; numpy.nanmean(numpy.empty(0))"
+    command = [sys.executable, "-c", empty]
+    started = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert started.returncode == 1
+    assert "RuntimeWarning: Mean of empty slice" in started.stderr

@@ -101,7 +101,8 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, lis
         wanted = f"names of markers of {file} ({', '.join(raw.markers)})"
         raise RecordingError.at("feet, body", wanted, given)
     unit, up = options.get("unit", "auto"), options.get("vertical_axis")
-    found, axis = guess_unit_and_up(raw, unit=None if unit == "auto" else unit, up=up)
+    known = None if unit == "auto" else unit
+    found, axis = guess_unit_and_up(raw, unit=known, up=up, markers=markers)
     feet = [name for name in markers["feet"] if name in raw.markers]
     positions = rotate_up(raw.positions * METRES_PER_UNIT.get(found.value, 1.0), axis.value)
     return axis.value, feet_between(raw.markers, positions, raw.rate_hz, feet)

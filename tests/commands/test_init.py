@@ -8,6 +8,7 @@ from checkouts import ROOT, part_of_sample
 from made_up_files import export
 from made_up_hopper import MARKERS, hopping, with_spike
 from made_up_jumps import STYLES, jumping
+from made_up_runner import NAMES, RATE_HZ, SHORTEST_M, runner
 
 from hopdata.__main__ import main
 from hopdata.commands.init import Draft, draft_config, guessed_roles, scalar
@@ -313,3 +314,38 @@ def test_several_files_make_one_study(folder, capsys):
     told = capsys.readouterr().out
     assert "jump 2.tsv: -y is up: the markers fall along it" in told
     assert "jump-2.tsv: x is up: the markers fall along it" in told
+
+
+def write_runner(pelvis, feet, *, names=(*NAMES, "L_toe", "R_toe")):
+    """Write a recording as CSV in m."""
+    positions = np.concatenate([pelvis, feet], axis=1)
+    time = np.arange(len(positions)) / RATE_HZ
+    head = ["time", *(f"{name}_{axis} (m)" for name in names for axis in "xyz")]
+    table = np.column_stack([time, positions.reshape(len(positions), -1)])
+    np.savetxt("run.csv", table, fmt="%.4f", delimiter=",", header=",".join(head), comments="")
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("skin", [0.0, 0.1])
+def test_check_accepts_the_body_that_init_proposes_however_soft(folder, capsys, seed, skin):
+    """An impact shakes the skin of a pelvis; the shortest distance then varies most of all."""
+    write_runner(*runner(seed, skin_m=skin * SHORTEST_M, wobble_m=0.015 * (skin > 0)))
+    assert main(["init", "run.csv", "-o", "run.yaml"]) == 0
+    assert load_config("run.yaml")["markers"]["body"] == [*NAMES]
+    assert main(["check", "run.yaml"]) == 0
+    assert ("the body is soft" in capsys.readouterr().out) == (skin > 0)
+
+
+def test_init_leaves_out_what_check_would_refuse(folder, capsys):
+    """A marker of the pelvis by its name that hangs loose; of three, no body is left."""
+    pelvis, feet = runner(1)
+    time = np.arange(len(pelvis)) / RATE_HZ
+    pelvis[:, 1, 1] += 0.05 * np.sin(7.0 * time)
+    write_runner(pelvis, feet)
+    assert main(["init", "run.csv", "-o", "run.yaml"]) == 0
+    assert load_config("run.yaml")["markers"]["body"] == ["R.ASIS", "R.PSIS", "L.PSIS"]
+    assert main(["check", "run.yaml"]) == 0
+    capsys.readouterr()
+    write_runner(pelvis[:, :3], feet, names=(*NAMES[:3], "L_toe", "R_toe"))
+    assert main(["init", "run.csv", "-o", "three.yaml"]) == 1
+    assert "markers.body: expected three markers or more that keep" in capsys.readouterr().out

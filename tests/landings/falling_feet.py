@@ -36,6 +36,7 @@ def falls(
     stands_s: float = np.inf,
     push_m_s2: float = 0.0,
     strike_m_s: float = 0.0,
+    noise_m: float = NOISE_M,
 ) -> Falls:
     """Simulate landings with contacts from N(0, 10 ms) or at fixed distances, in random order.
 
@@ -61,7 +62,7 @@ def falls(
     height += push_m_s2 * np.where(s < 0, pushed.sum(axis=3), 0.0)
     struck = after[:, :, None] - waits
     height += strike_m_s * np.where(s < 0, struck.sum(axis=3), 0.0)
-    height += rng.normal(0, NOISE_M, height.shape)
+    height += rng.normal(0, noise_m, height.shape)
     if missing:
         nearest = np.abs(s).argmin(axis=1)[:, None]
         height[np.abs(np.arange(FRAMES)[:, None] - nearest) <= missing // 2] = np.nan

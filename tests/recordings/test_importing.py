@@ -106,9 +106,14 @@ def test_the_vertical_axis_is_turned_up(tmp_path, axis):
 
 
 def test_an_axis_that_nothing_shows_is_asked_for(tmp_path):
-    told = "vertical_axis: auto: expected a clear fall, found nothing clearly falls"
+    told = "vertical_axis: auto: expected a clear fall, or a body that is clearly above its feet, "
+    told += "found nothing clearly falls"
+    upright = standing()
+    assert imported(write(tmp_path, qtm_text(upright)), vertical_axis="auto").vertical_axis == "z"
+    beside = upright.copy()
+    beside[:, :3, 0] += 500.0
     with pytest.raises(RecordingError, match=told):
-        imported(write(tmp_path, qtm_text(standing())), vertical_axis="auto")
+        imported(write(tmp_path, qtm_text(beside)), vertical_axis="auto")
 
 
 @pytest.mark.parametrize(("scale", "unit"), [(1000.0, "mm"), (1.0, "m")])

@@ -66,7 +66,8 @@ def test_a_foot_among_the_body_is_named():
         check_rigid(exchanged)
     message = str(caught.value)
     assert message.startswith("recording 'trial': markers.body: expected distances that vary by")
-    assert "at most 5 % (quality.largest_body_strain)" in message
+    assert "at most 2.5 % (half quality.largest_body_strain) of the body's size" in message
+    assert "'toe1' coming down to the feet" in message
     assert message.endswith("is 'toe1' on the body?")
 
 

@@ -204,7 +204,8 @@ def init(options: argparse.Namespace) -> int:
 def guessed_roles(inspection: Inspection) -> Roles:
     """Guess the roles; if feet may be missing on a sloping floor, guess again on it levelled."""
     from hopdata.landings.floor import fit_floor, level
-    from hopdata.recordings.quality.roles import guess_roles, part_by_name
+    from hopdata.recordings.quality.part_names import part_by_name
+    from hopdata.recordings.quality.roles import guess_roles
 
     found, names = guess_roles(inspection), inspection.markers
     named = [name for name in names if part_by_name(name) == "foot"]

@@ -144,8 +144,8 @@ def import_recording(
         Unit of the file's positions. ``"auto"`` takes the format's own unit, or the other one if
         only that gives a plausible size; a remark says so.
     vertical_axis : {"auto", "x", "y", "z", "-x", "-y", "-z"}
-        Axis of the file that points up. ``"auto"`` takes the axis along which the markers fall; a
-        remark says so.
+        Axis of the file that points up. ``"auto"`` takes the axis along which the markers fall, or
+        the body is above its feet; a remark says so.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one (`raw.overrule_rate`).
     most_unpacked_mb : float
@@ -185,7 +185,7 @@ def import_recording(
     positions = raw.positions
     taken = orientation.choose_unit(positions, unit=unit, nominal=raw.unit)
     guessed = orientation.unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
-    vertical_axis, found = orientation.choose_up(vertical_axis, sources[0], raw, taken)
+    vertical_axis, found = orientation.choose_up(vertical_axis, sources[0], raw, taken, markers)
     for first in range(0, len(positions), BLOCK):
         block = positions[first : first + BLOCK]
         block *= reading.METRES_PER_UNIT[taken]

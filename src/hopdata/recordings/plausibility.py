@@ -8,9 +8,10 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
+from hopdata.recordings.quality import softness
 from hopdata.recordings.quality.orientation import PLAUSIBLE_EXTENT_M, FreeFall, free_fall
-from hopdata.recordings.quality.rigid import frame_noise, pair_distances, treated
-from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet, quantiles
+from hopdata.recordings.quality.rigid import treated
+from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet
 from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 
 MIN_BODY_MARKERS = 3
@@ -18,8 +19,6 @@ MIN_FEET = 2
 TILT_LIMIT = 5.0  # ratio to the height: if exceeded along another axis, the vertical axis is wrong
 SMALLEST_M = 0.003  # m; metres mistaken for millimetres are then detected from 3 m on
 STEP_TOLERANCE = 0.02  # relative to a frame
-LARGEST_BODY_STRAIN = 0.05
-NOISE_MARGIN = 2.0  # short recordings: factor on the variance of a distance, to allow for chance
 
 EXPORT = "export in mm or m"
 # Mistakes with the unit: the factor that corrects the positions, and what to do.
@@ -36,7 +35,7 @@ CLEARLY = 5.0  # free fall must be this many times as frequent in another unit a
 
 
 def check_plausible(
-    recording: Recording, *, largest_body_strain: float = LARGEST_BODY_STRAIN
+    recording: Recording, *, largest_body_strain: float = softness.LARGEST_STRAIN
 ) -> None:
     """Run all checks and raise at the first failure.
 
@@ -189,45 +188,42 @@ def check_fall(recording: Recording) -> None:
         raise RecordingError.at(f"{recording.place}: scale", wanted, f"{found}; {looks}")
 
 
-# Share of the frames in which a marker counts as low, and how low noise alone makes it there, in
-# standard deviations.
-LOWEST_FRAMES, LOWEST_NOISE = 0.05, 3.0
-
-
-def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_STRAIN) -> None:
-    """Require constant distances between body markers, up to their noise.
-
-    Where a marker is lowest, distances may not change either: a foot among the markers of the body
-    moves with it in flight, but not in stance, which may be a small part of the recording.
+def check_rigid(recording: Recording, *, largest_strain: float = softness.LARGEST_STRAIN) -> None:
+    """Require the body's markers to be one body: soft perhaps, but without a limb or a foot.
 
     Parameters
     ----------
     recording : Recording
         In metres, z up.
     largest_strain : float
-        Largest robust standard deviation of a distance, relative to its median.
+        See `softness.what_bends`.
     """
-    pairs, noise = pair_distances(recording.body), frame_noise(recording.body)
-    own = np.nan_to_num(noise[:, None] ** 2 + noise[None] ** 2)
-    bend = pairs.spread**2 - NOISE_MARGIN * own
-    heights = recording.body[:, :, 2]
-    for m, low in enumerate((heights <= quantiles(heights, [LOWEST_FRAMES])[0]).T):
-        moved = pair_distances(recording.body[low]).median[m] - pairs.median[m]
-        bend[m] = np.fmax(bend[m], moved**2 - LOWEST_NOISE**2 * own[m])
-    bend = np.sqrt(np.clip(np.fmax(bend, bend.T), 0, None))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        strain = np.nan_to_num(bend / pairs.median)
-    if strain.max(initial=0.0) <= largest_strain:
+    bend = softness.what_bends(recording.body, recording.feet, largest_strain=largest_strain)
+    if bend is None:
         return
-    i, j = np.unravel_index(int(np.argmax(strain)), strain.shape)
     names = recording.names("body")
-    odd = names[int(np.argmax(np.median(strain, axis=1)))]
-    most = f"{100 * largest_strain:g} % (quality.largest_body_strain)"
-    found = f"'{names[i]}' to '{names[j]}' varying by {1e3 * bend[i, j]:.1f} mm, "
-    found += f"{100 * strain[i, j]:.1f} % of {1e3 * pairs.median[i, j]:.0f} mm"
-    found += f"; is '{odd}' on the body?"
+    i, j = bend.pair
+    share, length = f"{100 * bend.strain:.1f} %", f"{1e3 * bend.length_m:.0f} mm"
+    varies = f"'{names[i]}' to '{names[j]}' varying by {1e3 * bend.change_m:.1f} mm, {share} of"
+    if bend.when == softness.USUALLY:
+        found = f"{varies} {length}"
+        where = "of the body's size"
+    elif bend.when == softness.AT_ITS_LOWEST:
+        found = f"{varies} {length}, where it is lowest"
+        where = "of the body's size where it is lowest"
+    else:
+        found = f"{varies} the others' {length}, and '{names[bend.odd]}' coming down to the feet"
+        where = "of the body's size"
+    most = f"{100 * bend.limit:g} % ({_key_of(bend)}) {where}"
     place = f"{recording.place}: markers.body"
+    found += f"; is '{names[bend.odd]}' on the body?"
     raise RecordingError.at(place, f"distances that vary by at most {most}", found)
+
+
+def _key_of(bend: softness.Bend) -> str:
+    """Return the key that sets the limit of a bend."""
+    often = {softness.AT_ITS_LOWEST: "twice ", softness.ON_FLOOR: "half "}
+    return f"{often.get(bend.when, '')}quality.largest_body_strain"
 
 
 # Remarks on a recording that can be analysed nevertheless.
@@ -238,7 +234,7 @@ ROUNDED_TO_M = (0.01, 0.001)  # coarser first; finer rounding is lost in the noi
 
 
 def notes(recording: Recording) -> list[str]:
-    """Return remarks that do not stop the analysis: reader, unseen markers, rounding, lost frames.
+    """Return remarks that do not stop the analysis: reader, unseen markers, a soft body, ....
 
     Returns
     -------
@@ -255,6 +251,7 @@ def notes(recording: Recording) -> list[str]:
     more += [f"{one}; does it touch the ground, or does the floor slope?" for one in high]
     more += [f"{one}; is one a copy of the other?" for one in feet_as_one(*feet)]
     more += [*_rounding(recording), *_missing_times(recording)]
+    more += softness.softness_remark(recording.body, recording.names("body"))
     more += treated(recording.body, recording.rate_hz, scale=recording.scale)
     return [*recording.remarks, *(f"{recording.place}: {remark}" for remark in more)]
 

@@ -31,7 +31,7 @@ def single_kinks(landings, seed=0, noise=NOISE):
 
 def fit(time, height, near, **options):
     options = {"priors": prior(near.shape[1]), "noise_m": NOISE, "search_s": 0.02} | options
-    return kink_fits(time, height, near, windows_s=WINDOWS, **options)
+    return kink_fits(time, height, near, **({"windows_s": WINDOWS} | options))
 
 
 def bound(parameters):
@@ -159,7 +159,7 @@ def test_a_gap_that_leaves_two_frames_of_flight_fixes_no_instant():
     time, height, contact = single_kinks(200, seed=8)
     for row, at in enumerate(contact[:, 0]):  # frames of every pattern just before the contact
         last = int(np.floor(at * RATE))
-        height[last - 9 : last - row % 4, 0] = np.nan
+        height[last - 18 : last - row % 4, 0] = np.nan  # farther back than any window reaches
         height[last - row % 3, 0] = np.nan
     found = fit(time, height, contact + 0.003)
     assert not np.isnan(found.instant).all()
@@ -171,3 +171,24 @@ def test_a_gap_that_leaves_two_frames_of_flight_fixes_no_instant():
 def test_pooled_noise_is_never_below_what_cameras_do():
     time, height, contact = single_kinks(30, noise=0.0)
     assert pooled_noise(fit(time, height, contact)) == LEAST_NOISE_M
+
+
+@pytest.mark.parametrize(("hidden", "n_after"), [(0, 3), (2, 3), (3, 3), (4, 2), (6, 0)])
+def test_a_window_counts_the_frames_that_show_the_foot_up_to_twice_its_length(hidden, n_after):
+    time, height, contact = single_kinks(40, seed=8)
+    for at in contact[:, 0]:
+        first = int(np.ceil(at * RATE))
+        height[first : first + hidden, 0] = np.nan
+    windows_s = (0.08, 3 / RATE)
+    found = fit(time, height, contact, windows_s=windows_s)
+    known = found.n_after[np.isfinite(found.instant)]
+    assert (np.abs(known - n_after) <= 1).all()
+    assert np.median(known) == n_after
+
+
+def test_frames_hidden_elsewhere_move_no_contact():
+    time, height, contact = single_kinks(40, seed=8)
+    found = fit(time, height, contact)
+    height[:20] = np.nan
+    again = fit(time, height, contact)
+    np.testing.assert_array_equal(again.instant[2:], found.instant[2:])

@@ -12,7 +12,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
-from hopdata.landings.contacts.kink import KinkFits
+from hopdata.landings.contacts.kink import WINDOW_FRAMES, KinkFits
 from hopdata.landings.contacts.kink_law import FRAMES_AFTER, FRAMES_BEFORE
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
@@ -202,8 +202,9 @@ def find_contacts(
         from the recording, unknown in each landing, or that of gravity.
     window_before_s, window_after_s : float, optional
         Time before and after the contact whose frames the kink fit uses, s (at least 5 and 3
-        frames). The defaults are 0.08 and 0.05 s where feet fly freely and then stand still to
-        within the noise, and 0.04 and 0.027 s where they do not (a runner's foot rolls).
+        frames that show the foot). The defaults are 0.08 and 0.05 s where feet fly freely and then
+        stand still to within the noise, and 0.04 and 0.027 s where they do not (a runner's foot
+        rolls).
     maximum_misfit : float
         Largest accepted ratio of a kink fit's rms residual to that of the whole recording.
     correlation : float
@@ -278,7 +279,7 @@ def _windows(
     """Return the windows before and after a contact, s, widened to hold enough frames."""
     frame_s = float(np.median(np.diff(time)))
     before, after = (d if a is None else a for a, d in zip(asked, default, strict=True))
-    return max(before, 5 * frame_s), max(after, 3 * frame_s)
+    return max(before, WINDOW_FRAMES[0] * frame_s), max(after, WINDOW_FRAMES[1] * frame_s)
 
 
 def _hidden(

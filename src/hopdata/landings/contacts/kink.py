@@ -26,6 +26,13 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 
 BLOCK = 10_000  # fits whose frames are cut out together, to bound memory
 GRID_FRAMES, GRID_S = 0.5, 2e-3  # step of the search, in frames, and its lower limit, s
+# Frames that show the foot, before and after the contact, that a window holds at least: the five
+# coefficients of a kink and some to spare. With half as many more (7 and 5) a rolling foot is
+# fitted where its law no longer holds.
+WINDOW_FRAMES = (5, 3)
+# Where frames are hidden, a window reaches further until it holds that many, but at most to this
+# multiple of its own length: the animal may have done something else meanwhile.
+WIDEST = 2.0
 
 
 @dataclass(frozen=True)
@@ -120,7 +127,8 @@ def kink_fits(
     noise_m : float
         Standard deviation of a height, m; it weighs the data against the priors.
     windows_s : tuple of float
-        Time before and after `near` whose frames are used, s.
+        Time before and after `near` whose frames are used, s. Where frames are hidden, the windows
+        reach further until they hold `WINDOW_FRAMES` that show the foot, up to `WIDEST` times.
     search_s : float
         Half width of the search about `near`, s.
     earliest : (L, n) array, optional
@@ -165,9 +173,9 @@ def kink_fits(
     weights = ((noise_m / priors.sd * units[:, 2:]) ** 2)[wanted % n][foot]
     for first in range(0, len(wanted), BLOCK):
         part = slice(first, first + BLOCK)
-        seen_s = before_s, windows_s[1] + 2 * frame_s
-        times, z = _windows(time, heights, wanted[part] % n, centre[part], *seen_s)
-        z = _standing(times - centre[part, None], z, windows_s[1], leaves_m)
+        times, z, used = _windows(time, heights, wanted[part] % n, centre[part], windows_s)
+        risen = _risen(times - centre[part, None], z, leaves_m)
+        z = np.where(used & ~risen, z, np.nan)
         fit_all(
             (times - centre[part, None]) / before_s, z, bounds[part], reach, steps,
             (contact[part] < reach).sum(axis=1), others[part], compliance_s / before_s, creeps,
@@ -178,25 +186,51 @@ def kink_fits(
 
 
 def _windows(
-    time: FloatArray, heights: FloatArray, foot: IntArray, centre: FloatArray, *about_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Cut out times and heights about each of P instants, (P, W); NaN if unseen."""
-    start, stop = np.searchsorted(time, [centre - about_s[0], centre + about_s[1]])
-    frames = start[:, None] + np.arange(int(np.max(stop - start, initial=1)))
+    time: FloatArray,
+    heights: FloatArray,
+    foot: IntArray,
+    centre: FloatArray,
+    windows_s: tuple[float, float],
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Cut out times and heights about each of P instants, and mark those to use, (P, W).
+
+    Used are the frames in the windows before and after the instant. If a window holds fewer than
+    `WINDOW_FRAMES` that show the foot, the next ones that do are used as well, as far as `WIDEST`
+    allows. Two more frames tell whether the foot rises after the last one.
+    """
+    frame_s = float(np.median(np.diff(time)))
+    before_s, after_s = windows_s
+    reach = WIDEST if np.isnan(heights).any() else 1.0
+    first = np.searchsorted(time, centre - reach * before_s)
+    stop = np.searchsorted(time, centre + reach * after_s + 2 * frame_s)
+    frames = first[:, None] + np.arange(int(np.max(stop - first, initial=1)))
     inside = frames < stop[:, None]
+    begin = np.searchsorted(time, centre - before_s)
+    in_windows = frames >= begin[:, None]
     frames = np.minimum(frames, len(time) - 1)
-    return time[frames], np.where(inside, heights[frames, foot[:, None]], np.nan)
+    times = time[frames]
+    z = np.where(inside, heights[frames, foot[:, None]], np.nan)
+    since = times - centre[:, None]
+    in_windows &= since < after_s
+    within_reach = inside & (since < reach * after_s)
+    seen = within_reach & ~np.isnan(z)
+    before = seen & (since < 0)
+    after = seen & (since >= 0)
+    nearest_before = np.cumsum(before[:, ::-1], axis=1)[:, ::-1] <= WINDOW_FRAMES[0]
+    nearest_after = np.cumsum(after, axis=1) <= WINDOW_FRAMES[1]
+    nearest = (before & nearest_before) | (after & nearest_after)
+    return times, z, in_windows | nearest
 
 
-def _standing(since: FloatArray, z: FloatArray, after_s: float, rise_m: float) -> FloatArray:
-    """Return heights (P, W), NaN from `after_s` on or once the foot has left the floor again.
+def _risen(since: FloatArray, z: FloatArray, rise_m: float) -> BoolArray:
+    """Mark the frames (P, W) from the one before the foot has left the floor again.
 
     `since` (P, W) is the time of each frame from the approximate contact, s.
     """
     lowest = np.minimum.accumulate(np.where((since > 0) & (z < np.inf), z, np.inf), axis=1)
     risen = np.cumsum(z > lowest + rise_m, axis=1) > 0
     risen[:, :-1] |= risen[:, 1:]
-    return np.where(risen | (since >= after_s), np.nan, z)
+    return np.asarray(risen)
 
 
 def _other_contacts(

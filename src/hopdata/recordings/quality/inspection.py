@@ -14,6 +14,7 @@ from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid, stretches, swaps
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
+from hopdata.recordings.quality.part_names import roles_by_name
 from hopdata.recordings.quality.swaps import Excursion, Swap
 from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 
@@ -236,7 +237,8 @@ def inspect_recording(
         found = f"{len(raw.time)} frames, {len(raw.markers)} markers"
         raise RecordingError(f"expected frames and markers, found {found}")
     progress("looking for free fall, to find the unit and the vertical axis")
-    unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
+    named = roles_by_name(raw.markers)
+    unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up, markers=named)
     positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)
     progress("measuring distances between markers")
     noise = rigid.frame_noise(positions)
