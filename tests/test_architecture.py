@@ -12,7 +12,7 @@ import pytest
 import hopdata
 
 PACKAGE = Path(hopdata.__file__).parent
-SHARED = {"arrays", "code_cache", "errors", "jobs", "recording", "rigid"}
+SHARED = {"arrays", "code_cache", "errors", "jobs", "recording", "rigid", "seal"}
 MAY_USE = {
     "hybrid": set(),
     "scenes": {"hybrid"},

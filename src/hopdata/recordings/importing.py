@@ -13,6 +13,7 @@ from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings import raw as reading
+from hopdata.recordings.budget import MOST_UNPACKED_MB
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality.rigid import recorded_frames
 from hopdata.recordings.raw import RawRecording, rotate_up, without_subject
@@ -124,7 +125,7 @@ def import_recording(
     unit: str = "auto",
     vertical_axis: str = "z",
     rate_hz: float | None = None,
-    most_unpacked_mb: float = reading.MOST_UNPACKED_MB,
+    most_unpacked_mb: float = MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
     exclude: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[Recording, Truth | None]:

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -15,6 +14,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import RecordingError, chosen, mismatch
 from hopdata.recording import Event
+from hopdata.recordings.budget import MOST_MARKERS
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 USUAL_UNIT = "mm"  # assumed for files that could state a unit but do not
@@ -29,8 +29,8 @@ _BY_PROGRAM = re.compile(r"(.*:)?(\*\d+|unlabel+ed.*)", re.IGNORECASE)
 
 UNSEEN_FROM = 9999.0  # programs write at least this, three times, for a marker that was not seen
 FASTEST_HZ = 1e5  # Hz, as in the schema of input.rate_hz
-MOST_UNPACKED_MB = 2000.0  # MB, as the default of input.most_unpacked_mb in the schema
 RATE_TOLERANCE = 1e-3  # relative; larger than the error of any rounded rate in a file
+MOST_LISTED = 12  # names in a remark
 SLACK = 0.02  # relative error of a rate estimated from rounded time stamps
 
 
@@ -182,20 +182,6 @@ def without_subject(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name.split(":", 1)[-1] if len(subjects) == 1 else name for name in names)
 
 
-def require_unpacked(n_bytes: int, most_mb: float) -> None:
-    """Refuse content that would use more memory than a file may.
-
-    Raises
-    ------
-    ValueError
-        If it would; the message does not name the file.
-    """
-    if n_bytes > 1e6 * most_mb:
-        most = f"{most_mb:g} MB once it is unpacked (input.most_unpacked_mb, --most-unpacked-mb)"
-        found = f"{n_bytes / 1e6:.0f} MB; raise the limit if the file is right"
-        raise ValueError(f"expected at most {most}, found {found}")
-
-
 def largest(numbers: FloatArray) -> float:
     """Return the largest absolute value without a temporary array; NaN if all values are NaN."""
     bounds = (extreme.reduce(numbers, axis=None, initial=np.nan) for extreme in (np.fmin, np.fmax))
@@ -230,18 +216,26 @@ def distinct_names(
         if not name.isprintable():
             wanted = f"a name of letters and digits for marker {i}"
             raise RecordingError.at(place, wanted, repr(name))
+    if len(names) > MOST_MARKERS:
+        raise RecordingError.at(place, f"at most {MOST_MARKERS:,} markers", f"{len(names):,}")
     distinct = [name or f"unnamed {i}" for i, name in enumerate(names, start=1)]
     remarks = []
     if n_nameless := sum(not name for name in names):
         told = f"{n_nameless} of {len(names)} markers lack a name and are called 'unnamed <number>'"
         remarks.append(f"{place}: {told}")
     taken = set(distinct)
-    for name in [name for name, times in Counter(distinct).items() if times > 1]:
+    places: dict[str, list[int]] = {}
+    for i, name in enumerate(distinct):
+        places.setdefault(name, []).append(i)
+    for name, at in places.items():
+        if len(at) == 1:
+            continue
         free = (f"{name} {k}" for k in count(1) if f"{name} {k}" not in taken)
-        at = [i for i, other in enumerate(distinct) if other == name]
         for i in at:
             distinct[i] = next(free)
-        told = ", ".join(f"'{distinct[i]}'" for i in at)
+        told = ", ".join(f"'{distinct[i]}'" for i in at[:MOST_LISTED])
+        if len(at) > MOST_LISTED:
+            told += f", ... {len(at) - MOST_LISTED} more"
         found = f"'{name}' twice or more; they are called {told}"
         remarks.append(mismatch(place, "each marker name once", found))
         taken.update(distinct)

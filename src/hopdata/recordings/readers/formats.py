@@ -11,6 +11,7 @@ import numpy as np
 from hopdata.errors import RecordingError
 from hopdata.recording import SLOWEST_S
 from hopdata.recordings import raw as reading
+from hopdata.recordings.budget import MOST_UNPACKED_MB
 from hopdata.recordings.readers.text import require_file
 
 LARGEST = 1e9  # mm or m: beyond the range of any camera
@@ -46,7 +47,7 @@ def read_raw(
     path: str | Path,
     *,
     rate_hz: float | None = None,
-    most_unpacked_mb: float = reading.MOST_UNPACKED_MB,
+    most_unpacked_mb: float = MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
 ) -> reading.RawRecording:
     """Read all markers of a file with the reader for its suffix.

@@ -16,15 +16,23 @@ from hopdata import __version__
 from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
-from hopdata.recording import ROLES, Event, Recording, Truth, check_sizes
-from hopdata.recordings.raw import FILE_AXES, require_unpacked
+from hopdata.recording import ROLES, SLOWEST_S, Event, Recording, Truth, check_sizes
+from hopdata.recordings.budget import (
+    DEEPEST,
+    DEFLATE_MOST,
+    MOST_LINKS,
+    require_few,
+    require_unpacked,
+)
+from hopdata.recordings.raw import FASTEST_HZ, FILE_AXES
+from hopdata.recordings.readers.trial import require_answer
+from hopdata.seal import Seal, seal_of, sealed
 
 # Datasets and attributes of HDF5 files that may be damaged are checked before they are read.
 
 # The HDF5 library trusts the file: it would allocate an array of any size, and follow an invalid
 # type into memory outside its own.
 
-_DEFLATE_MOST = 1032  # most bytes that one byte of deflated data can expand to
 NUMBER_BYTES = 8  # bytes of a number in memory, however it is stored
 _SMALL = 1 << 20  # bytes that any dataset may use
 
@@ -35,25 +43,63 @@ def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
     Raises
     ------
     ValueError
-        If it does; names the link or dataset outside the file, or the total size.
+        If it does; names the link or dataset outside the file, or the total size. Also if it has
+        more links or levels than any sound file.
     """
-    links: list[tuple[str, Any]] = []
-    file.visititems_links(lambda name, link: links.append((name, link)))  # must not raise
     total = 0
-    for name, link in links:
-        if isinstance(link, h5py.ExternalLink):
-            raise ValueError(_outside(name, "a link to another file", link.filename))
-        item = file[name] if isinstance(link, h5py.HardLink) else None
+    for item in items_of(file):
         if not isinstance(item, h5py.Dataset) or item.shape is None:
             continue
         if item.external:
-            raise ValueError(_outside(name, "data kept in another file", item.external[0][0]))
+            raise ValueError(_outside(item.name, "data kept in another file", item.external[0][0]))
         if item.is_virtual:
             sources = item.virtual_sources()
             where = sources[0].file_name if sources else "none"
-            raise ValueError(_outside(name, "a virtual dataset", where))
+            raise ValueError(_outside(item.name, "a virtual dataset", where))
         total += prod(item.shape) * max(item.dtype.itemsize, NUMBER_BYTES)
     require_unpacked(total, most_unpacked_mb)
+
+
+def items_of(file: h5py.File) -> Iterator[h5py.Group | h5py.Dataset]:
+    """Yield the file's root, groups and datasets, each once; soft links are not followed.
+
+    Each item is opened by its name in its own group. By its whole path the time would grow as the
+    square of the depth.
+
+    Raises
+    ------
+    ValueError
+        If a link leads to another file, or there are too many links or levels.
+    """
+    yield file
+    waiting: list[tuple[h5py.Group, int]] = [(file, 1)]
+    seen = {_address(file)}
+    n_links = 0
+    while waiting:
+        group, depth = waiting.pop()
+        n_links += len(group)  # counted before they are listed
+        require_few("links between its groups and datasets", n_links, MOST_LINKS)
+        require_few("groups within groups", depth, DEEPEST)
+        for name in group:
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                raise ValueError(_outside(name, "a link to another file", link.filename))
+            if not isinstance(link, h5py.HardLink):
+                continue
+            item = group[name]
+            address = _address(item)
+            if address in seen:
+                continue
+            seen.add(address)
+            yield item
+            if isinstance(item, h5py.Group):
+                waiting.append((item, depth + 1))
+
+
+def _address(item: h5py.Group | h5py.Dataset) -> tuple[int, ...]:
+    """Return where an object lies in its file, which several links may share."""
+    address: tuple[int, ...] = h5py.h5g.get_objinfo(item.id).objno
+    return address
 
 
 def _outside(name: str, what: str, where: str) -> str:
@@ -73,8 +119,8 @@ def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any
     """
     claimed = prod(dataset.shape) * dataset.dtype.itemsize
     stored = int(dataset.id.get_storage_size())
-    if claimed > max(_SMALL, _DEFLATE_MOST * stored):
-        most = f"at most {_DEFLATE_MOST * stored} bytes by what is stored ({stored} bytes)"
+    if claimed > max(_SMALL, DEFLATE_MOST * stored):
+        most = f"at most {DEFLATE_MOST * stored} bytes by what is stored ({stored} bytes)"
         found = f"a claim of {claimed}"
         raise ValueError(f"dataset '{dataset.name}': expected {most}, found {found}")
     return np.asarray((dataset if dtype is None else dataset.astype(dtype))[()])
@@ -119,7 +165,24 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
     if found.dtype.kind not in _NUMBERS or not found.shape:
         told = f"{found.dtype} of shape {found.shape}"
         raise ValueError(f"dataset '{name}': expected an array of numbers, found {told}")
+    _require_all_parts(found)
     return whole_array(found, None if found.dtype == np.bool_ else float)
+
+
+def _require_all_parts(dataset: h5py.Dataset) -> None:
+    """Refuse an array of which parts were not stored; the library would fill them with zeros.
+
+    Programs that write recordings store each part. A damaged index loses some.
+    """
+    if dataset.chunks is None or not dataset.size:
+        return
+    found: set[tuple[int, ...]] = set()
+    dataset.id.chunk_iter(lambda stored: found.add(stored.chunk_offset))  # must not raise
+    parts = [range(0, n, of) for n, of in zip(dataset.shape, dataset.chunks, strict=True)]
+    inside = sum(all(at in part for at, part in zip(one, parts, strict=True)) for one in found)
+    wanted = prod(map(len, parts))
+    if inside != wanted:
+        raise ValueError(f"dataset '{dataset.name}': expected {wanted} parts, found {inside}")
 
 
 _KINDS: dict[str, Any] = {"a number": int | float, "text": str, "a list of texts": list}
@@ -172,7 +235,8 @@ _TEXT_ATTRIBUTES = ("name", "source", "source_sha256", "vertical_axis")
 def write_recording(path: str | Path, recording: Recording, truth: Truth | None = None) -> None:
     """Write a recording, and its truth if available, to an HDF5 file.
 
-    The file appears under its name only when complete. Positions are stored as float32, whose
+    The file appears under its name only when complete, and ends in the checksum of all its bytes
+    (`hopdata.seal`). Positions are stored as float32, whose
     rounding (0.06 um within 1 m of the origin) is far below any marker's noise. Coordinates of each
     marker are stored one after the other, shuffled and deflated. Equal content gives equal bytes.
 
@@ -184,7 +248,8 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     truth : Truth, optional
     """
     # If writing fails, a chunk left in memory crashes the process when it ends.
-    with whole_file(path) as partial, h5py.File(partial, "w", rdcc_nbytes=0, locking=False) as file:
+    chunks: Any = {"rdcc_nbytes": 0, "locking": False}
+    with whole_file(path) as partial, sealed(partial), h5py.File(partial, "w", **chunks) as file:
         _dataset(file, "time", recording.time)
         _dataset(file, "positions", recording.positions, np.float32)
         if recording.filled is not None:
@@ -244,6 +309,9 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
         for key, (found, known) in {"roles": roles, "vertical_axis": axes}.items():
             for value in set(found) - set(known):
                 raise ValueError(f"{key}: expected any of {', '.join(known)}, found '{value}'")
+        if not 1 / SLOWEST_S <= recording.rate_hz <= FASTEST_HZ:
+            wanted = f"expected at least {1 / SLOWEST_S:g} and at most {FASTEST_HZ:g} Hz"
+            raise ValueError(f"rate_hz: {wanted}, found {recording.rate_hz:g}")
         return recording
 
 
@@ -275,6 +343,7 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
     """Open a file; convert any error in or with it to a RecordingError that names it."""
     if not Path(path).is_file():
         raise RecordingError.at(f"{path}: no such file", "a recording", "none")
+    require_intact(path, most_unpacked_mb)
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as error:
@@ -291,6 +360,31 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
         words = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
         told = words if "expected" in words else f"expected it to be readable, found: {words}"
         raise RecordingError(f"{path}: {fault}: {told}") from error
+
+
+def require_intact(path: str | Path, most_unpacked_mb: float) -> None:
+    """Require that the HDF5 library can be trusted with a file.
+
+    A sealed file must have the bytes that hopdata wrote. Any other is tried in another process.
+
+    Raises
+    ------
+    RecordingError
+        If bytes have changed since they were written, or the library does not come to an end.
+    """
+    seal = seal_of(path)
+    if seal is Seal.BROKEN:
+        wanted = "the bytes that hopdata wrote (their checksum stands at the end of the file)"
+        raise RecordingError.at(path, wanted, "others; it is damaged, copy it anew")
+    if seal is Seal.NONE and _begins_as_hdf5(path):
+        require_answer(path, most_unpacked_mb)
+
+
+def _begins_as_hdf5(path: str | Path) -> bool:
+    """Tell whether a file has HDF5's signature, at its start or behind MATLAB's 512 bytes."""
+    with open(path, "rb") as file:
+        lead = file.read(512 + len(SIGNATURE))
+    return SIGNATURE in (lead[: len(SIGNATURE)], lead[512:])
 
 
 def _texts(group: h5py.Group, name: str, entries: Sequence[str]) -> None:

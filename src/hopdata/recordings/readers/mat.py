@@ -8,13 +8,14 @@ A QTM export is one struct named after the file. Fields read are ``FrameRate``, 
 (marker, x y z residual, frame), in mm.
 """
 
-import io
+import os
 import warnings
 import zlib
 from collections.abc import Iterator
+from itertools import chain
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -22,7 +23,14 @@ from hopdata.arrays import FloatArray, h5py
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings import raw
-from hopdata.recordings.readers.hdf5 import SIGNATURE, checked_attribute, require_sound, whole_array
+from hopdata.recordings.budget import MOST_LINKS, MOST_MATRICES, require_unpacked
+from hopdata.recordings.readers.hdf5 import (
+    SIGNATURE,
+    checked_attribute,
+    require_intact,
+    require_sound,
+    whole_array,
+)
 from hopdata.recordings.readers.qtm import moment
 from hopdata.recordings.readers.text import one_line
 
@@ -36,7 +44,7 @@ _HOLDS = {1: frozenset({_MATRIX}), 2: frozenset({_INT8, _INT32, _MATRIX}), 4: _T
 _HOLDS |= dict.fromkeys(range(6, 16), _NUMBERS)
 _IS_COMPLEX = 0x800
 _DEEPEST = 12  # levels of nested structs
-_MOST_ITEMS = 20_000  # in version 7.3, where a damaged file may refer to itself
+_PIECE = 1 << 16  # compressed bytes that are unpacked at a time: to at most 68 MB
 
 
 def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
@@ -65,8 +73,10 @@ def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
         with path.open("rb") as file:
             lead = file.read(512 + len(SIGNATURE))
             if SIGNATURE not in (lead[: len(SIGNATURE)], lead[512:]):
-                return _version_5(lead + file.read(), most_unpacked_mb)
+                return _version_5(file, most_unpacked_mb)
         return _version_73(path, most_unpacked_mb)
+    except RecordingError:
+        raise
     except OSError as error:
         told = one_line(error.strerror or str(error))
         raise RecordingError(f"{path}: expected a MAT file, found: {told}") from None
@@ -76,23 +86,55 @@ def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
         raise RecordingError(f"{path}: expected a MAT file of QTM{told}") from None
 
 
-def _version_5(data: bytes, most_mb: float) -> dict[str, Any]:
+def _version_5(file: BinaryIO, most_mb: float) -> dict[str, Any]:
+    """Decode a version 5 file: check each variable by itself, then have SciPy read them.
+
+    Only one variable at a time is unpacked for the check, and SciPy unpacks from the file. So the
+    memory is that of the result, not several times as much.
+    """
     import scipy.io
 
-    if len(data) < _HEADER_BYTES:
-        raise ValueError(f"expected a header of {_HEADER_BYTES} bytes, found {len(data)}")
-    order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
+    file.seek(0)
+    lead = file.read(_HEADER_BYTES)
+    if len(lead) < _HEADER_BYTES:
+        raise ValueError(f"expected a header of {_HEADER_BYTES} bytes, found {len(lead)}")
+    order = {b"IM": "<", b"MI": ">"}.get(lead[126:128])
     if order is None:
-        raise ValueError(f"byte 126: expected 'IM' or 'MI', found {data[126:128]!r}")
-    body = b"".join(_unpacked(data, order, most_mb))
-    count = sum(_count(body, element, order) for element in _elements(body, 0, len(body), order))
-    raw.require_unpacked(8 * count, most_mb)  # each number ends up as a float
+        raise ValueError(f"byte 126: expected 'IM' or 'MI', found {lead[126:128]!r}")
+    count = n_bytes = 0
+    room = iter(range(MOST_MATRICES))
+    for data in _variables(file, order, most_mb):
+        n_bytes += len(data)
+        require_unpacked(n_bytes, most_mb)
+        for element in _elements(data, 0, len(data), order):
+            count += _count(data, element, order, room)
+        require_unpacked(8 * count, most_mb)  # each number ends up as a float
+        del data  # before the next is unpacked
     header = b"MATLAB 5.0 MAT-file".ljust(124) + np.array(0x100, f"{order}u2").tobytes()
+    sound = _WithHeader(file, header + lead[126:128])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about unreadable variables, which may not be needed
         codec = "utf-16-le" if order == "<" else "utf-16-be"
-        found = scipy.io.loadmat(io.BytesIO(header + data[126:128] + body), uint16_codec=codec)
+        found = scipy.io.loadmat(sound, uint16_codec=codec)
     return {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
+
+
+class _WithHeader:
+    """A file to read, whose first bytes are replaced by a header that is known to be sound."""
+
+    def __init__(self, file: BinaryIO, header: bytes) -> None:
+        self._file = file
+        self._header = header
+        self.seek = file.seek
+        self.tell = file.tell
+        self.seek(0)
+
+    def read(self, n_bytes: int = -1) -> bytes:
+        """Read bytes as a file does."""
+        at = self._file.tell()
+        data = self._file.read(n_bytes)
+        lead = self._header[at : at + len(data)]
+        return lead + data[len(lead) :] if lead else data
 
 
 def _plain(value: Any) -> Any:
@@ -107,31 +149,65 @@ def _plain(value: Any) -> Any:
     return "".join(value.ravel()) if value.dtype.kind == "U" else value
 
 
-def _unpacked(data: bytes, order: str, most_mb: float) -> Iterator[bytes]:
-    """Yield a file's elements, decompressed, each of the size stated by its first bytes."""
-    total = 0
-    for kind, start, stop in _elements(data, _HEADER_BYTES, len(data), order):
-        if kind != _COMPRESSED:
-            yield data[start - 8 : stop]
+def _variables(file: BinaryIO, order: str, most_mb: float) -> Iterator[bytearray]:
+    """Yield the elements of a file one by one, decompressed, with their first eight bytes."""
+    at = _HEADER_BYTES
+    end = file.seek(0, os.SEEK_END)
+    while at < end:
+        file.seek(at)
+        tag = file.read(8)
+        kind, size = np.frombuffer(tag.ljust(8, b"\0"), f"{order}u4").tolist()
+        start = at + 8
+        if kind >> 16 or size > end - start:
+            found = f"found type {kind} with {end - at} bytes left"
+            raise ValueError(f"byte {at}: expected an element of {size} bytes, {found}")
+        if kind == _COMPRESSED:
+            at = start + size
+            yield _inflated(file.read(size), start, order, most_mb)
             continue
-        stream = zlib.decompressobj()
-        piece = stream.decompress(data[start:stop], 8)
-        size = int(np.frombuffer(piece.ljust(8, b"\0"), f"{order}u4")[1])
-        total += size
-        raw.require_unpacked(total, most_mb)
-        piece += stream.decompress(stream.unconsumed_tail, size + 8)
-        if not stream.eof or len(piece) != 8 + size:
-            told = f"byte {start}: expected {8 + size} bytes compressed, found more or less"
-            raise ValueError(told)
-        yield piece
+        require_unpacked(size, most_mb)
+        at = start + size + (-size % 8)
+        data = bytearray(8 + size)
+        data[:8] = tag
+        file.readinto(memoryview(data)[8:])  # type: ignore[attr-defined]
+        yield data
 
 
-def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
+def _inflated(packed: bytes, start: int, order: str, most_mb: float) -> bytearray:
+    """Decompress an element, which begins at byte `start`, to the size that it states itself."""
+    stream = zlib.decompressobj()
+    lead = stream.decompress(packed[:_PIECE], 8)
+    size = int(np.frombuffer(lead.ljust(8, b"\0"), f"{order}u4")[1])
+    require_unpacked(size, most_mb)
+    data = bytearray(8 + size)
+    data[: len(lead)] = lead
+    n_filled = len(lead)
+    pieces = (packed[at : at + _PIECE] for at in range(_PIECE, len(packed), _PIECE))
+    for piece in chain([stream.unconsumed_tail], pieces):
+        room = len(data) - n_filled
+        found = stream.decompress(piece, room + 1)  # one more, to notice what is too long
+        if len(found) > room:
+            n_filled = -1
+            break
+        data[n_filled : n_filled + len(found)] = found
+        n_filled += len(found)
+    if not stream.eof or n_filled != len(data):
+        told = f"byte {start}: expected {len(data)} bytes compressed, found more or less"
+        raise ValueError(told)
+    return data
+
+
+def _count(
+    data: bytearray, element: Element, order: str, room: Iterator[int], depth: int = 0
+) -> int:
     """Count the numbers that a matrix and those inside it claim to hold; refuse impossible claims.
 
-    SciPy trusts types and sizes, and crashes if they are wrong.
+    SciPy trusts types and sizes, and crashes if they are wrong. `room` yields a number for each
+    matrix that a file may have.
     """
     kind, start, stop = element
+    if next(room, None) is None:
+        raise ValueError(f"expected at most {MOST_MATRICES:,} matrices, found more")
     if kind != _MATRIX or depth > _DEEPEST:
         found = f"found type {kind} on level {depth}"
         wanted = f"expected a matrix on at most {_DEEPEST} levels"
@@ -155,10 +231,10 @@ def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
         wanted = f"expected a size for {stop - start} bytes"
         raise ValueError(f"byte {start} unpacked: {wanted}, found {shape}")
     inner = (part for part in parts if part[0] == _MATRIX)
-    return prod(shape) + sum(_count(data, part, order, depth + 1) for part in inner)
+    return prod(shape) + sum(_count(data, part, order, room, depth + 1) for part in inner)
 
 
-def _elements(data: bytes, at: int, end: int, order: str) -> list[Element]:
+def _elements(data: bytearray, at: int, end: int, order: str) -> list[Element]:
     """List the elements between two byte positions."""
     found = []
     while at < end:
@@ -176,11 +252,11 @@ def _elements(data: bytes, at: int, end: int, order: str) -> list[Element]:
 
 def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
     """Decode a version 7.3 file, which is HDF5 with reversed axes; restore their order."""
-    room = iter(range(_MOST_ITEMS))
+    room = iter(range(MOST_LINKS))  # a damaged file may refer to itself
 
     def decoded(item: Any) -> Any:
         if next(room, None) is None:
-            raise ValueError(f"expected at most {_MOST_ITEMS} items, found more")
+            raise ValueError(f"expected at most {MOST_LINKS} items, found more")
         if isinstance(item, h5py.Group):
             return {name: decoded(item[name]) for name in item}
         if not isinstance(item, h5py.Dataset):
@@ -198,6 +274,7 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
             return array
         return array.ravel(order="F").astype("<u2").tobytes().decode("utf-16-le", errors="replace")
 
+    require_intact(path, most_mb)
     with h5py.File(path, "r", locking=False) as file:
         require_sound(file, most_mb)
         return {name: decoded(file[name]) for name in file if not name.startswith("#")}
@@ -303,7 +380,8 @@ def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
     value = struct.get(name)
     if value is None or (isinstance(value, np.ndarray) and not value.size):
         return None
-    if not isinstance(value, np.ndarray) or value.size != 1 or not np.isfinite(value).all():
+    is_number = isinstance(value, np.ndarray) and value.dtype.kind in "biuf"
+    if not is_number or value.size != 1 or not np.isfinite(value).all():
         raise RecordingError.at(f"{place}.{name}", "a number", _kind(value))
     return float(value.item())
 

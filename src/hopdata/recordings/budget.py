@@ -1,0 +1,76 @@
+"""What a file may cost, known from its size before it is read.
+
+A file is a claim: a few bytes can name millions of markers, nest a thousand groups or unpack
+to gigabytes. Readers compare each claim with these limits before they act on it. All limits
+leave room for ten million frames, which are rows and not names, links or longer lines.
+"""
+
+from pathlib import Path
+
+# MB that all numbers of a packed file may take, as the default of input.most_unpacked_mb in
+# the schema. 1.5 times larger: 1.5 times the memory that a damaged file can ask for.
+MOST_UNPACKED_MB = 2000.0
+
+# Markers of a recording. The largest systems track some hundred; the unnamed fragments of an
+# hour of tracking are some thousand. 1.5 times larger: a bad file is refused after 1.5 times
+# the work, about 5 s.
+MOST_MARKERS = 20_000
+
+# Bytes of a line of text: three coordinates of all markers at 25 characters each, three times
+# over. 1.5 times larger: 1.5 times the memory for a line that is split, about 50 bytes a byte.
+LONGEST_LINE = 4_500_000
+
+# Cells of text that are split or parsed at a time: 8 bytes each once parsed, about 60 before.
+# 1.5 times larger: 1.5 times the memory of a block, about 250 MB; the times do not change.
+MOST_CELLS = 4_000_000
+
+# Bytes that one byte of deflated data can expand to at most: 258 bytes for 2 bits.
+DEFLATE_MOST = 1032
+
+# Links of an HDF5 file, and items of a MAT file. MATLAB writes one for each cell of a cell
+# array. 1.5 times larger: 1.5 times the time for a bad file, about 1 s.
+MOST_LINKS = 20_000
+
+# Matrices of a MAT file up to version 7: variables, fields and cells. 1.5 times larger: 1.5
+# times the time for a bad file, about 3 s.
+MOST_MATRICES = 100_000
+
+# Groups within groups. Real files have about five levels. 1.5 times larger: no difference.
+DEEPEST = 32
+
+# CPU time of the trial of an HDF5 file, s, and bytes read in one more second. A sound file
+# takes less than 1 s for 100 MB on one core of 2020. 1.5 times larger: 1.5 times the wait for
+# the answer about a file on which the library hangs.
+_LEAST_S = 5.0
+_BYTES_PER_S = 10e6
+
+
+def require_unpacked(n_bytes: int, most_mb: float) -> None:
+    """Refuse content that would use more memory than a file may.
+
+    Raises
+    ------
+    ValueError
+        If it would; the message does not name the file.
+    """
+    if n_bytes > 1e6 * most_mb:
+        most = f"{most_mb:g} MB once it is unpacked (input.most_unpacked_mb, --most-unpacked-mb)"
+        found = f"{n_bytes / 1e6:.0f} MB; raise the limit if the file is right"
+        raise ValueError(f"expected at most {most}, found {found}")
+
+
+def require_few(what: str, number: int, most: int) -> None:
+    """Refuse more names, links or levels than any sound file has.
+
+    Raises
+    ------
+    ValueError
+        If there are more; the message does not name the file.
+    """
+    if number > most:
+        raise ValueError(f"expected at most {most:,} {what}, found {number:,}")
+
+
+def seconds_to_read(path: str | Path) -> float:
+    """Return the CPU time that reading a file may take at most, s, from its size."""
+    return _LEAST_S + Path(path).stat().st_size / _BYTES_PER_S
