@@ -94,7 +94,7 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
         found = str(getattr(error, "strerror", error))
         raise ConfigError.at(f"samples: {file}", "a readable table, in UTF-8", found) from None
     cells = {
-        line: [cell.strip() for cell in next(csv.reader([text], delimiter="\t"))]
+        line: _cells(f"{file}, line {line}", text)
         for line, text in lines
         if text.strip() and not text.startswith("#")
     }
@@ -116,6 +116,16 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
         place = f"{file}, line {min(without, default=0)}: {name}"
         require(len(without) in (0, len(rows)), place, "a value in each row or in none", "nothing")
     return rows
+
+
+def _cells(place: str, line: str) -> list[str]:
+    """Split a line of the table of samples at its tabs; a tab in quotes belongs to its cell."""
+    try:
+        cells = next(csv.reader([line], delimiter="\t"))
+    except csv.Error as error:
+        wanted = f"cells of at most {csv.field_size_limit():,} characters, separated by tabs"
+        raise ConfigError.at(place, wanted, str(error)) from None
+    return [cell.strip() for cell in cells]
 
 
 def run_member(member: Mapping[str, Any], folder: Path) -> None:

@@ -129,6 +129,19 @@ def _hint(problem: str | None, character: str) -> str:
 class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """Safe loader that refuses duplicate keys; by default the last one would win."""
 
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        """Make a value; PyYAML raises almost anything if a tag does not fit its text."""
+        try:
+            return super().construct_object(node, deep)
+        except (yaml.YAMLError, RecursionError):
+            raise
+        except Exception:
+            kind = node.tag.removeprefix("tag:yaml.org,2002:")
+            problem = f"a value that is no {kind}"
+            raise yaml.constructor.ConstructorError(
+                None, None, problem, node.start_mark
+            ) from None
+
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         seen = set()
         for key_node, _ in node.value:

@@ -16,9 +16,13 @@ MOST_UNPACKED_MB = 2000.0
 # the work, about 5 s.
 MOST_MARKERS = 20_000
 
-# Bytes of a line of text: three coordinates of all markers at 25 characters each, three times
-# over. 1.5 times larger: 1.5 times the memory for a line that is split, about 50 bytes a byte.
-LONGEST_LINE = 4_500_000
+# Bytes of a line of text: three coordinates of all markers at 25 characters each. 1.5 times
+# larger: 1.5 times the memory for a line that is split, some 30 bytes a byte.
+LONGEST_LINE = 1_500_000
+
+# Columns of a text table: the coordinates of all markers, and some counters. pandas takes
+# some 20 us for each. 1.5 times larger: 1.5 times the time for a bad file, about 3 s.
+MOST_COLUMNS = 3 * MOST_MARKERS + 100
 
 # Cells of text that are split or parsed at a time: 8 bytes each once parsed, about 60 before.
 # 1.5 times larger: 1.5 times the memory of a block, about 250 MB; the times do not change.

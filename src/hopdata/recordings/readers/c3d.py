@@ -72,7 +72,7 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
 
 def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
     """Return header, parameters and size of a file."""
-    with readable(path) as file:
+    with readable(path, is_text=False) as file:
         block = file.read(BLOCK)
         start = head.parameter_start(path, block)
         file.seek(start)

@@ -90,7 +90,7 @@ def read_export(
     if path.name.endswith(bids.ENDS):
         return bids.read_bids(path, rate_hz=rate_hz)
     with text.readable(path) as file:
-        lines = list(islice(file, _MOST_HEADER_LINES))
+        lines = text.first_lines(file, _MOST_HEADER_LINES)
     if any(b"\0" in line for line in lines):
         raise RecordingError.at(path, "text", "binary data")
     sheet = _Sheet(path, lines, text.mark_between([text.decoded(line) for line in lines[:5]]))

@@ -5,14 +5,15 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from pkgutil import resolve_name
+from typing import Any
 
 import numpy as np
 
-from hopdata.errors import RecordingError
+from hopdata.errors import HopdataError, RecordingError
 from hopdata.recording import SLOWEST_S
 from hopdata.recordings import raw as reading
 from hopdata.recordings.budget import MOST_UNPACKED_MB
-from hopdata.recordings.readers.text import require_file
+from hopdata.recordings.readers.text import one_line, require_file
 
 LARGEST = 1e9  # mm or m: beyond the range of any camera
 
@@ -81,10 +82,43 @@ def read_raw(
         given = {limit: limits[limit] for limit in taken}
         raw: reading.RawRecording = resolve_name(place)(path, rate_hz=rate_hz, **given)
     else:
-        raw = _others()[suffix].load()(path, rate_hz)
+        raw = _read_with_plugin(_others()[suffix], path, rate_hz)
     raw = reading.overrule_rate(str(path), raw, rate_hz)
     _check_numbers(path, raw)
     return replace(raw, remarks=raw.remarks + reading.events_outside(str(path), raw))
+
+
+def _read_with_plugin(
+    plugin: EntryPoint, path: Path, rate_hz: float | None
+) -> reading.RawRecording:
+    """Read a file with the reader of another package, whose errors may be of any kind."""
+    package = f"{plugin.dist.name} " if plugin.dist is not None else ""
+    reader = f"the reader {package}({plugin.value})"
+    try:
+        found = plugin.load()(path, rate_hz)
+    except HopdataError:
+        raise
+    except Exception as error:
+        told = f"{type(error).__name__}: {one_line(str(error))}"
+        raise RecordingError.at(path, f"{reader} to read it", told) from error
+    _check_plugin(f"{path}: {reader}", found)
+    return found
+
+
+def _check_plugin(place: str, found: Any) -> None:
+    """Require what a plugin's reader returns to be a recording whose parts fit one another."""
+    if not isinstance(found, reading.RawRecording):
+        raise RecordingError.at(place, "a RawRecording", type(found).__name__)
+    wanted = (len(found.time), len(found.markers), 3)
+    arrays = {"time": (found.time, wanted[:1]), "positions": (found.positions, wanted)}
+    for name, (array, shape) in arrays.items():
+        is_array = isinstance(array, np.ndarray) and array.dtype == np.float64
+        if not is_array or array.shape != shape:
+            told = f"{getattr(array, 'dtype', type(array).__name__)} of {np.shape(array)}"
+            raise RecordingError.at(f"{place}: {name}", f"float64 of {shape}", told)
+    if found.unit not in reading.METRES_PER_UNIT:
+        units = " or ".join(reading.METRES_PER_UNIT)
+        raise RecordingError.at(f"{place}: unit", units, f"{found.unit!r}")
 
 
 def _check_numbers(path: Path, raw: reading.RawRecording) -> None:

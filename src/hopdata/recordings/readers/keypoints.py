@@ -7,8 +7,8 @@ SLEAP's triangulated points are an array ``tracks`` of frames, animals, nodes an
 
 from __future__ import annotations
 
-import io
 import pickle
+import pickletools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -230,17 +230,39 @@ def _named(names: Any) -> Columns:
 
 
 def _text(name: Any) -> str:
-    return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
+    """Return a name as text; a container is none, and could be far longer as text than it is."""
+    if isinstance(name, bytes):
+        return name.decode("utf-8", "replace")
+    if not isinstance(name, str | int | float | type(None)):
+        raise ValueError(f"expected names of columns, found {type(name).__name__}")
+    return str(name)
 
 
-class _Plain(pickle.Unpickler):
-    """Unpickles only texts, numbers, lists and tuples; refuses any other pickle."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        raise ValueError(f"expected names of columns, found a pickle of {module}.{name}")
+# Operations of pickles that make texts, numbers, lists and tuples: all that names of columns
+# need. Others look up or call something, or ask for memory by a number that stands in the file.
+_PLAIN_OPERATIONS = frozenset(
+    "PROTO FRAME STOP MARK POP POP_MARK DUP"
+    " INT BININT BININT1 BININT2 LONG LONG1 LONG4 FLOAT BINFLOAT NONE NEWTRUE NEWFALSE"
+    " STRING BINSTRING SHORT_BINSTRING BINBYTES SHORT_BINBYTES BINBYTES8"
+    " UNICODE BINUNICODE SHORT_BINUNICODE BINUNICODE8"
+    " LIST EMPTY_LIST APPEND APPENDS TUPLE EMPTY_TUPLE TUPLE1 TUPLE2 TUPLE3"
+    " PUT BINPUT LONG_BINPUT MEMOIZE GET BINGET LONG_BINGET".split()
+)
 
 
 def _plain_pickle(data: Any) -> Any:
+    """Unpickle texts, numbers, lists and tuples; refuse any other pickle before it is run.
+
+    The memo of a pickle is a list as long as its largest entry, so an entry that is larger than
+    the pickle has bytes is refused too.
+    """
     if not isinstance(data, bytes):
         raise ValueError(f"expected names of columns, found {type(data).__name__}")
-    return _Plain(io.BytesIO(data)).load()
+    for operation, argument, _ in pickletools.genops(data):
+        if operation.name not in _PLAIN_OPERATIONS:
+            found = f"a pickle of more ({operation.name})"
+            raise ValueError(f"expected names of columns, found {found}")
+        if operation.name in ("PUT", "BINPUT", "LONG_BINPUT") and argument > len(data):
+            found = f"a pickle of {len(data)} bytes with an entry {argument}"
+            raise ValueError(f"expected names of columns, found {found}")
+    return pickle.loads(data)

@@ -3,6 +3,7 @@
 import codecs
 import csv
 import io
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -14,9 +15,11 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recordings.budget import LONGEST_LINE, MOST_CELLS, MOST_COLUMNS
 
 BLOCK = 1 << 20  # bytes
 ROWS = 20_000  # rows read at a time
+_WINDOW, _APART = 1 << 15, 1 << 19  # bytes; together less than `LONGEST_LINE`
 MARKS = "\t;,"  # field separators, the most likely first
 # Programs write missing values as nothing, in words, or as their C library's NaN.
 _NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
@@ -29,27 +32,73 @@ HELD = "\x1f"  # placeholder for a separator within a field
 
 
 @contextmanager
-def readable(path: Path) -> Iterator[BinaryIO]:
-    """Open a file to read its bytes; convert UTF-16 to UTF-8, and CR line ends to LF.
+def readable(path: Path, *, is_text: bool = True) -> Iterator[BinaryIO]:
+    """Open a file to read its bytes; convert a text in UTF-16 to UTF-8, and CR line ends to LF.
 
     Raises
     ------
     RecordingError
-        If it cannot be read.
+        If it cannot be read, or has a line longer than any of a sound file.
     """
     try:
         with path.open("rb") as file:
+            if not is_text:
+                yield file
+                return
             begin = file.read(BLOCK)
             is_wide = begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
             if is_wide or (b"\r" in begin and not {*b"\n\0"} & {*begin}):
-                lines = decoded(begin + file.read()).splitlines(keepends=False)
-                yield io.BytesIO("\n".join(lines).encode())
+                wide = decoded(begin + file.read())
+                narrow = io.BytesIO(wide.replace("\r\n", "\n").replace("\r", "\n").encode())
+                del wide
+                _require_lines(path, narrow)
+                yield narrow
                 return
-            file.seek(0)
+            _require_lines(path, file)
             yield file
     except OSError as error:
         told = error.strerror or error
         raise RecordingError(f"{path}: expected a readable file, found: {told}") from None
+
+
+def _require_lines(path: Path, file: BinaryIO) -> None:
+    """Refuse a file with a line that is longer than any of a sound file.
+
+    A longer line holds a whole window between two of the places looked at. So a look at a part of
+    the file suffices, unless a window has no line end.
+    """
+    n_bytes = file.seek(0, os.SEEK_END)
+    for at in range(0, n_bytes - _WINDOW, _APART):
+        file.seek(at)
+        if b"\n" not in file.read(_WINDOW):
+            break
+    else:
+        file.seek(0)
+        return
+    begun = read = 0  # begun: where the line begins in which the last block ended
+    file.seek(0)
+    while block := file.read(BLOCK):
+        first = block.find(b"\n")
+        known = read + (len(block) if first < 0 else first)
+        if known - begun > LONGEST_LINE:
+            wanted = f"lines of at most {LONGEST_LINE:,} bytes"
+            raise RecordingError.at(path, wanted, "a longer one; is this one recording's table?")
+        if first >= 0:
+            begun = read + block.rfind(b"\n") + 1
+        read += len(block)
+    file.seek(0)
+
+
+def first_lines(file: BinaryIO, most: int) -> list[bytes]:
+    """Return the first lines of a file: a number of them, or as many as four of the longest hold."""
+    lines: list[bytes] = []
+    n_bytes = 0
+    for line in islice(file, most):
+        lines.append(line)
+        n_bytes += len(line)
+        if n_bytes > 4 * LONGEST_LINE:
+            break
+    return lines
 
 
 def require_file(path: Path) -> None:
@@ -210,6 +259,9 @@ class Rows:
             Naming line and column of the first field that is not a finite number, or the first row
             that is too short or too long.
         """
+        if self.width > MOST_COLUMNS:
+            wanted = f"at most {MOST_COLUMNS:,} columns"
+            raise RecordingError.at(self.line(0), wanted, f"{self.width:,}")
         if (most := 1 + max(map(max, filter(len, columns)))) > self.width:
             raise RecordingError.at(self.line(0), f"{most} columns", self.width)
         with readable(self.path) as file:
@@ -252,8 +304,16 @@ class Rows:
         """Read a column as text, unchanged."""
         with readable(self.path) as file:
             rows = [row for _, block, _ in self._blocks(file) for row in block]
-        fields = (fields_of(decoded(row), self.mark)[column] for row in rows)
+        fields = (self._fields(row)[column] for row in rows)
         return [field.replace(HELD, self.mark) for field in fields]
+
+    def _fields(self, row: bytes) -> list[str]:
+        """Split a row into `width` fields; missing ones are empty.
+
+        Only where blanks separate the fields can any be missing here: a row ends in none.
+        """
+        fields = fields_of(decoded(row), self.mark)
+        return fields + [""] * (self.width - len(fields))
 
     def _count(self, file: BinaryIO) -> int:
         """Return the most rows possible, given the lines and the fewest bytes that fields take."""
@@ -272,8 +332,9 @@ class Rows:
         file.seek(self.offset)
         mark, number, idle = self.mark.encode(), self.n_lines + 1, 0
         in_section = takewhile(lambda line: line.strip(b" ,;\t\r\n"), file)
-        while lines := list(islice(in_section if self.is_section else file, ROWS)):
-            n_lines, is_last = len(lines), len(lines) < ROWS
+        most = max(1, min(ROWS, MOST_CELLS // self.width))
+        while lines := list(islice(in_section if self.is_section else file, most)):
+            n_lines, is_last = len(lines), len(lines) < most
             if idle and (lines := [b"\n"] * idle + lines):
                 number, idle = number - idle, 0
             while lines and self.may_be_short and not lines[-1].strip():
@@ -325,7 +386,7 @@ class Rows:
         except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
             cause = one_line(str(error))
         for k, row in enumerate(rows):
-            fields = fields_of(decoded(row), self.mark)
+            fields = self._fields(row)
             for c in wanted:
                 if fields[c] not in TEXT_TABLE_MISSING and (fault := no_number(fields[c])):
                     cut = CUT * (is_last and row is rows[-1])
@@ -402,7 +463,8 @@ def open_table(path: str | Path) -> ColumnTable:
     is_storage, above = path.suffix.lower() in STORAGE, b""
     with readable(path) as file:
         while is_storage and not above.lower().rstrip().endswith(b"endheader"):
-            if not (line := file.readline()):
+            line = file.readline()
+            if not line or len(above) > LONGEST_LINE:
                 raise RecordingError.at(path, "a line endheader", "none")
             above += line
         first, second = file.readline(), file.readline()
