@@ -34,6 +34,7 @@ from hopdata.code_cache import made_with  # noqa: E402
 from hopdata.hybrid.driver import loop  # noqa: E402
 from hopdata.hybrid.lanes import batch  # noqa: E402
 from hopdata.hybrid.methods import method, table  # noqa: E402
+from hopdata.seal import sealed  # noqa: E402
 
 
 def main() -> None:
@@ -51,7 +52,9 @@ def main() -> None:
         needed = re.findall(r"^declare .*?@(\w+)\(", compiled.inspect_llvm(), re.MULTILINE)
         line = json.dumps([made_with(), compiled.native_name, FEATURES, needed])
         code = compiled._library._get_compiled_object()
-        (folder / f"{function.__name__}-{digest}").write_bytes(line.encode() + b"\n" + code)
+        file = folder / f"{function.__name__}-{digest}"
+        with sealed(file):
+            file.write_bytes(line.encode() + b"\n" + code)
         return compiled
 
     for module in (loop, method, batch):

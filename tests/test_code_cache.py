@@ -78,6 +78,7 @@ def source_function(tmp_path):
 
 
 def test_beside_the_source(source_function, monkeypatch, tmp_path):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     with cache_directory(source_function, "abc") as cached:
         assert cached
@@ -87,6 +88,7 @@ def test_beside_the_source(source_function, monkeypatch, tmp_path):
 
 
 def test_where_the_user_says(source_function, monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "mine"))
     with cache_directory(source_function, "abc"):
         assert Path(numba.config.CACHE_DIR) == tmp_path / "mine" / "hopdata-abc"
@@ -96,6 +98,7 @@ def test_where_the_user_says(source_function, monkeypatch, tmp_path):
 
 def test_in_the_users_cache_if_the_source_is_not_writable(source_function, monkeypatch, tmp_path):
     (tmp_path / "sources" / "__pycache__").write_text("a file where the folder should be")
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "home"))
@@ -111,6 +114,7 @@ def no_home(source_function, monkeypatch, tmp_path):
     (tmp_path / "sources" / "__pycache__").write_text("a file where the folder should be")
     for name in ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, str(tmp_path / "sources" / "module.py"))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     return source_function
@@ -176,7 +180,7 @@ def test_import_where_nothing_can_be_written(tmp_path):
 
 def test_types_that_are_given_are_compiled_at_once(monkeypatch, tmp_path):
     """The decorator compiles, one process at a time; later, several would compile the same."""
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert kept_njit("f8(f8)")(abs_of).signatures == [(numba.float64,)]
     assert kept_njit()(abs_of).signatures == []
 
@@ -190,7 +194,7 @@ def tiny_driver(desk, flags):
 
 
 def test_compiling_the_driver_is_said_once(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(entry, "_run", tiny_driver)
     entry.compiled_run.__wrapped__()
     first, last = capsys.readouterr().err.splitlines()
@@ -217,6 +221,7 @@ def test_nowhere_if_there_is_no_file():
 
 
 def test_the_directory_is_restored_after_an_error(source_function, monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     with pytest.raises(KeyError), cache_directory(source_function, "abc"):
         raise KeyError

@@ -1,8 +1,14 @@
 """The command `hopdata`, also run by `python -m hopdata`."""
 
+# `python -m` puts the working folder first on Python's path. That is the folder of a study, and
+# nothing in it is imported. `sys` is part of the interpreter, and no file can stand in for it.
+import sys
+
+if __name__ == "__main__" and not sys.flags.safe_path:
+    del sys.path[0]
+
 import argparse
 import os
-import sys
 import tomllib
 from collections.abc import Callable, Sequence
 from contextlib import suppress

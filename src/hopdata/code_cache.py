@@ -7,7 +7,9 @@ by a digest of everything that it is made from, so any change leads to a new fol
 The folders are in the first of these places that is writable: ``NUMBA_CACHE_DIR`` if the user has
 set it, otherwise ``__pycache__`` beside the source; the user's cache folder; and a private folder
 of the user among the temporary files. If none is writable, functions are compiled in every process.
-Removing the folders is always safe.
+Removing the folders is always safe. Each file ends in its checksum (`hopdata.seal`); a damaged
+one is removed and its function compiled anew. Numba's `caching`, which is private, has the class
+whose files these are.
 
 A wheel may include machine code (made by ``packaging/machine_code.py``) for C functions that are
 called by their address. It is used if the digest, the versions of Numba and llvmlite, the system
@@ -17,6 +19,7 @@ and the processor match.
 import gc
 import hashlib
 import json
+import logging
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -25,15 +28,19 @@ from functools import cache
 from pathlib import Path
 from threading import RLock
 from types import CodeType, FunctionType, ModuleType, SimpleNamespace
-from typing import Any
+from typing import Any, BinaryIO
 
 import llvmlite
 import llvmlite.binding as llvm
 import numba
 import numpy as np
 from numba import NumbaError, config, njit
+from numba.core import caching
 from platformdirs import user_cache_path
 
+from hopdata.seal import Seal, seal_for, seal_of
+
+logger = logging.getLogger("hopdata")
 DIGITS = 16
 BROUGHT = Path(__file__).parent / "_machine_code"  # included in a wheel
 _LOCK = RLock()  # guards Numba's setting of the cache folder, which all threads share
@@ -73,15 +80,68 @@ def cache_directory(function: Function, digest: str) -> Iterator[Path | None]:
         The folder; None if no place is writable.
     """
     with _LOCK:
-        chosen_by_user = config.CACHE_DIR  # type: ignore[attr-defined]
+        before = config.CACHE_DIR  # type: ignore[attr-defined]
+        # Not Numba's own value: that may come from a file .numba_config.yaml in the working
+        # folder, and what lies in a cache is run.
+        chosen_by_user = os.environ.get("NUMBA_CACHE_DIR", "")
         base = next(filter(_can_be_written, _candidates(function, chosen_by_user)), None)
         folder = None if base is None else base / f"hopdata-{digest}"
         if folder is not None:
             config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+        numbas_own = caching.IndexDataCacheFile
+        caching.IndexDataCacheFile = _SealedFiles  # type: ignore[misc]
         try:
             yield folder
         finally:
-            config.CACHE_DIR = chosen_by_user  # type: ignore[attr-defined]
+            config.CACHE_DIR = before  # type: ignore[attr-defined]
+            caching.IndexDataCacheFile = numbas_own  # type: ignore[misc]
+
+
+class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
+    """Numba's files of one function, each with a checksum at its end.
+
+    Numba runs what it finds in its files: a damaged one ends in any error, or ends the process. So
+    each file is compared with its checksum first. A damaged one is removed, and as Numba does not
+    find it, it compiles the function anew. Numba does not look at what stands behind the content.
+    """
+
+    def _load_index(self) -> dict[Any, str]:
+        if not _is_sound(Path(self._index_path)):
+            return {}
+        index: dict[Any, str] = super()._load_index()
+        return index
+
+    def _load_data(self, name: str) -> Any:
+        path = Path(self._data_path(name))
+        if not _is_sound(path):
+            raise FileNotFoundError(path)
+        return super()._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[BinaryIO]:
+        with super()._open_for_write(filepath) as file:
+            yield file
+            file.flush()
+            file.write(seal_for(Path(file.name)))
+
+
+def _is_sound(path: Path) -> bool:
+    """Tell whether a file of the cache is as it was written; remove a damaged one and say so."""
+    try:
+        if seal_of(path) is Seal.WHOLE:
+            return True
+        with path.open("rb") as file:
+            file.seek(-1, os.SEEK_END)
+            ends_as_pickle = file.read() == b"."
+    except FileNotFoundError:
+        return False
+    except OSError:  # empty, or it cannot be read
+        ends_as_pickle = False
+    if not ends_as_pickle:  # older versions wrote no seal, which is no damage
+        logger.warning("%s: damaged; it is removed, and the function compiled anew", path)
+    with suppress(OSError):
+        path.unlink()
+    return False
 
 
 def compiled_in_cache(function: Function, digest: str, compile_it: Callable[[bool], Any]) -> Any:
@@ -120,6 +180,8 @@ def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
     """
     file = BROUGHT / f"{function.__name__}-{digest}"
     if config.CPU_NAME or config.CPU_FEATURES or not config.ENABLE_AVX or not file.is_file():  # type: ignore[attr-defined]
+        return None
+    if seal_of(file) is Seal.BROKEN:
         return None
     line, code = file.read_bytes().split(b"\n", 1)
     versions, symbol, features, needed = json.loads(line)

@@ -30,10 +30,13 @@ class Seal(Enum):
 def sealed(path: Path) -> Iterator[None]:
     """Append the seal to a file that the block has written and closed."""
     yield
-    n_bytes = path.stat().st_size
-    digest = _digest(path, n_bytes)
     with path.open("ab") as file:
-        file.write(_MARK + digest.encode() + b"\n")
+        file.write(seal_for(path))
+
+
+def seal_for(path: Path) -> bytes:
+    """Return the seal that belongs behind the bytes of a file."""
+    return _MARK + _digest(path, path.stat().st_size).encode() + b"\n"
 
 
 def seal_of(path: str | Path) -> Seal:

@@ -15,6 +15,14 @@ from statistics import fmean
 from typing import Any
 
 from hopdata.analysis import SNAKEFILE, planned
+from hopdata.commands.owner import (
+    LOCKS,
+    is_locked,
+    owners,
+    recorded,
+    release_dead,
+    who_is_at_work,
+)
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.errors import ConfigError, counted, require
 from hopdata.jobs import read_json
@@ -67,14 +75,19 @@ def _run_again(options: argparse.Namespace) -> int:
     import yaml
 
     from hopdata import __version__
+    from hopdata.config.loading import load_config
 
-    place, keys = options.provenance, ("config", "inputs", "versions")
-    config, inputs, versions = _values(place, "provenance.json", *keys)
-    version = versions["hopdata"]
-    found = f"those of {version}; to make them again: pip install hopdata=={version}"
-    require(version == __version__, str(place), f"results of hopdata {__version__}", found)
-    if _values(place, place.name, "code_sha256") != [package_digest()]:
-        print(f"note: {place}: made by other code of version {version}", file=sys.stderr)
+    place = options.provenance
+    record = _provenance(place)
+    config = record["config"]
+    try:
+        load_config(config, check_files=False)  # before its values are used for anything
+    except ConfigError as error:
+        raise ConfigError(
+            *(f"{place}: config: {line.removeprefix('configuration: ')}" for line in error.args)
+        ) from None
+    if record["code_sha256"] != package_digest():
+        print(f"note: {place}: made by other code of version {__version__}", file=sys.stderr)
     again = f"{config['study'][:94]}_again"
     copy = Path("results", again, "config.yaml")
     copy.parent.mkdir(parents=True, exist_ok=True)
@@ -82,7 +95,7 @@ def _run_again(options: argparse.Namespace) -> int:
     if run_workflow(copy, again, "--cores", options.cores, *options.passed_on):
         return PROBLEM
     old, new = place.parent, copy.parent
-    if read_json(new / place.name)["inputs"] != inputs:
+    if read_json(new / place.name)["inputs"] != record["inputs"]:
         raise ConfigError.at(place, "the recordings that it names", "other content")
     names = ["verdict.json", *(f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv")))]
     same, *others = filecmp.cmpfiles(old, new, names, shallow=False)
@@ -92,6 +105,35 @@ def _run_again(options: argparse.Namespace) -> int:
     return PROBLEM if any(others) else OK
 
 
+def _provenance(file: Path) -> dict[str, Any]:
+    """Return the content of a ``provenance.json`` of this version, with values of the right kinds.
+
+    The version comes first, since other versions may record other things.
+    """
+    from hopdata import __version__
+
+    name = "provenance.json"
+    kinds: dict[type, str] = {dict: "keys with values", str: "text"}
+    values: dict[str, Any] = {}
+
+    def take(key: str, kind: type) -> None:
+        values[key] = _values(file, name, key)[0]
+        if not isinstance(values[key], kind):
+            raise ConfigError.at(f"{file}: {key}", kinds[kind], f"{values[key]!r}"[:40])
+
+    take("versions", dict)
+    version = values["versions"].get("hopdata")
+    if not isinstance(version, str):
+        wanted = "the version of hopdata that made it"
+        raise ConfigError.at(f"{file}: versions", wanted, f"{version!r}"[:40])
+    found = f"those of {version}; to make them again: pip install hopdata=={version}"
+    require(version == __version__, str(file), f"results of hopdata {__version__}", found)
+    take("config", dict)
+    take("inputs", dict)
+    take("code_sha256", str)
+    return values
+
+
 def _values(file: Path, name: str, *keys: str) -> list[Any]:
     """Return values from a JSON file of a study's results."""
     try:
@@ -99,7 +141,7 @@ def _values(file: Path, name: str, *keys: str) -> list[Any]:
         return [content[key] for key in keys]
     except OSError as error:
         raise ConfigError(f"{file}: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise ConfigError.at(file, f"the {name} of a study", "another file") from None
 
 
@@ -114,14 +156,22 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     profile = SNAKEFILE.parent / "profiles" / "default"  # also that of a group
     places = ["--configfile", config, "--snakefile", snakefile, "--workflow-profile", profile]
     listed = ["--quiet", "rules", "host", "reason"] * ("--dry-run" in options)
-    command = [sys.executable, "-m", "snakemake", *map(str, places), "--nocolor", *options, *listed]
+    # -P: the folder of a study is no place for Python's modules, which anyone may have put there.
+    snakemake_itself = [sys.executable, "-P", "-m", "snakemake"]
+    command = [*snakemake_itself, *map(str, places), "--nocolor", *options, *listed]
+    if said_of_lock := release_dead():
+        print(f"hopdata: {said_of_lock}", file=sys.stderr, flush=True)
     if not os.access(os.path.expanduser("~"), os.W_OK):  # Snakemake caches downloads there
         os.environ.setdefault("XDG_CACHE_HOME", os.path.abspath(".snakemake"))
     given = options[options.index("--cores") + 1]
     cores = int(given) if given.isdigit() else os.cpu_count() or 1
     said, begun, took, last = [], {"": time.monotonic()}, [], ""
     pipes: Any = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE if listed else None}
-    with subprocess.Popen(command, **pipes, encoding="utf-8", errors="replace") as snakemake:
+    pipes |= {"env": os.environ | {"PYTHONSAFEPATH": "1"}}  # as -P, also for Snakemake's jobs
+    with (
+        subprocess.Popen(command, **pipes, encoding="utf-8", errors="replace") as snakemake,
+        recorded(study, snakemake.pid),
+    ):
         try:
             for line in snakemake.stderr or ():
                 said.append(line)
@@ -152,7 +202,10 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     if listed and not code:
         print(_stages(study, told))
     if code:
-        if not any(line.startswith("hopdata:") for line in said):
+        if any("cannot be locked" in line for line in said):
+            wanted = "expected files that are not locked"
+            print(f"hopdata: error: {LOCKS}: {wanted}, found: {who_is_at_work()}", file=sys.stderr)
+        elif not any(line.startswith("hopdata:") for line in said):
             print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
         print(f"hopdata: {log}: all that Snakemake said" * log.exists(), file=sys.stderr)
     return code
@@ -249,11 +302,19 @@ def doctor(_options: argparse.Namespace) -> int:
         problems.append(f"{SNAKEFILE}: expected the workflow, found no file; install hopdata anew")
     if not os.access(Path.cwd(), os.W_OK):
         problems.append(f"{Path.cwd()}: expected a folder that can be written; go to another")
-    if any(Path(".snakemake/locks").glob("*")):
-        problems.append(".snakemake/locks: a run is at work here, or one was killed")
+    if is_locked():
+        problems.append(f"{LOCKS}: {_why_locked()}")
     print("\n".join(f"{name:12} {what}" for name, what in lines))
     print("\n".join(problems) or "nothing is missing")
     return PROBLEM if problems else OK
+
+
+def _why_locked() -> str:
+    known = owners().values()
+    if known and all(owner.is_dead for owner in known):
+        killed = " and ".join(map(str, known))
+        return f"{killed} was killed; the next 'hopdata run' here removes its lock"
+    return who_is_at_work()
 
 
 def _memory() -> str:
@@ -270,9 +331,10 @@ def clean(options: argparse.Namespace) -> int:
 
     if options.config is None and not options.all:
         raise ConfigError.at("hopdata clean", "a CONFIG, or --all for every study", "none")
-    if any(Path(".snakemake/locks").glob("*")):
-        lock = "the lock of one; if none is at work: rm -r .snakemake/locks"
-        raise ConfigError.at(".snakemake/locks", "no run in this folder", lock)
+    if said := release_dead():
+        print(f"hopdata: {said}", file=sys.stderr)
+    if is_locked():
+        raise ConfigError.at(LOCKS, "no run in this folder", who_is_at_work())
     if options.all:
         found = [Path("results"), Path(".snakemake")]
     else:

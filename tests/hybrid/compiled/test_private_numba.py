@@ -1,4 +1,4 @@
-"""At most three files use private parts of Numba, and each of those names still exists."""
+"""At most four files use private parts of Numba, and each of those names still exists."""
 
 from __future__ import annotations
 
@@ -17,7 +17,12 @@ from hopdata.hybrid.compiled import kernel, linking
 LIBRARY = Path(hopdata.__file__).parent
 PUBLIC = {"numba", "numba.extending", "numba.types", "numba.typed", "numba.errors"}
 PUBLIC |= {"llvmlite", "llvmlite.binding"}
-MAY = {"hybrid/compiled/memory.py", "hybrid/compiled/linking.py", "hybrid/lanes/vectors.py"}
+MAY = {
+    "code_cache.py",
+    "hybrid/compiled/memory.py",
+    "hybrid/compiled/linking.py",
+    "hybrid/lanes/vectors.py",
+}
 
 
 def private_names():
@@ -38,7 +43,7 @@ def private_names():
                     yield path.relative_to(LIBRARY).as_posix(), module, name
 
 
-def test_three_files_use_what_is_private():
+def test_four_files_use_what_is_private():
     assert {file for file, _, _ in private_names()} <= MAY
 
 

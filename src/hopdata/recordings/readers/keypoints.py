@@ -241,12 +241,16 @@ def _text(name: Any) -> str:
 # Operations of pickles that make texts, numbers, lists and tuples: all that names of columns
 # need. Others look up or call something, or ask for memory by a number that stands in the file.
 _PLAIN_OPERATIONS = frozenset(
-    "PROTO FRAME STOP MARK POP POP_MARK DUP"
-    " INT BININT BININT1 BININT2 LONG LONG1 LONG4 FLOAT BINFLOAT NONE NEWTRUE NEWFALSE"
-    " STRING BINSTRING SHORT_BINSTRING BINBYTES SHORT_BINBYTES BINBYTES8"
-    " UNICODE BINUNICODE SHORT_BINUNICODE BINUNICODE8"
-    " LIST EMPTY_LIST APPEND APPENDS TUPLE EMPTY_TUPLE TUPLE1 TUPLE2 TUPLE3"
-    " PUT BINPUT LONG_BINPUT MEMOIZE GET BINGET LONG_BINGET".split()
+    [
+        *("PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP"),
+        *("INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4", "FLOAT", "BINFLOAT"),
+        *("NONE", "NEWTRUE", "NEWFALSE"),
+        *("STRING", "BINSTRING", "SHORT_BINSTRING", "BINBYTES", "SHORT_BINBYTES", "BINBYTES8"),
+        *("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8"),
+        *("LIST", "EMPTY_LIST", "APPEND", "APPENDS"),
+        *("TUPLE", "EMPTY_TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"),
+        *("PUT", "BINPUT", "LONG_BINPUT", "MEMOIZE", "GET", "BINGET", "LONG_BINGET"),
+    ]
 )
 
 
@@ -262,7 +266,8 @@ def _plain_pickle(data: Any) -> Any:
         if operation.name not in _PLAIN_OPERATIONS:
             found = f"a pickle of more ({operation.name})"
             raise ValueError(f"expected names of columns, found {found}")
-        if operation.name in ("PUT", "BINPUT", "LONG_BINPUT") and argument > len(data):
+        is_entry = operation.name in ("PUT", "BINPUT", "LONG_BINPUT")
+        if is_entry and int(argument or 0) > len(data):
             found = f"a pickle of {len(data)} bytes with an entry {argument}"
             raise ValueError(f"expected names of columns, found {found}")
     return pickle.loads(data)

@@ -90,7 +90,7 @@ def _require_lines(path: Path, file: BinaryIO) -> None:
 
 
 def first_lines(file: BinaryIO, most: int) -> list[bytes]:
-    """Return the first lines of a file: a number of them, or as many as four of the longest hold."""
+    """Return the first lines of a file; fewer than `most` if they are very long."""
     lines: list[bytes] = []
     n_bytes = 0
     for line in islice(file, most):
