@@ -1,6 +1,7 @@
 """Recordings and their truth survive a round trip through a file; broken files are refused."""
 
 import hashlib
+import struct
 from dataclasses import fields, replace
 
 import h5py
@@ -9,7 +10,9 @@ import pytest
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, Truth
+from hopdata.recordings.readers import hdf5, trial
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
+from hopdata.seal import seal_for
 
 FRAMES, LANDINGS = 500, 4
 
@@ -204,9 +207,11 @@ def test_wrong_content_is_told_with_what_was_expected(
         (read_truth if key.startswith("truth") else read_recording)(path)
 
 
-def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth):
+def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth, monkeypatch):
+    monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.2)  # on some the library hangs
     path = tmp_path / "a.h5"
     write_recording(path, recording, truth)
+    unsealed(path)  # or none of the damaged bytes would reach the library
     whole, rng = path.read_bytes(), np.random.default_rng(6)
     refused = 0
     for k in range(300):
@@ -220,3 +225,111 @@ def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth):
             except RecordingError as error:
                 refused += "a.h5: " in str(error)
     assert refused > 300
+
+
+def unsealed(path):
+    """Take the checksum off a file, as older versions wrote it."""
+    path.write_bytes(path.read_bytes()[: -len(seal_for(path))])
+
+
+def test_a_flipped_bit_is_never_read_as_another_recording(tmp_path, recording):
+    """Without the checksum, names are read as others: that is what it is for."""
+    path = tmp_path / "a.h5"
+    write_recording(path, recording)
+    sealed, name = path.read_bytes(), b"foot 2"
+    unsealed(path)
+    bare = path.read_bytes()
+    refused = other = 0
+    for place in [*range(0, len(sealed), 101), sealed.index(name)]:
+        for content in (sealed, bare) if sealed[place : place + len(name)] == name else (sealed,):
+            damaged = bytearray(content)
+            damaged[place] ^= 8
+            path.write_bytes(damaged)
+            try:
+                found = read_recording(path)
+            except RecordingError as error:
+                refused += 1
+                assert "others; it is damaged, copy it anew" in str(error)
+            else:
+                same = found.markers == recording.markers
+                other += content is bare and not same
+                assert content is bare or same
+    assert other == 1
+    assert refused > len(sealed) // 101 - 3
+
+
+def test_a_file_of_an_older_version_is_read(tmp_path, recording):
+    path = tmp_path / "a.h5"
+    write_recording(path, recording)
+    unsealed(path)
+    arrays_equal(read_recording(path), recording)
+
+
+def test_a_part_that_the_index_lost_is_not_read_as_zeros(tmp_path, recording):
+    path = tmp_path / "a.h5"
+    write_recording(path, recording)
+    unsealed(path)
+    content = path.read_bytes()
+    with h5py.File(path) as file:
+        lost = file["positions"].id.get_chunk_info(4)
+    # The key of a part in the index holds its size and its place: a marker and a coordinate.
+    key = struct.pack("<II4Q", lost.size, 0, *lost.chunk_offset, 0)
+    damaged = bytearray(content)
+    damaged[content.index(key) + 18] ^= 8
+    path.write_bytes(damaged)
+    with pytest.raises(RecordingError, match="'/positions': expected 15 parts, found 14"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("rate", [5e-307, 0.5, 2e5])
+def test_a_rate_of_no_camera_is_refused(tmp_path, recording, rate):
+    path = tmp_path / "a.h5"
+    write_recording(path, recording)
+    with h5py.File(path, "r+") as file:
+        file.attrs["rate_hz"] = rate
+    with pytest.raises(RecordingError, match="rate_hz: expected at least 2 and at most 100000 Hz"):
+        read_recording(path)
+
+
+def nested(file, depth):
+    for _ in range(depth):
+        file = file.create_group("g")
+
+
+def soft_links(file, number):
+    for k in range(number):
+        file[f"l{k}"] = h5py.SoftLink("/time")
+
+
+@pytest.mark.parametrize(
+    ("make", "few", "many", "said"),
+    [
+        (nested, 20, 40, "at most 32 groups within groups, found 33"),
+        (soft_links, 10, 60, "at most 50 links between its groups and datasets, found"),
+    ],
+)
+def test_links_and_levels_are_counted_before_they_are_followed(
+    tmp_path, monkeypatch, recording, make, few, many, said
+):
+    monkeypatch.setattr(hdf5, "MOST_LINKS", 50)
+    path = tmp_path / "a.h5"
+    for number in (few, many):
+        write_recording(path, recording)
+        with h5py.File(path, "r+") as file:
+            make(file, number)
+        if number == few:
+            read_recording(path)
+    with pytest.raises(RecordingError, match=said):
+        read_recording(path)
+
+
+def test_groups_that_hold_each_other_are_walked_once(tmp_path, recording):
+    path = tmp_path / "a.h5"
+    write_recording(path, recording)
+    with h5py.File(path, "r+") as file:
+        file.create_group("a/b")
+        file["a/b/up"] = file["a"]
+        file["a/b/top"] = file
+    with h5py.File(path) as file:
+        assert sum(1 for _ in hdf5.items_of(file)) == 5  # the root, two groups, two datasets
+    arrays_equal(read_recording(path), recording)

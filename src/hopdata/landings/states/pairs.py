@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray, Shown, h5py
 from hopdata.errors import AnalysisError
 from hopdata.jobs import whole_file
+from hopdata.seal import Seal, seal_of, sealed
 
 
 @dataclass(frozen=True, repr=False)
@@ -109,7 +110,11 @@ def write_pairs(path: str | Path, pairs: Pairs) -> None:
     time_unit_s.
     """
     text = h5py.string_dtype()
-    with whole_file(path) as partial, h5py.File(partial, "w", locking=False) as file:
+    with (
+        whole_file(path) as partial,
+        sealed(partial),
+        h5py.File(partial, "w", locking=False) as file,
+    ):
         for name, description in DESCRIPTIONS.items():
             values = getattr(pairs, name)
             if values is None:
@@ -128,9 +133,11 @@ def read_pairs(path: str | Path) -> Pairs:
     Raises
     ------
     AnalysisError
-        If the file does not exist or does not contain pairs.
+        If the file does not exist, is damaged or does not contain pairs.
     """
     try:
+        if seal_of(path) is Seal.BROKEN:
+            raise ValueError("it is damaged: its bytes are not those that were written")
         with h5py.File(path, "r", locking=False) as file:
             text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}
             markers = tuple(str(name) for name in file.attrs["body_markers"])
