@@ -298,3 +298,13 @@ def test_a_group_killed_at_any_time_ends_in_the_same_bytes(tmp_path):
         if done < kills:
             shutil.rmtree(killed / "results")
     print(f"{done} kills of a run of {takes_s:.0f} s, compared {rounds} times")
+
+
+@pytest.mark.parametrize("n_characters", [131_072, 131_073])
+def test_a_cell_that_is_too_long_is_refused_with_its_line(group, n_characters):
+    table = f"subject\tfile\nanna\ta.h5\nben\t{'x' * n_characters}\n"
+    if n_characters > 131_072:
+        with pytest.raises(ConfigError, match=r"samples.tsv, line 3: expected cells of at most"):
+            group(table)
+    else:
+        assert list(group(table)["members"]) == ["anna", "ben"]

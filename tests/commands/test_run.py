@@ -103,11 +103,101 @@ def test_results_of_another_version_are_refused_by_name(folder, capsys):
     )
 
 
-@pytest.mark.parametrize("content", ["[]", "{}", "no JSON", '{"config": {}, "versions": 3}'])
+@pytest.mark.parametrize("content", ["[]", "{}", "no JSON", '{"config": {}}'])
 def test_another_file_is_no_provenance(folder, capsys, content):
     Path("p.json").write_text(content)
     assert main(["run", "--from", "p.json"]) == 1
     assert "p.json: expected the provenance.json of a study" in capsys.readouterr().err
+
+
+RECORD = {
+    "config": {"study": "trial", "recordings": []},
+    "inputs": {},
+    "versions": {"hopdata": __version__},
+    "code_sha256": "0",
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"config": [1]}, "p.json: config: expected keys with values, found [1]"),
+        ({"config": None}, "p.json: config: expected keys with values, found None"),
+        ({"config": {"study": 5}}, "p.json: config: study: expected text"),
+        ({"config": {"study": "../x"}}, "p.json: config: study: expected"),
+        ({"config": {"study": "/tmp/x"}}, "p.json: config: study: expected"),
+        ({"inputs": 3}, "p.json: inputs: expected keys with values, found 3"),
+        ({"versions": None}, "p.json: versions: expected keys with values, found None"),
+        ({"versions": {}}, "p.json: versions: expected the version of hopdata that made it"),
+        ({"code_sha256": 1}, "p.json: code_sha256: expected text, found 1"),
+    ],
+)
+def test_values_of_a_provenance_are_checked_before_anything_is_written(
+    folder, capsys, monkeypatch, change, said
+):
+    ran = []
+    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *_, **__: ran.append(1) or 1)
+    before = sorted(folder.rglob("*"))
+    Path("p.json").write_text(json.dumps(RECORD | change))
+    assert main(["run", "--from", "p.json"]) == 1
+    assert said in capsys.readouterr().err
+    assert sorted(folder.rglob("*")) == sorted([*before, folder / "p.json"])
+    assert not ran
+
+
+def test_a_sound_provenance_is_repeated_within_the_results(folder, monkeypatch):
+    ran = []
+    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *a, **__: ran.append(a) or 1)
+    config = {"study": "trial", "recordings": [{"name": "a", "file": "a.tsv"}]}
+    config |= {"markers": {"body": ["a", "b", "c"], "feet": ["d", "e"]}}
+    Path("p.json").write_text(json.dumps(RECORD | {"config": config}))
+    assert main(["run", "--from", "p.json"]) == 1
+    assert ran[0][0] == Path("results/trial_again/config.yaml")
+    assert ran[0][0].exists()
+
+
+def test_a_provenance_nested_without_end_is_refused_in_one_line(folder, capsys):
+    Path("p.json").write_text("[" * 100_000)
+    assert main(["run", "--from", "p.json"]) == 1
+    assert "p.json: expected the provenance.json of a study" in capsys.readouterr().err
+
+
+# Modules of Python that a study's folder could shadow: all of the standard library. This file says
+# that one of them was run.
+TRAP = "open({!r}, 'a').write(__name__ + ' ')\nraise SystemExit(3)\n"
+
+
+def set_traps(folder):
+    """Put a file for each module of the standard library into a folder; return what they write."""
+    mark = folder / "RAN"
+    for name in sys.stdlib_module_names:
+        (folder / f"{name}.py").write_text(TRAP.format(str(mark)))
+    return mark
+
+
+def test_no_file_beside_the_configuration_is_run(folder):
+    mark = set_traps(folder)
+    command = [sys.executable, "-m", "snakemake", "--version"]
+    subprocess.run(command, cwd=folder, capture_output=True, check=False)
+    assert mark.exists(), "the traps do not work"
+    mark.unlink()
+    program = Path(sys.executable).with_name("hopdata")
+    ended = subprocess.run([program, "run", "--dry-run"], cwd=folder, capture_output=True)
+    assert not mark.exists(), mark.read_text()
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_the_module_run_by_its_name_leaves_the_folder_too(folder):
+    """Except for what Python itself imports before any line of hopdata."""
+    mark = set_traps(folder)
+    names = [sys.executable, "-P", "-c", "import runpy, sys; print(*sys.modules)"]
+    loaded = subprocess.run(names, capture_output=True, text=True, check=True).stdout.split()
+    for name in {one.partition(".")[0] for one in loaded} & sys.stdlib_module_names:
+        (folder / f"{name}.py").unlink()
+    command = [sys.executable, "-m", "hopdata", "clean", "--all", "--dry-run"]
+    ended = subprocess.run(command, cwd=folder, capture_output=True)
+    assert not mark.exists(), mark.read_text()
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_clean_removes_one_study_and_says_so(folder, capsys):
@@ -227,10 +317,12 @@ def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tm
     recordings = "recordings: [{name: one, file: Läufer 1.h5}]\n"
     (folder / "k.yaml").write_text(f"study: odd\n{recordings}{markers}", encoding="utf-8")
     target = "results/odd/landings/sections.json"
+    mark = set_traps(folder)  # nor does any job run a file of the study's folder
     result = subprocess.run(
-        [sys.executable, "-m", "hopdata", "run", "k.yaml", "--cores", "1", "--", target],
+        [sys.executable, "-P", "-m", "hopdata", "run", "k.yaml", "--cores", "1", "--", target],
         env={**kept, "HOME": "/dev/null/home", "LC_ALL": "C", "PYTHONPATH": str(ROOT / "src")},
         cwd=folder, capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
+    assert not mark.exists(), mark.read_text()
     assert result.returncode == 0, result.stderr
     assert json.loads((folder / target).read_text())["pre_height_m"] > 0

@@ -511,3 +511,15 @@ def test_an_alias_that_repeats_a_little_is_as_if_written_out(tmp_path):
         "other": {"a": 1, "b": [2], "c": 3},
         "third": {"a": 1, "b": [2]},
     }
+
+
+@pytest.mark.parametrize(
+    "value", ["!!timestamp now", "!!bool maybe", '!!int ""', "!!float one", "!!binary é"]
+)
+def test_a_value_that_does_not_fit_its_tag_is_told_with_its_line(tmp_path, value):
+    file = tmp_path / "a.yaml"
+    file.write_text(f"study: a\nseed: {value}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"a\.yaml, line 2, column 7: expected YAML, found: "):
+        read_yaml(file)
+    file.write_text("study: a\nseed: !!int 3\nday: !!timestamp 2020-01-02\n")
+    assert read_yaml(file)["seed"] == 3

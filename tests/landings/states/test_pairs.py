@@ -13,6 +13,7 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.states.assemble import STATELESS, assemble_pairs, exclude_stateless
 from hopdata.landings.states.pairs import DESCRIPTIONS, read_pairs, write_pairs
 from hopdata.landings.touchdowns import touchdown_table
+from hopdata.seal import seal_for
 
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
 SCENE = simulate(40, seed=11, body=4)
@@ -183,3 +184,17 @@ def test_two_pairs_are_too_few_and_it_is_said_why():
     told = f"at least 3 usable .* found 2 .*{len(TABLE)} descents, post section never reached in "
     with pytest.raises(AnalysisError, match=told):
         pairs(table=few)
+
+
+def test_a_flipped_bit_in_a_file_of_pairs_is_noticed(tmp_path):
+    path = tmp_path / "pairs.h5"
+    write_pairs(path, pairs())
+    whole = path.read_bytes()
+    for place in range(0, len(whole), len(whole) // 50):
+        damaged = bytearray(whole)
+        damaged[place] ^= 8
+        path.write_bytes(damaged)
+        with pytest.raises(AnalysisError, match="not a file of pairs: it is damaged"):
+            read_pairs(path)
+    path.write_bytes(whole[: -len(seal_for(path))])  # as older versions wrote it
+    assert len(read_pairs(path).x) == 40

@@ -1,0 +1,167 @@
+"""The lock of a killed run is removed; that of a run that lives, or may live, is not."""
+
+import json
+import os
+import platform
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import psutil
+import pytest
+
+from hopdata.__main__ import main
+from hopdata.commands import owner as owning
+from hopdata.commands.owner import LOCKS, RECORDS, Owner, owners, recorded, release_dead
+from hopdata.commands.run import run_workflow
+
+HERE = platform.node()
+HOUR_S = 3600.0
+
+
+def began(pid):
+    return psutil.Process(pid).create_time()
+
+
+@pytest.fixture
+def locked(tmp_path, monkeypatch):
+    """Go to a folder whose files are locked; return a function that adds records of runs."""
+    monkeypatch.chdir(tmp_path)
+    LOCKS.mkdir(parents=True)
+    (LOCKS / "0.output.lock").write_text("results/trial/report.html\n")
+
+    def add(*runs):
+        RECORDS.mkdir(parents=True, exist_ok=True)
+        for number, run in enumerate(runs):
+            (RECORDS / f"{number}.json").write_text(json.dumps(asdict(run)))
+
+    return add
+
+
+@pytest.fixture
+def ended():
+    """Return the number and the start of a process that has ended."""
+    with subprocess.Popen([sys.executable, "-c", "pass"]) as process:
+        start = began(process.pid)
+    return process.pid, start
+
+
+def test_a_dead_process_and_one_with_its_number_are_told_from_it(ended):
+    me = os.getpid()
+    assert Owner("a", HERE, *ended).is_dead
+    assert not Owner("a", HERE, me, began(me)).is_dead
+    assert Owner("a", HERE, me, began(me) - HOUR_S).is_dead  # an older process had this number
+    assert not Owner("a", "another", *ended).is_dead
+
+
+def test_the_lock_of_a_dead_run_is_removed_and_told(locked, ended):
+    locked(Owner("trial", HERE, *ended))
+    told = release_dead()
+    assert f"the run of 'trial' (process {ended[0]} on {HERE}, since 20" in told
+    assert "was killed; its lock is removed" in told
+    assert not LOCKS.exists()
+    assert owners() == {}
+    assert release_dead() == ""
+
+
+def test_a_lock_stays_beside_a_run_that_lives_or_may_live(locked, ended):
+    me = os.getpid()
+    for other in (Owner("b", HERE, me, began(me)), Owner("b", "another", 1, 0.0)):
+        locked(Owner("trial", HERE, *ended), other)
+        assert release_dead() == ""
+        assert LOCKS.exists()
+        assert list(owners().values()) == [other]
+
+
+def test_a_lock_without_a_record_stays(locked):
+    assert release_dead() == ""
+    assert LOCKS.exists()
+    assert "that hopdata did not start, or one was killed" in owning.who_is_at_work()
+
+
+def test_a_damaged_record_is_no_record(locked, ended):
+    locked(Owner("trial", HERE, *ended))
+    (RECORDS / "9.json").write_text('{"study": ')
+    (RECORDS / "8.json").write_text("[1]")
+    assert [one.study for one in owners().values()] == ["trial"]
+
+
+def test_a_record_lasts_as_long_as_its_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with recorded("trial", os.getpid()):
+        (known,) = owners().values()
+        assert (known.study, known.host, known.pid) == ("trial", HERE, os.getpid())
+        assert not known.is_dead
+    assert owners() == {}
+
+
+def test_clean_and_doctor_name_the_owner(locked, ended, capsys):
+    Path("config.yaml").write_text("study: trial\n")
+    me = os.getpid()
+    locked(Owner("other", HERE, me, began(me)))
+    assert main(["clean", "config.yaml"]) == 1
+    assert f"the run of 'other' (process {me} on {HERE}" in capsys.readouterr().err
+    locked(Owner("other", HERE, *ended))
+    main(["doctor"])
+    assert "was killed; the next 'hopdata run' here removes its lock" in capsys.readouterr().out
+    assert LOCKS.exists()
+    assert main(["clean", "config.yaml"]) == 0
+    assert not LOCKS.exists()
+
+
+RULES = """
+rule a:
+    output: "a"
+    shell: "while [ ! -e go ]; do sleep 0.05; done; echo whole > a"
+"""
+RUN = """
+from pathlib import Path
+from hopdata.commands.run import run_workflow
+run_workflow(Path("config.yaml"), "trial", "--cores", "1", snakefile=Path("Snakefile"))
+"""
+
+
+@pytest.fixture
+def at_work(tmp_path, monkeypatch):
+    """Start a run that waits for a file; return its process and Snakemake's."""
+    monkeypatch.chdir(tmp_path)
+    Path("config.yaml").write_text("study: trial\n")
+    Path("Snakefile").write_text(RULES)
+    command = [sys.executable, "-c", RUN]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    deadline = time.monotonic() + 60
+    while not any(LOCKS.glob("*.output.lock")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    yield process
+    Path("go").touch()
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_a_killed_run_starts_again_with_the_same_command(at_work, capfd):
+    os.killpg(at_work.pid, signal.SIGKILL)
+    at_work.wait()
+    (snakemake,) = owners().values()
+    deadline = time.monotonic() + 30
+    while not snakemake.is_dead and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert any(LOCKS.glob("*.output.lock"))
+    Path("go").touch()
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    assert run_workflow(*options, snakefile=Path("Snakefile")) == 0
+    assert "the run of 'trial'" in capfd.readouterr().err
+    assert Path("a").read_text() == "whole\n"
+    assert not any(LOCKS.glob("*"))
+
+
+def test_a_run_beside_one_that_lives_names_it(at_work, capfd):
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    assert run_workflow(*options, snakefile=Path("Snakefile")) == 1
+    told = capfd.readouterr().err
+    assert "expected files that are not locked, found: the run of 'trial' (process" in told
+    assert "is at work here; wait for its end" in told
+    assert any(LOCKS.glob("*.output.lock"))
