@@ -15,10 +15,18 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import numba
 import pytest
+from numba.core import caching
 
 import hopdata
-from hopdata.code_cache import cache_directory, compiled_in_cache, kept_njit, made_with
+from hopdata.code_cache import (
+    brought_code,
+    cache_directory,
+    compiled_in_cache,
+    kept_njit,
+    made_with,
+)
 from hopdata.hybrid.driver import loop as entry
+from hopdata.seal import Seal, seal_for, seal_of, sealed
 
 PACKAGE = Path(hopdata.__file__).parent
 
@@ -373,3 +381,120 @@ def test_what_does_not_fit_is_compiled_here(brought, what):
 def test_a_processor_that_the_user_names_is_compiled_for(brought, monkeypatch, setting):
     monkeypatch.setattr(numba.config, *setting)
     assert brought() is None
+
+
+CALLER = """
+import sys
+from hopdata.code_cache import kept_njit
+
+@kept_njit(inline="never")
+def callee(x):
+    return x + 1.0
+
+@kept_njit("f8(f8)")
+def caller(x):
+    return 2.0 * callee(x)
+
+@kept_njit()
+def later(x):
+    return callee(x) - 1.0
+
+print(caller(1.0), later(2.0), sum(later.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def cached(tmp_path):
+    """Return a function that runs two compiled functions and what they call, and their files."""
+    (tmp_path / "callers.py").write_text(CALLER)
+    place = tmp_path / "kept"
+    paths = os.pathsep.join([str(PACKAGE.parent), str(tmp_path)])
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(place), "PYTHONPATH": paths}
+
+    def run():
+        command = [sys.executable, "-c", "import callers"]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+    assert run().stdout.split()[:2] == ["4.0", "2.0"]
+    return run, place
+
+
+def flipped(content):
+    changed = bytearray(content)
+    changed[len(content) // 2] ^= 8
+    return bytes(changed)
+
+
+DAMAGES = {
+    "cut": lambda content: content[:60],
+    "empty": lambda _: b"",
+    "zeros": lambda content: bytes(len(content)),
+    "flipped": flipped,
+    "other text": lambda _: b"cos\nsystem\n(S'false'\ntR.x",
+}
+
+
+@pytest.mark.parametrize("pattern", ["*.nbi", "*.nbc"])
+def test_damaged_files_are_told_removed_and_compiled_anew(cached, pattern):
+    run, place = cached
+    damages = list(DAMAGES)
+    for first in (0, 2):  # of five damages, each is done to one of three files
+        files = sorted(place.rglob(pattern))
+        assert len({file.name.split("-")[0] for file in files}) == 3  # two callers and a callee
+        for file, damage in zip(files, damages[first:], strict=False):
+            file.write_bytes(DAMAGES[damage](file.read_bytes()))
+        ended = run()
+        assert ended.returncode == 0, ended.stderr
+        assert ended.stdout.split() == ["4.0", "2.0", "0"]
+        told = [line for line in ended.stderr.splitlines() if "compiled anew" in line]
+        assert len(told) == len(ended.stderr.splitlines()) == 3
+        assert all(seal_of(file) is Seal.WHOLE for file in place.rglob("*.nb?"))
+    again = run()
+    assert again.stderr == ""
+    assert again.stdout.split() == ["4.0", "2.0", "1"]  # taken from the cache
+
+
+def test_files_of_an_older_version_are_replaced_without_a_word(cached):
+    run, place = cached
+    for file in place.rglob("*.nb?"):
+        file.write_bytes(file.read_bytes()[: -len(seal_for(file))])
+    ended = run()
+    assert ended.stdout.split() == ["4.0", "2.0", "0"]
+    assert ended.stderr == ""
+    assert all(seal_of(file) is Seal.WHOLE for file in place.rglob("*.nb?"))
+
+
+def test_numbas_settings_in_a_study_folder_do_not_say_where_code_is_kept(
+    source_function, monkeypatch, tmp_path
+):
+    """Code in a cache is run, so a folder that someone sent must not name one."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    (tmp_path / ".numba_config.yaml").write_text("cache_dir: theirs\n")
+    before = numba.config.CACHE_DIR
+    numba.config.reload_config()
+    try:
+        assert numba.config.CACHE_DIR == "theirs"
+        with cache_directory(source_function, "abc") as folder:
+            assert folder.parent == tmp_path / "sources" / "__pycache__"
+    finally:
+        (tmp_path / ".numba_config.yaml").unlink()
+        numba.config.reload_config()
+    assert before == numba.config.CACHE_DIR
+
+
+def test_other_users_of_numba_keep_its_own_files(source_function):
+    own = caching.IndexDataCacheFile
+    with cache_directory(source_function, "abc"):
+        assert caching.IndexDataCacheFile is not own
+    assert caching.IndexDataCacheFile is own
+
+
+def test_damaged_code_of_a_wheel_is_not_used(brought, tmp_path):
+    assert brought() is not None
+    file = tmp_path / "tiny_driver-0123"
+    with sealed(file):
+        pass
+    assert brought_code(tiny_driver, "0123") is not None
+    file.write_bytes(flipped(file.read_bytes()))
+    assert brought_code(tiny_driver, "0123") is None

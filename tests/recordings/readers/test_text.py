@@ -1,5 +1,7 @@
 """Columns of text tables: every delimiter, and mistakes with their places."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,24 @@ def test_a_missing_file_is_told_with_the_nearest_name(tmp_path):
     (tmp_path / "forces.txt").write_text("Fz\n1\n")
     with pytest.raises(RecordingError, match=r"found none; did you mean 'forces.txt'"):
         open_table(tmp_path / "force.txt")
+
+
+def test_rows_of_blanks_that_lack_a_field_are_no_traceback(tmp_path):
+    path = tmp_path / "a.mot"
+    head = "forces\nversion=1\nendheader\ntime force name\n"
+    path.write_text(head + "0.0 1.5 a\n0.1\n0.2 2.5 b\n")
+    table = open_table(path)
+    np.testing.assert_array_equal(table.numbers("force"), [1.5, np.nan, 2.5])
+    assert table.texts("name") == ["a", "", "b"]
+    path.write_text(head + "0.0 1.5 a\n0.1\n0.2 two b\n")
+    with pytest.raises(RecordingError, match=r"a\.mot, line 7, column 2: expected a number"):
+        open_table(path).numbers("force")
+
+
+def test_a_header_without_an_end_is_not_collected_for_ever(tmp_path):
+    path = tmp_path / "a.sto"
+    path.write_text("version=1\n" * 400_000)
+    begin = time.process_time()
+    with pytest.raises(RecordingError, match="expected a line endheader, found none"):
+        open_table(path)
+    assert time.process_time() - begin < 2.0

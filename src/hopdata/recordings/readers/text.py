@@ -399,6 +399,7 @@ class Rows:
 
 STORAGE = (".mot", ".sto")  # OpenSim's files, whose columns may be separated by blanks
 MOST_LISTED = 12
+_LONGEST_HEADER = 1 << 17  # bytes of the lines above the names in OpenSim's files, usually 200
 
 
 @dataclass(frozen=True)
@@ -461,12 +462,14 @@ def open_table(path: str | Path) -> ColumnTable:
     path = Path(path)
     require_file(path)
     is_storage, above = path.suffix.lower() in STORAGE, b""
+    has_ended = not is_storage
     with readable(path) as file:
-        while is_storage and not above.lower().rstrip().endswith(b"endheader"):
+        while not has_ended:
             line = file.readline()
-            if not line or len(above) > LONGEST_LINE:
+            if not line or len(above) > _LONGEST_HEADER:
                 raise RecordingError.at(path, "a line endheader", "none")
             above += line
+            has_ended = line.lower().rstrip().endswith(b"endheader")
         first, second = file.readline(), file.readline()
     marks = MARKS + " " * is_storage
     names = decoded(first)
