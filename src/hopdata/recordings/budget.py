@@ -42,11 +42,14 @@ MOST_MATRICES = 100_000
 # Groups within groups. Real files have about five levels. 1.5 times larger: no difference.
 DEEPEST = 32
 
-# CPU time of the trial of an HDF5 file, s, and bytes read in one more second. A sound file
-# takes less than 1 s for 100 MB on one core of 2020. 1.5 times larger: 1.5 times the wait for
-# the answer about a file on which the library hangs.
-_LEAST_S = 5.0
-_BYTES_PER_S = 10e6
+# CPU time of the trial of an HDF5 file, s: at least, for each of its objects, which take some
+# 400 bytes, and for each byte. Four to ten times what was measured on one core of 2020: 0.5 ms an
+# object, 200 MB a second. 1.5 times larger: 1.5 times the wait for the answer about a file on
+# which the library hangs.
+_LEAST_S = 2.0
+_S_PER_OBJECT = 2e-3
+_BYTES_PER_OBJECT = 400
+_BYTES_PER_S = 20e6
 
 
 def require_unpacked(n_bytes: int, most_mb: float) -> None:
@@ -77,4 +80,6 @@ def require_few(what: str, number: int, most: int) -> None:
 
 def seconds_to_read(path: str | Path) -> float:
     """Return the CPU time that reading a file may take at most, s, from its size."""
-    return _LEAST_S + Path(path).stat().st_size / _BYTES_PER_S
+    n_bytes = Path(path).stat().st_size
+    n_objects = min(n_bytes / _BYTES_PER_OBJECT, MOST_LINKS)
+    return _LEAST_S + _S_PER_OBJECT * n_objects + n_bytes / _BYTES_PER_S
