@@ -156,9 +156,7 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     profile = SNAKEFILE.parent / "profiles" / "default"  # also that of a group
     places = ["--configfile", config, "--snakefile", snakefile, "--workflow-profile", profile]
     listed = ["--quiet", "rules", "host", "reason"] * ("--dry-run" in options)
-    # -P: the folder of a study is no place for Python's modules, which anyone may have put there.
-    snakemake_itself = [sys.executable, "-P", "-m", "snakemake"]
-    command = [*snakemake_itself, *map(str, places), "--nocolor", *options, *listed]
+    command = [sys.executable, "-m", "snakemake", *map(str, places), "--nocolor", *options, *listed]
     if said_of_lock := release_dead():
         print(f"hopdata: {said_of_lock}", file=sys.stderr, flush=True)
     if not os.access(os.path.expanduser("~"), os.W_OK):  # Snakemake caches downloads there
@@ -167,7 +165,9 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     cores = int(given) if given.isdigit() else os.cpu_count() or 1
     said, begun, took, last = [], {"": time.monotonic()}, [], ""
     pipes: Any = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE if listed else None}
-    pipes |= {"env": os.environ | {"PYTHONSAFEPATH": "1"}}  # as -P, also for Snakemake's jobs
+    # Python would look for modules in the working folder first, for Snakemake and for its jobs. That
+    # is a study's folder, into which anyone may have put files.
+    pipes |= {"env": os.environ | {"PYTHONSAFEPATH": "1"}}
     with (
         subprocess.Popen(command, **pipes, encoding="utf-8", errors="replace") as snakemake,
         recorded(study, snakemake.pid),

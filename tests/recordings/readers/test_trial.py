@@ -2,6 +2,7 @@
 
 import io
 import os
+import signal
 import struct
 import sys
 
@@ -65,9 +66,18 @@ def test_a_file_without_a_seal_is_read(sound):
 
 
 def test_a_file_without_end_is_refused_in_the_time_that_its_size_allows(endless, monkeypatch):
+    """A limit on the CPU time ends the child, so that a busy machine makes no difference."""
     monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.5)
+    monkeypatch.setattr(trial, "_signals", lambda *_: {signal.SIGXCPU})
     with pytest.raises(RecordingError, match=r"a\.h5: .*goes on and on; it is damaged, copy it"):
         read_recording(endless)
+
+
+def test_a_child_that_waits_for_ever_is_ended_too(sound, another_child, monkeypatch):
+    monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.02)
+    another_child("import time; input(); time.sleep(100)")
+    with pytest.raises(RecordingError, match="goes on and on"):
+        read_recording(sound)
 
 
 def test_the_next_file_after_one_without_end_is_read(endless, sound, monkeypatch, tmp_path):
@@ -84,6 +94,12 @@ def test_a_library_that_crashes_is_told_and_not_shared(sound, another_child):
     another_child("import os, signal; input(); os.kill(os.getpid(), signal.SIGSEGV)")
     with pytest.raises(RecordingError, match=r"one that ends the HDF5 library \(exit code -11\)"):
         read_recording(sound)
+
+
+def test_where_no_process_can_be_started_files_are_read_without_a_trial(sound, monkeypatch):
+    monkeypatch.setattr(trial, "_child", None)
+    monkeypatch.setattr(sys, "executable", "/no/such/python")
+    assert read_recording(sound).markers == ("a", "b")
 
 
 def test_a_file_is_tried_once_and_again_when_it_has_changed(sound, monkeypatch):

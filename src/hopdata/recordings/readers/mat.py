@@ -44,7 +44,7 @@ _HOLDS = {1: frozenset({_MATRIX}), 2: frozenset({_INT8, _INT32, _MATRIX}), 4: _T
 _HOLDS |= dict.fromkeys(range(6, 16), _NUMBERS)
 _IS_COMPLEX = 0x800
 _DEEPEST = 12  # levels of nested structs
-_PIECE = 1 << 16  # compressed bytes that are unpacked at a time: to at most 68 MB
+_PIECE = 1 << 14  # compressed bytes that are unpacked at a time: to at most 17 MB
 
 
 def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:

@@ -71,7 +71,10 @@ def _tried(place: Path, seconds: float, most_unpacked_mb: float) -> str:
     """Have the child read a file; return what went wrong, nothing if the library answered."""
     global _child, _owner
     if _child is None or _child.poll() is not None or _owner != os.getpid():
-        _child = _started()
+        try:
+            _child = _started()
+        except OSError:  # no process can be started here: the file is read without a trial
+            return ""
         _owner = os.getpid()
     child = _child
     watch = threading.Timer(_WALL_PER_CPU * seconds, child.kill)
