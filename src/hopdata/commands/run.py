@@ -165,8 +165,8 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     cores = int(given) if given.isdigit() else os.cpu_count() or 1
     said, begun, took, last = [], {"": time.monotonic()}, [], ""
     pipes: Any = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE if listed else None}
-    # Python would look for modules in the working folder first, for Snakemake and for its jobs. That
-    # is a study's folder, into which anyone may have put files.
+    # Python would look for modules in the working folder first, for Snakemake and for its jobs.
+    # That is a study's folder, into which anyone may have put files.
     pipes |= {"env": os.environ | {"PYTHONSAFEPATH": "1"}}
     with (
         subprocess.Popen(command, **pipes, encoding="utf-8", errors="replace") as snakemake,

@@ -163,7 +163,7 @@ def _variables(file: BinaryIO, order: str, most_mb: float) -> Iterator[bytearray
             raise ValueError(f"byte {at}: expected an element of {size} bytes, {found}")
         if kind == _COMPRESSED:
             at = start + size
-            yield _inflated(file.read(size), start, order, most_mb)
+            yield _inflated(file, size, order, most_mb)
             continue
         require_unpacked(size, most_mb)
         at = start + size + (-size % 8)
@@ -173,16 +173,18 @@ def _variables(file: BinaryIO, order: str, most_mb: float) -> Iterator[bytearray
         yield data
 
 
-def _inflated(packed: bytes, start: int, order: str, most_mb: float) -> bytearray:
-    """Decompress an element, which begins at byte `start`, to the size that it states itself."""
+def _inflated(file: BinaryIO, n_packed: int, order: str, most_mb: float) -> bytearray:
+    """Decompress the element that begins where a file stands to the size that it states itself."""
+    start = file.tell()
+    lengths = [_PIECE] * (n_packed // _PIECE) + [n_packed % _PIECE]
+    pieces = map(file.read, lengths)
     stream = zlib.decompressobj()
-    lead = stream.decompress(packed[:_PIECE], 8)
+    lead = stream.decompress(next(pieces), 8)
     size = int(np.frombuffer(lead.ljust(8, b"\0"), f"{order}u4")[1])
     require_unpacked(size, most_mb)
     data = bytearray(8 + size)
     data[: len(lead)] = lead
     n_filled = len(lead)
-    pieces = (packed[at : at + _PIECE] for at in range(_PIECE, len(packed), _PIECE))
     for piece in chain([stream.unconsumed_tail], pieces):
         room = len(data) - n_filled
         found = stream.decompress(piece, room + 1)  # one more, to notice what is too long
