@@ -2,10 +2,12 @@
 
 At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- + dh/dt), with the
 fields f- before and f+ after it, and the reset R of the handler (Aizerman and Gantmakher 1958; Kong
-et al. 2024). If several guards flip at one instant, each is assigned the field selected by the
-locks so far. Any further change by handlers (through the memory, for instance) is attributed to the
-flipped guard if there is only one. Guards that a reset pushes across flip at that moment. They have
-no instant of their own, and therefore no projection.
+et al. 2024). If several guards meet their surfaces at one instant, they are passed in the order in
+which they flip, and each is assigned the field selected by the locks so far. This is the derivative
+if the order does not matter. If a handler changes state or field there, or if one guard's flip turns
+another one back, it may matter, and there is no derivative. The change of the field by a single
+guard's handler (through the memory, for instance) is attributed to that guard. Guards that a reset
+pushes across flip at that moment. They have no instant of their own, and therefore no projection.
 """
 
 from math import inf, nan, sqrt
@@ -17,7 +19,7 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import FloatTable, square
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, next_due
+from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, has_flipped
 from hopdata.hybrid.driver.problem import way as some_way
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
@@ -25,6 +27,9 @@ from hopdata.hybrid.methods import tangent as differences
 
 # The driver calls this code by address, so it is compiled only when a Jacobian is first requested.
 CARRY, RESET, SALTATE, HANDLERS = range(4)
+# How a guard comes to flip: alone; together with others that met their surfaces at this instant; or
+# pushed across by a handler.
+ALONE, TOGETHER, PUSHED = range(3)
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
 )
@@ -226,38 +231,29 @@ def on_another(m: Memory, resolution: float) -> bool:
     for a in range(m.counts[at.N_DUE]):
         k, g = m.lists[at.DUE, a], m.guards
         noise = blur(g[at.SIZE, k], g[at.RATE0, k], resolution)
-        new = m.flags[at.LAST_FLIP, k] != m.counts[at.INSTANTS]
-        if new and abs(g[at.H0, k]) <= noise:
+        if not has_flipped(m, k) and abs(g[at.H0, k]) <= noise:
             return True
     return False
 
 
 @kernel_apart
-def saltate(p: Problem, m: Memory, pushed: bool) -> int:
-    """Pass all due guards one after the other, by their locks alone, and return a status.
+def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
+    """Pass guard k before it flips, and return a status.
 
-    A single guard is only projected: `saltate_handlers` adds its jump together with the handler's.
-    Guards that are `pushed` across are passed together with the reset.
+    A guard that flips alone is only projected: `saltate_handlers` adds its jump together with the
+    handler's. One of several that flip together is assigned the jump by its lock. A guard that is
+    pushed across is passed together with the reset.
     """
     phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
     copy_row(m.states, at.K1, phi, before)
-    if pushed:
+    if kind == PUSHED:
         return at.RUNNING
-    k = next_due(p, m, -1)
-    rate = m.guards[at.RATE0, k]
-    status = passes(p, m, k, rate)
-    while k >= 0 and m.counts[at.N_DUE] > 1:
-        p.mode[k] = -p.mode[k]
+    status = passes(p, m, k, m.guards[at.RATE0, k])
+    if kind == TOGETHER:
+        p.mode[k] = -p.mode[k]  # a trial: the guard flips later
         m.counts[at.NFEV] += 1
         code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
         add_jump(p, m)
-        k = next_due(p, m, k)
-        if k >= 0:
-            rate = rate_along(p, m, k, before, m.clock[at.T], m.states, at.Y)
-            one = passes(p, m, k, rate)
-            status = one if status == at.RUNNING else status
-    for a in range(m.counts[at.N_DUE] if m.counts[at.N_DUE] > 1 else 0):  # undo these trial flips
-        k = m.lists[at.DUE, a]
         p.mode[k] = -p.mode[k]
     return status
 
@@ -355,7 +351,7 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
 def saltate_handlers(p: Problem, m: Memory, alone: bool) -> bool:
     """Add the remaining change of the field as part of the last guard's flip.
 
-    Returns whether that is correct. It is not if several guards have flipped, because their shares
+    Returns whether that is correct. It is not if several guards flip together, because their shares
     are unknown.
     """
     before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
