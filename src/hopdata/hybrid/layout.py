@@ -44,11 +44,11 @@ H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PA
 GUARD_ROWS = 15
 
 # Rows of `flags`: number of the instant at which a guard last flipped or was due, its flips at that
-# instant since the state last jumped (0: it was due, but has not flipped), whether its lock was left
-# open at the start, whether it is known to bend, its event count, and the number of jumps of the
-# state at its last flip.
-LAST_FLIP, FLIPS, OPEN, BENT, FIRED, AT_JUMP = numbers(6)
-FLAG_ROWS = 6
+# instant since the state last jumped (0: it was due, but has not flipped), whether its lock was
+# left open at the start, whether it is known to bend, its event count, the number of jumps of the
+# state at its last flip, and the number of the instant at which its handler last turned it back.
+LAST_FLIP, FLIPS, OPEN, BENT, FIRED, AT_JUMP, BOUNCED = numbers(7)
+FLAG_ROWS = 7
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the few that
 # the step may concern (see `watch`), and the guards that flip now.

@@ -1,14 +1,14 @@
-"""Events at an instant, one after the other: flip a lock, call the handler, look at all guards anew.
+"""Events at an instant, one after the other: flip a lock, call the handler, look at all guards.
 
-An instant is a sequence. Of the guards that are due, one flips, and its handler is called. Then field
-and guards are evaluated again, since the handler may have turned another guard back or pushed a third
-one across. This goes on until no guard is due.
+An instant is a sequence. Of the guards that are due, one flips, and its handler is called. Then
+field and guards are evaluated again, because the handler may have turned another guard back or
+pushed a third one across. This goes on until no guard is due.
 
-The order: guards flip by their number, from the lowest to the highest and then from the lowest again;
-backward in time the other way round. There is one exception. A guard whose handler changes the state,
-and that is due again thereby, flips back before any other one: a bounce is over before the next one
-begins. Otherwise a second impact on the same body would meet a lock that is still on the far side, and
-the guard would not see it.
+The order: guards flip by their number, from the lowest to the highest and then from the lowest
+again; backward in time it is the other way round. There is one exception. A guard whose handler
+changes the state, and that is due again thereby, flips back before any other one: a bounce is over
+before the next one begins. Otherwise a second impact on the same body would meet a lock that is
+still on the far side, and the guard would not see it.
 """
 
 from typing import NamedTuple
@@ -35,10 +35,11 @@ from hopdata.hybrid.layout import Memory
 
 # Flips of a guard at one instant while the state does not jump; at a third the guard is not live.
 FLIPS_AT_ONCE = 2
-# Flips of all guards at one instant. In a row of n guards between equal bodies each pair collides once,
-# which makes n (n + 1) flips. Unequal masses take more: two bodies and a wall flip 2 pi sqrt(ratio of
-# masses) times (Galperin 2003), so the base allows a ratio of 2.5e6. A cascade that does not end costs
-# some milliseconds up to there. With a limit 1.5 times larger, the ratio is 2.25 times larger.
+# Flips of all guards at one instant. In a row of n guards between equal bodies each pair collides
+# once, which makes n (n + 1) flips. Unequal masses take more: two bodies and a wall flip
+# 2 pi sqrt(ratio of masses) times (Galperin 2003), so the base allows a ratio of 2.5e6. A cascade
+# that does not end costs some milliseconds up to there. With a limit 1.5 times larger, the ratio is
+# 2.25 times larger.
 CASCADE_BASE, CASCADE_PER_PAIR = 10_000, 2
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
 LOW_FLIGHT = 40  # instants of a crowd that a flight hidden by rounding after an impact counts for
@@ -56,10 +57,10 @@ class Log(NamedTuple):
 @kernel
 def flips_alone(m: Memory, k: int) -> bool:
     """Return whether guard k alone has flipped at this instant."""
+    others = 0
     for other in range(m.flags.width):
-        if other != k and problem.has_flipped(m, other):
-            return False
-    return True
+        others += 1 if other != k and problem.has_flipped(m, other) else 0
+    return others == 0
 
 
 @kernel
@@ -170,13 +171,11 @@ def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
 
 
 @kernel
-def count_overshoot_as_rounding(
-    p: problem.Problem, m: Memory, k: int, resolution: float
-) -> None:
-    """Treat the way of guard k past its surface as rounding if the step could not end nearer to it.
+def count_overshoot_as_rounding(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
+    """Treat the way of guard k past its surface as rounding, if the step could not end nearer.
 
-    Where several guards are passed at once, the step ends on one of them, and the others are past by
-    more than their own rounding. If the instant turns such a guard back, it is at its surface.
+    Where several guards are passed at once, the step ends on one of them, and the others are past
+    by more than their own rounding. If the instant turns such a guard back, it is at its surface.
     """
     past = -p.mode[k] * m.guards[at.H0, k]
     if 0.0 < past <= problem.CROWDED * resolution * abs(m.guards[at.RATE0, k]):
@@ -201,10 +200,23 @@ def begin_instant(p: problem.Problem, m: Memory, resolution: float) -> None:
 
 
 @kernel
+def stops_bouncing(p: problem.Problem, m: Memory, k: int) -> bool:
+    """Return whether guard k, which has bounced here, is no longer turned back by its handler.
+
+    Each bounce makes the rates smaller, until nothing is left of them but rounding: the sequence
+    has no end that floating-point numbers could show (inelastic collapse, McNamara and Young 1992).
+    """
+    since = m.counts[at.INSTANTS] - m.flags[at.BOUNCED, k]
+    here = m.flags[at.BOUNCED, k] > 0 and since <= m.counts[at.CROWD]
+    return here and p.mode[k] * m.guards[at.RATE0, k] >= 0.0
+
+
+@kernel
 def choose_next(p: problem.Problem, m: Memory, k: int, jumped: bool) -> None:
     """Choose the guard that flips after guard k, whose handler made the state jump or did not."""
     if jumped and problem.is_marked(m, k):
         m.counts[at.NEXT] = k
+        m.flags[at.BOUNCED, k] = m.counts[at.INSTANTS]
         return
     m.counts[at.NEXT] = problem.next_due(p, m, k)
     if m.counts[at.NEXT] < 0:
@@ -321,7 +333,10 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
         keep_due(p, m, resolution)
     else:
         look_anew(p, m, k, resolution)
-    choose_next(p, m, k, m.counts[at.JUMPS] > jumps)
+    jumped = m.counts[at.JUMPS] > jumps
+    if jumped and stops_bouncing(p, m, k):
+        return at.ZENO
+    choose_next(p, m, k, jumped)
     return at.TERMINATED if m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 0 else at.RUNNING
 
 

@@ -4,10 +4,11 @@ At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- 
 fields f- before and f+ after it, and the reset R of the handler (Aizerman and Gantmakher 1958; Kong
 et al. 2024). If several guards meet their surfaces at one instant, they are passed in the order in
 which they flip, and each is assigned the field selected by the locks so far. This is the derivative
-if the order does not matter. If a handler changes state or field there, or if one guard's flip turns
-another one back, it may matter, and there is no derivative. The change of the field by a single
-guard's handler (through the memory, for instance) is attributed to that guard. Guards that a reset
-pushes across flip at that moment. They have no instant of their own, and therefore no projection.
+if the order does not matter. It may matter if a handler changes state or field there, or if one
+guard's flip turns another one back: then there is no derivative. The change of the field by a
+single guard's handler (through the memory, for instance) is attributed to that guard. Guards that a
+reset pushes across flip at that moment. They have no instant of their own, and therefore no
+projection.
 """
 
 from math import inf, nan, sqrt

@@ -115,6 +115,7 @@ def clear(p: problem.Problem, m: Memory) -> bool:
         m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k], m.flags[at.FIRED, k] = 0, 0, 0
         m.flags[at.FLIPS, k] = 0
         m.flags[at.AT_JUMP, k] = 0
+        m.flags[at.BOUNCED, k] = 0
         m.lists[at.AWAKE, k] = k
     memory.array_of(m.counts)[:] = 0
     m.counts[at.CULPRIT], m.counts[at.N_AWAKE] = -1, m.flags.width

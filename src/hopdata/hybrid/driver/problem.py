@@ -268,10 +268,10 @@ def has_flipped(m: Memory, k: int) -> bool:
 @kernel
 def is_marked(m: Memory, k: int) -> bool:
     """Return whether guard k is in DUE."""
+    found = 0
     for a in range(m.counts[at.N_DUE]):
-        if m.lists[at.DUE, a] == k:
-            return True
-    return False
+        found += 1 if m.lists[at.DUE, a] == k else 0
+    return found > 0
 
 
 @kernel
