@@ -21,6 +21,7 @@ from hopdata.hybrid.driver import problem
 from hopdata.hybrid.driver.jacobian import (
     ALONE,
     HANDLERS,
+    PAST_AT_START,
     PUSHED,
     RESET,
     SALTATE,
@@ -28,6 +29,7 @@ from hopdata.hybrid.driver.jacobian import (
     first_order,
     keep,
     on_another,
+    on_surface,
 )
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
@@ -242,7 +244,7 @@ def keep_due(p: problem.Problem, m: Memory, resolution: float) -> None:
     m.counts[at.N_DUE] = total
 
 
-@kernel_apart
+@kernel_in_loop
 def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
     """Put the guards into DUE that flip now, after guard k has flipped."""
     if m.counts[at.CASCADE] > 1:  # at the first flip all that are due are measured, later those
@@ -254,8 +256,14 @@ def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
 
 
 @kernel
-def kind_of_flip(m: Memory, resolution: float) -> int:
-    """Return how the next guard comes to flip, for the Jacobian of the flow."""
+def kind_of_flip(p: problem.Problem, m: Memory, k: int, resolution: float) -> int:
+    """Return how guard k, the next one, comes to flip, for the Jacobian of the flow."""
+    if (
+        m.clock[at.T] == p.t_start
+        and m.counts[at.CASCADE] == 0
+        and not on_surface(m, k, resolution)
+    ):
+        return PAST_AT_START
     meets_surface = on_another(m, resolution)
     if m.counts[at.CASCADE] > 0 and not meets_surface:
         return PUSHED
@@ -285,7 +293,8 @@ def saltate_before(p: problem.Problem, m: Memory, k: int, kind: int) -> int:
     Where a handler has changed the state, it is unknown for a guard that meets its own surface.
     """
     wrong = at.TIE_IN_JACOBIAN
-    if kind == PUSHED or m.counts[at.JUMPS] == m.counts[at.JUMPS_AT_ENTRY]:
+    has_own_instant = kind in (ALONE, TOGETHER)
+    if not has_own_instant or m.counts[at.JUMPS] == m.counts[at.JUMPS_AT_ENTRY]:
         wrong = int(first_order(p, SALTATE, 0.0, kind, k, 0))
     if wrong != at.RUNNING:
         m.counts[at.CULPRIT] = k
@@ -302,12 +311,12 @@ def saltate_after(p: problem.Problem, m: Memory, k: int, kind: int, resolution: 
     return at.RUNNING if known else at.TIE_IN_JACOBIAN
 
 
-@kernel_apart
+@kernel_in_loop
 def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int:
     """Flip the guard NEXT, call its handler, and choose the one after it; return a status."""
     k, jumps, kind = m.counts[at.NEXT], m.counts[at.JUMPS], ALONE
     if p.first_order:
-        kind = kind_of_flip(m, resolution)
+        kind = kind_of_flip(p, m, k, resolution)
         wrong = saltate_before(p, m, k, kind)
         if wrong != at.RUNNING:
             return wrong

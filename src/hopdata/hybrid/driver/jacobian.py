@@ -28,9 +28,9 @@ from hopdata.hybrid.methods import tangent as differences
 
 # The driver calls this code by address, so it is compiled only when a Jacobian is first requested.
 CARRY, RESET, SALTATE, HANDLERS = range(4)
-# How a guard comes to flip: alone; together with others that met their surfaces at this instant; or
-# pushed across by a handler.
-ALONE, TOGETHER, PUSHED = range(3)
+# How a guard comes to flip: alone; together with others that met their surfaces at this instant;
+# pushed across by a handler; or at the start, because it is past its surface there.
+ALONE, TOGETHER, PUSHED, PAST_AT_START = range(4)
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
 )
@@ -227,12 +227,18 @@ def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
 
 
 @kernel
+def on_surface(m: Memory, k: int, resolution: float) -> bool:
+    """Return whether guard k is on its surface to within rounding."""
+    noise = blur(m.guards[at.SIZE, k], m.guards[at.RATE0, k], resolution)
+    return abs(m.guards[at.H0, k]) <= noise
+
+
+@kernel
 def on_another(m: Memory, resolution: float) -> bool:
     """Return whether a due guard is on its surface and has not flipped at this instant."""
     for a in range(m.counts[at.N_DUE]):
-        k, g = m.lists[at.DUE, a], m.guards
-        noise = blur(g[at.SIZE, k], g[at.RATE0, k], resolution)
-        if not has_flipped(m, k) and abs(g[at.H0, k]) <= noise:
+        k = m.lists[at.DUE, a]
+        if not has_flipped(m, k) and on_surface(m, k, resolution):
             return True
     return False
 
@@ -243,11 +249,14 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
 
     A guard that flips alone is only projected: `saltate_handlers` adds its jump together with the
     handler's. One of several that flip together is assigned the jump by its lock. A guard that is
-    pushed across is passed together with the reset.
+    pushed across is passed together with the reset. Neighbours of a start past a surface start past
+    it as well, so the instant does not depend on the state.
     """
     phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
     copy_row(m.states, at.K1, phi, before)
-    if kind == PUSHED:
+    if kind == PAST_AT_START:
+        fill_row(phi, single(m, at.ALONG), 0.0)
+    if kind in (PUSHED, PAST_AT_START):
         return at.RUNNING
     status = passes(p, m, k, m.guards[at.RATE0, k])
     if kind == TOGETHER:
