@@ -169,7 +169,8 @@ SENTENCES = {
     "below what floating-point numbers resolve (a Zeno sequence, chattering, or handlers that "
     "push guards across without an end).",
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field or the "
-    "state: the share of each guard, and therefore the Jacobian of the flow, is unknown.",
+    "state, or one of them turns another back: the share of each guard, and therefore the Jacobian "
+    "of the flow, is unknown.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
     RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h, up to {at}: "
     "correct @guards (use dy[0], say, not y[1]; they may jump and have kinks, but not everywhere).",
