@@ -9,7 +9,7 @@ import pytest
 from hybrid_systems import collide, collide_and_unlock, ladder, row_of_balls
 
 from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
-from hopdata.hybrid.layout import TIE_IN_JACOBIAN, ZENO
+from hopdata.hybrid.layout import SLIDING, TIE_IN_JACOBIAN, ZENO
 
 END = 3.0
 KINDS = ("dyadic", "rounding", "two groups", "touching", "grid")
@@ -329,6 +329,24 @@ def turning(t, y, mode, params, dy):
 def two_zeros(t, y, dy, mode, params, h, hdot):
     h[0], h[1] = y[0], y[1]
     hdot[0], hdot[1] = dy[0], dy[1]
+
+
+@field
+def helped_across(t, y, mode, params, dy):
+    dy[0] = -0.5 if mode[0] > 0 and mode[1] < 0 else 1.0
+    dy[1] = 1.0
+
+
+def test_a_guard_waits_for_others_before_it_flips_back():
+    """The first guard's flip alone turns the field back; the second one's flip turns it on."""
+    system = System(helped_across, two_zeros, n_states=2, guard_names=("a", "b"))
+    found = solve(system, (0, 1), [-0.5, -0.5])
+    assert found.status == 0
+    assert found.events.guard.tolist() == [0, 1]
+    assert found.y_end == pytest.approx([0.5, 0.5], abs=1e-14)
+    assert solve(system, (0, 1), [-0.5, -0.5], jacobian=True).status == TIE_IN_JACOBIAN
+    slides = solve(system, (0, 1), [-0.5, -0.6])  # alone, the first is not crossed
+    assert slides.status == SLIDING
 
 
 @on_event

@@ -274,10 +274,13 @@ def kind_of_flip(p: problem.Problem, m: Memory, k: int, resolution: float) -> in
 
 @kernel
 def turns_back(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
-    """Return whether the flip of guard k has turned back another one that was due with it.
+    """Return whether the flip of guard k has turned back itself or another that was due with it.
 
-    Neighbours that meet the other guard first would cross it.
+    Neighbours that meet the other guard first would cross it; those that meet guard k first would
+    slide on it until they meet the other one.
     """
+    if p.mode[k] * m.guards[at.RATE0, k] <= 0.0:
+        return True
     for a in range(m.counts[at.N_DUE]):
         j = m.lists[at.DUE, a]
         away = p.mode[j] * m.guards[at.RATE0, j] >= 0.0
