@@ -54,6 +54,19 @@ def test_equal_balls_pass_as_if_free(kind, method):
         assert found.y_end[: len(x)] == pytest.approx(np.sort(x + v * END), abs=1e-12)
 
 
+def test_where_the_step_ends_past_several_surfaces():
+    """Two groups meet at one instant; the last gap closes slowly, and its rounding is the longest."""
+    x = [-1.1052496665027656, -0.5207675016697937, 2.649079006550833, 3.864853234829172,
+         3.905937645722365]  # fmt: skip
+    v = [2.210499333005531, 1.0415350033395874, -1.2981580131016668, -3.729706469658345,
+         -3.8118752914447307]  # fmt: skip
+    free = np.sort(np.array(x) + END * np.array(v))
+    for rtol in 10.0 ** -np.arange(3, 12):
+        found = run(x, v, np.ones(5), rtol=rtol)
+        assert found.success, found.message
+        assert found.y_end[:5] == pytest.approx(free, abs=1e-12)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_unequal_balls_keep_order_momentum_and_energy(kind):
     rng, instants = np.random.default_rng([2, KINDS.index(kind)]), 0
