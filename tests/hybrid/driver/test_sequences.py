@@ -55,7 +55,7 @@ def test_equal_balls_pass_as_if_free(kind, method):
 
 
 def test_where_the_step_ends_past_several_surfaces():
-    """Two groups meet at one instant; the last gap closes slowly, and its rounding is the longest."""
+    """Two groups meet at one instant. The last gap closes slowly: its rounding takes longest."""
     x = [-1.1052496665027656, -0.5207675016697937, 2.649079006550833, 3.864853234829172,
          3.905937645722365]  # fmt: skip
     v = [2.210499333005531, 1.0415350033395874, -1.2981580131016668, -3.729706469658345,
