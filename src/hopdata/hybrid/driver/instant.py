@@ -18,6 +18,7 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
 from hopdata.hybrid.driver import problem
+from hopdata.hybrid.driver.end_step import HOVER
 from hopdata.hybrid.driver.jacobian import (
     ALONE,
     HANDLERS,
@@ -177,10 +178,15 @@ def count_overshoot_as_rounding(p: problem.Problem, m: Memory, k: int, resolutio
     """Treat the way of guard k past its surface as rounding, if the step could not end nearer.
 
     Where several guards are passed at once, the step ends on one of them, and the others are past
-    by more than their own rounding. If the instant turns such a guard back, it is at its surface.
+    by more than their own rounding: a slow one leaves the instant unsure by its rounding over its
+    rate, up to the fraction HOVER of a step. If the instant turns such a guard back, it is at its
+    surface.
     """
     past = -p.mode[k] * m.guards[at.H0, k]
-    if 0.0 < past <= problem.CROWDED * resolution * abs(m.guards[at.RATE0, k]):
+    unsure = problem.CROWDED * resolution
+    if m.counts[at.N_DUE] > 1:
+        unsure = max(unsure, HOVER * (m.clock[at.T] - m.clock[at.SEGMENT]))
+    if 0.0 < past <= unsure * abs(m.guards[at.RATE0, k]):
         problem.count_as_rounding(m, k, past)
 
 
