@@ -67,6 +67,21 @@ def test_where_the_step_ends_past_several_surfaces():
         assert found.y_end[:5] == pytest.approx(free, abs=1e-12)
 
 
+def test_slow_and_fast_gaps_far_from_the_origin():
+    """A slow gap's rounding leaves the instant unsure by far more than that of a fast one."""
+    rng = np.random.default_rng(8)
+    for _ in range(600):
+        n = int(rng.integers(3, 7))
+        v = np.sort(rng.uniform(-4, 4, n))[::-1] * 10.0 ** rng.integers(-6, 1)
+        v = v + rng.uniform(-1, 1) * 10.0 ** rng.integers(-2, 3)
+        place = rng.uniform(-1, 1) * 10.0 ** rng.integers(0, 7)
+        x = np.maximum.accumulate(place - v * rng.uniform(0.1, 2.0))
+        found = run(x, v, np.ones(n), rtol=10.0 ** -rng.integers(6, 12))
+        assert found.success, found.message
+        size = np.abs(x).max() + END * np.abs(v).max()
+        assert found.y_end[:n] == pytest.approx(np.sort(x + v * END), abs=1e-12 * size)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_unequal_balls_keep_order_momentum_and_energy(kind):
     rng, instants = np.random.default_rng([2, KINDS.index(kind)]), 0

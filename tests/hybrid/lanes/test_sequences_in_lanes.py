@@ -7,6 +7,7 @@ import pytest
 from hybrid_systems import ladder, ladder_solution, row_of_balls
 
 from hopdata.hybrid import System, field, guards, on_event, solve_batch
+from hopdata.hybrid.layout import ZENO
 
 COUNT = 60
 
@@ -26,6 +27,49 @@ def test_balls_that_meet_at_a_point(n):
     assert found.success, found.message
     assert found.y_end[:, :n] == pytest.approx(np.sort(x + 3.0 * v, axis=1), abs=1e-12)
     assert found.lanes.all() == (n == 2)  # with three, a gap closes twice: the driver's
+
+
+def test_slow_and_fast_gaps_far_from_the_origin():
+    """Where a slow gap's rounding makes the instant unsure, the driver goes on."""
+    rng, n = np.random.default_rng(5), 3
+    v = -np.sort(-rng.uniform(-4, 4, (COUNT, n)), axis=1) * 10.0 ** rng.integers(-6, 1, (COUNT, 1))
+    v[:, 2] = v[:, 1] - 10.0 ** rng.uniform(-6, 0, COUNT)
+    x = 10.0 ** rng.integers(0, 4, (COUNT, 1)) - v * rng.uniform(0.1, 2, (COUNT, 1))
+    x = np.maximum.accumulate(x, axis=1)
+    given = {"mode": [1, 1], "params": [1.0, 1.0, 1.0, 1.0, 0.0], "lanes": True}
+    found = solve_batch(row_of_balls(n), (0, 3.0), np.hstack([x, v]), **given)
+    assert found.success, found.message
+    right, size = np.sort(x + 3.0 * v, axis=1), np.abs(x).max(axis=1) + np.abs(v).max(axis=1)
+    assert (np.abs(found.y_end[:, :n] - right).max(axis=1) < 1e-12 * size).all()
+
+
+@pytest.mark.parametrize(("restitution", "status"), [(0.05, ZENO), (0.08, 0)])
+def test_inelastic_collapse(restitution, status):
+    start = np.tile([-1.0, 0.0, 1.0, 1.0, 0.0, -1.0], (8, 1))
+    given = {"mode": [1, 1], "params": [1.0, 1.0, 1.0, restitution, 0.0], "lanes": True}
+    found = solve_batch(row_of_balls(3), (0, 3.0), start, **given)
+    assert (found.status == status).all()
+    assert not found.lanes.any()  # a guard flips for a third time at one instant
+
+
+@field
+def helped_across(t, y, mode, params, dy):
+    dy[0] = -0.5 if mode[0] > 0 and mode[1] < 0 else 1.0
+    dy[1] = 1.0
+
+
+@guards
+def two_zeros(t, y, dy, mode, params, h, hdot):
+    h[0], h[1] = y[0], y[1]
+    hdot[0], hdot[1] = dy[0], dy[1]
+
+
+def test_a_guard_waits_for_others_before_it_flips_back():
+    system = System(helped_across, two_zeros, n_states=2, guard_names=("a", "b"))
+    found = solve_batch(system, (0, 1), np.full((8, 2), -0.5), lanes=True)
+    assert found.success
+    assert found.lanes.all()
+    assert found.y_end == pytest.approx(np.full((8, 2), 0.5), abs=1e-14)
 
 
 def test_pairs_that_meet_together_stay_in_lanes():

@@ -27,7 +27,7 @@ from hopdata.hybrid.compiled.memory import Record, View, int_vector, reader_of, 
 from hopdata.hybrid.driver import windows
 from hopdata.hybrid.driver.end_step import SPARED
 from hopdata.hybrid.driver.loop import END_STATE
-from hopdata.hybrid.driver.problem import CROWDED, ROUNDING
+from hopdata.hybrid.driver.problem import ROUNDING
 from hopdata.hybrid.driver.watch import CLIP_MOST, OVERSHOOT
 from hopdata.hybrid.lanes import method as written
 from hopdata.hybrid.lanes import vectors
@@ -534,8 +534,11 @@ def cut(crossed: Any, place: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
 @kernel
 def land(
     landing: int, t: Any, h: Any, soonest: Any, idle: Any, run_s: float, r: Any
-) -> tuple[Any, int]:
+) -> tuple[Any, int, int]:
     """Move the ends of these steps to their surfaces; return the shifts, and where guards are due.
+
+    The third result are the lanes in which several guards are due, and one of them is past its
+    surface by more than rounding: the driver must say what belongs to this instant.
 
     In lanes that have landed in vain before, the state cannot come any nearer to the surface: the
     rounding of state or guard is larger than the guard's values suggest. It flips from there.
@@ -556,7 +559,7 @@ def land(
     more = where(mine & (more < inf), more, 0.0)
     for i in range(r.n):
         r.moved[i] = fma(more, slope[i], r.moved[i])
-    shift, flipping = shift + more, 0
+    shift, flipping, past = shift + more, 0, 0
     call_guards(r.guards, t + h + shift, r.moved, slope, r, r.h, r.rate)
     for g in range(r.n_guards):
         size = largest(absolute(r.h0[g]), absolute(r.h1[g]))
@@ -565,14 +568,14 @@ def land(
         size = where(stuck, largest(size, 2.0 / ROUNDING * absolute(margin)), size)
         r.size[g] = where(mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g])
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
-        due = mark(landing, g, margin, rate, noise, r)
-        flipping |= due
-        # The step ends on one guard; the way of others past their surfaces counts as rounding.
-        past = mask_of(due) & (margin < 0.0)
-        past = past & (absolute(margin) <= CROWDED * resolution * absolute(rate))
-        r.size[g] = where(past, largest(r.size[g], 2.0 / ROUNDING * absolute(margin)), r.size[g])
+        flipping |= mark(landing, g, margin, rate, noise, r)
+        past |= bits(margin < -noise) & landing
         r.h1[g], r.rate1[g] = where(mine, r.h[g], r.h1[g]), where(mine, r.rate[g], r.rate1[g])
-    return shift, flipping
+    torn = 0
+    for j in range(WIDTH if past != 0 else 0):
+        several = r.book[DUE, j] & (r.book[DUE, j] - 1) != 0
+        torn |= 1 << j if past >> j & 1 and several else 0
+    return shift, flipping, torn
 
 
 @kernel
@@ -720,7 +723,9 @@ def run(first: int, last: int, desk: int) -> int:
         rejected = active & ~bits(accepted) & ~aimed
         shift = spread(0.0)
         if landing != 0:
-            shift, fresh = land(landing, t, h, soonest, idle, run_s, r)
+            shift, fresh, torn = land(landing, t, h, soonest, idle, run_s, r)
+            over |= give_up(torn, r)
+            fresh &= ~torn
             h_next = where(mask_of(landing), largest(h_next, resume), h_next)
             resume = where(mask_of(landing), 0.0, resume)
         t_new = where(whole & (shift == 0.0), r.t_end, t + h + shift)
