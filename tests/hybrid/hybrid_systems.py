@@ -231,3 +231,51 @@ def relay() -> System:
         relay_field, relay_guards, relay_event, n_states=2,
         guard_names=("first", "second"), n_extra_modes=1,
     )  # fmt: skip
+
+
+@field
+def row_field(t, y, mode, params, dy):
+    n = len(y) // 2
+    for i in range(n):
+        dy[i], dy[n + i] = y[n + i], -params[n + 1] * y[i]
+
+
+@guards
+def row_gaps(t, y, dy, mode, params, h, hdot):
+    for i in range(len(h)):
+        h[i], hdot[i] = y[i + 1] - y[i], dy[i + 1] - dy[i]
+
+
+@on_event
+def collide(t, y, mode, params, guard, direction):
+    n = len(y) // 2
+    a, b = n + guard, n + guard + 1
+    if direction < 0 and params[n] == 1.0 and params[guard] == params[guard + 1]:
+        swapped = y[a]
+        y[a], y[b] = y[b], swapped
+    elif direction < 0:
+        share = (1.0 + params[n]) * (y[b] - y[a]) / (params[guard] + params[guard + 1])
+        y[a], y[b] = y[a] + params[guard + 1] * share, y[b] - params[guard] * share
+    return 0
+
+
+@on_event
+def collide_and_unlock(t, y, mode, params, guard, direction):
+    n = len(y) // 2
+    if direction < 0:
+        a, b = n + guard, n + guard + 1
+        mode[guard] = 1
+        share = (1.0 + params[n]) * (y[b] - y[a]) / (params[guard] + params[guard + 1])
+        y[a], y[b] = y[a] + params[guard + 1] * share, y[b] - params[guard] * share
+    return 0
+
+
+@cache
+def row_of_balls(n: int, **options) -> System:
+    """Return n balls on a line: params are masses, restitution, and rate of a spring to the origin.
+
+    The spring's rate is per unit of mass. A gap's lock is +1 between impacts.
+    """
+    options = {"on_event": collide, **options}
+    names = tuple(f"gap{i}" for i in range(n - 1))
+    return System(row_field, guards=row_gaps, n_states=2 * n, guard_names=names, **options)

@@ -43,10 +43,12 @@ GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # Gauss nodes of 
 H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(15)
 GUARD_ROWS = 15
 
-# Rows of `flags`: number of the instant at which a guard last flipped, its flips at that instant,
-# whether its lock was left open at the start, whether it is known to bend, and its event count.
-LAST_FLIP, FLIPS, OPEN, BENT, FIRED = numbers(5)
-FLAG_ROWS = 5
+# Rows of `flags`: number of the instant at which a guard last flipped or was due, its flips at that
+# instant since the state last jumped (0: it was due, but has not flipped), whether its lock was
+# left open at the start, whether it is known to bend, its event count, the number of jumps of the
+# state at its last flip, and the number of the instant at which its handler last turned it back.
+LAST_FLIP, FLIPS, OPEN, BENT, FIRED, AT_JUMP, BOUNCED = numbers(7)
+FLAG_ROWS = 7
 
 # Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the few that
 # the step may concern (see `watch`), and the guards that flip now.
@@ -98,7 +100,11 @@ N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
 # this instant; instant at which the rates along one direction were measured; how often the rates of
 # bending guards have disagreed with their values; whether a guard was back before it was clear.
 INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
-COUNT_SLOTS = 25
+# The instant that is being processed (see `instant`): whether it has begun, flips so far, jumps of
+# the state before it, the guard that flips next (-1: none), whether several guards met their
+# surfaces together, and whether an event has ended the integration.
+BEGUN, CASCADE, JUMPS_AT_ENTRY, NEXT, TIED, ENDED = numbers(6, 25)
+COUNT_SLOTS = 31
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
@@ -160,9 +166,11 @@ SENTENCES = {
     "both sides (rates {below:+.6g} below and {above:+.6g} above, per second), so the "
     "trajectory would slide along it. Event-selected systems cross their guards.",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
-    "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
+    "below what floating-point numbers resolve (a Zeno sequence, chattering, or handlers that "
+    "push guards across without an end).",
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field or the "
-    "state: the share of each guard, and therefore the Jacobian of the flow, is unknown.",
+    "state, or one of them turns another back: the share of each guard, and therefore the Jacobian "
+    "of the flow, is unknown.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
     RATE_DIFFERS: "The rate hdot of guard '{guard}' does not match its values h, up to {at}: "
     "correct @guards (use dy[0], say, not y[1]; they may jump and have kinks, but not everywhere).",

@@ -30,7 +30,8 @@ def test_coincident_guards_share_their_instant():
     solution = solve(ladder(5), (0, 1), [0.0, 0.0], params=(*[0.3] * 5, *[0.1] * 5))
     assert solution.events.guard.tolist() == [0, 1, 2, 3, 4]
     assert len(set(solution.events.time.tolist())) == 1
-    assert solution.events.mode.tolist() == [[1] * 5] * 5
+    after = [[1] * (k + 1) + [-1] * (4 - k) for k in range(5)]  # each event has the mode after it
+    assert solution.events.mode.tolist() == after
     assert solution.y_end[0] == pytest.approx(0.3 + 0.7 * 1.5, abs=1e-14)
 
 

@@ -103,6 +103,13 @@ def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> None:
 
 
 @kernel
+def take_back_row(m: Memory, out: Output) -> None:
+    """Remove the last row, which `write_row` will write again: more room is needed before that."""
+    if out.per_step > 0:
+        m.counts[at.ROWS] -= 1
+
+
+@kernel
 def rewrite_row(m: Memory, out: Output) -> None:
     """Overwrite the last row with the state after an event."""
     if out.per_step > 0 and m.counts[at.ROWS] > 0:

@@ -1,4 +1,15 @@
-"""Events at an instant: flip locks, call the handler, and repeat until no guard flips."""
+"""Events at an instant, one after the other: flip a lock, call the handler, look at all guards.
+
+An instant is a sequence. Of the guards that are due, one flips, and its handler is called. Then
+field and guards are evaluated again, because the handler may have turned another guard back or
+pushed a third one across. This goes on until no guard is due.
+
+The order: guards flip by their number, from the lowest to the highest and then from the lowest
+again; backward in time it is the other way round. There is one exception. A guard whose handler
+changes the state, and that is due again thereby, flips back before any other one: a bounce is over
+before the next one begins. Otherwise a second impact on the same body would meet a lock that is
+still on the far side, and the guard would not see it.
+"""
 
 from typing import NamedTuple
 
@@ -7,12 +18,32 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
 from hopdata.hybrid.driver import problem
-from hopdata.hybrid.driver.jacobian import HANDLERS, RESET, SALTATE, first_order, keep, on_another
+from hopdata.hybrid.driver.end_step import HOVER
+from hopdata.hybrid.driver.jacobian import (
+    ALONE,
+    HANDLERS,
+    PAST_AT_START,
+    PUSHED,
+    RESET,
+    SALTATE,
+    TOGETHER,
+    first_order,
+    keep,
+    on_another,
+    on_surface,
+)
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
 from hopdata.hybrid.layout import Memory
 
-FLIPS_AT_ONCE = 2  # flips of a guard at one instant, as at an impact; at a third it is not live
+# Flips of a guard at one instant while the state does not jump; at a third the guard is not live.
+FLIPS_AT_ONCE = 2
+# Flips of all guards at one instant. In a row of n guards between equal bodies each pair collides
+# once, which makes n (n + 1) flips. Unequal masses take more: two bodies and a wall flip
+# 2 pi sqrt(ratio of masses) times (Galperin 2003), so the base allows a ratio of 2.5e6. A cascade
+# that does not end costs some milliseconds up to there. With a limit 1.5 times larger, the ratio is
+# 2.25 times larger.
+CASCADE_BASE, CASCADE_PER_PAIR = 10_000, 2
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
 LOW_FLIGHT = 40  # instants of a crowd that a flight hidden by rounding after an impact counts for
 DISAGREEMENT = 1e-9  # allowed difference of field and affine form, relative to their terms
@@ -29,31 +60,36 @@ class Log(NamedTuple):
 @kernel
 def flips_alone(m: Memory, k: int) -> bool:
     """Return whether guard k alone has flipped at this instant."""
+    others = 0
     for other in range(m.flags.width):
-        if other != k and m.flags[at.LAST_FLIP, other] == m.counts[at.INSTANTS]:
-            return False
-    return True
+        others += 1 if other != k and problem.has_flipped(m, other) else 0
+    return others == 0
 
 
 @kernel
-def flip(p: problem.Problem, m: Memory) -> int:
-    """Flip the locks of all guards that are due; fail at the third flip of one at this instant.
+def flip(p: problem.Problem, m: Memory, k: int) -> int:
+    """Flip the lock of guard k; fail at its third flip between two jumps, or in an endless cascade.
 
     The guard slides if the field alone, without a handler at this instant, has turned it back.
     """
-    now = m.counts[at.INSTANTS]
-    for a in range(m.counts[at.N_DUE]):
-        k = m.lists[at.DUE, a]
-        side = at.RATE_BELOW if p.mode[k] < 0 else at.RATE_ABOVE
-        m.clock[side] = m.guards[at.RATE0, k]
-        m.flags[at.FLIPS, k] = m.flags[at.FLIPS, k] + 1 if m.flags[at.LAST_FLIP, k] == now else 1
-        m.flags[at.LAST_FLIP, k] = now
-        p.mode[k] = -p.mode[k]
-        if m.flags[at.FLIPS, k] > FLIPS_AT_ONCE:
-            m.counts[at.CULPRIT] = k
-            into_surface = m.clock[at.RATE_BELOW] > 0.0 and m.clock[at.RATE_ABOVE] < 0.0
-            jumped = m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
-            return at.SLIDING if into_surface and flips_alone(m, k) and not jumped else at.ZENO
+    side = at.RATE_BELOW if p.mode[k] < 0 else at.RATE_ABOVE
+    m.clock[side] = m.guards[at.RATE0, k]
+    same_state = m.flags[at.AT_JUMP, k] == m.counts[at.JUMPS]
+    before = m.flags[at.FLIPS, k] if problem.has_flipped(m, k) and same_state else 0
+    m.flags[at.FLIPS, k] = before + 1
+    m.flags[at.LAST_FLIP, k] = m.counts[at.INSTANTS]
+    m.flags[at.AT_JUMP, k] = m.counts[at.JUMPS]
+    m.counts[at.CASCADE] += 1
+    p.mode[k] = -p.mode[k]
+    if m.flags[at.FLIPS, k] > FLIPS_AT_ONCE:
+        m.counts[at.CULPRIT] = k
+        into_surface = m.clock[at.RATE_BELOW] > 0.0 and m.clock[at.RATE_ABOVE] < 0.0
+        jumped = m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
+        return at.SLIDING if into_surface and flips_alone(m, k) and not jumped else at.ZENO
+    n = m.flags.width
+    if m.counts[at.CASCADE] > CASCADE_BASE + CASCADE_PER_PAIR * n * (n + 1):
+        m.counts[at.CULPRIT] = k
+        return at.ZENO
     return at.RUNNING
 
 
@@ -96,19 +132,6 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
 
 
 @kernel_in_loop
-def fire_due(p: problem.Problem, m: Memory, log: Log) -> int:
-    """Fire all guards that have just flipped, in the order of their indices."""
-    status, k = at.RUNNING, problem.next_due(p, m, -1)
-    while k >= 0:
-        ended = fire_one(p, m, log, k) == at.TERMINATED
-        if ended or status == at.RUNNING:
-            m.counts[at.CULPRIT] = k
-        status = at.TERMINATED if ended else status
-        k = problem.next_due(p, m, k)
-    return status
-
-
-@kernel_in_loop
 def refresh(p: problem.Problem, m: Memory) -> int:
     """Evaluate field and guards again at the present state and mode."""
     problem.eval_field(p, m, m.clock[at.T], at.Y, at.K1)
@@ -147,49 +170,214 @@ def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
     return False
 
 
+# The sequence of flips at an instant.
+
+
+@kernel
+def count_overshoot_as_rounding(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
+    """Treat the way of guard k past its surface as rounding, if the step could not end nearer.
+
+    Where several guards are passed at once, the step ends on one of them, and the others are past
+    by more than their own rounding: a slow one leaves the instant unsure by its rounding over its
+    rate, up to the fraction HOVER of a step. If the instant turns such a guard back, it is at its
+    surface.
+    """
+    past = -p.mode[k] * m.guards[at.H0, k]
+    unsure = problem.CROWDED * resolution
+    if m.counts[at.N_DUE] > 1:
+        unsure = max(unsure, HOVER * (m.clock[at.T] - m.clock[at.SEGMENT]))
+    if 0.0 < past <= unsure * abs(m.guards[at.RATE0, k]):
+        problem.count_as_rounding(m, k, past)
+
+
+@kernel
+def begin_instant(p: problem.Problem, m: Memory, resolution: float) -> None:
+    """Prepare the sequence; all guards in DUE are at their surfaces, even if others flip first."""
+    m.counts[at.BEGUN] = 1
+    m.counts[at.CASCADE] = 0
+    m.counts[at.JUMPS_AT_ENTRY] = m.counts[at.JUMPS]
+    m.counts[at.TIED] = 0
+    m.counts[at.ENDED] = 0
+    m.counts[at.NEXT] = problem.next_due(p, m, -1)
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
+        count_overshoot_as_rounding(p, m, k, resolution)
+        if m.flags[at.LAST_FLIP, k] != m.counts[at.INSTANTS]:
+            m.flags[at.LAST_FLIP, k] = m.counts[at.INSTANTS]
+            m.flags[at.FLIPS, k] = 0
+
+
+@kernel
+def stops_bouncing(p: problem.Problem, m: Memory, k: int) -> bool:
+    """Return whether guard k, which has bounced here, is no longer turned back by its handler.
+
+    Each bounce makes the rates smaller, until nothing is left of them but rounding: the sequence
+    has no end that floating-point numbers could show (inelastic collapse, McNamara and Young 1992).
+    """
+    since = m.counts[at.INSTANTS] - m.flags[at.BOUNCED, k]
+    here = m.flags[at.BOUNCED, k] > 0 and since <= m.counts[at.CROWD]
+    return here and p.mode[k] * m.guards[at.RATE0, k] >= 0.0
+
+
+@kernel
+def choose_next(p: problem.Problem, m: Memory, k: int, jumped: bool) -> None:
+    """Choose the guard that flips after guard k, whose handler made the state jump or did not."""
+    if jumped and problem.is_marked(m, k):
+        m.counts[at.NEXT] = k
+        m.flags[at.BOUNCED, k] = m.counts[at.INSTANTS]
+        return
+    m.counts[at.NEXT] = problem.next_due(p, m, k)
+    if m.counts[at.NEXT] < 0:
+        m.counts[at.NEXT] = problem.next_due(p, m, -1)
+
+
+@kernel
+def is_due_still(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
+    """Return whether guard k flips now, by the values after the last handler."""
+    g, lock = m.guards, p.mode[k]
+    return problem.is_due(lock * g[at.H0, k], lock * g[at.RATE0, k], g[at.SIZE, k], resolution)
+
+
+@kernel
+def keep_due(p: problem.Problem, m: Memory, resolution: float) -> None:
+    """Keep in DUE the guards that have not flipped at this instant and are due still."""
+    total = 0
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
+        if not problem.has_flipped(m, k) and is_due_still(p, m, k, resolution):
+            m.lists[at.DUE, total] = k
+            total += 1
+    m.counts[at.N_DUE] = total
+
+
+@kernel_in_loop
+def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
+    """Put the guards into DUE that flip now, after guard k has flipped."""
+    if m.counts[at.CASCADE] > 1:  # at the first flip all that are due are measured, later those
+        problem.mark_one(m, k)  # that flip
+    problem.remember_parts(p, m)
+    gather_reached(p, m, at.H0, at.RATE0, resolution)
+    problem.mark_due(p, m, at.H0, at.RATE0, resolution)
+    problem.remember_residuals(p, m, at.H0)
+
+
+@kernel
+def kind_of_flip(p: problem.Problem, m: Memory, k: int, resolution: float) -> int:
+    """Return how guard k, the next one, comes to flip, for the Jacobian of the flow."""
+    if (
+        m.clock[at.T] == p.t_start
+        and m.counts[at.CASCADE] == 0
+        and not on_surface(m, k, resolution)
+    ):
+        return PAST_AT_START
+    meets_surface = on_another(m, resolution)
+    if m.counts[at.CASCADE] > 0 and not meets_surface:
+        return PUSHED
+    if m.counts[at.N_DUE] > 1:
+        m.counts[at.TIED] = 1
+    return TOGETHER if m.counts[at.TIED] != 0 else ALONE
+
+
+@kernel
+def turns_back(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
+    """Return whether the flip of guard k has turned back itself or another that was due with it.
+
+    Neighbours that meet the other guard first would cross it; those that meet guard k first would
+    slide on it until they meet the other one.
+    """
+    if p.mode[k] * m.guards[at.RATE0, k] <= 0.0:
+        return True
+    for a in range(m.counts[at.N_DUE]):
+        j = m.lists[at.DUE, a]
+        away = p.mode[j] * m.guards[at.RATE0, j] >= 0.0
+        if j != k and away and not is_due_still(p, m, j, resolution):
+            return True
+    return False
+
+
+@kernel_apart
+def saltate_before(p: problem.Problem, m: Memory, k: int, kind: int) -> int:
+    """Carry the Jacobian of the flow across guard k before it flips, and return a status.
+
+    Where a handler has changed the state, it is unknown for a guard that meets its own surface.
+    """
+    wrong = at.TIE_IN_JACOBIAN
+    has_own_instant = kind in (ALONE, TOGETHER)
+    if not has_own_instant or m.counts[at.JUMPS] == m.counts[at.JUMPS_AT_ENTRY]:
+        wrong = int(first_order(p, SALTATE, 0.0, kind, k, 0))
+    if wrong != at.RUNNING:
+        m.counts[at.CULPRIT] = k
+    return wrong
+
+
+@kernel_apart
+def saltate_after(p: problem.Problem, m: Memory, k: int, kind: int, resolution: float) -> int:
+    """Carry the Jacobian across what the handler of guard k has changed, and return a status."""
+    known = first_order(p, HANDLERS, 0.0, int(kind != TOGETHER), 0, 0) != 0.0
+    if kind == TOGETHER:
+        jumped = m.counts[at.JUMPS] > m.counts[at.JUMPS_AT_ENTRY]
+        known = known and not jumped and not turns_back(p, m, k, resolution)
+    return at.RUNNING if known else at.TIE_IN_JACOBIAN
+
+
+@kernel_in_loop
+def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int:
+    """Flip the guard NEXT, call its handler, and choose the one after it; return a status."""
+    k, jumps, kind = m.counts[at.NEXT], m.counts[at.JUMPS], ALONE
+    if p.first_order:
+        kind = kind_of_flip(p, m, k, resolution)
+        wrong = saltate_before(p, m, k, kind)
+        if wrong != at.RUNNING:
+            return wrong
+    status = flip(p, m, k)
+    if status != at.RUNNING:
+        return status
+    ends = fire_one(p, m, log, k) == at.TERMINATED
+    if ends or m.counts[at.ENDED] == 0:
+        m.counts[at.CULPRIT] = k
+    if ends:
+        m.counts[at.ENDED] = 1
+    if p.on_event != 0 and sets_no_lock(p, m):
+        return at.NO_LOCK
+    over = m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 1
+    if over and p.first_order == 0:
+        return at.TERMINATED
+    status = refresh(p, m)
+    if p.first_order != 0 and status == at.RUNNING:
+        status = saltate_after(p, m, k, kind, resolution)
+    if status != at.RUNNING:
+        return status
+    if m.counts[at.ENDED] != 0:  # what is due at this instant is an event still, but nothing else
+        keep_due(p, m, resolution)
+    else:
+        look_anew(p, m, k, resolution)
+    jumped = m.counts[at.JUMPS] > jumps
+    if jumped and stops_bouncing(p, m, k):
+        return at.ZENO
+    choose_next(p, m, k, jumped)
+    return at.TERMINATED if m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 0 else at.RUNNING
+
+
 @kernel_apart
 def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
-    """Flip all guards in DUE and those that their handlers push across; refresh the field.
+    """Flip the guards in DUE and those that their handlers push across, until none is due.
 
-    On entry the state of the instant is in Y, its time in the clock, its guards in H0 and RATE0.
+    On entry the state of the instant is in Y, its time in the clock, its guards in H0 and RATE0. If
+    the log is full, the status is NEEDS_ROOM, and the next call goes on with the same instant.
     """
-    resolution, jumps = problem.time_resolution(m.clock[at.T], 0.0), m.counts[at.JUMPS]
-    if too_crowded(m, resolution):
-        m.counts[at.CULPRIT] = problem.next_due(p, m, -1)
-        return at.ZENO
-    later = False
-    while True:
-        pushed = p.first_order != 0 and later and not on_another(m, resolution)
-        alone, jumped = pushed or m.counts[at.N_DUE] == 1, m.counts[at.JUMPS] > jumps
-        if p.first_order:
-            wrong = at.TIE_IN_JACOBIAN
-            if pushed or not jumped:
-                wrong = int(first_order(p, SALTATE, 0.0, int(pushed), 0, 0))
-            if wrong != at.RUNNING:
-                m.counts[at.CULPRIT] = problem.next_due(p, m, -1)
-                return wrong
-        status = flip(p, m)
-        if status == at.RUNNING:
-            status = fire_due(p, m, log)
-        if p.on_event != 0 and sets_no_lock(p, m):
-            return at.NO_LOCK
-        ended = status == at.TERMINATED
-        if status == at.RUNNING or (ended and p.first_order != 0):
-            status = refresh(p, m)
-        if p.first_order != 0 and status == at.RUNNING:
-            tied = not alone and m.counts[at.JUMPS] > jumps
-            if first_order(p, HANDLERS, 0.0, int(alone), 0, 0) == 0.0 or tied:
-                return at.TIE_IN_JACOBIAN
-        if ended and status == at.RUNNING:
-            status = at.TERMINATED
-        if status != at.RUNNING:
-            return status
-        problem.remember_parts(p, m)
-        gather_reached(p, m, at.H0, at.RATE0, resolution)
-        if problem.mark_due(p, m, at.H0, at.RATE0, resolution) == 0:
-            return status
-        problem.remember_residuals(p, m, at.H0)
-        later = True
+    resolution = problem.time_resolution(m.clock[at.T], 0.0)
+    if m.counts[at.BEGUN] == 0:
+        if too_crowded(m, resolution):
+            m.counts[at.CULPRIT] = problem.next_due(p, m, -1)
+            return at.ZENO
+        begin_instant(p, m, resolution)
+    status = at.RUNNING
+    while status == at.RUNNING and m.counts[at.NEXT] >= 0:
+        if m.counts[at.EVENT_ROWS] >= log.n_rows:
+            return at.NEEDS_ROOM
+        status = fire_next(p, m, log, resolution)
+    m.counts[at.BEGUN] = 0
+    return status
 
 
 # Initial locks: decided by the sign of h; on the surface by its rate, and then by its bend.

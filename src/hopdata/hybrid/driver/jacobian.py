@@ -2,10 +2,13 @@
 
 At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- + dh/dt), with the
 fields f- before and f+ after it, and the reset R of the handler (Aizerman and Gantmakher 1958; Kong
-et al. 2024). If several guards flip at one instant, each is assigned the field selected by the
-locks so far. Any further change by handlers (through the memory, for instance) is attributed to the
-flipped guard if there is only one. Guards that a reset pushes across flip at that moment. They have
-no instant of their own, and therefore no projection.
+et al. 2024). If several guards meet their surfaces at one instant, they are passed in the order in
+which they flip, and each is assigned the field selected by the locks so far. This is the derivative
+if the order does not matter. It may matter if a handler changes state or field there, or if one
+guard's flip turns another one back: then there is no derivative. The change of the field by a
+single guard's handler (through the memory, for instance) is attributed to that guard. Guards that a
+reset pushes across flip at that moment. They have no instant of their own, and therefore no
+projection.
 """
 
 from math import inf, nan, sqrt
@@ -17,7 +20,7 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import FloatTable, square
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, next_due
+from hopdata.hybrid.driver.problem import Problem, blur, copy_row, fill_row, has_flipped
 from hopdata.hybrid.driver.problem import way as some_way
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
@@ -25,6 +28,9 @@ from hopdata.hybrid.methods import tangent as differences
 
 # The driver calls this code by address, so it is compiled only when a Jacobian is first requested.
 CARRY, RESET, SALTATE, HANDLERS = range(4)
+# How a guard comes to flip: alone; together with others that met their surfaces at this instant;
+# pushed across by a handler; or at the start, because it is past its surface there.
+ALONE, TOGETHER, PUSHED, PAST_AT_START = range(4)
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
 )
@@ -221,43 +227,43 @@ def passes(p: Problem, m: Memory, k: int, rate: float) -> int:
 
 
 @kernel
+def on_surface(m: Memory, k: int, resolution: float) -> bool:
+    """Return whether guard k is on its surface to within rounding."""
+    noise = blur(m.guards[at.SIZE, k], m.guards[at.RATE0, k], resolution)
+    return abs(m.guards[at.H0, k]) <= noise
+
+
+@kernel
 def on_another(m: Memory, resolution: float) -> bool:
     """Return whether a due guard is on its surface and has not flipped at this instant."""
     for a in range(m.counts[at.N_DUE]):
-        k, g = m.lists[at.DUE, a], m.guards
-        noise = blur(g[at.SIZE, k], g[at.RATE0, k], resolution)
-        new = m.flags[at.LAST_FLIP, k] != m.counts[at.INSTANTS]
-        if new and abs(g[at.H0, k]) <= noise:
+        k = m.lists[at.DUE, a]
+        if not has_flipped(m, k) and on_surface(m, k, resolution):
             return True
     return False
 
 
 @kernel_apart
-def saltate(p: Problem, m: Memory, pushed: bool) -> int:
-    """Pass all due guards one after the other, by their locks alone, and return a status.
+def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
+    """Pass guard k before it flips, and return a status.
 
-    A single guard is only projected: `saltate_handlers` adds its jump together with the handler's.
-    Guards that are `pushed` across are passed together with the reset.
+    A guard that flips alone is only projected: `saltate_handlers` adds its jump together with the
+    handler's. One of several that flip together is assigned the jump by its lock. A guard that is
+    pushed across is passed together with the reset. Neighbours of a start past a surface start past
+    it as well, so the instant does not depend on the state.
     """
     phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
     copy_row(m.states, at.K1, phi, before)
-    if pushed:
+    if kind == PAST_AT_START:
+        fill_row(phi, single(m, at.ALONG), 0.0)
+    if kind in (PUSHED, PAST_AT_START):
         return at.RUNNING
-    k = next_due(p, m, -1)
-    rate = m.guards[at.RATE0, k]
-    status = passes(p, m, k, rate)
-    while k >= 0 and m.counts[at.N_DUE] > 1:
-        p.mode[k] = -p.mode[k]
+    status = passes(p, m, k, m.guards[at.RATE0, k])
+    if kind == TOGETHER:
+        p.mode[k] = -p.mode[k]  # a trial: the guard flips later
         m.counts[at.NFEV] += 1
         code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
         add_jump(p, m)
-        k = next_due(p, m, k)
-        if k >= 0:
-            rate = rate_along(p, m, k, before, m.clock[at.T], m.states, at.Y)
-            one = passes(p, m, k, rate)
-            status = one if status == at.RUNNING else status
-    for a in range(m.counts[at.N_DUE] if m.counts[at.N_DUE] > 1 else 0):  # undo these trial flips
-        k = m.lists[at.DUE, a]
         p.mode[k] = -p.mode[k]
     return status
 
@@ -355,7 +361,7 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
 def saltate_handlers(p: Problem, m: Memory, alone: bool) -> bool:
     """Add the remaining change of the field as part of the last guard's flip.
 
-    Returns whether that is correct. It is not if several guards have flipped, because their shares
+    Returns whether that is correct. It is not if several guards flip together, because their shares
     are unknown.
     """
     before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)

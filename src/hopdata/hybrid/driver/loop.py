@@ -66,8 +66,14 @@ def move_on(p: problem.Problem, m: Memory, out: dense.Output, dt: float) -> None
 
 @kernel_apart
 def fire(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
-    """Process the events of this instant, and record the state after them."""
+    """Process the events of this instant, and record the state after them.
+
+    If the log is full before the last of them, the instant goes on when there is room.
+    """
     status = fire_all(p, m, log)
+    if status == at.NEEDS_ROOM:
+        dense.take_back_row(m, out)
+        return status
     dense.rewrite_row(m, out)
     stepping.choose_after_event(p, m)
     return status
@@ -107,6 +113,9 @@ def clear(p: problem.Problem, m: Memory) -> bool:
         problem.fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
         m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k], m.flags[at.FIRED, k] = 0, 0, 0
+        m.flags[at.FLIPS, k] = 0
+        m.flags[at.AT_JUMP, k] = 0
+        m.flags[at.BOUNCED, k] = 0
         m.lists[at.AWAKE, k] = k
     memory.array_of(m.counts)[:] = 0
     m.counts[at.CULPRIT], m.counts[at.N_AWAKE] = -1, m.flags.width
@@ -151,6 +160,9 @@ def run(desk: IntVector, flags: int) -> int:
         for k in range(p.mode.width if flags & at.GIVEN_MODE == 0 else 0):
             p.mode[k] = 0
         status = start(p, m, out, log) if clear(p, m) else at.BAD_START
+    elif m.counts[at.BEGUN] != 0:
+        dense.write_row(m, out, m.clock[at.T], at.Y)
+        status = fire(p, m, out, log)
     pause = m.counts[at.STEPS] + desk[at.PATIENCE]  # then return to Python briefly
     while status == at.RUNNING:
         if m.clock[at.T] >= p.t_end:
@@ -201,13 +213,13 @@ def _run(desk: int, flags: int) -> int:
 
 
 def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) -> float:
-    """Run a part of the flow's Jacobian; `which` is a row of the log or a flag."""
+    """Run a part of the flow's Jacobian; `which` is a row of the log, a flag, or a kind of flip."""
     slots = memory.int_vector(desk, at.DESK_SLOTS)
     p, m = desk_problem(slots), desk_memory(slots)
     if part == jacobian.CARRY:
         return jacobian.carry_jacobian(p, m, dt)
     if part == jacobian.SALTATE:
-        return float(jacobian.saltate(p, m, which != 0))
+        return float(jacobian.saltate(p, m, k, which))
     if part == jacobian.RESET:
         return 1.0 if jacobian.carry_reset(p, m, desk_log(slots).floats, which, k, way) else 0.0
     return 1.0 if jacobian.saltate_handlers(p, m, which != 0) else 0.0

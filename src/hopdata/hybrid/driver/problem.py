@@ -260,6 +260,21 @@ def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) 
 
 
 @kernel
+def has_flipped(m: Memory, k: int) -> bool:
+    """Return whether guard k has flipped at this instant."""
+    return m.flags[at.LAST_FLIP, k] == m.counts[at.INSTANTS] and m.flags[at.FLIPS, k] > 0
+
+
+@kernel
+def is_marked(m: Memory, k: int) -> bool:
+    """Return whether guard k is in DUE."""
+    found = 0
+    for a in range(m.counts[at.N_DUE]):
+        found += 1 if m.lists[at.DUE, a] == k else 0
+    return found > 0
+
+
+@kernel
 def next_due(p: Problem, m: Memory, last: int) -> int:
     """Return the first guard by number after `last` that flips now, or -1: DUE is not sorted.
 

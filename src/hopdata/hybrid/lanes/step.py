@@ -10,8 +10,9 @@ fifth order; these three places show the error of a cubic. Where they do not det
 does, the step is halved. A flip is located on the polynomial through all of them, the step is
 repeated up to there, and its end is moved by the small remainder. In a lane most of whose steps end
 in flips, flips are predicted, and the interpolant gives the state there if it is accurate enough.
-A system for which this fails (guards that graze or slide, vanishing steps, infinite fields) is
-given up and left to the driver.
+Where several guards flip at one instant, they do so one after the other, in the driver's order (see
+`driver.instant`). A system for which this fails (guards that graze or slide, that flip a third time
+at one instant, vanishing steps, infinite fields) is given up and left to the driver.
 """
 
 from itertools import accumulate
@@ -65,9 +66,12 @@ def interpolate(theta: Any, r: Any) -> None:
 
 # Rows of `book`: the system, events, samples written, guards that flip now as bits, guards whose
 # locks are open as bits, the guard that ended the run, and its status. For each group of lanes with
-# the same modes: its first lane, and its members as bits. Last, the number of groups.
+# the same modes: its first lane, and its members as bits. The number of groups. Of the present
+# instant: the guard that flipped last (-1: none yet), whether its handler changed the state, and
+# the guards that have flipped once and twice, as bits.
 INDEX, EVENTS, SAMPLES, DUE, OPEN, CULPRIT, STATUS, LEAD, MEMBERS, N_GROUPS = range(10)
-BOOK_ROWS = 10
+LAST, JUMPED, ONCE, TWICE = range(10, 14)
+BOOK_ROWS = 14
 
 # The room of the lanes: rows of a table, each as wide as there are lanes.
 #
@@ -215,7 +219,7 @@ BY_END = (2.0 - PLACE) / (1.0 - PLACE)
 GIVEN_UP = -100  # status of a system left to the driver
 HUGE, TINY_ERROR = 1e30, 1e-12
 ALMOST_THERE = 1.01  # factor by which the last step may be stretched to avoid a tiny one
-MOST_ROUNDS = 4
+MOST_ROUNDS = 4  # rounds until open locks agree
 MOST_TRIES = 60  # most tries for one step
 # Fractions of the run. A step that is shorter, or lands in vain, makes no progress. Where flips
 # follow so soon, rounding may hide the next one, as for a ball that comes to rest.
@@ -225,6 +229,15 @@ STIFF_STEPS = 15.0  # net number of steps too near the stability limit
 SAFETY, SHRINK_MOST, GROW_MOST = 0.8, 0.2, 6.0
 
 call_on_event = caller(ON_EVENT.native)
+
+
+@kernel
+def begin_instant(j: int, r: Any) -> None:
+    """Forget the flips of the last instant in lane j."""
+    r.book[LAST, j] = -1
+    r.book[JUMPED, j] = 0
+    r.book[ONCE, j] = 0
+    r.book[TWICE, j] = 0
 
 
 @kernel
@@ -241,6 +254,7 @@ def take_systems(want: int, first: int, last: int, r: Any) -> tuple[int, int]:
         copy(row(r.mode, 0), row(r.modes, j))
         r.book[INDEX, j], r.book[CULPRIT, j], r.book[STATUS, j] = first, -1, at.FINISHED
         r.book[EVENTS, j], r.book[SAMPLES, j], r.book[DUE, j], r.book[OPEN, j] = 0, 0, 0, 0
+        begin_instant(j, r)
         if r.times.width > 0 and r.times[0] == r.t_start:
             copy(row(r.y0, first), row(r.samples, first * r.times.width))
             r.book[SAMPLES, j] = 1
@@ -297,44 +311,61 @@ def close(open_ones: int, r: Any) -> tuple[int, int]:
 
 
 @kernel
-def fire(lanes: int, t: Any, r: Any) -> int:
-    """Flip the guards that are due in these lanes, and call the handler.
+def next_to_flip(j: int, r: Any) -> int:
+    """Return the guard that flips next in lane j: see `driver.instant` for the order."""
+    due, last = r.book[DUE, j], r.book[LAST, j]
+    if r.book[JUMPED, j] != 0 and due >> last & 1:  # a bounce is over before the next one begins
+        return last
+    first = -1
+    for place in range(r.n_guards):
+        g = place if r.rules[at.WAY, place] > 0 else r.n_guards - 1 - place
+        if due >> g & 1:
+            if last < 0 or r.rules[at.WAY, g] * (g - last) > 0:
+                return g
+            first = g if first < 0 else first
+    return first
 
-    Returns the lanes that end or are given up; a lane is given up if its handler changes parameters
-    that all systems share.
+
+@kernel
+def fire(lanes: int, t: Any, r: Any) -> int:
+    """Flip one of the guards that are due in each of these lanes, and call the handler.
+
+    Returns the lanes that end or are given up. A lane is given up if its handler changes parameters
+    that all systems share, if a guard flips for a third time at this instant, or if an event ends
+    the run while other guards are due.
     """
     over, own, own_params = 0, row(r.own, 0), row(r.own_params, 0)
     for j in range(WIDTH):
         if lanes >> j & 1 == 0:
             continue
-        due, now = r.book[DUE, j], lane(t, j)
-        r.book[DUE, j] = 0
+        now, g = lane(t, j), next_to_flip(j, r)
+        others = r.book[DUE, j] & ~(1 << g)
+        lost = r.book[TWICE, j] >> g & 1 != 0
+        r.book[TWICE, j] |= r.book[ONCE, j] & 1 << g
+        r.book[ONCE, j] |= 1 << g
+        r.book[DUE, j], r.book[LAST, j], r.book[JUMPED, j] = 0, g, 0
         for i in range(r.n if r.handler != 0 else 0):
             own[i] = r.table[i, j]
         for i in range(len(own_params) if r.handler != 0 else 0):
             own_params[i] = r.params[i, j] if r.n_own > 0 else r.params[0, i]
-        for g in range(r.n_guards):
-            if due >> g & 1:
-                r.modes[j, g] = -r.modes[j, g]
-        for place in range(r.n_guards):
-            g = place if r.rules[at.WAY, place] > 0 else r.n_guards - 1 - place
-            direction = r.modes[j, g]
-            if due >> g & 1 == 0 or r.rules[at.DIRECTION, g] * direction < 0:
-                continue
+        direction = -r.modes[j, g]
+        r.modes[j, g] = direction
+        if r.rules[at.DIRECTION, g] * direction >= 0:
             stop, mode = r.rules[at.TERMINAL, g], row(r.modes, j)
             if r.handler != 0:
                 stop |= call_on_event(r.handler, now, own, mode, own_params, g, direction)
             r.book[EVENTS, j] += 1
-            if stop != 0 or over >> j & 1 == 0:
-                r.book[CULPRIT, j] = g
+            r.book[CULPRIT, j] = g
             if stop != 0:
                 r.book[STATUS, j] = at.TERMINATED
                 over |= 1 << j
-        lost = r.book[EVENTS, j] >= r.max_events and over >> j & 1 == 0
-        for g in range(r.n_guards):
-            r.locks[g, j] = r.modes[j, g]
-            lost |= r.modes[j, g] * r.modes[j, g] != 1
+                lost |= others != 0
+        lost |= r.book[EVENTS, j] >= r.max_events and over >> j & 1 == 0
+        for k in range(r.n_guards):
+            r.locks[k, j] = r.modes[j, k]
+            lost |= r.modes[j, k] * r.modes[j, k] != 1
         for i in range(r.n if r.handler != 0 else 0):
+            r.book[JUMPED, j] |= 1 if own[i] != r.table[i, j] else 0
             r.table[i, j] = own[i]
         for i in range(len(own_params) if r.handler != 0 else 0):
             if r.n_own > 0:
@@ -503,8 +534,11 @@ def cut(crossed: Any, place: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
 @kernel
 def land(
     landing: int, t: Any, h: Any, soonest: Any, idle: Any, run_s: float, r: Any
-) -> tuple[Any, int]:
+) -> tuple[Any, int, int]:
     """Move the ends of these steps to their surfaces; return the shifts, and where guards are due.
+
+    The third result are the lanes in which several guards are due, and one of them is past its
+    surface by more than rounding: the driver must say what belongs to this instant.
 
     In lanes that have landed in vain before, the state cannot come any nearer to the surface: the
     rounding of state or guard is larger than the guard's values suggest. It flips from there.
@@ -525,7 +559,7 @@ def land(
     more = where(mine & (more < inf), more, 0.0)
     for i in range(r.n):
         r.moved[i] = fma(more, slope[i], r.moved[i])
-    shift, flipping = shift + more, 0
+    shift, flipping, past = shift + more, 0, 0
     call_guards(r.guards, t + h + shift, r.moved, slope, r, r.h, r.rate)
     for g in range(r.n_guards):
         size = largest(absolute(r.h0[g]), absolute(r.h1[g]))
@@ -535,8 +569,13 @@ def land(
         r.size[g] = where(mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g])
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
         flipping |= mark(landing, g, margin, rate, noise, r)
+        past |= bits(margin < -noise) & landing
         r.h1[g], r.rate1[g] = where(mine, r.h[g], r.h1[g]), where(mine, r.rate[g], r.rate1[g])
-    return shift, flipping
+    torn = 0
+    for j in range(WIDTH if past != 0 else 0):
+        several = r.book[DUE, j] & (r.book[DUE, j] - 1) != 0
+        torn |= 1 << j if past >> j & 1 and several else 0
+    return shift, flipping, torn
 
 
 @kernel
@@ -643,8 +682,6 @@ def run(first: int, last: int, desk: int) -> int:
             if due != 0:
                 over |= fire(due, t, r)
                 sample_again(due, t, r)
-                if rounds > MOST_ROUNDS:
-                    over |= give_up(due & ~over, r)
                 fresh = (fresh | due) & ~over
         if begun != 0:
             guess = first_step(t, spread(min(run_s, r.max_step)), r)
@@ -686,7 +723,9 @@ def run(first: int, last: int, desk: int) -> int:
         rejected = active & ~bits(accepted) & ~aimed
         shift = spread(0.0)
         if landing != 0:
-            shift, fresh = land(landing, t, h, soonest, idle, run_s, r)
+            shift, fresh, torn = land(landing, t, h, soonest, idle, run_s, r)
+            over |= give_up(torn, r)
+            fresh &= ~torn
             h_next = where(mask_of(landing), largest(h_next, resume), h_next)
             resume = where(mask_of(landing), 0.0, resume)
         t_new = where(whole & (shift == 0.0), r.t_end, t + h + shift)
@@ -705,6 +744,9 @@ def run(first: int, last: int, desk: int) -> int:
             r.rate0[g] = where(accepted, r.rate1[g], r.rate0[g])
             r.leaving[g] = where(accepted, 0.0, r.leaving[g])
         if fresh != 0:
+            for j in range(WIDTH):
+                if fresh >> j & 1:
+                    begin_instant(j, r)
             over |= fire(fresh, t, r)
             sample_again(fresh, t, r)
         nowhere = (mask_of(landing) | (h < SHORTEST * run_s)) & ~mask_of(fresh)
