@@ -93,6 +93,7 @@ def touchdown_table(
         The sections: mean height of the body markers, m.
     landings : pandas.DataFrame, optional
         Landings of the recording with their contacts, from `find_landings`; by default found here.
+        If their contacts are by another method, only the descents of the body are used.
     method : str
         See `hopdata.landings.contacts.find.find_contacts`. Every method but the kink fit searches
         between the sections.
@@ -125,8 +126,9 @@ def touchdown_table(
     """
     require_choice("touchdowns.ambiguous", ambiguous, schedules.TREATMENTS)
     printed = chosen("touchdowns.method", method, find.METHODS) is not None
-    if landings is None:
-        landings = find.find_landings(recording, **options)
+    # The printed methods search again, between the sections, and need the descents alone.
+    if landings is None or not (printed or find.are_by(landings, method)):
+        landings = find.find_landings(recording, method=method, **options)
     spans = landings[["begin_s", "end_s"]].to_numpy(float)
     hidden = landings["hidden"].to_numpy(bool)
     transitions = _transitions(recording, spans, hidden, (pre_height_m, post_height_m))
