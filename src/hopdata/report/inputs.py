@@ -133,12 +133,15 @@ class SteeringInputs(PageInputs):
         ``observed.json``: for each recording, frames, stances and hops, and what was left out.
     scores : DataFrame, optional
         ``model_scores.csv``.
+    examples : DataFrame, optional
+        ``examples.csv``: the runs that the figures show.
     """
 
     outcomes: pd.DataFrame | None = None
     horizons: pd.DataFrame | None = None
     counts: Sequence[Mapping[str, Any]] | None = None
     scores: pd.DataFrame | None = None
+    examples: pd.DataFrame | None = None
 
 
 @dataclass(frozen=True)

@@ -160,9 +160,7 @@ def _printed_contacts(
         method=method,
     )
     unknown = np.full(contacts.instant.shape[1], np.nan)
-    return replace(
-        contacts, instant=contacts.instant / pace, se=contacts.se / pace, common=unknown
-    )
+    return replace(contacts, instant=contacts.instant / pace, se=contacts.se / pace, common=unknown)
 
 
 def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
