@@ -645,6 +645,7 @@ class Study(Shown):
                 touchdowns=self.touchdowns,
                 prediction=tables["prediction_summary"],
                 distances=tables.get("distance_summary"),
+                distances_asked=self.asks_for_distances,
                 faults=tables["faults"],
                 remarks=tables["remarks"],
                 notes=self._of_maps[1],

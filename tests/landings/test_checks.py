@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.landings.checks import GOOD, LOOK, POOR, UNKNOWN, blurred, check_study
+from hopdata.landings.checks import GOOD, LOOK, NOT_ASKED, POOR, UNKNOWN, blurred, check_study
 from hopdata.landings.contacts.find import FILTER_DELAYS
 
 WHAT = {
@@ -181,8 +181,9 @@ def test_descents_that_nobody_could_see_are_not_passed_over(tables, marker, told
 
 def test_without_an_expected_noise_the_found_one_is_shown(tables):
     found = judged(tables, noise_m=None)[WHAT["noise"]]
-    assert found.status == UNKNOWN
+    assert found.status == NOT_ASKED  # not unknown: the light of the recordings can be lit
     assert "0.6 mm found" in found.remark
+    assert "report.expected_noise_m" in found.remark
 
 
 def test_a_study_without_touchdowns_has_no_good_landings(tables):

@@ -31,6 +31,7 @@ with reported(snakemake.log[0]):
             floors=dict(zip(names, map(read_json, source.floors), strict=True)),
             truth=read_json(source.truth) if source.truth else None,
             distances=read_table(source.distances) if source.distances else None,
+            distances_asked=snakemake.params.study["distances"]["enabled"],
             verdict=read_json(source.verdict),
             overlay={Path(path).stem: read_table(path) for path in source.overlay},
             quality=read_json(source.quality),

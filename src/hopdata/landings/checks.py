@@ -16,6 +16,7 @@ from hopdata.landings.contacts.find import FILTER_DELAYS
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
+NOT_ASKED = "not asked"  # nothing is configured to compare the value with
 SURE = 0.9  # probability at or above which an order counts as sure
 NO_KINK_S = 0.005  # standard error, s, above which the contact hardly changes the foot's velocity
 LONG_S = 1.0  # gap of a body marker, s, in which whole descents may go unseen
@@ -38,7 +39,8 @@ class Check:
     good, poor : float
         Limits of a good and of a poor value; a value between them deserves a look.
     status : str
-        ``good, look, poor`` or ``not known``.
+        ``good, look, poor``, ``not known``, or ``not asked`` if the study configures nothing to
+        compare with.
     remark : str
         Where the value comes from, or what to look at.
     """
@@ -147,7 +149,8 @@ def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
     found = float(known.median())
     told = f"{1e3 * found:.2g} mm found"
     if expected_m is None:
-        return _check(what, None, f"{told}; none configured (report.expected_noise_m)")
+        remark = f"{told}; to compare it, set report.expected_noise_m"
+        return replace(_check(what, None, remark), status=NOT_ASKED)
     ratio = found / expected_m if expected_m else np.nan
     return _check(what, ratio, f"{told}, {1e3 * expected_m:.2g} mm expected")
 
