@@ -41,6 +41,7 @@ def tables():
             "se_f1_s": [3e-4] * 10,
             "se_f2_s": [3e-4] * 10,
             "spread_s": [0.01] * 10,
+            "method": ["kink"] * 10,
             "schedule": ["1>2"] * 10,
             "probability": [1.0] * 10,
             "class": ["1>2"] * 10,
