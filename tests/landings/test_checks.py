@@ -125,6 +125,26 @@ def test_the_worst_foot_is_not_hidden_by_the_others(tables):
     assert found.remark.endswith("worst foot f3")
 
 
+@pytest.mark.parametrize(
+    ("method", "told"),
+    [
+        ("kink", ""),
+        ("velocity_minimum", "only the rounding to a frame counts in these errors"),
+        ("velocity_minimum_parabola", "only the noise of the heights counts in these errors"),
+    ],
+)
+def test_errors_say_what_their_method_leaves_out_and_kinks_are_for_the_kink_fit(
+    tables, method, told
+):
+    """At 50 Hz the rounding to a frame alone is an error of 5.8 ms."""
+    tables["touchdowns"] = tables["touchdowns"].assign(
+        method=method, se_f1_s=5.8e-3, se_f2_s=5.8e-3, probability=0.7
+    )
+    found = judged(tables)
+    assert found[WHAT["error"]].remark.endswith(told or "worst foot f1")
+    assert ("without a kink" in found[WHAT["order"]].remark) == (method == "kink")
+
+
 def test_the_commonest_reason_names_the_foot_as_the_recording_does(tables):
     landed = [*[""] * 7, *["poor fit of foot 2"] * 3]
     tables["touchdowns"] = tables["touchdowns"].assign(

@@ -111,6 +111,11 @@ def test_a_controller_without_a_success_has_no_hops():
 
 def test_a_recorded_robot_has_no_experiments_and_the_page_says_so():
     recorded = replace(full_steering(), outcomes=None, horizons=None, truth=None)
-    told = "there is no simulation of it to steer"
-    assert told in Page(build_steering_report(recorded)).text
-    assert told not in Page(build_steering_report(full_steering())).text
+    told, asked = "there is no simulation of it to steer", "reaches its goals with it"
+    of_recorded, simulated = (
+        Page(build_steering_report(inputs)).text for inputs in (recorded, full_steering())
+    )
+    assert told in of_recorded
+    assert told not in simulated
+    assert asked not in of_recorded
+    assert asked in simulated
