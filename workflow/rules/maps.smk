@@ -3,12 +3,6 @@ rule maps:
     input:
         pairs=rules.pairs.output.pairs,
     output:
-        errors=f"{RESULTS}/tables/prediction_errors.csv",
-        prediction=f"{RESULTS}/tables/prediction_summary.csv",
-        prediction_notes=f"{RESULTS}/maps/prediction_notes.json",
-        estimates=f"{RESULTS}/tables/map_estimates.csv",
-        maps=f"{RESULTS}/maps/map_estimates.json",
-        estimate_notes=f"{RESULTS}/maps/map_estimates_notes.json",
         **(
             {
                 "distances": f"{RESULTS}/tables/distances.csv",
@@ -18,6 +12,12 @@ rule maps:
             if DISTANCES
             else {}
         ),
+        errors=f"{RESULTS}/tables/prediction_errors.csv",
+        prediction=f"{RESULTS}/tables/prediction_summary.csv",
+        prediction_notes=f"{RESULTS}/maps/prediction_notes.json",
+        estimates=f"{RESULTS}/tables/map_estimates.csv",
+        maps=f"{RESULTS}/maps/map_estimates.json",
+        estimate_notes=f"{RESULTS}/maps/map_estimates_notes.json",
     log:
         f"{RESULTS}/logs/maps.log",
     benchmark:
