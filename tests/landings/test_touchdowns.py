@@ -18,7 +18,7 @@ from hopdata.landings.contacts.descents import (
     descents,
     find_hidden_landings,
 )
-from hopdata.landings.contacts.find import METHODS, Contacts, find_landings
+from hopdata.landings.contacts.find import METHODS, Contacts, find_landings, floor_instants
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.floor import fit_floor, level
@@ -430,6 +430,9 @@ def test_contacts_are_found_by_the_method_asked_for(scene, method, size):
     assert set(kinks["method"]) == {"kink"}
     ahead = (kinks[names] - landings[names]).median().to_numpy()
     assert (ahead > 0.01).all()  # smoothing moves the minimum ahead of the contact
+    floor = floor_instants(landings)
+    np.testing.assert_allclose(floor, kinks[names], atol=0.008)
+    np.testing.assert_array_equal(floor_instants(kinks), kinks[names])
 
 
 @pytest.mark.parametrize("method", METHODS)
