@@ -39,7 +39,7 @@ rule all:
         f"{RESULTS}/report.html",
         f"{RESULTS}/provenance.json",
         f"{RESULTS}/verdict.json",
-        f"{RESULTS}/truth.json",
+        rules.score.output.truth if TRUTH_KNOWN else [],
         FIGURES,
         rules.pairs.output,
         rules.quality.output,

@@ -48,8 +48,9 @@ def order_figure(errors: pd.DataFrame) -> Figure:
     ----------
     errors : DataFrame
         One row per method and step: ``method``, ``max_step``, ``error_rms``, ``in_fit`` (whether
-        the order was fitted to it), ``fitted_order`` and ``fitted_error`` (the line's error there).
-        A method whose order is NaN has no line.
+        the line was fitted to it), ``fitted_order`` (the slope of the line) and ``fitted_error``
+        (its error there), ``limit_order`` and ``limit_order_se`` (the order for short steps). A
+        method whose slope is NaN has no line.
 
     Returns
     -------
@@ -79,12 +80,12 @@ def _draw_method(axes: Axes, rows: pd.DataFrame, place: int, count: int) -> None
     colour, marker = LOOKS[place % len(LOOKS)]
     size = LARGEST - (LARGEST - SMALLEST) * place / max(count - 1, 1)
     inverse = 1.0 / rows["max_step"].to_numpy()
-    used, order = rows["in_fit"].to_numpy(dtype=bool), float(rows["fitted_order"].iloc[0])
-    if np.isfinite(order):
+    used = rows["in_fit"].to_numpy(dtype=bool)
+    if np.isfinite(rows["fitted_order"].iloc[0]):
         _draw_fit(axes, inverse, rows["fitted_error"].to_numpy(), used, colour)
     axes.plot(
         inverse, rows["error_rms"], color=colour, linestyle=":", linewidth=0.8, marker=marker,
-        markersize=size, markerfacecolor="none", markeredgewidth=0.8, label=_name(rows, order),
+        markersize=size, markerfacecolor="none", markeredgewidth=0.8, label=_name(rows),
         markevery=max(1, len(rows) // MOST_MARKERS), zorder=3 + place,
     )  # fmt: skip
 
@@ -97,9 +98,24 @@ def _draw_fit(
     axes.plot(inverse[used], line[used], color=LIGHT_GREY, label="_interval", zorder=1, **wide)
 
 
-def _name(rows: pd.DataFrame, order: float) -> str:
-    fitted = f"order {order:.2f}" if np.isfinite(order) else "no straight part"
-    return f"{rows['method'].iloc[0]}\n{fitted}"
+def _name(rows: pd.DataFrame) -> str:
+    """Return a method's name with its order, and with the slope of its line, which is another.
+
+    The slope is a mean over the steps of the line, which may be few and long. The order is the
+    limit for short steps.
+    """
+    name, limit, limit_se, slope = (
+        rows[column].iloc[0]
+        for column in ("method", "limit_order", "limit_order_se", "fitted_order")
+    )
+    told = [str(name)]
+    if np.isfinite(limit):
+        told.append(f"order {limit:.2f} ± {limit_se:.2f}")
+    if np.isfinite(slope):
+        told.append(f"slope {slope:.2f} over {int(rows['in_fit'].sum())} steps")
+    if len(told) == 1:
+        told.append("no straight part")
+    return "\n".join(told)
 
 
 # Figure 4.3: the hopper's trajectory by MuJoCo and by our integrator, beside the exact one.

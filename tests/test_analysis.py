@@ -12,6 +12,8 @@ import pytest
 
 import hopdata as hd
 from hopdata.errors import ArgumentError, absent
+from hopdata.landings.contacts.find import METHODS
+from hopdata.maps import subspaces
 from hopdata.recordings.readers.hdf5 import read_recording
 
 FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
@@ -71,7 +73,7 @@ def test_what_a_notebook_looks_at(study):
     assert "<svg" in study._repr_html_()
     used = study.touchdowns[~study.touchdowns["excluded"]]
     assert len(used) == len(study.pairs) > 150
-    assert set(study.quality["status"]) <= {"good", "look", "poor", "not known"}
+    assert set(study.quality["status"]) <= {"good", "look", "poor", "not asked"}
     assert study.figures.schedule().axes
     assert "verdict" in dir(study.figures)
     recording = study.recordings[0]
@@ -270,6 +272,34 @@ def test_steps_one_by_one_compute_no_more_than_they_need(sample_path):
     assert told[-1] == "sections"
     assert "schedule" in study.find_touchdowns()
     assert study.judge().sentence in repr(study)
+
+
+def test_distances_that_are_not_asked_for_are_not_made(monkeypatch, tmp_path):
+    def made(*_, **__):
+        raise AssertionError("subspaces were made")
+
+    monkeypatch.setattr(subspaces, "bootstrap_subspaces", made)
+    recording, _ = hd.synthesize(simulation={"hops": 60})
+    study = hd.study(recording, distances={"enabled": False}, prediction={"bootstraps": 2})
+    assert {"distances", "distance_summary"}.isdisjoint(study.tables)
+    assert "distances" not in study.figures.names
+    assert "fig2_5_distances" not in study.figures.names.values()
+    told = "This study does not ask for constraint subspaces"
+    assert told in study.report(tmp_path / "page.html").read_text()
+    with pytest.raises(AssertionError, match="subspaces were made"):
+        _ = hd.study(recording, prediction={"bootstraps": 2}).tables
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_contacts_of_a_study_are_those_of_its_method(sample_path, method):
+    recording = hd.read(sample_path, feet=FEET, body=BODY).part(slice(4000))
+    study = hd.study(recording, touchdowns={"method": method})
+    found, table = study.find_contacts()["hopper"], study.find_touchdowns()
+    assert set(found["method"]) == set(table["method"]) == {method}
+    names = [f"contact_{foot}_s" for foot in FEET]
+    same = found[names].iloc[1:].to_numpy() == table[names].iloc[1:].to_numpy()
+    assert len(found) == len(table)
+    assert same[~table["excluded"].to_numpy()[1:]].all()
 
 
 def test_the_vertical_axis_of_a_file_is_guessed(sample_path, tmp_path):

@@ -24,7 +24,7 @@ TABLES = {
     *("read_recording", "write_recording", "read_truth", "read_pairs", "write_pairs"),
     *("read_bases", "write_subspaces", "save_process", "load_process", "load_geometry"),
     *("from_table", "to_table", "true_map_of", "true_map_table", "training_table", "filled_table"),
-    *("robot_and_camera", "common_scene", "require_distinct", "notes", "blurred"),
+    *("robot_and_camera", "common_scene", "require_distinct", "notes", "blurred", "taking_part"),
     *("check_plausible", "check_study", "contact_instants", "example_touchdown", "error_ratios"),
     *(
         "exclude_stateless",

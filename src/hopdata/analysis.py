@@ -19,7 +19,7 @@ from hopdata.arrays import Shown, one_blas_thread, pd
 from hopdata.config import consistency
 from hopdata.config.loading import check_keys, load_config, read_yaml
 from hopdata.errors import AnalysisError, ArgumentError, RecordingError, absent, told_call
-from hopdata.figures.catalogue import FIGURES, function_of, tables_of
+from hopdata.figures.catalogue import FIGURES, OF_DISTANCES, function_of, tables_of
 from hopdata.jobs import as_stored, stacked, whole_file, write_json, write_table
 from hopdata.recording import Recording, Truth, marker_names, numbers, require_distinct
 from hopdata.recordings.readers import hdf5
@@ -404,7 +404,11 @@ class Study(Shown):
 
     @cached_property
     def contacts(self) -> dict[str, pd.DataFrame]:
-        """Table per recording of the body's descents and the contact instants of each foot."""
+        """Table per recording of the body's descents and the contact instants of each foot.
+
+        They are found by ``touchdowns.method``, each in the whole descent of the body. The printed
+        methods search again between the sections, once these are known (`touchdowns`).
+        """
         from hopdata.landings.contacts.find import find_landings
 
         options, found = consistency.contact_options(self.config), {}
@@ -502,17 +506,24 @@ class Study(Shown):
         self.progress("linear maps")
         errors = bootstrap_prediction(x, y, pairs.schedule, pairs.spread_s, **how)
         estimates = estimate_maps(pairs.x, pairs.y, instants, **units)
-        self.progress("constraint subspaces")
-        spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])
-        apart = measure_distances(spaces.bases, spaces.shape, **seed, **config["distances"])
         tables = {
             "prediction_errors": errors.errors,
             "prediction_summary": errors.summary,
-            "distances": apart.distances,
-            "distance_summary": apart.summary,
             "map_estimates": estimates.table(),
         }
+        if not self.asks_for_distances:
+            return tables, [*errors.notes, *estimates.notes]
+        self.progress("constraint subspaces")
+        options = {key: value for key, value in config["distances"].items() if key != "enabled"}
+        spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])
+        apart = measure_distances(spaces.bases, spaces.shape, **seed, **options)
+        tables |= {"distances": apart.distances, "distance_summary": apart.summary}
         return tables, [*errors.notes, *spaces.notes, *apart.notes, *estimates.notes]
+
+    @property
+    def asks_for_distances(self) -> bool:
+        """Whether constraint subspaces are made and their distances measured."""
+        return bool(self.config["distances"]["enabled"])
 
     @cached_property
     def _of_landings(self) -> Contents:
@@ -633,7 +644,8 @@ class Study(Shown):
                 quality=self._checks,
                 touchdowns=self.touchdowns,
                 prediction=tables["prediction_summary"],
-                distances=tables["distance_summary"],
+                distances=tables.get("distance_summary"),
+                distances_asked=self.asks_for_distances,
                 faults=tables["faults"],
                 remarks=tables["remarks"],
                 notes=self._of_maps[1],
@@ -709,7 +721,9 @@ class Figures:
     @property
     def names(self) -> dict[str, str]:
         """Names of the functions -> names of the figures in the workflow's results."""
-        drawings = FIGURES["landings"] | FIGURES["maps"]
+        drawings = [*FIGURES["landings"], *FIGURES["maps"]]
+        if not self.of.asks_for_distances:
+            drawings.remove(OF_DISTANCES)
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 
     def __dir__(self) -> list[str]:

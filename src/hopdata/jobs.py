@@ -21,7 +21,7 @@ from hopdata.arrays import pd
 from hopdata.errors import HopdataError, StorageError
 
 TEXT_COLUMNS = (
-    *("recording", "schedule", "schedule_a", "schedule_b", "reason"),
+    *("recording", "method", "schedule", "schedule_a", "schedule_b", "reason"),
     *("foot", "first_foot", "feet", "marker", "column", "name"),
 )
 RUN = "[=+\\-@\t\r\n＝＋－＠]"  # a spreadsheet may run texts that begin with these as formulas

@@ -30,7 +30,9 @@ def errors(methods=METHODS):
         error = np.clip(line, 3e-15, 1e-2)
         used = (error > 1e-12) & (error < 1e-3)
         columns = {"method": name, "max_step": step, "error_rms": error, "in_fit": used}
-        tables.append(pd.DataFrame({**columns, "fitted_order": order, "fitted_error": line}))
+        fitted = {"fitted_order": order + 0.7, "fitted_error": line}
+        limit = {"limit_order": order, "limit_order_se": 0.12}
+        tables.append(pd.DataFrame({**columns, **fitted, **limit}))
     return pd.concat(tables)
 
 
@@ -66,8 +68,17 @@ def test_what_is_drawn_is_what_the_table_says():
 
 
 def test_the_orders_are_named():
-    labels = [curve.get_label() for curve in curves(order_figure(errors()))]
-    assert labels == [f"{name}\norder {order:.2f}" for name, order in METHODS.items()]
+    """The order is the limit; the slope of a line over a few steps is another number."""
+    table = errors()
+    steps = table.groupby("method")["in_fit"].sum()
+    labels = [curve.get_label() for curve in curves(order_figure(table))]
+    assert labels == [
+        f"{name}\norder {order:.2f} ± 0.12\nslope {order + 0.7:.2f} over {steps[name]} steps"
+        for name, order in METHODS.items()
+    ]
+    without = order_figure(table.assign(limit_order=np.nan, limit_order_se=np.nan))
+    assert [curve.get_label().count("order") for curve in curves(without)] == [0, 0, 0]
+    assert [curve.get_label().count("slope") for curve in curves(without)] == [1, 1, 1]
 
 
 def test_methods_can_be_told_apart():
@@ -81,7 +92,7 @@ def test_methods_can_be_told_apart():
 
 def test_a_method_without_a_straight_part_is_said():
     table = errors({"scattered": 4.0}).assign(
-        in_fit=False, fitted_order=np.nan, fitted_error=np.nan
+        in_fit=False, fitted_order=np.nan, fitted_error=np.nan, limit_order=np.nan
     )
     figure = order_figure(table)
     assert curves(figure)[0].get_label() == "scattered\nno straight part"

@@ -1,13 +1,17 @@
 """Mistakes in the blocks `contacts` and `forces` of a recording."""
 
 import copy
+import shutil
 from pathlib import Path
 
 import pytest
 
-from hopdata.config.consistency import feet_of, nearest_file
+import hopdata
+from hopdata.config.consistency import feet_of, knows_truth, nearest_file
 from hopdata.config.loading import load_config
 from hopdata.errors import ConfigError
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.readers.hdf5 import write_recording
 
 SOUND = {
     "study": "plate",
@@ -200,3 +204,57 @@ def test_a_file_or_a_configuration_that_is_nearby_is_named(tmp_path, monkeypatch
     monkeypatch.chdir(inner)
     assert nearest_file(Path("two.tsv")) == f" in {inner}"
     assert nearest_file(Path("ones.yaml")) == "; did you mean 'one.yaml'?"
+
+
+FEET, BODY = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
+
+
+def of_files(*files, markers=None, axis="z"):
+    """Return the part of a configuration that decides whether a truth is known."""
+    entries = [{"name": f"one{i}", "file": file} for i, file in enumerate(files)]
+    return {
+        "recordings": entries,
+        "markers": markers or {"body": BODY, "feet": FEET},
+        "input": {"vertical_axis": axis},
+    }
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """Return files of one recording: with its truth, without it, and under another suffix."""
+    folder = tmp_path_factory.mktemp("stored")
+    recording, truth = hopdata.synthesize(simulation={"hops": 2})
+    write_recording(folder / "with.h5", recording, truth)
+    write_recording(folder / "without.h5", recording)
+    (folder / "damaged.h5").write_bytes((folder / "with.h5").read_bytes()[:2_000])
+    shutil.copy(folder / "with.h5", folder / "WITH.HDF5")
+    return folder
+
+
+def test_a_truth_is_known_by_what_a_file_holds(stored):
+    with_truth, without = (str(stored / name) for name in ("with.h5", "without.h5"))
+    assert knows_truth(of_files(with_truth))
+    assert knows_truth(of_files(str(stored / "WITH.HDF5")))
+    assert knows_truth(of_files(without, with_truth))
+    assert knows_truth(of_files(None))  # simulated
+    assert knows_truth(of_files(with_truth, axis="auto"))
+    for nothing in (without, "a.csv", "missing.h5", str(stored / "damaged.h5")):
+        assert not knows_truth(of_files(nothing))
+
+
+def test_a_truth_that_importing_drops_is_not_known(stored):
+    """Of joined files, of another choice of markers, of axes that are turned."""
+    file = str(stored / "with.h5")
+    fewer = {"body": BODY, "feet": FEET[:2]}
+    for config in (
+        of_files([file, file]),
+        of_files(file, markers=fewer),
+        of_files(file, axis="y"),
+    ):
+        assert not knows_truth(config)
+    for markers, axis in ((fewer, "z"), ({"body": BODY, "feet": FEET}, "y")):
+        options = {"name": "one", "markers": markers, "vertical_axis": axis}
+        assert import_recording(file, **options)[1] is None
+    again = {"body": BODY[::-1], "feet": FEET[::-1]}
+    assert knows_truth(of_files(file, markers=again))
+    assert import_recording(file, name="one", markers=again)[1] is not None

@@ -479,7 +479,11 @@ STAGES = {
     "scaling_study": ["hopdata.synthesis.scaling:study_landings"],
     "figures": ["hopdata.figures.style:save_figure"],
 }
-ELSEWHERE = {("filling", "largest_share"), ("sections", "grid_nodes")}
+ELSEWHERE = {
+    ("filling", "largest_share"),
+    ("sections", "grid_nodes"),
+    ("distances", "enabled"),
+}
 
 
 @pytest.mark.parametrize("section", STAGES)

@@ -88,6 +88,7 @@ def touchdown(n_feet: int = 3, seed: int = 2) -> dict[str, object]:
     row: dict[str, object] = {
         "recording": "hopper",
         "index": 7,
+        "method": "kink",
         "t_pre_s": 12.34,
         "t_post_s": 12.47,
     }

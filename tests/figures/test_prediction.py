@@ -28,6 +28,14 @@ def test_six_boxes_in_the_printed_order():
     assert text_faults(figure) == []
 
 
+@pytest.mark.parametrize("missing", [None, "specialised", "all", "near"])
+def test_specialised_and_all_are_compared_in_words_only_if_both_are_there(missing):
+    table = prediction_summary()
+    title = prediction_figure(table[table["model"] != missing], units()).axes[0].get_title("left")
+    assert title.startswith("How far each model misses")
+    assert ("does not mean different maps" in title) == (missing in (None, "near"))
+
+
 def test_boxes_are_the_quantiles_given():
     table = prediction_summary()
     axes = prediction_figure(table, units()).axes[0]

@@ -5,6 +5,7 @@ from fake_tables import example, feet_names, touchdown
 from overlaps import text_faults
 
 from hopdata.figures.schedule import schedule_figure, touchdown_of
+from hopdata.landings.contacts.find import METHODS
 
 
 def drawn(samples, row):
@@ -38,6 +39,38 @@ def test_contacts_stand_in_order_with_their_errors():
         low, high = container[2][0].get_segments()[0][:, 0]
         assert (low + high) / 2 == pytest.approx(instant)
         assert (high - low) / 2 == pytest.approx(0.9)
+
+
+BY_METHOD = {
+    "kink": "98.7 % sure",
+    "velocity_minimum": "98.7 % by rounding alone",
+    "velocity_minimum_parabola": "98.7 % by noise alone",
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_order_is_as_sure_as_its_method_can_tell(method):
+    row = touchdown(3) | {"method": method, "se_foot2_s": 0.03}
+    figure = drawn(example(row), row)
+    contact = figure.axes[1]
+    assert BY_METHOD[method] in contact.get_title(loc="left")
+    assert contact.get_title(loc="left").count("sure") == (method == "kink")
+    undetermined = [text.get_text() for text in contact.texts].count("not determined")
+    assert undetermined == (method == "kink")
+    assert text_faults(figure) == []
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_only_a_kink_lies_where_two_lines_meet(method):
+    """The others are instants of the smoothed velocity, so their plus lies on the drawn heights."""
+    row = touchdown(2) | {"method": method}
+    table = example(row, 2)
+    axes = drawn(table, row).axes[0]
+    pluses = [line for line in axes.lines if line.get_marker() == "+"][:2]
+    for plus, foot in zip(pluses, feet_names(2), strict=True):
+        rows = table[table["foot"] == foot]
+        level = np.interp(plus.get_xdata()[0] / 1000, rows["time_s"], 1e3 * rows["height_m"])
+        assert (plus.get_ydata()[0] == pytest.approx(level)) == (method != "kink")
 
 
 def test_a_contact_that_is_not_determined_looks_so():

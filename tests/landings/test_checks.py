@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.landings.checks import GOOD, LOOK, POOR, UNKNOWN, blurred, check_study
+from hopdata.landings.checks import GOOD, LOOK, NOT_ASKED, POOR, UNKNOWN, blurred, check_study
 from hopdata.landings.contacts.find import FILTER_DELAYS
 
 WHAT = {
@@ -41,6 +41,7 @@ def tables():
             "se_f1_s": [3e-4] * 10,
             "se_f2_s": [3e-4] * 10,
             "spread_s": [0.01] * 10,
+            "method": ["kink"] * 10,
             "schedule": ["1>2"] * 10,
             "probability": [1.0] * 10,
             "class": ["1>2"] * 10,
@@ -124,6 +125,26 @@ def test_the_worst_foot_is_not_hidden_by_the_others(tables):
     assert found.remark.endswith("worst foot f3")
 
 
+@pytest.mark.parametrize(
+    ("method", "told"),
+    [
+        ("kink", ""),
+        ("velocity_minimum", "only the rounding to a frame counts in these errors"),
+        ("velocity_minimum_parabola", "only the noise of the heights counts in these errors"),
+    ],
+)
+def test_errors_say_what_their_method_leaves_out_and_kinks_are_for_the_kink_fit(
+    tables, method, told
+):
+    """At 50 Hz the rounding to a frame alone is an error of 5.8 ms."""
+    tables["touchdowns"] = tables["touchdowns"].assign(
+        method=method, se_f1_s=5.8e-3, se_f2_s=5.8e-3, probability=0.7
+    )
+    found = judged(tables)
+    assert found[WHAT["error"]].remark.endswith(told or "worst foot f1")
+    assert ("without a kink" in found[WHAT["order"]].remark) == (method == "kink")
+
+
 def test_the_commonest_reason_names_the_foot_as_the_recording_does(tables):
     landed = [*[""] * 7, *["poor fit of foot 2"] * 3]
     tables["touchdowns"] = tables["touchdowns"].assign(
@@ -181,8 +202,9 @@ def test_descents_that_nobody_could_see_are_not_passed_over(tables, marker, told
 
 def test_without_an_expected_noise_the_found_one_is_shown(tables):
     found = judged(tables, noise_m=None)[WHAT["noise"]]
-    assert found.status == UNKNOWN
+    assert found.status == NOT_ASKED  # not unknown: the light of the recordings can be lit
     assert "0.6 mm found" in found.remark
+    assert "report.expected_noise_m" in found.remark
 
 
 def test_a_study_without_touchdowns_has_no_good_landings(tables):

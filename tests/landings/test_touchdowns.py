@@ -10,6 +10,7 @@ import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import AnalysisError, ConfigError
+from hopdata.landings.contacts import kink_law
 from hopdata.landings.contacts.descents import (
     CONTINUED_S,
     LANDED,
@@ -17,7 +18,8 @@ from hopdata.landings.contacts.descents import (
     descents,
     find_hidden_landings,
 )
-from hopdata.landings.contacts.find import Contacts, find_landings
+from hopdata.landings.contacts.find import METHODS, Contacts, find_landings, floor_instants
+from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import force_onsets
@@ -110,6 +112,7 @@ def test_columns(table):
     assert list(table.columns) == [
         "recording",
         "index",
+        "method",
         "t_pre_s",
         "t_post_s",
         *(f"contact_{foot}_s" for foot in feet),
@@ -394,6 +397,86 @@ def test_contacts_are_found_once_and_serve_any_sections(scene, table):
     )
     contacts = [name for name in table if name.startswith(("contact_", "se_"))]
     pd.testing.assert_frame_equal(other[contacts], table[contacts])
+
+
+PRINTED = [name for name, find in METHODS.items() if find is not None]
+
+
+@pytest.mark.parametrize("method", PRINTED)
+@pytest.mark.parametrize("size", [1.0, 0.25])
+def test_contacts_are_found_by_the_method_asked_for(scene, method, size):
+    """Before the sections are known as between them, and in an animal of any size."""
+    pace = np.sqrt(size)
+    recording = replace(
+        scene.recording,
+        time=scene.recording.time * pace,
+        positions=scene.recording.positions * size,
+        rate_hz=scene.recording.rate_hz / pace,
+    )
+    # The pre section is so high that the smoothed velocity has its minimum below it.
+    sections = {
+        "pre_height_m": (PRE_HEIGHT_M + 0.06) * size,
+        "post_height_m": POST_HEIGHT_M * size,
+    }
+    landings = find_landings(recording, method=method)
+    table = touchdown_table(recording, landings=landings, method=method, **sections)
+    assert set(table["method"]) == set(landings["method"]) == {method}
+    assert len(landings) == len(table) == (~table["excluded"]).sum() == 120
+    names = [name for name in table if name.startswith("contact_")]
+    # The filter reaches beyond the first frame, so the first descent has no minimum.
+    same = np.isclose(landings[names], table[names], rtol=0, atol=1e-9)[1:]
+    assert same.mean() > 0.99
+    kinks = find_landings(recording)
+    assert set(kinks["method"]) == {"kink"}
+    ahead = (kinks[names] - landings[names]).median().to_numpy()
+    assert (ahead > 0.01).all()  # smoothing moves the minimum ahead of the contact
+    floor = floor_instants(landings)
+    np.testing.assert_allclose(floor, kinks[names], atol=0.008)
+    np.testing.assert_array_equal(floor_instants(kinks), kinks[names])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_no_kink_is_fitted_for_another_method(scene, monkeypatch, method):
+    def fitted(*_, **__):
+        raise AssertionError("a kink was fitted")
+
+    for name in ("joint_fits", "single_fits"):
+        monkeypatch.setattr(kink_law, name, fitted)
+    part = scene.recording.part(slice(0, 2_000))
+    if method in PRINTED:
+        assert len(touchdown_table(part, method=method, **SECTIONS)) > 0
+    else:
+        with pytest.raises(AssertionError, match="a kink was fitted"):
+            touchdown_table(part, method=method, **SECTIONS)
+
+
+def test_minima_are_not_taken_for_kinks(scene, table):
+    """A study by another method that is scored fits its own kinks; descents serve any method."""
+    minima = find_landings(scene.recording, method="velocity_minimum")
+    again = touchdown_table(scene.recording, landings=minima, method="kink", **SECTIONS)
+    pd.testing.assert_frame_equal(again, table)
+    by = {"method": "velocity_minimum_parabola", **SECTIONS}
+    pd.testing.assert_frame_equal(
+        touchdown_table(scene.recording, landings=minima, **by),
+        touchdown_table(scene.recording, **by),
+    )
+
+
+def test_a_foot_of_two_markers_has_a_contact_by_every_method(scene):
+    """The foot is where its lower marker is; here both are at the same height."""
+    recording = scene.recording
+    (first, *_), feet = recording.names("foot"), recording.positions[:, recording.indices("foot")]
+    seen = replace(
+        recording,
+        positions=np.concatenate([recording.positions, feet[:, :1] + [0.01, 0.0, 0.0]], axis=1),
+        markers=(*recording.markers, "heel"),
+        roles=(*recording.roles, "foot"),
+    )
+    joined = join_feet(seen, [{"name": "left", "markers": [first, "heel"]}])
+    for method in PRINTED:
+        alone = find_landings(recording, method=method)
+        both = find_landings(joined, method=method)
+        np.testing.assert_array_equal(both["contact_left_s"], alone[f"contact_{first}_s"])
 
 
 @pytest.mark.parametrize("after_s", [0.02, 0.06, 0.1])

@@ -61,6 +61,18 @@ def horizons() -> pd.DataFrame:
     return pd.DataFrame({"horizon": [3, 10], "runs": 10, "succeeded": [1, 9], "hops": [12, 27.5]})
 
 
+def examples(controller: str = "planner", *, success: bool = True) -> pd.DataFrame:
+    """Return what captions need of the runs shown: a stance of each."""
+    foretold = controller not in ("random", "none")
+    rows = [
+        {"experiment": experiment, "controller": controller, "success": success, "curve": curve,
+         "x_m": 0.1 if foretold or curve == "measured" else np.nan}
+        for experiment in ("origin", "turn", "origin_board", "turn_board")
+        for curve in ("measured", "response")
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
 def counts() -> list[dict[str, object]]:
     return [
         {
@@ -89,6 +101,7 @@ def full_steering(study: str = "steered") -> SteeringInputs:
         figures=figures(),
         outcomes=outcomes(),
         horizons=horizons(),
+        examples=examples(),
         counts=counts(),
         scores=scores(),
         truth={"heading_rms": {"value": 2.4, "unit": "mrad", "what": "heading, rms error"}},

@@ -37,6 +37,7 @@ def touchdowns(
         {
             "recording": rng.choice(recordings, n),
             "index": np.arange(n),
+            "method": "kink",
             "t_pre_s": 0.64 * np.arange(n),
             "t_post_s": 0.64 * np.arange(n) + 0.13,
             "schedule": np.where(bad, "", rng.choice(orders, n)),

@@ -11,7 +11,7 @@ from fake_study import full_study
 from hopdata.recording import Recording
 from hopdata.report.page import build_report
 from hopdata.report.scene import UNSEEN, landings_scene, recording_scene, small_plot
-from hopdata.report.tables import excluded_table, lights
+from hopdata.report.tables import excluded_table, lights, quality_summary
 
 ROLES = {"feet": ["toe</script>", "heel"], "body": ["hip"]}
 MARKERS = [*ROLES["feet"], "hip"]
@@ -94,6 +94,18 @@ def test_lights_show_the_worst_check_of_their_kind():
         ("Recordings", "poor", "noise: 5 mm"),
         ("Stability", "good", "1 check"),
     ]
+
+
+def test_what_nobody_asked_for_keeps_no_light_grey():
+    """A study of one's own has no expected noise unless it states one."""
+    seen = {"what": "seen", "about": "Recordings", "status": "good", "remark": "all"}
+    noise = {"what": "noise", "about": "Recordings", "status": "not asked", "remark": "set it"}
+    assert lights([seen, noise]) == [("Recordings", "good", "1 check; noise: set it")]
+    assert quality_summary([seen, noise])[0] == "1 of 1 good"
+    unknown = noise | {"status": "not known"}
+    assert lights([seen, unknown]) == [("Recordings", "not known", "noise: set it")]
+    assert lights([seen | {"status": "poor"}, noise]) == [("Recordings", "poor", "seen: all")]
+    assert lights([noise]) == []
 
 
 def test_the_page_holds_the_scene_and_its_script():

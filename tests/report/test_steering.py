@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 import pytest
-from fake_steering import FIGURES, counts, full_steering, outcomes
+from fake_steering import FIGURES, counts, examples, full_steering, horizons, outcomes
 from test_page import Page
 
 from hopdata.errors import ConfigError
@@ -77,6 +77,27 @@ def test_captions_of_runs_name_the_controller_that_is_drawn(page):
     assert page.text.count("un with the planner") == len(RUNS)
 
 
+def test_captions_say_what_was_done_and_no_more(page):
+    """The same page with another controller, no success, one seed, and no other horizons."""
+    alone = replace(
+        full_steering(),
+        outcomes=outcomes().query("controller == 'printed'").assign(seeds=1, runs=30),
+        horizons=horizons()[:0],
+        examples=examples("none", success=False),
+    )
+    other = Page(build_steering_report(alone))
+    planner_only = ("with the planner", "the planner must reach", "Required of the planner")
+    with_success = ("among those that succeeded", "so the path is an arc")
+    of_predictions = ("pure simulation", "what the model predicted")
+    of_many = ("in each of 10 seeds", "Each seed has its own excitation and its own model")
+    for words in (*planner_only, *with_success, *of_predictions, *of_many, "different horizons"):
+        assert words.lower() in page.text.lower(), words
+        assert words.lower() not in other.text.lower(), words
+    for words in ("with the boom at rest", "since in its seed none succeeded"):
+        assert words in other.text, words
+        assert words not in page.text, words
+
+
 def test_captions_need_no_outcomes():
     bare = replace(full_steering(), outcomes=None, scores=None)
     assert steering_facts(bare)["share"] == {}
@@ -90,6 +111,11 @@ def test_a_controller_without_a_success_has_no_hops():
 
 def test_a_recorded_robot_has_no_experiments_and_the_page_says_so():
     recorded = replace(full_steering(), outcomes=None, horizons=None, truth=None)
-    told = "there is no simulation of it to steer"
-    assert told in Page(build_steering_report(recorded)).text
-    assert told not in Page(build_steering_report(full_steering())).text
+    told, asked = "there is no simulation of it to steer", "reaches its goals with it"
+    of_recorded, simulated = (
+        Page(build_steering_report(inputs)).text for inputs in (recorded, full_steering())
+    )
+    assert told in of_recorded
+    assert told not in simulated
+    assert asked not in of_recorded
+    assert asked in simulated

@@ -18,6 +18,7 @@ from checkouts import (
     snakemake,
 )
 
+from hopdata.figures.catalogue import OF_DISTANCES
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
 pytestmark = pytest.mark.workflow
@@ -143,6 +144,7 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
         config["study"] = "biped_y"
         config["recordings"] = [{"name": "trial1", "file": "data/external/biped.h5"}]
         config["input"] = {"vertical_axis": "y"}
+        config["distances"] = {"enabled": False}
         config["markers"] = {
             role: [CALLED[name] for name in names] for role, names in config["markers"].items()
         }
@@ -162,10 +164,15 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     axis = read_recording(results / "recordings" / "trial1.h5").vertical_axis
     assert axis == "y"
     verdict = json.loads((results / "verdict.json").read_text())
-    assert verdict["sentence"] in (results / "report.html").read_text()
-    for name in FIGURES:
-        assert (results / "figures" / f"{name}.svg").exists()
-    assert escape(CALLED["foot1"]) in (results / "report.html").read_text()
+    page = (results / "report.html").read_text()
+    assert verdict["sentence"] in page
+    drawn = {path.stem for path in (results / "figures").iterdir()}
+    assert {*FIGURES} - drawn == {OF_DISTANCES}
+    assert escape(CALLED["foot1"]) in page
+    # The file has no truth and the study wants no distances, so there is nothing of either.
+    assert "does not ask for constraint subspaces" in page
+    for name in ("truth.json", "tables/distances.csv", "landings/velocity_minimum"):
+        assert not (results / name).exists(), name
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from hopdata.config.consistency import files_of, simulation_of
 from hopdata.config.loading import load_config
 from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
-from hopdata.figures.catalogue import FIGURES as CATALOGUE, source_of, tables_of
+from hopdata.figures.catalogue import FIGURES as CATALOGUE, OF_DISTANCES, source_of, tables_of
 from hopdata.provenance import code_digest
 
 # Snakemake writes Python's path unquoted into the shell command of each script.
@@ -39,11 +39,11 @@ check_times((file for files in SOURCES.values() for file in files), RESULTS)
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
 METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]
-# Only a simulation or a file of hopdata's own can carry the truth against which methods are scored.
-MAY_HAVE_TRUTH = any(
-    not files or files[0].endswith((".h5", ".hdf5")) for files in SOURCES.values() if len(files) < 2
-)
-SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
+# All methods are scored where there is a truth to score them against.
+TRUTH_KNOWN = consistency.knows_truth(STUDY)
+LABELLED_BY = METHODS if TRUTH_KNOWN else [METHOD]
+# Whether the study asks for constraint subspaces and their distances (Fig. 2.5).
+DISTANCES = STUDY["distances"]["enabled"]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
 SIMULATED = consistency.is_simulated(STUDY)
 # Contacts known from other sources, for the recordings that have any.

@@ -2,9 +2,17 @@
 KINDS = ["landings", "maps"]
 KINDS += ["truth"] if SIMULATED else []
 KINDS += ["overlay"] if EXTERNAL else []
+
+
+def asked(kind):
+    """Return the figures of one kind that the study asks for."""
+    left_out = [] if DISTANCES else [OF_DISTANCES]
+    return [name for name in CATALOGUE[kind] if name not in left_out]
+
+
 # The page shows the answer first, then the dissertation's figures.
 FIGURE_NAMES = sorted(
-    (name for kind in KINDS for name in CATALOGUE[kind]),
+    (name for kind in KINDS for name in asked(kind)),
     key=lambda name: (name != "verdict", not name.startswith("fig")),
 )
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
@@ -12,7 +20,7 @@ FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, fo
 
 def drawn(kind, folder, *, to):
     """Return input, output and parameters of a job that draws one kind of figure."""
-    names = list(CATALOGUE[kind])
+    names = asked(kind)
     sources = sorted({source_of(name) for name in names})
     return {
         "input": {

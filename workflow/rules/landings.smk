@@ -7,7 +7,7 @@ rule pairs:
         sections=f"{RESULTS}/landings/sections.json",
         densities=f"{RESULTS}/tables/section_densities.csv",
         frames=f"{RESULTS}/tables/section_frames.csv",
-        labelled=[path for method in SCORED_METHODS for path in touchdowns_by(method)],
+        labelled=[path for method in LABELLED_BY for path in touchdowns_by(method)],
         pairs=f"{RESULTS}/landings/pairs.h5",
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
         example=f"{RESULTS}/tables/example_touchdown.csv",
@@ -22,7 +22,7 @@ rule pairs:
     params:
         sections={key: value for key, value in STUDY["sections"].items() if key != "grid_nodes"},
         nodes=STUDY["sections"]["grid_nodes"],
-        methods=SCORED_METHODS,
+        methods=LABELLED_BY,
         touchdowns={**STUDY["touchdowns"], "largest_share": STUDY["filling"]["largest_share"]},
         exclude=[entry["exclude"] for entry in STUDY["recordings"]],
         home={"home_marker": STUDY["home"]["marker"]},

@@ -1,17 +1,23 @@
 rule maps:
-    """Fit linear maps per schedule; find prediction errors, constraint subspaces and distances."""
+    """Fit linear maps per schedule; find prediction errors, and distances of subspaces if asked."""
     input:
         pairs=rules.pairs.output.pairs,
     output:
+        **(
+            {
+                "distances": f"{RESULTS}/tables/distances.csv",
+                "distance_summary": f"{RESULTS}/tables/distance_summary.csv",
+                "distance_notes": f"{RESULTS}/maps/distances_notes.json",
+            }
+            if DISTANCES
+            else {}
+        ),
         errors=f"{RESULTS}/tables/prediction_errors.csv",
         prediction=f"{RESULTS}/tables/prediction_summary.csv",
         prediction_notes=f"{RESULTS}/maps/prediction_notes.json",
         estimates=f"{RESULTS}/tables/map_estimates.csv",
         maps=f"{RESULTS}/maps/map_estimates.json",
         estimate_notes=f"{RESULTS}/maps/map_estimates_notes.json",
-        distances=f"{RESULTS}/tables/distances.csv",
-        distance_summary=f"{RESULTS}/tables/distance_summary.csv",
-        distance_notes=f"{RESULTS}/maps/distances_notes.json",
     log:
         f"{RESULTS}/logs/maps.log",
     benchmark:
@@ -130,7 +136,7 @@ rule score:
     input:
         **{
             f"{method}_{recording}": f"{RESULTS}/landings/{method}/{recording}.csv"
-            for method in SCORED_METHODS
+            for method in LABELLED_BY
             for recording in RECORDINGS
         },
         exact=(
@@ -147,7 +153,7 @@ rule score:
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         sections=rules.pairs.output.sections,
         prediction=rules.maps.output.prediction,
-        distances=rules.maps.output.distance_summary,
+        distances=rules.maps.output.distance_summary if DISTANCES else [],
     output:
         truth=f"{RESULTS}/truth.json",
     log:
@@ -157,7 +163,7 @@ rule score:
     resources:
         **needs(mb_a_mb=20, minutes=10),
     params:
-        methods=SCORED_METHODS,
+        methods=LABELLED_BY,
         recordings=RECORDINGS,
         markers=STUDY["markers"],
         code=code("score"),

@@ -11,17 +11,17 @@ rule report:
         touchdowns=rules.pairs.output.touchdowns,
         units=rules.pairs.output.units,
         prediction=rules.maps.output.prediction,
-        distances=rules.maps.output.distance_summary,
+        distances=rules.maps.output.distance_summary if DISTANCES else [],
         verdict=rules.verdict.output.verdict,
         quality=rules.quality.output.checks,
         faults=rules.inspection.output.faults,
         remarks=rules.inspection.output.remarks,
         notes=[
             rules.maps.output.prediction_notes,
-            rules.maps.output.distance_notes,
+            *([rules.maps.output.distance_notes] if DISTANCES else []),
             rules.maps.output.estimate_notes,
         ],
-        truth=rules.score.output.truth,
+        truth=rules.score.output.truth if TRUTH_KNOWN else [],
         overlay=(
             [
                 rules.contact_overlay.output.summary,

@@ -266,6 +266,7 @@ STEERING_PAGE = {
         else {
             "outcomes": rules.steering_outcomes.output.outcomes,
             "horizons": rules.steering_horizons.output.table,
+            "examples": rules.steering_outcomes.output.examples,
             "truth": rules.steering_score.output.truth,
         }
     ),

@@ -8,7 +8,7 @@ from hopdata.recordings.readers.hdf5 import read_recording
 from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 from hopdata.report.page import build_report
 
-TABLES = ("touchdowns", "prediction", "distances", "faults", "remarks")
+TABLES = ("touchdowns", "prediction", "faults", "remarks")
 
 with reported(snakemake.log[0]):
     source = snakemake.input
@@ -29,7 +29,9 @@ with reported(snakemake.log[0]):
             units=read_json(source.units),
             provenance=record,
             floors=dict(zip(names, map(read_json, source.floors), strict=True)),
-            truth=read_json(source.truth),
+            truth=read_json(source.truth) if source.truth else None,
+            distances=read_table(source.distances) if source.distances else None,
+            distances_asked=snakemake.params.study["distances"]["enabled"],
             verdict=read_json(source.verdict),
             overlay={Path(path).stem: read_table(path) for path in source.overlay},
             quality=read_json(source.quality),

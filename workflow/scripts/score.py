@@ -25,7 +25,7 @@ with reported(snakemake.log[0]):
             name: read_recording(path) for name, path in zip(truths, source.recordings, strict=True)
         },
         prediction_summary=read_table(source.prediction),
-        distance_summary=read_table(source.distances),
+        distance_summary=read_table(source.distances) if source.distances else None,
         exact={Path(path).stem: read_table(path) for path in source.exact},
     )
     write_json(snakemake.output.truth, entries)

@@ -4,7 +4,7 @@ import numpy as np
 
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.steering.experiments.study import experiments_of
-from hopdata.steering.experiments.tasks import CEILING, EXPERIMENTS, LEARNED
+from hopdata.steering.experiments.tasks import EXPERIMENTS, taking_part
 from hopdata.steering.models.process import load_process
 from hopdata.steering.observation.geometry import load_geometry
 from hopdata.steering.trial import true_map_of
@@ -12,13 +12,11 @@ from hopdata.steering.trial import true_map_of
 with reported(snakemake.log[0]):
     seed, _, observation = snakemake.wildcards.seed.partition("_")
     number, steering = int(seed), snakemake.params.steering
-    controllers = [*steering["experiments"]["controllers"], CEILING]
-    if observation:  # later observations run only the controllers that depend on them
-        controllers = [name for name in controllers if name in LEARNED]
+    asked = steering["experiments"]["controllers"]
     manoeuvre = snakemake.wildcards.manoeuvre
     tables = experiments_of(
-        [name for name, (asked, _) in EXPERIMENTS.items() if asked == manoeuvre],
-        controllers,
+        [name for name, (kind, _) in EXPERIMENTS.items() if kind == manoeuvre],
+        taking_part(asked, later_observation=bool(observation)),
         steering,
         snakemake.params.motion_capture,
         model=load_process(snakemake.input.model),

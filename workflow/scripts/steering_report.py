@@ -15,7 +15,7 @@ with reported(snakemake.log[0]):
     record = provenance(
         snakemake.params.study, {r.source: r.source_sha256 for r in recordings}, stage_times
     )
-    simulated = ("outcomes", "horizons")  # a recorded robot has none
+    simulated = ("outcomes", "horizons", "examples")  # a recorded robot has none
     inputs = SteeringInputs(
         study=snakemake.params.study["study"],
         figures=read_figures(source.figures, source.captions),

@@ -97,7 +97,7 @@ def files_of(entry: Mapping[str, Any]) -> list[str]:
 
 
 def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options of `find_landings`; other ``touchdowns`` keys decide on contacts found."""
+    """Return the ``touchdowns`` keys that `find_landings` takes; others judge what it found."""
     taken = signature(resolve_name("hopdata.landings.contacts.find:find_landings")).parameters
     return {key: value for key, value in config["touchdowns"].items() if key in taken}
 
@@ -110,6 +110,31 @@ def fills(config: Mapping[str, Any]) -> bool:
 def is_simulated(config: Mapping[str, Any]) -> bool:
     """Tell whether all recordings are simulated, so that scenes are known and can be integrated."""
     return not any(files_of(entry) for entry in config["recordings"])
+
+
+# Formats with a place for a truth, and axes of the file for which it holds: see `import_recording`.
+_WITH_TRUTH, _UPRIGHT = (".h5", ".hdf5"), ("z", "auto")
+
+
+def knows_truth(config: Mapping[str, Any]) -> bool:
+    """Tell whether the truth of any recording is known, so that the study is scored against it.
+
+    That of a simulated recording is. That of a file is if it stands in the file and holds for the
+    markers that the study takes; files that are joined to one recording lose theirs.
+    """
+    return any(_has_truth(config, files_of(entry)) for entry in config["recordings"])
+
+
+def _has_truth(config: Mapping[str, Any], files: list[str]) -> bool:
+    if len(files) != 1:
+        return not files
+    if Path(files[0]).suffix.lower() not in _WITH_TRUTH:
+        return False  # so that h5py is not loaded, for which every start would pay
+    if config["input"]["vertical_axis"] not in _UPRIGHT:
+        return False
+    holds_truth = resolve_name("hopdata.recordings.readers.hdf5:holds_truth")
+    markers = config["markers"]
+    return bool(holds_truth(files[0], body=markers["body"], feet=markers["feet"]))
 
 
 def expected_noise_m(config: Mapping[str, Any]) -> float:

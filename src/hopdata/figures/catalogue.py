@@ -44,6 +44,8 @@ class Drawing:
     truth: Sequence[str] = ()
 
 
+#: The figure of the distances between constraint subspaces, which a study may leave out.
+OF_DISTANCES = "fig2_5_distances"
 _FILE = Path(__file__).with_suffix(".toml")
 #: Jobs that draw, and the figures of each job by name.
 FIGURES: dict[str, dict[str, Drawing]] = {

@@ -1,4 +1,4 @@
-"""Figure 2.4: prediction errors of six models of the landing, over the bootstraps."""
+"""Figure 2.4: prediction errors of models of the landing, over the bootstraps."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -93,7 +93,8 @@ def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str
     axes.set_xlim(-0.5, max(PLACES.values()) + 0.7)
     shares = "; %: of the error of the mean (all)" if _is_fitted(rows.get("mean")) else ""
     axes.set_xlabel(f"model (touchdowns to train / to test in each bootstrap){shares}")
-    axes.set_title(f"{ASKED}\n{NOT_DECIDED}", loc="left")
+    compared = all(_is_fitted(rows.get(name)) for name in ("specialised", "all"))
+    axes.set_title(f"{ASKED}\n{NOT_DECIDED}" if compared else ASKED, loc="left")
     axes.set_ylabel(f"combined prediction MSE (units²)\n{units_text(units)}")
     # The range is often less than one decade.
     axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -8,13 +8,21 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hopdata.errors import chosen
 from hopdata.figures import style
 
 Contacts = Mapping[str, tuple[float, float]]  # instant and standard error for each foot, ms
 
 ARROW = " → "
+KINK = "kink"  # the method whose standard errors are those of the instants, not of rounding alone
 LONGEST_IN_ONE_LINE = 4
-UNDETERMINED_MS = 15.0  # UNDETERMINED_S of the contacts: such an error means that none was seen
+UNDETERMINED_MS = 15.0  # UNDETERMINED_S of the kink fit: such an error means that none was seen
+# What the probability of an order rests on, by method.
+SURE_BY = {
+    KINK: "{} % sure",
+    "velocity_minimum": "{} % by rounding alone",
+    "velocity_minimum_parabola": "{} % by noise alone",
+}
 
 
 def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, Any]:
@@ -37,8 +45,9 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
         Tidy samples of one touchdown: its ``recording, index``; ``time_s`` (relative to the pre
         section), ``foot``, ``height_m``, ``velocity_m_s``.
     touchdowns : DataFrame
-        The touchdown table; of the example's row, ``t_pre_s``, ``t_post_s``, ``contact_<foot>_s``,
-        ``se_<foot>_s``, ``schedule`` and, if present, ``probability`` are used.
+        The touchdown table; of the example's row, ``method``, ``t_pre_s``, ``t_post_s``,
+        ``contact_<foot>_s``, ``se_<foot>_s``, ``schedule`` and, if present, ``probability`` are
+        used.
 
     Returns
     -------
@@ -54,8 +63,9 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
     panels = figure.subplot_mosaic(mosaic, width_ratios=(1.9, 1))
     panels["velocity"].sharex(panels["height"])
     contacts = _contacts(touchdown, names)
-    _draw_signal(panels["height"], example, names, contacts, "height_m")
-    _draw_signal(panels["velocity"], example, names, contacts, "velocity_m_s")
+    by_kink = touchdown["method"] == KINK
+    _draw_signal(panels["height"], example, names, contacts, "height_m", at_kink=by_kink)
+    _draw_signal(panels["velocity"], example, names, contacts, "velocity_m_s", at_kink=False)
     _shade_transition(panels, touchdown)
     _draw_contacts(panels["contact"], names, contacts, touchdown)
     panels["height"].set_ylabel("foot height (mm)")
@@ -79,7 +89,13 @@ def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> Contacts:
 
 
 def _draw_signal(
-    axes: Axes, example: pd.DataFrame, feet: Sequence[str], contacts: Contacts, column: str
+    axes: Axes,
+    example: pd.DataFrame,
+    feet: Sequence[str],
+    contacts: Contacts,
+    column: str,
+    *,
+    at_kink: bool,
 ) -> None:
     """Draw one quantity of every foot, with a plus at its contact."""
     scale = 1e3 if column == "height_m" else 1.0
@@ -90,7 +106,7 @@ def _draw_signal(
         seen = np.isfinite(value)
         instant = contacts[foot][0]
         if np.isfinite(instant) and seen.any():
-            at_contact = _level_at(instant, time[seen], value[seen], column == "height_m")
+            at_contact = _level_at(instant, time[seen], value[seen], at_kink)
             axes.plot(instant, at_contact, "+", color=style.INK, ms=6, mew=0.9, zorder=4)
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.5, zorder=0)
 
@@ -120,11 +136,12 @@ def _draw_contacts(
     for row, number in enumerate(order):
         instant, error = contacts[feet[number]]
         look: Any = {"fmt": "o", "color": style.foot_colour(number), "ms": 2.2, "capsize": 3.5}
-        if error >= UNDETERMINED_MS:
+        undetermined = touchdown["method"] == KINK and error >= UNDETERMINED_MS
+        if undetermined:
             look |= {"mfc": "white", "capsize": 0, "alpha": 0.6}
             axes.text(instant, row - 0.12, "not determined", ha="center", color=style.INK)
         bars = axes.errorbar(instant, row, xerr=error, **look).lines[2]
-        bars[0].set_linestyle("--" if error >= UNDETERMINED_MS else "-")
+        bars[0].set_linestyle("--" if undetermined else "-")
         if not np.isfinite(instant):
             axes.text(0.5, row, "no contact", transform=axes.get_yaxis_transform(), ha="center")
     axes.set_yticks(range(len(feet)), [f"{style.label_of(feet[i])} ({i + 1})" for i in order])
@@ -139,9 +156,12 @@ def _order_text(touchdown: Mapping[str, Any]) -> str:
     if not isinstance(schedule, str) or not schedule:
         return "order not determined"
     order = schedule.split(">")
-    text = f"order {ARROW.join(order)}" + ("\n" if len(order) > LONGEST_IN_ONE_LINE else " ")
+    text = f"order {ARROW.join(order)}"
     probability = touchdown.get("probability")
     if probability is None or not np.isfinite(float(probability)):
-        return text.strip()
+        return text
     value = float(probability)
-    return f"{text}({'> 99.9' if value > 0.999 else f'{100 * value:.3g}'} % sure)"
+    share = "> 99.9" if value > 0.999 else f"{100 * value:.3g}"
+    sure = chosen("touchdowns.method", touchdown["method"], SURE_BY).format(share)
+    fits = len(order) <= LONGEST_IN_ONE_LINE and touchdown["method"] == KINK
+    return f"{text} ({sure})" if fits else f"{text}\n({sure})"

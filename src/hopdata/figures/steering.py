@@ -1,5 +1,6 @@
 """Figures of the steering study: a run as a film, outcomes, and a run in the arena."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,11 @@ SPEED = 2.0  # relative to real time
 COLOURS = 48
 MARGIN_M = 0.25
 LAST_S = 1.5  # duration of the last picture
+NO_RUN = "No stance was seen in any run, so there is none to show."
 
 
 def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> None:
-    """Write a film of one run as an animated GIF, whole or not at all.
+    """Write a film of one run as an animated GIF, whole or not at all; without a run, say so.
 
     Parameters
     ----------
@@ -35,10 +37,14 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
     Raises
     ------
     AnalysisError
-        If there are fewer than two frames.
+        If there is a run, but fewer than two frames of it.
     """
     from hopdata.jobs import whole_file
 
+    if curves.empty:
+        with whole_file(path) as temporary:
+            _still(NO_RUN).save(temporary, format="GIF")
+        return
     times = film["time_s"].drop_duplicates().to_numpy()
     if len(times) < 2:
         raise AnalysisError.at("film", "frames of a run", len(times))
@@ -51,6 +57,19 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
             temporary, format="GIF", save_all=True, append_images=pictures[1:],
             duration=durations, loop=0, optimize=False, disposal=1,
         )  # fmt: skip
+
+
+def _still(message: str) -> Images.Image:
+    """Return a picture that says why there is no film."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    with style.style_context():
+        figure = style.message_figure(message, width_mm=WIDTH_MM)
+        figure.set_dpi(DPI)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]).quantize(COLOURS)
 
 
 def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Images.Image]:
@@ -168,19 +187,22 @@ def steering_outcomes_figure(
     runs : DataFrame
         One row per run: ``experiment, controller, seed, success, hops``.
     horizons : DataFrame
-        ``horizon, runs, succeeded`` of the printed controller.
+        ``horizon, runs, succeeded`` of the printed controller; no rows if none was asked for.
 
     Returns
     -------
     Figure
-        (a) Success rate of each seed, from the worst to the best, and the median, filled. (b) Hops
-        of the successful runs, median and 5 to 95 %. (c) Success rate by horizon.
+        (a) Success rate of each seed, from the worst to the best, and the median, filled. If the
+        planner takes part, the rate that is required of it. (b) Hops of the successful runs, median
+        and 5 to 95 %. (c) Success rate by horizon, if any horizon was asked for.
     """
     if outcomes.empty:
         return style.message_figure("No run was made.")
     tasks = [task for task in TASKS if task in set(outcomes["experiment"])]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 24.0 + 17.0 * len(tasks))
-    rates, hops, ahead = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 0.8))
+    widths = (1.2, 1.2) if horizons.empty else (1.2, 1.2, 0.8)
+    panels = figure.subplots(1, len(widths), width_ratios=widths)
+    rates, hops = panels[:2]
     hops.sharey(rates)
     for name, (label, colour, mark) in LOOKS.items():
         place = APART * (list(LOOKS).index(name) - (len(LOOKS) - 1) / 2)
@@ -201,19 +223,27 @@ def steering_outcomes_figure(
             rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
     rates.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)")
-    rates.axvline(90, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)), label="required")
+    if "planner" in set(runs["controller"]):
+        dashed: Any = {"color": style.INK, "linewidth": 0.6, "linestyle": (0, (4, 2))}
+        rates.axvline(90, label="required of the planner", **dashed)
     hops.set(xlabel="hops to the goal", xlim=(0, None))
     hops.tick_params(labelleft=False)
     for axes in (rates, hops):
         axes.tick_params(axis="y", length=0)
         for between in range(1, len(tasks)):
             axes.axhline(between - 0.5, color=style.GREY, linewidth=0.3)
+    if not horizons.empty:
+        _draw_horizons(panels[2], horizons)
+    style.lettered(figure, panels, ncols=3)
+    return figure
+
+
+def _draw_horizons(axes: Axes, horizons: pd.DataFrame) -> None:
+    """Draw the success rate of the printed controller by its horizon."""
     _, colour, mark = LOOKS["printed"]
     shares = 100 * horizons["succeeded"] / horizons["runs"]
-    ahead.plot(horizons["horizon"], shares, mark + "-", color=colour, ms=4)
-    ahead.set(ylim=(-3, 103), xlabel="horizon (hops)", ylabel="to the origin (%)")
-    style.lettered(figure, (rates, hops, ahead), ncols=3)
-    return figure
+    axes.plot(horizons["horizon"], shares, mark + "-", color=colour, ms=4)
+    axes.set(ylim=(-3, 103), xlabel="horizon (hops)", ylabel="to the origin (%)")
 
 
 # Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, compared with the model.
@@ -249,18 +279,20 @@ def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) 
     -------
     Figure
         (a) The arena: path, headings, goal, and the first and last place of the board. (b) x, (c) y
-        and (d) heading over time.
+        and (d) heading over time. Curves of a controller that predicts nothing are left out.
     """
     if experiment is not None:
         curves = curves[curves["experiment"] == experiment]
     if curves.empty:
-        return style.message_figure("No run was made.")
+        return style.message_figure(NO_RUN)
     turn = str(curves["experiment"].iloc[0]).startswith("turn")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
     panels = figure.subplot_mosaic("ax;ay;ah", width_ratios=(1.15, 1))
-    _draw_arena(panels["a"], curves, turn)
+    kinds = [name for name in CURVES if _is_drawn(curves, name)]
+    _draw_arena(panels["a"], curves, kinds, turn)
     for panel, (column, label, factor) in OVER_TIME.items():
-        for name, (curve, *look) in CURVES.items():
+        for name in kinds:
+            curve, *look = CURVES[name]
             rows = curves[curves["curve"] == name]
             _draw_curve(panels[panel], rows["time_s"], rows[column] * factor, look, label=curve)
         panels[panel].margins(y=0.12)
@@ -276,6 +308,13 @@ def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) 
     named = ([*one[::-1], *other] for one, other in zip(lines, places, strict=True))
     figure.legend(*named, loc="outside upper center", ncols=7)
     return figure
+
+
+def _is_drawn(curves: pd.DataFrame, name: str) -> bool:
+    """Return whether a curve is drawn: what was measured is, a prediction if there is any."""
+    known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
+    least = 2 if name == "pure" else 1  # the pure simulation begins at a stance that was measured
+    return name == "measured" or known >= least
 
 
 def _draw_curve(axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: Any) -> None:
@@ -294,8 +333,9 @@ def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> No
     panels["h"].axhline(np.sign(last) * 180, color=style.GREY, linewidth=0.6, zorder=0)
 
 
-def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
-    for name, (_, *look) in CURVES.items():
+def _draw_arena(axes: Axes, curves: pd.DataFrame, kinds: Sequence[str], turn: bool) -> None:
+    for name in kinds:
+        _, *look = CURVES[name]
         rows = curves[curves["curve"] == name]
         _draw_curve(axes, rows["x_m"], rows["y_m"], look)
     measured = curves[curves["curve"] == "measured"]

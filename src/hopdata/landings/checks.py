@@ -16,8 +16,14 @@ from hopdata.landings.contacts.find import FILTER_DELAYS
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
+NOT_ASKED = "not asked"  # nothing is configured to compare the value with
 SURE = 0.9  # probability at or above which an order counts as sure
 NO_KINK_S = 0.005  # standard error, s, above which the contact hardly changes the foot's velocity
+# What the standard errors of the printed methods do not contain.
+ERRORS_BY = {
+    "velocity_minimum": "; only the rounding to a frame counts in these errors",
+    "velocity_minimum_parabola": "; only the noise of the heights counts in these errors",
+}
 LONG_S = 1.0  # gap of a body marker, s, in which whole descents may go unseen
 
 
@@ -38,7 +44,8 @@ class Check:
     good, poor : float
         Limits of a good and of a poor value; a value between them deserves a look.
     status : str
-        ``good, look, poor`` or ``not known``.
+        ``good, look, poor``, ``not known``, or ``not asked`` if the study configures nothing to
+        compare with.
     remark : str
         Where the value comes from, or what to look at.
     """
@@ -147,7 +154,8 @@ def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
     found = float(known.median())
     told = f"{1e3 * found:.2g} mm found"
     if expected_m is None:
-        return _check(what, None, f"{told}; none configured (report.expected_noise_m)")
+        remark = f"{told}; to compare it, set report.expected_noise_m"
+        return replace(_check(what, None, remark), status=NOT_ASKED)
     ratio = found / expected_m if expected_m else np.nan
     return _check(what, ratio, f"{told}, {1e3 * expected_m:.2g} mm expected")
 
@@ -195,7 +203,7 @@ def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
         error, spread = float(errors.iloc[worst]), float(used["spread_s"].median())
         foot = str(errors.index[worst]).removeprefix("se_").removesuffix("_s")
         remark = f"{1e3 * error:.2g} ms of {1e3 * spread:.2g} ms; worst foot {foot}"
-        remark += _common(used)
+        remark += _common(used) + ERRORS_BY.get(str(used["method"].iloc[0]), "")
         yield _check(what, error / spread if spread > 0 else np.nan, remark)
     else:
         yield _check(what, None, "no contact")
@@ -218,7 +226,8 @@ def _open_foot(used: pd.DataFrame) -> str:
     error, foot = max((float(np.nanmedian(se[:, k])), feet[k]) for k in pair)
     both = f"{feet[pair[0]]} and {feet[pair[1]]}"
     told = f"; in {counts.max()} of {len(doubtful)}, {both} "
-    if error > NO_KINK_S:
+    by_kink = (used["method"] == "kink").all()
+    if by_kink and error > NO_KINK_S:
         return f"{told}are least sure: {foot} slows without a kink (error {1e3 * error:.2g} ms)"
     return f"{told}land as close together as their errors of {1e3 * error:.2g} ms"
 

@@ -93,6 +93,7 @@ def touchdown_table(
         The sections: mean height of the body markers, m.
     landings : pandas.DataFrame, optional
         Landings of the recording with their contacts, from `find_landings`; by default found here.
+        If their contacts are by another method, only the descents of the body are used.
     method : str
         See `hopdata.landings.contacts.find.find_contacts`. Every method but the kink fit searches
         between the sections.
@@ -108,9 +109,9 @@ def touchdown_table(
     -------
     pandas.DataFrame
         One row for each descent through the pre section, in order of time: recording, index,
-        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, common_<foot>_s (the
-        error that all instants of a foot may share, not in se), schedule (the most probable one),
-        probability, class (the schedule or ``ambiguous``), runner_up and its
+        method, t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, common_<foot>_s
+        (the error that all instants of a foot may share, not in se), schedule (the most probable
+        one), probability, class (the schedule or ``ambiguous``), runner_up and its
         runner_up_probability, spread_s, excluded, reason. Three more kinds of landings have rows
         and are excluded: landings that start from a top below the pre section, where t_pre_s is
         the instant of the top; landings that end above it; and landings seen in the feet alone
@@ -125,8 +126,9 @@ def touchdown_table(
     """
     require_choice("touchdowns.ambiguous", ambiguous, schedules.TREATMENTS)
     printed = chosen("touchdowns.method", method, find.METHODS) is not None
-    if landings is None:
-        landings = find.find_landings(recording, **options)
+    # The printed methods search again, between the sections, and need the descents alone.
+    if landings is None or not (printed or find.are_by(landings, method)):
+        landings = find.find_landings(recording, method=method, **options)
     spans = landings[["begin_s", "end_s"]].to_numpy(float)
     hidden = landings["hidden"].to_numpy(bool)
     transitions = _transitions(recording, spans, hidden, (pre_height_m, post_height_m))
@@ -136,6 +138,7 @@ def touchdown_table(
         of = recording.time, recording.feet[:, :, 2], transitions
         contacts = find.find_contacts(*of, down_height_m=down_m, method=method)
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
+    table.insert(2, "method", method)
     tops = np.interp(spans[:, 0], *_seen(recording))
     low = (tops < pre_height_m) & (table["reason"] != HIDDEN_PRE)
     table.loc[low, ["reason", "excluded"]] = LOW_FLIGHT, True

@@ -283,17 +283,18 @@ def _only(positions: FloatArray, order: Sequence[int]) -> FloatArray:
 
 def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth | None:
     """Return the truth in the file, feet in the recording's order, or None if it does not apply."""
-    stated = {role: [m for m, r in roles.items() if r == role] for role in ("body", "foot")}
-    if any(set(names) != set(recording.names(role)) for role, names in stated.items()):
-        return None
-    from hopdata.recordings.readers.hdf5 import read_truth
+    from hopdata.recordings.readers.hdf5 import is_truth_of, read_truth
 
-    if (truth := read_truth(path)) is None:
+    if not is_truth_of(roles, body=recording.names("body"), feet=recording.names("foot")):
         return None
-    expected = (len(recording.time), len(stated["foot"]))
+    truth = read_truth(path)
+    if truth is None:
+        return None
+    feet = [marker for marker, role in roles.items() if role == "foot"]
+    expected = (len(recording.time), len(feet))
     if truth.foot_down.shape != expected:
         wanted = "{} frames and {} feet as in the recording".format(*expected)
         place = f"{path}: truth"
         raise RecordingError.at(place, wanted, "{} and {}".format(*truth.foot_down.shape))
-    order = [stated["foot"].index(name) for name in recording.names("foot")]
+    order = [feet.index(name) for name in recording.names("foot")]
     return replace(truth, **{key: getattr(truth, key)[:, order] for key in PER_FOOT})

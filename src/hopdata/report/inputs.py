@@ -133,12 +133,15 @@ class SteeringInputs(PageInputs):
         ``observed.json``: for each recording, frames, stances and hops, and what was left out.
     scores : DataFrame, optional
         ``model_scores.csv``.
+    examples : DataFrame, optional
+        ``examples.csv``: the runs that the figures show.
     """
 
     outcomes: pd.DataFrame | None = None
     horizons: pd.DataFrame | None = None
     counts: Sequence[Mapping[str, Any]] | None = None
     scores: pd.DataFrame | None = None
+    examples: pd.DataFrame | None = None
 
 
 @dataclass(frozen=True)
@@ -162,6 +165,8 @@ class ReportInputs(PageInputs):
         The floor model's JSON by name of the recording.
     prediction, distances : DataFrame, optional
         ``prediction_summary.csv`` and ``distance_summary.csv``.
+    distances_asked : bool
+        Whether the study asks for distances; if not, the page says so in their place.
     verdict : mapping, optional
         Contents of ``verdict.json``.
     overlay : mapping
@@ -184,6 +189,7 @@ class ReportInputs(PageInputs):
     floors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     prediction: pd.DataFrame | None = None
     distances: pd.DataFrame | None = None
+    distances_asked: bool = True
     verdict: Mapping[str, Any] | None = None
     overlay: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     quality: Sequence[Mapping[str, Any]] | None = None

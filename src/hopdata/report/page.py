@@ -15,6 +15,8 @@ from hopdata.report.scene import landings_scene
 
 # The key numbers at the top of the page, which captions may also use.
 
+# Cases of the scaling study other than the scene itself.
+CONTROLS = ("coupling", "impulse", "delay", "study")
 COUNTS = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded", "n_schedules")
 
 
@@ -33,9 +35,12 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         (whether the configuration sets them), ``landings_only`` (whether the densities are of the
         body's descents only), ``medians`` of the fitted models (normalised) and ``distances`` (rad)
         by name, ``fitted`` and ``not_fitted`` as text, ``labels_right`` by method (%), and
-        ``study``.
+        ``study``. ``method``, by which the contacts were found; ``scaling``, the ``scene`` of the
+        scaling study and how many ``controls`` it has; ``has_forces``, whether contacts were
+        compared with forces.
     """
     rad = partial(show.fixed, decimals=2)
+    slopes = _by_name(inputs.truth or {}, "scaling_slope_")
     return {
         "study": inputs.study,
         **_counts(inputs),
@@ -44,10 +49,29 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         **_models(inputs),
         "distances": _medians(inputs.distances, "kind", tables.KIND_NAMES, rad),
         "labels_right": _labels_right(inputs.truth or {}),
-        "slopes": _by_name(inputs.truth or {}, "scaling_slope_"),
+        "slopes": slopes,
+        "scaling": {
+            "scene": next((case for case in slopes if case not in CONTROLS), None),
+            "controls": sum(case in CONTROLS for case in slopes),
+        },
+        "method": _method(inputs.touchdowns),
+        "has_forces": _has_forces(inputs.overlay),
         "estimate_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),
         "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
     }
+
+
+def _method(touchdowns: pd.DataFrame | None) -> str | None:
+    """Return the method that found the contacts; None if it is not known."""
+    if touchdowns is None or touchdowns.empty or "method" not in touchdowns:
+        return None
+    return str(touchdowns["method"].iloc[0])
+
+
+def _has_forces(overlay: Mapping[str, pd.DataFrame]) -> bool:
+    """Return whether contacts were compared with forces, the only ones to have thresholds."""
+    thresholds = overlay.get("contact_overlay_thresholds")
+    return thresholds is not None and not thresholds.empty
 
 
 def _counts(inputs: ReportInputs) -> dict[str, Any]:
@@ -193,7 +217,8 @@ def build_report(inputs: ReportInputs) -> str:
         all_seen=all_seen,
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
-        verdict_meaning=verdict.MEANING,
+        verdict_meaning=verdict.meaning(inputs.verdict),
+        distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in (inputs.verdict or {}).get("notes", ())],
         config=as_yaml((inputs.provenance or {}).get("config")),
     )

@@ -13,6 +13,8 @@ from hopdata.report.inputs import SteeringInputs, as_yaml, placed_pictures, rend
 # Tables of the steering study: outcomes, observations, and how well the model predicts.
 
 CONTROLLERS, EXPERIMENTS = show.WORDS["controllers"], show.WORDS["experiments"]
+RUN_BY = show.WORDS["run_by"]
+PLANNER = "planner"  # the controller of which something is required
 
 
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
@@ -32,6 +34,8 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     }
     rows = show.records(outcomes)
     note, title = show.NOTES["outcomes"], "Outcomes of the experiments"
+    if any(row["controller"] == PLANNER for row in rows):
+        note += show.NOTES["outcomes_of_planner"]
     return show.table_of(title, rows, columns, text_columns=2, note=note)
 
 
@@ -140,11 +144,17 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     -------
     dict
         ``starts`` (runs of each experiment, controller and seed) and ``seeds``; ``share``, texts by
-        "experiment controller"; ``training_hops``.
+        "experiment controller"; ``training_hops``; ``has_planner`` and ``has_horizons``, whether
+        the planner and other horizons were tried; ``examples``, the run shown of each experiment:
+        None if there is none, else its ``controller``, ``by`` (words), ``success`` and ``foretold``
+        (whether the controller predicts).
     """
     rows = show.records(inputs.outcomes)
     hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
     return {
+        "has_planner": any(row["controller"] == PLANNER for row in rows),
+        "has_horizons": inputs.horizons is not None and not inputs.horizons.empty,
+        "examples": {name: _example(inputs.examples, name) for name in EXPERIMENTS},
         "starts": show.count(rows[0]["runs"] / rows[0]["seeds"]) if rows else show.MISSING,
         "seeds": show.count(rows[0]["seeds"]) if rows else show.MISSING,
         "share": {
@@ -154,13 +164,33 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     }
 
 
+def _example(examples: pd.DataFrame | None, experiment: str) -> dict[str, Any] | None:
+    """Return facts of the run that is shown of an experiment; None if none is."""
+    if examples is None:
+        return None
+    run = examples[examples["experiment"] == experiment]
+    if run.empty:
+        return None
+    controller = str(run["controller"].iloc[0])
+    return {
+        "controller": controller,
+        "by": RUN_BY[controller],
+        "success": bool(run["success"].iloc[0]),
+        "foretold": bool(run.loc[run["curve"] == "response", "x_m"].notna().any()),
+    }
+
+
 def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     """Return name, value and remark of each key number."""
     cards = []
-    for row in show.records(inputs.outcomes):
-        if row["controller"] == "planner":
+    rows = show.records(inputs.outcomes)
+    tried = {row["controller"] for row in rows}
+    first = next((name for name in RUN_BY if name in tried), None)
+    for row in rows:
+        if row["controller"] == first:
             name, hops = EXPERIMENTS[row["experiment"]], show.fixed(row["hops"], 0)
-            remark = f"planner, worst of {row['seeds']} seeds; median {hops} hops; simulated"
+            seeds = f"worst of {row['seeds']} seeds"
+            remark = f"{RUN_BY[first]}, {seeds}; median {hops} hops; simulated"
             cards.append((name[0].upper() + name[1:], _of_seed("worst")(row), remark))
     used = sum(entry["used"] for entry in inputs.counts or ())
     pairs = sum(entry["pairs"] for entry in inputs.counts or ())

@@ -349,21 +349,25 @@ Checks = Sequence[Mapping[str, Any]]
 
 STATUS = {
     status: f"{sign}{show.NO_BREAK_SPACE}{status}"
-    for status, sign in {"good": "●", "look": "◐", "poor": "○", "not known": "–"}.items()
-}
+    for status, sign in {
+        "good": "●", "look": "◐", "poor": "○", "not known": "–", "not asked": "–",
+    }.items()
+}  # fmt: skip
 WORSE = ("good", "not known", "look", "poor")
+NOT_ASKED = "not asked"  # nothing was configured to compare with, so there is nothing to judge
 MOST_FAULTS, MOST_EXCLUDED = 30, 500
 NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
 
 
 def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
     """Say how many checks are good and poor, and list those that are not good, worst first."""
-    if not checks:
+    asked = [check for check in checks or () if check["status"] != NOT_ASKED]
+    if not asked:
         return None, ""
-    counts = Counter(str(check["status"]) for check in checks)
+    counts = Counter(str(check["status"]) for check in asked)
     poor = f", {counts['poor']} poor" if counts["poor"] else ""
-    others = [f"{s}: {one['what']}" for s in WORSE[:0:-1] for one in checks if one["status"] == s]
-    return f"{counts['good']} of {len(checks)} good{poor}", "; ".join(others)
+    others = [f"{s}: {one['what']}" for s in WORSE[:0:-1] for one in asked if one["status"] == s]
+    return f"{counts['good']} of {len(asked)} good{poor}", "; ".join(others)
 
 
 def quality_table(checks: Checks | None) -> show.Table | None:
@@ -413,13 +417,24 @@ def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
 
 
 def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
-    """Return the subjects of the checks, with the worst status of each and its remark."""
+    """Return the subjects of the checks, with the worst status of each and its remark.
+
+    Checks that were not asked for light nothing; a good light names what it leaves open.
+    """
     shown = []
     for name in dict.fromkeys(str(check["about"]) for check in checks or ()):
-        own = [check for check in checks or () if check["about"] == name]
+        of_all = [check for check in checks or () if check["about"] == name]
+        own = [check for check in of_all if check["status"] != NOT_ASKED]
+        if not own:
+            continue
         worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
         told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])
-        shown.append((name, status, counted(len(own), "check") if status == "good" else told))
+        if status == "good":
+            told = counted(len(own), "check")
+            told += "".join(
+                f"; {check['what']}: {check['remark']}" for check in of_all if check not in own
+            )
+        shown.append((name, status, told))
     return shown
 
 

@@ -12,7 +12,11 @@ Verdict = Mapping[str, Any]
 
 OF_WHAT = {"effect": "the map", "jump": "the outcome's variation, as a jump"}
 ENDS = ("estimate", "low", "high", "upper_bound")
-MEANING: str = show.NOTES["meaning"]
+
+
+def meaning(verdict: Verdict | None) -> str:
+    """Return what the quantity that decided a verdict is, and what it cannot show."""
+    return str(show.NOTES[f"meaning_of_{(verdict or {}).get('decided_by', 'effect')}"])
 
 
 def verdict_facts(
@@ -25,14 +29,20 @@ def verdict_facts(
     dict
         ``sentence``; ``outlook``, what these data could have shown; ``difference``, the effect with
         its interval; ``true``, the true effect in a simulation; ``remark``, the deciding bound;
-        ``confidence``, ``power``; ``found``, whether an effect was estimated at all.
+        ``confidence``, ``power``; ``conclusion``; ``found``, whether an effect was estimated at
+        all; ``jumps``, whether a jump of the outcome decided; ``allowed``, by how much orders of
+        one smooth map may seem to differ; ``detectable``, None if nothing could have been seen.
     """
     known: Verdict = verdict or {}
     effect = known.get(known.get("decided_by", "effect"))
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
         "outlook": known.get("outlook"),
+        "conclusion": known.get("conclusion"),
         "found": effect is not None,
+        "jumps": known.get("decided_by") == "jump",
+        "allowed": None,
+        "detectable": None,
         "difference": None,
         "true": None,
         "remark": str(known.get("conclusion", "")),
@@ -46,6 +56,10 @@ def verdict_facts(
     bounded = f"; one-sided bound {most}, less than {none} counts as none"
     true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
     facts["true"] = None if show.is_missing(true) else _percent(float(true))
+    if effect.get("allowed") is not None:
+        facts["allowed"] = _percent(effect["allowed"])
+    if effect["detectable"] <= 1.0:
+        facts["detectable"] = _percent(effect["detectable"])
     return facts | {
         "difference": show.with_unit(f"{estimate} ({low} to {high})", "%"),
         "remark": f"of {OF_WHAT[known.get('decided_by', 'effect')]}, {facts['confidence']} interval"

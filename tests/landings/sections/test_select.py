@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from section_fakes import hopper
+from synthetic_landings import simulate
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.find import METHODS, find_landings
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.frames import descents, landing_frames
 from hopdata.landings.sections.select import (
@@ -424,3 +425,22 @@ def test_goes_through_json(select):
 def test_a_threshold_beyond_all_frames_is_told(select, name, value):
     with pytest.raises(AnalysisError, match=f"{name}: expected a height that divides the frames"):
         select(**{name: value})
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_all_feet_are_down_below_the_post_section_whatever_the_method(method):
+    """A smoothed velocity has its minimum before the contact, which chose a section too high."""
+    scene = simulate(120, seed=9)
+    recording = scene.recording
+    landings = find_landings(recording, method=method)
+    last = np.interp(scene.contact_times.max(axis=1), recording.time, recording.body_height)
+
+    def open_at_post(table):
+        sections = select_sections([recording], landings={recording.name: table})
+        return float(np.mean(last < sections.post_height_m))
+
+    assert open_at_post(landings) <= 0.03
+    if method != "kink":
+        names = [name for name in landings if name.startswith("down_")]
+        minima = landings.assign(**{one: landings[f"contact_{one[5:]}"] for one in names})
+        assert open_at_post(minima) > 0.2

@@ -247,3 +247,17 @@ def test_the_whole_score_is_json_with_units():
     assert all(set(entry) == {"value", "unit", "what"} for entry in entries.values())
     assert entries["labels_right_kink"]["value"] == 1.0
     assert entries["labels_right_printed"]["value"] is None
+
+
+def test_distances_are_scored_only_if_they_were_made():
+    item = known(np.random.default_rng(8))
+    made = pd.DataFrame({"kind": ["in_class", "random"], "q05": [2.0, 3.6], "q95": [3.2, 3.9]})
+    of = {
+        "floors": {"hopper": fitted(item.floor_at_contacts)},
+        "feet": FEET,
+        "tables": {"kink": touchdowns(item, item.contact_times)},
+        "sections": sections(0.5, 0.3),
+        "prediction_summary": pd.DataFrame({"model": ["all"], "median": [3.0]}),
+    }
+    assert "random_clearance" in score({"hopper": item}, distance_summary=made, **of)
+    assert "random_clearance" not in score({"hopper": item}, **of)

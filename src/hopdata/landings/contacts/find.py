@@ -48,6 +48,10 @@ class Contacts:
     earliest : (L, n) array
         Last instant at which the foot was still too high to touch, s; empty for the printed
         methods.
+    down : (L, n) array
+        When the foot reached the floor, by its height alone, s; empty for the kink fit, whose
+        instants say it better. The printed methods need it, since the minima of a smoothed
+        velocity lie some 20 ms ahead of the contact.
     """
 
     instant: FloatArray
@@ -56,19 +60,21 @@ class Contacts:
     noise_m: float
     common: FloatArray = field(default_factory=lambda: np.empty(0))
     earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    down: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
 @one_blas_thread()
 def find_landings(
     recording: Recording,
     *,
+    method: str = "kink",
     gravity: str = "learned",
     window_before_s: float | None = None,
     window_after_s: float | None = None,
     down_height_m: float | None = None,
     maximum_misfit: float = 5.0,
 ) -> pd.DataFrame:
-    """Find the descents of the body, and time each foot's contact in them by the kink fit.
+    """Find the descents of the body, and time each foot's contact in them.
 
     Parameters
     ----------
@@ -77,8 +83,9 @@ def find_landings(
     down_height_m : float, optional
         Height to which a foot must sink to have landed, m. By default 15 % of the median descent
         of the body, but at least four times the noise.
-    gravity, window_before_s, window_after_s, maximum_misfit
-        See `find_contacts`.
+    method, gravity, window_before_s, window_after_s, maximum_misfit
+        See `find_contacts`. No sections are known yet, so every method searches from the apex to
+        the nadir of the body.
 
     Returns
     -------
@@ -86,16 +93,19 @@ def find_landings(
         One row for each descent, in order of time: begin_s and end_s (apex and nadir of the body),
         hidden (whether only the feet show the landing; it then lasts from all up to all down), and
         for each foot contact_<foot>_s, se_<foot>_s, status_<foot> and common_<foot>_s, which is
-        the same in all rows.
+        the same in all rows, and NaN for the printed methods. down_<foot>_s is when the foot
+        reached the floor, as far as the method knows: the contact by the kink fit, else the
+        instant at which the foot's height says so. In all rows, method.
 
     Raises
     ------
     AnalysisError
         If there are fewer than two feet.
     ConfigError
-        If `gravity` is unknown.
+        If `method` or `gravity` is unknown.
     """
-    feet, pace = recording.names("foot"), recording.pace
+    printed = chosen("touchdowns.method", method, METHODS) is not None
+    feet, pace, as_recorded = recording.names("foot"), recording.pace, recording
     if len(feet) < 2:
         told = f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
         raise AnalysisError(told)
@@ -113,15 +123,20 @@ def find_landings(
     markers = [marker for foot in parts for marker in foot]
     seen = heights if len(markers) == len(feet) else recording.positions[:, markers, 2]
     complete = descents.Transitions(spans[order, 0], spans[order, 1], gap, gap)
-    options: Any = {"gravity": gravity, "maximum_misfit": maximum_misfit, "lead_s": 0.0}
-    options |= {"window_before_s": before, "window_after_s": after, "down_height_m": down_m}
-    options |= {"correlation": descents.noise_correlation(recording.body)}
-    options["foot_of"] = tuple(foot for foot, own in enumerate(parts) for _ in own)
-    contacts = _of_feet(find_contacts(time, seen, complete, **options), options["foot_of"])
-    if cut := low_pass(recording.body):
-        late_s = FILTER_DELAYS / (cut * recording.rate_hz)
-        contacts = replace(contacts, common=np.maximum(contacts.common, late_s))
+    if printed:
+        contacts = _printed_contacts(as_recorded, spans[order], down_m, method)
+    else:
+        options: Any = {"gravity": gravity, "maximum_misfit": maximum_misfit, "lead_s": 0.0}
+        options |= {"window_before_s": before, "window_after_s": after, "down_height_m": down_m}
+        options |= {"correlation": descents.noise_correlation(recording.body)}
+        options["foot_of"] = tuple(foot for foot, own in enumerate(parts) for _ in own)
+        contacts = _of_feet(find_contacts(time, seen, complete, **options), options["foot_of"])
+        if cut := low_pass(recording.body):
+            late_s = FILTER_DELAYS / (cut * recording.rate_hz)
+            contacts = replace(contacts, common=np.maximum(contacts.common, late_s))
+    down = contacts.down if printed else contacts.instant
     columns = {
+        "method": method,
         "begin_s": spans[order, 0],
         "end_s": spans[order, 1],
         "hidden": order >= len(spans) - len(hidden),
@@ -129,8 +144,38 @@ def find_landings(
         **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
         **{f"status_{foot}": contacts.status[:, i] for i, foot in enumerate(feet)},
         **{f"common_{foot}_s": one for foot, one in zip(feet, contacts.common, strict=True)},
+        **{f"down_{foot}_s": down[:, i] for i, foot in enumerate(feet)},
     }
     return pd.DataFrame({k: v * pace if k.endswith("_s") else v for k, v in columns.items()})
+
+
+def _printed_contacts(
+    recording: Recording, spans: FloatArray, down_height_m: float, method: str
+) -> Contacts:
+    """Return contacts by a printed method, at the pace of an animal of 1 m as all else there is.
+
+    `spans` (L, 2), s, and `down_height_m` are at that pace. The recording is not: the filter of
+    these methods lasts 0.07 s whatever the size of the animal.
+    """
+    pace = recording.pace
+    begin, end = spans.T * pace
+    no_gap = np.full(len(spans), np.nan)
+    contacts = find_contacts(
+        recording.time,
+        recording.feet[:, :, 2],
+        descents.Transitions(begin, end, no_gap, no_gap),
+        down_height_m=down_height_m * pace**2,
+        lead_s=0.0,
+        method=method,
+    )
+    unknown = np.full(contacts.instant.shape[1], np.nan)
+    return replace(
+        contacts,
+        instant=contacts.instant / pace,
+        se=contacts.se / pace,
+        common=unknown,
+        down=contacts.down / pace,
+    )
 
 
 def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
@@ -163,6 +208,16 @@ def contacts_of(landings: pd.DataFrame) -> Contacts:
     instant, se, status, common = (landings.filter(regex=k).to_numpy(float) for k in kinds)
     # The errors already contain the noise.
     return Contacts(instant, se, status.astype(np.int64), np.nan, common.max(axis=0, initial=0.0))
+
+
+def floor_instants(landings: pd.DataFrame) -> FloatArray:
+    """Return when each foot reached the floor, (L, n), s, from a table by `find_landings`."""
+    return np.asarray(landings.filter(regex="^down_").to_numpy(float))
+
+
+def are_by(landings: pd.DataFrame, method: str) -> bool:
+    """Return whether the contacts of a table made by `find_landings` are those of a method."""
+    return bool((landings["method"] == method).all())
 
 
 def find_contacts(
@@ -233,7 +288,7 @@ def find_contacts(
         landed = status == descents.LANDED
         instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
         status = np.where(landed & np.isnan(instant), descents.MISSING, status)
-        return Contacts(instant, se, status, noise_m)
+        return Contacts(instant, se, status, noise_m, down=near)
     asked = (window_before_s, window_after_s)
     seen = time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest
     feet = kink_law.FootHeights(*seen, leaves_m=LEAVES * noise_m, foot_of=foot_of)

@@ -19,7 +19,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED, find_transitions
-from hopdata.landings.contacts.find import contacts_of
+from hopdata.landings.contacts.find import contacts_of, floor_instants
 from hopdata.landings.sections.modes import grid_of, kde, usual_bandwidth
 from hopdata.recording import Recording
 
@@ -71,10 +71,10 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
         the top, at the first contact (as far down as the flight can be continued), at the last
         contact, at the lowest point, `LEAD_S` before the first contact, and as much after the last.
     """
-    contacts = contacts_of(landings)
-    is_whole = (contacts.status == LANDED) & np.isfinite(contacts.instant)
+    touched = floor_instants(landings)
+    is_whole = (contacts_of(landings).status == LANDED) & np.isfinite(touched)
     whole = is_whole.all(axis=1)
-    instant = contacts.instant[whole]
+    instant = touched[whole]
     spans = landings[["begin_s", "end_s"]].to_numpy(float)[whole]
     seen = np.isfinite(recording.body_height)
     time = recording.time[seen]

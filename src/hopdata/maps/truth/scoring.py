@@ -299,7 +299,7 @@ def score(
     sections: Mapping[str, Any],
     recordings: Mapping[str, Recording],
     prediction_summary: pd.DataFrame,
-    distance_summary: pd.DataFrame,
+    distance_summary: pd.DataFrame | None = None,
     exact: Mapping[str, pd.DataFrame] | None = None,
 ) -> Entries:
     """Score a study against the truth of its recordings.
@@ -319,7 +319,7 @@ def score(
     recordings
         Recording name -> the recording, of which only the times are used.
     prediction_summary, distance_summary
-        Tables of the same names.
+        Tables of the same names; without the second, distances are not scored.
     exact
         Tables ``state_errors``, ``scaling_study``, ``estimate_errors`` and ``verdict_errors``, if
         all recordings of the study are simulated.
@@ -332,7 +332,8 @@ def score(
     entries |= score_sections(known, sections, recordings)
     entries |= score_floor(known, floors)
     entries |= score_predictions(prediction_summary)
-    entries |= score_distances(distance_summary)
+    if distance_summary is not None:
+        entries |= score_distances(distance_summary)
     if exact:
         entries |= score_states(exact["state_errors"])
         entries |= score_scaling(exact["scaling_study"])

@@ -125,8 +125,19 @@ def sentence(
     return f"These data cannot tell: {none}, but {open_}."
 
 
-def outlook(effect: sizing.EffectSize, needed: int | None, power: float) -> str:
-    """Return words on what these data could have shown, and on what would show more."""
+def outlook(effect: sizing.EffectSize, needed: int | None, landings: int, power: float) -> str:
+    """Return words on what these data could have shown, and on what would show more.
+
+    Parameters
+    ----------
+    effect : EffectSize
+    needed : int, optional
+        Number of landings that show a difference of `ASKED`; None if no number does.
+    landings : int
+        Number of landings that these data have.
+    power : float
+        Power with which the detectable difference would have been found.
+    """
     seen = (
         "Nothing could have been seen here: a difference would have to be larger than the map"
         if effect.detectable > 1.0
@@ -136,6 +147,8 @@ def outlook(effect: sizing.EffectSize, needed: int | None, power: float) -> str:
     if needed is None:
         return f"{seen}; {percent(ASKED)} cannot be seen with any number of landings."
     number = f"{int(float(f'{needed:.1e}')):,}"
+    if needed <= landings:
+        return f"{seen}; to see {percent(ASKED)}, about {number} of these landings are enough."
     instead = sizing.MORE_SPREAD * (needed > sizing.MOST_LANDINGS)
     return f"{seen}; to see {percent(ASKED)} you would need about {number} landings{instead}."
 
@@ -239,7 +252,7 @@ def judge(
     if effect.allowed < ASKED:
         seen = effect.detectable, effect.allowed
         needed = sizing.landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
-    foreseen = outlook(effect, needed, power)
+    foreseen = outlook(effect, needed, asked["n_landings"], power)
     if jump and jump.low > 0.0:
         told = f"{_jump_told(jump, confidence)}."
         if conclusion == DIFFERENT:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from math import prod
@@ -336,6 +336,37 @@ def read_truth(path: str | Path) -> Truth | None:
         )
         check_sizes(truth)
         return truth
+
+
+def is_truth_of(roles: Mapping[str, str], *, body: Iterable[str], feet: Iterable[str]) -> bool:
+    """Tell whether a truth applies to a choice of markers.
+
+    Parameters
+    ----------
+    roles : mapping
+        Role of each marker in the file.
+    body, feet : iterable of str
+        The markers that a study takes for body and feet. The truth (contacts, body heights) is
+        that of the file's own body and feet, so they must be the same ones.
+    """
+    of_file = {role: {m for m, r in roles.items() if r == role} for role in ("body", "foot")}
+    return of_file["body"] == set(body) and of_file["foot"] == set(feet)
+
+
+def holds_truth(path: str | Path, *, body: Iterable[str], feet: Iterable[str]) -> bool:
+    """Tell whether a file holds a truth for these markers, without reading its data.
+
+    A file that is missing or damaged holds none. Importing it says what is wrong with it.
+    """
+    try:
+        with opened(path, "truth is not whole") as file:
+            if "truth" not in file:
+                return False
+            names = attribute(file, "markers", "a list of texts")
+            roles = attribute(file, "roles", "a list of texts")
+    except RecordingError:
+        return False
+    return is_truth_of(dict(zip(names, roles, strict=False)), body=body, feet=feet)
 
 
 @contextmanager

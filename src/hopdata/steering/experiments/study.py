@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import chain
 from typing import Any, TypeAlias
 
@@ -62,7 +62,6 @@ def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: R
     return table.assign(curve="pure", stance=stances, time_s=stances * hop_s)
 
 
-SHOWN = tasks.PLANNER  # the example is this controller's run with the median number of hops
 FILM_HZ = 10.0
 
 Shown: TypeAlias = tuple[tasks.Start, Run]
@@ -123,7 +122,7 @@ def experiments_of(
     names : sequence of str
         Names from `EXPERIMENTS`.
     controllers : sequence of str
-        Names from `CONTROLLERS`, and `CEILING`.
+        Names from `CONTROLLERS`, and `CEILING`; if there are none, the tables have no rows.
     steering, motion_capture : mapping
         These blocks of the configuration.
     model : FrameChangeProcess
@@ -146,11 +145,13 @@ def experiments_of(
         ``measured_...``), ``boom_angle_rad, swing_rad``, the pose predicted at the previous stance
         (``predicted_...``), ``board_m`` and ``touched``.
     example : DataFrame
-        Three curves of one run: ``curve`` is "measured", "response" (predicted from each measured
-        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, for turns
-        in the frame of the start; ``near`` (tolerance of the goal, m or rad); and of the board
-        ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m`` (initial and current
-        place).
+        Three curves of one run, of the controller that `tasks.shown_of` chooses: ``curve`` is
+        "measured", "response" (predicted from each measured stance) or "pure" (controller and
+        model alone; NaN where the controller predicts nothing); ``controller, run, success`` of
+        the run; ``stance, time_s`` and the pose, for turns in the frame of the start; ``near``
+        (tolerance of the goal, m or rad); and of the board ``board_x, board_y`` (direction),
+        ``board_first_m`` and ``board_m`` (initial and current place). Of an experiment in which
+        no stance was seen in any run of that controller, there are no rows.
     film : DataFrame
         Markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first stance), ``marker,
         x_m, y_m, z_m``.
@@ -172,9 +173,30 @@ def experiments_of(
             )  # fmt: skip
         parts.append(_tables(setting, known[setting.manoeuvre], starts))
     return {
-        name: pd.concat(chain.from_iterable(pieces), ignore_index=True)
-        for name, *pieces in zip(("runs", "stances", "example", "film"), *parts, strict=True)
+        name: _joined([*chain.from_iterable(pieces)], columns)
+        for (name, columns), *pieces in zip(TABLES.items(), *parts, strict=True)
     }
+
+
+# Tables of the experiments and their columns, which a table without rows has too.
+OF_RUN = ("experiment", "controller", "run")
+OF_OUTCOME = tuple(field.name for field in fields(tasks.Outcome))
+TABLES: Mapping[str, tuple[str, ...]] = {
+    "runs": (*OF_RUN, *OF_OUTCOME, "stances", "blind", "touched", "last_error"),
+    "stances": (*OF_RUN, "stance", *watched.COLUMNS),
+    "example": (
+        *("curve", "stance", "time_s", *POSE, "board_m", *OF_RUN, "success", "near"),
+        *("board_x", "board_y", "board_first_m"),
+    ),
+    "film": ("time_s", "marker", "x_m", "y_m", "z_m", "experiment"),
+}
+
+
+def _joined(pieces: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFrame:
+    """Return the pieces as one table with these columns, also if there are none."""
+    if not pieces:
+        return pd.DataFrame(columns=list(columns))
+    return pd.concat(pieces, ignore_index=True)[list(columns)]
 
 
 FEW = 10  # number of starts for comparing horizons
@@ -207,7 +229,8 @@ def _tables(
     setting: Setting, policies: Mapping[str, tasks.Policy], starts: Sequence[tasks.Start]
 ) -> tuple[list[pd.DataFrame], ...]:
     """Return the four tables of an experiment, each as a list of pieces."""
-    runs, stances, example, film = [], [], [pd.DataFrame()], [pd.DataFrame()]
+    runs, stances, example, film = [], [], [], []
+    shown = tasks.shown_of(policies)
     for name, policy in policies.items():
         made = [setting.run(policy, start) for start in starts]
         good = sum(run.outcome.success for run in made)
@@ -216,23 +239,32 @@ def _tables(
             key = {"experiment": setting.experiment, "controller": name, "run": start.number}
             touched = int(run.stances["touched"].sum())
             summary = {"stances": len(run.stances), "blind": run.blind, "touched": touched}
-            row = key | vars(run.outcome) | summary | {"last_error": run.last_error}
+            row = key | asdict(run.outcome) | summary | {"last_error": run.last_error}
             runs.append(pd.DataFrame([row]))
             stances.append(pd.DataFrame({**key, "stance": run.stances.index, **run.stances}))
-        if name == SHOWN:
-            start, run = typical(list(zip(starts, made, strict=True)))
-            example.append(_example(setting, policy, start, run))
-            film.append(_film(setting, run))
+        if name == shown:
+            chosen = typical(list(zip(starts, made, strict=True)))
+            if chosen is not None:
+                example.append(_example(setting, name, policy, *chosen))
+                film.append(_film(setting, chosen[1]))
     return runs, stances, example, film
 
 
-def typical(runs: list[Shown]) -> Shown:
-    """Return the successful run with the median number of hops; the first run if none succeeded."""
+def typical(runs: list[Shown]) -> Shown | None:
+    """Return the successful run with the median number of hops.
+
+    If none succeeded, it is the first in which a stance was seen; None if there is none either.
+    """
     good = sorted((one for one in runs if one[1].outcome.success), key=lambda s: s[1].outcome.hops)
-    return good[(len(good) - 1) // 2] if good else runs[0]
+    if good:
+        return good[(len(good) - 1) // 2]
+    seen = (one for one in runs if one[1].stances[MEASURED].notna().all(axis=1).any())
+    return next(seen, None)
 
 
-def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Run) -> pd.DataFrame:
+def _example(
+    setting: Setting, controller: str, policy: tasks.Policy, start: tasks.Start, run: Run
+) -> pd.DataFrame:
     """Return the three curves of a run; turns are in the frame of their start."""
     task, board = setting.task, setting.board(start)
     alone = simulated(policy(start), task, start.pose, run)
@@ -242,8 +274,9 @@ def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Ru
         table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())
         into = into if board is None else (1.0, 0.0)
     return table.assign(
-        experiment=setting.experiment, run=start.number, near=task.near, board_x=into[0],
-        board_y=into[1], board_first_m=np.nan if board is None else board.place_m, controller=SHOWN,
+        experiment=setting.experiment, controller=controller, run=start.number,
+        success=run.outcome.success, near=task.near, board_x=into[0], board_y=into[1],
+        board_first_m=np.nan if board is None else board.place_m,
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """The experiments: tasks, starts and controllers (dissertation, Sec. 3.5)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -155,6 +155,26 @@ CONTROLLERS = ("printed", "planner", "adaptive", "random", "none")
 PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE = CONTROLLERS
 LEARNED = (PRINTED, PLANNER, ADAPTIVE)  # those that use the learned model
 CEILING = "ceiling"  # the planner that knows the true map: the reference for the number of hops
+
+
+#: Whose run is the example, where it takes part; else that of the next.
+SHOWN_FIRST = (PLANNER, ADAPTIVE, PRINTED, RANDOM, NONE)
+
+
+def taking_part(asked: Sequence[str], *, later_observation: bool) -> list[str]:
+    """Return who runs: the controllers asked for, and the one that knows the true map.
+
+    An observation after the first changes only what is learned, so with it only controllers that
+    use the learned model run, perhaps none.
+    """
+    if later_observation:
+        return [name for name in asked if name in LEARNED]
+    return [*asked, CEILING]
+
+
+def shown_of(controllers: Collection[str]) -> str | None:
+    """Return the controller whose run is the example; None if none of `SHOWN_FIRST` runs."""
+    return next((name for name in SHOWN_FIRST if name in controllers), None)
 
 
 @dataclass(frozen=True)

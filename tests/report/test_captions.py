@@ -1,0 +1,125 @@
+"""Captions are made from what was done: no step, number or result that this study does not have."""
+
+import re
+
+import pandas as pd
+import pytest
+from fake_steering import CAPTIONS
+from fake_steering import FIGURES as STEERING
+from fake_study import full_study, touchdowns, truth, verdict
+from test_page import Page
+
+from hopdata.landings.contacts.find import METHODS
+from hopdata.report.formatting import NOTES
+from hopdata.report.page import CONTROLS, PLACES, build_report
+
+# Numbers that a caption may state, since they say how a figure is drawn or a quantity defined.
+# Every other number comes from the study's own tables.
+OWN_NUMBERS = {
+    "fig2_3_schedule": {"0.07"},  # s, the filter of the drawn velocities
+    "fig2_4_prediction": {"2.5", "97.5"},  # %, whiskers
+    "fig2_5_distances": {"5", "95"},
+    "contact_overlay": {"95"},
+    "fig3_6_turn": {"180"},  # degrees
+    "steering_outcomes": {"5", "95"},
+    "steering_learning": {"5", "95"},
+    "steering_kernels": {"3", "2", "1", "5", "0.15"},  # smoothness 3/2 and 5/2 (C1, C2), axis' end
+}
+NAMED = re.compile(r"Fig(?:ure|\.)\s*\d+\.\d+|\bC[12]\b|\{\{.*?\}\}|\{%.*?%\}", re.DOTALL)
+
+
+# The caption of the sections has a test of its own.
+@pytest.mark.parametrize("name", sorted({*PLACES, *STEERING} - {"fig2_2_sections"}))
+def test_no_caption_quotes_a_number_of_another_study(name):
+    text = (CAPTIONS / f"{name}.md").read_text(encoding="utf-8")
+    numbers = set(re.findall(r"\d+(?:\.\d+)?", NAMED.sub("", text)))
+    assert numbers <= OWN_NUMBERS.get(name, set())
+    assert "make both-sides" not in text
+
+
+def page(**changes):
+    return Page(build_report(full_study(**changes))).text
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_only_contacts_by_kinks_are_said_to_be_kinks(method):
+    text = page(touchdowns=touchdowns().assign(method=method))
+    kinks = ("has its kink", "halfway up the jump", "whose instant is not determined")
+    printed = ("foot's smoothed velocity", "The true scatter is larger")
+    for words in kinks:
+        assert (words in text) == (method == "kink"), words
+    for words in printed:
+        assert (words in text) == (method != "kink"), words
+    assert ("from the rounding to a frame alone" in text) == (method == "velocity_minimum")
+    parabola = method == "velocity_minimum_parabola"
+    assert ("from the noise of the heights alone" in text) == parabola
+    assert ("at the vertex of a parabola" in text) == parabola
+
+
+def test_without_a_known_method_none_is_named():
+    text = page(touchdowns=touchdowns().drop(columns="method"))
+    assert "A plus marks each contact." in text
+    assert "kink." not in text.partition("Figure 2.3")[2].partition("Prediction")[0]
+
+
+SAYS = {
+    "different": ("interval with the estimate in it", "each has a map of its own"),
+    "no difference": ("cannot exclude", "one map leads on from each"),
+    "cannot tell": ("cannot exclude", "or each has its own"),
+}
+
+
+@pytest.mark.parametrize("conclusion", SAYS)
+def test_the_caption_of_the_verdict_says_how_this_one_came_out(conclusion):
+    text = page(verdict=verdict(conclusion=conclusion))
+    bar, maps = SAYS[conclusion]
+    for words in (bar, maps):
+        assert words in text
+    for words in {one for both in SAYS.values() for one in both} - {bar, maps}:
+        assert f"{words}." not in text, words
+    assert ("To the right of the dashed line" in text) == (conclusion != "different")
+    assert "Jacobians" in text
+    assert NOTES["meaning_of_effect"] in text
+
+
+def test_a_jump_of_the_outcome_is_not_said_to_be_one_of_the_derivative():
+    jump = {**verdict()["effect"], "detectable": 1.3}
+    text = page(verdict=verdict(conclusion="different", decided_by="jump", jump=jump))
+    assert "By how much the outcome jumps" in text
+    assert NOTES["meaning_of_jump"] in text
+    for words in ("Jacobians", NOTES["meaning_of_effect"], "The thin arrow begins"):
+        assert words not in text, words
+    assert "The thin arrow begins at" in page()
+
+
+def test_the_scaling_study_is_of_the_scene_that_was_simulated():
+    slopes = {"quadruped": 1.98, "coupling": 1.03}
+    assert set(slopes) & set(CONTROLS) == {"coupling"}
+    entries = {
+        f"scaling_slope_{case}": {"value": slope, "unit": "1", "what": case}
+        for case, slope in slopes.items()
+    }
+    text = page(truth=entries)
+    assert "for the quadruped and for 1 kind of control" in text
+    assert "hopper" not in text.partition("Scaling study:")[2].partition("Estimates and truth")[0]
+    assert "scaling_slope_hopper" in truth() or "for the" in page()
+
+
+def test_forces_are_spoken_of_where_there_are_some():
+    thresholds = pd.DataFrame({"threshold": [20.0], "unit": "N", "recording": "a", "column": "f"})
+    thresholds = thresholds.assign(n_missed=0, n_invented=0, bias_s=0.001, robust_sd_s=0.001)
+    with_forces = page(overlay={"contact_overlay_thresholds": thresholds})
+    for words in ("and (d) the force under them", "A force begins when"):
+        assert words in with_forces
+        assert words not in page()
+
+
+def test_distances_that_were_not_asked_for_are_said_to_be_so():
+    names = ("fig2_5_distances",)
+    figures = [one for one in full_study().figures if one.name not in names]
+    text = page(distances=None, distances_asked=False, figures=figures)
+    told = "does not ask for constraint subspaces and their distances (distances.enabled: false)"
+    assert told in text
+    assert "was not made" not in text
+    assert told not in page()
+    assert "The figure of the distances was not made." in page(distances=None, figures=figures)
