@@ -596,12 +596,16 @@ def _one_leg(
 
 def event_log(region: Region, crossings: Sequence[Crossing]) -> EventLog:
     """Return crossings as the library's event log; without resets, before equals after."""
-    n, whole = region.system.n_states, 2 + region.system.n_modes
     guards = [one.guard for one in crossings]
-    modes = np.array([region.mode(one.locks) for one in crossings]).reshape(-1, whole - 2)
-    integers = np.column_stack([guards, region.orientation[guards], modes]).astype(np.int64)
-    columns = integers.view(np.float64)
+    n, n_modes = region.system.n_states, region.system.n_modes
+    modes = [region.mode(one.locks) for one in crossings]
     states = np.array([one.state for one in crossings]).reshape(-1, n)
-    times = np.array([one.time for one in crossings]).reshape(-1, 1)
-    records = np.hstack([times, columns[:, :2], states, states, columns[:, 2:]])
-    return EventLog(records, n, region.system.guard_names)
+    return EventLog.of_columns(
+        time=np.array([one.time for one in crossings]),
+        guard=np.array(guards, dtype=np.int64),
+        direction=region.orientation[guards],
+        before=states,
+        after=states,
+        mode=np.array(modes, dtype=np.int64).reshape(-1, n_modes),
+        guard_names=region.system.guard_names,
+    )

@@ -283,6 +283,10 @@ def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
     made_by = getattr(function, "__wrapped__", None)
     if isinstance(made_by, FunctionType) and not isinstance(function, FunctionType):
         yield _source(made_by.__code__.co_filename)  # an intrinsic: its whole module counts
+    elif isinstance(value, tuple):
+        yield repr(type(value)).encode()
+        for item in value:
+            yield from _parts(item, seen)
     elif not isinstance(function, FunctionType):
         yield _constant_bytes(value)
     elif id(function) not in seen:
@@ -310,21 +314,38 @@ def _code_parts(code: CodeType) -> Iterator[bytes]:
 
 
 def _references(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    names = function.__code__.co_names
+    names = tuple(dict.fromkeys(_names_in(function.__code__)))
     for name in names:
-        value = function.__globals__.get(name)
-        if isinstance(value, ModuleType):
-            inside = vars(value)
-            yield from ((item, inside[item]) for item in names if item in inside)
-        else:
-            yield name, value
+        yield from _reached(name, function.__globals__.get(name), names)
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
-        yield name, cell.cell_contents
+        yield from _reached(name, cell.cell_contents, names)
+
+
+def _names_in(code: CodeType) -> Iterator[str]:
+    """Yield the names in a function's code and in that of functions defined in it."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names_in(constant)
+
+
+def _reached(name: str, value: Any, names: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    """Yield a value or, if it is a module, those of its attributes that have one of the names."""
+    if not isinstance(value, ModuleType):
+        yield name, value
+        return
+    inside = vars(value)
+    for item in names:
+        found = inside.get(item)
+        if isinstance(found, ModuleType) and found.__name__.startswith(f"{value.__name__}."):
+            yield from _reached(item, found, names)
+        elif item in inside:
+            yield item, found
 
 
 def _constant_bytes(value: Any) -> bytes:
     if isinstance(value, np.ndarray):
         return value.tobytes() + repr((value.dtype, value.shape)).encode()
-    if isinstance(value, bool | int | float | complex | str | tuple | frozenset | np.number):
+    if isinstance(value, bool | int | float | complex | str | bytes | frozenset | np.generic):
         return repr(value).encode()
     return b""

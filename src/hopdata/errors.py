@@ -5,6 +5,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
+from pickle import PicklingError
 from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar
 
 Entry = TypeVar("Entry")
@@ -32,6 +33,10 @@ class HopdataError(Exception):
 
 class ArgumentError(HopdataError, TypeError, ValueError):
     """A function was called with an argument that it does not accept."""
+
+
+class NotPicklableError(HopdataError, PicklingError):
+    """An object cannot be sent to another process."""
 
 
 class AbsentError(HopdataError, AttributeError):

@@ -20,16 +20,9 @@ def swing(until=2.0, **options):
     return solve(bent(3), (0, until), [0.0, 1.2], params=PARAMS, **options)
 
 
-def log_of_columns(*, time, guard, direction, before, after, mode, guard_names):
-    whole = [np.atleast_2d(one).T.astype(np.int64).view(float) for one in (guard, direction)]
-    modes = np.ascontiguousarray(mode, dtype=np.int64).view(float)
-    records = np.hstack([time[:, None], *whole, before, after, modes])
-    return EventLog(records, before.shape[1], guard_names)
-
-
 def rebuilt(log):
     columns = {name: getattr(log, name) for name in COLUMNS}
-    return log_of_columns(guard_names=log.guard_names, **columns)
+    return EventLog.of_columns(guard_names=log.guard_names, **columns)
 
 
 @pytest.mark.parametrize("until", [2.0, 0.1], ids=["events", "none"])
@@ -45,7 +38,7 @@ def test_a_log_of_its_own_columns_is_the_same(until):
 
 
 def test_whole_numbers_of_any_size_survive():
-    log = log_of_columns(
+    log = EventLog.of_columns(
         time=np.array([0.1, 0.2]), guard=np.array([0, 1]), direction=np.array([1, -1]),
         before=np.zeros((2, 3)), after=np.ones((2, 3)),
         mode=np.array([[-(2**63), 2**63 - 1], [-1, 0]]), guard_names=("a", "b"),

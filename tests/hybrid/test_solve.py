@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from hopdata.errors import ArgumentError
 from hopdata.hybrid import System, solve
+from hopdata.hybrid.workspace import Workspace
 
 
 def test_no_guards_agrees_with_scipy():
@@ -222,3 +223,49 @@ def test_a_system_checks_itself():
         System(rebound, n_states=1)
     with pytest.raises(ValueError, match="directions"):
         ladder(2, directions=(1,))
+
+
+@pytest.mark.parametrize(
+    ("options", "all_is_prepared"),
+    [
+        ({}, False),
+        ({"t_eval": ()}, False),
+        ({"t_eval": []}, False),
+        ({"t_eval": np.empty(0)}, False),
+        ({"events": "count"}, False),
+        ({"t_eval": (), "events": "count"}, False),
+        ({"t_eval": [0.5]}, True),
+        ({"events": len}, True),
+    ],
+)
+def test_asking_for_less_is_no_new_preparation(monkeypatch, options, all_is_prepared):
+    """A request that differs in numbers alone goes straight to the driver: 4 us, not 40."""
+    system, call = ladder(2), {"params": (0.2, 0.4, 0, 0)}
+    first = solve(system, (0, 1), [0.0, 0.0], **call, **options)
+    solve(system, (0, 1), [0.0, 0.0], **call)
+    asked, ask = [], Workspace.ask
+
+    def watched_ask(*given):
+        asked.append(given)
+        ask(*given)
+
+    monkeypatch.setattr(Workspace, "ask", watched_ask)
+    again = solve(system, (0, 1), [0.0, 0.0], **call, **options)
+    assert bool(asked) == all_is_prepared
+    assert again.t.tolist() == first.t.tolist()
+    assert again.y.shape == first.y.shape
+    assert again.events.time.tolist() == first.events.time.tolist()
+    assert again.n_events == 2
+    if "t_eval" in options:
+        assert again.t.tolist() == list(options["t_eval"])
+    if options.get("events", "all") != "all":
+        assert len(again.events) == 0
+
+
+@pytest.mark.parametrize("wrong", ["", np.empty(0, dtype="U3"), np.empty((0, 2)), np.empty((2, 0))])
+def test_nothing_of_another_kind_is_refused_each_time(wrong):
+    system, call = ladder(2), {"params": (0.2, 0.4, 0, 0)}
+    for _ in range(2):
+        solve(system, (0, 1), [0.0, 0.0], **call, t_eval=())
+        with pytest.raises(ValueError, match="t_eval"):
+            solve(system, (0, 1), [0.0, 0.0], **call, t_eval=wrong)

@@ -12,6 +12,7 @@ from hopdata.errors import ArgumentError
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
 
+MOST = 10_000_000  # steps and events by default: no limit in practice, but no run for ever
 SMALLEST_RTOL = 10 * 2.0**-52  # at a smaller rtol the controller mistakes rounding for error
 _LOCKS = frozenset((-1, 0, 1))
 
@@ -34,8 +35,8 @@ def check_numbers(
         t_start, t_end = map(float, t_span)
     except (TypeError, ValueError):
         raise ArgumentError(f"t_span: expected two times (start, end), found {t_span!r}") from None
-    in_order = -inf < t_start <= t_end < inf
-    expect(in_order, "t_span", "finite times, the end not before the start", t_span)
+    in_order = -inf < t_start < inf and t_start <= t_end
+    expect(in_order, "t_span", "a finite start, and an end not before the start", t_span)
     largest = _number("max_step", max_step)
     first = 0.0 if first_step is None else _number("first_step", first_step)
     expect(largest > 0, "max_step", "> 0", max_step)
@@ -44,6 +45,18 @@ def check_numbers(
     expect(0 <= relative < 1, "rtol", "a number in [0, 1)", rtol)
     counts = check_count("max_steps", max_steps), check_count("max_events", max_events)
     return t_start, t_end, max(relative, SMALLEST_RTOL), largest, first, *counts
+
+
+def check_infinite_end(system: Any, t_end: float, max_steps: int, max_events: int) -> None:
+    """Raise ValueError if the end is infinite and nothing is known that may end the integration."""
+    if t_end < inf or any(system.terminal or ()) or system.on_event is not None:
+        return
+    limited = max_steps < MOST or max_events < MOST
+    wanted = (
+        "a finite end, or something that may end the integration: System(terminal=...), a handler "
+        "that returns 1, max_events or max_steps"
+    )
+    expect(limited, "t_span", wanted, "an infinite end and none of these")
 
 
 def _number(name: str, value: Any) -> float:
@@ -136,7 +149,7 @@ def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
 def check_times(t_eval: ArrayLike, t_start: float, t_end: float) -> FloatArray:
     """Return the requested times as an array."""
     times = np.array(numbers_of("t_eval", t_eval), ndmin=1)
-    inside = (times >= t_start) & (times <= t_end)
+    inside = (times >= t_start) & (times <= t_end) & np.isfinite(times)
     fits = times.ndim == 1 and inside.all() and (np.diff(times) > 0).all()
     expect(fits, "t_eval", f"increasing times within {(t_start, t_end)}", times)
     return times

@@ -198,8 +198,8 @@ def solve_batch(
     max_step: float = np.inf,
     first_step: float | None = None,
     t_eval: ArrayLike | None = None,
-    max_steps: int = 10_000_000,
-    max_events: int = 10_000_000,
+    max_steps: int = arguments.MOST,
+    max_events: int = arguments.MOST,
     method: str = "auto",
     jacobian: bool | str = False,
     memory: ArrayLike | None = None,
@@ -238,6 +238,7 @@ def solve_batch(
     Exception
         Whatever the system's functions raise.
     """
+    system = system.current()
     states = _states(y0, system.n_states)
     if goes_back(t_span) or isinstance(jacobian, str):
         return ask_derived(
@@ -247,6 +248,7 @@ def solve_batch(
             workers=workers, progress=progress, lanes=lanes,
         )  # fmt: skip
     options = arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
+    arguments.check_infinite_end(system, options[1], *options[5:])
     if workers is not None:
         workers = arguments.check_count("workers", workers)
     jacobian = arguments.check_flag("jacobian", jacobian)

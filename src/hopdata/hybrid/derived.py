@@ -9,6 +9,7 @@ runs all functions, which checks every index.
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from hopdata.errors import ArgumentError
 from hopdata.hybrid import arguments
 from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.methods import tangent
 from hopdata.hybrid.methods.explicit import compose
@@ -47,6 +49,11 @@ class Around(Callback):
         super().__init__(compose(kind.name, ", ".join(kind.arguments), body, names), kind)
         self.kept = inner.compiled  # otherwise the code contains the address of a Python function
         self.n_params = n_params
+
+    @cached_property
+    def constants(self) -> Constants:
+        """Nothing of its own: the system from which it is derived looks at the user's function."""
+        return Constants()
 
     @property
     def compiled(self) -> bool:

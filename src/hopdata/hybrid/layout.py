@@ -104,29 +104,37 @@ INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
 # the state before it, the guard that flips next (-1: none), whether several guards met their
 # surfaces together, and whether an event has ended the integration.
 BEGUN, CASCADE, JUMPS_AT_ENTRY, NEXT, TIED, ENDED = numbers(6, 25)
-COUNT_SLOTS = 31
+# Changes of the mode that the log holds.
+CHANGES = np.int64(31)
+COUNT_SLOTS = 32
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
 # until control returns to Python, addresses of the code for Jacobians (0: not wanted) and of the
-# desk itself, address and width of each array, then the request (floats stored in the memory of
-# integers; the last entry is the number of rows written per step). The initial state and the
-# parameters follow, so a caller writes its whole request at once.
+# desk itself, room for changes of the mode, and whether the end of the time span is infinite. Then
+# address and width of each array, and the request (floats stored in the memory of integers; its
+# last entries are the number of rows written per step, and whether events are kept). The initial
+# state and the parameters follow, so a caller writes its whole request at once.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(9)
-FIRST_ORDER, HERE = numbers(2, 9)
-DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 11, 19, 8
+FIRST_ORDER, HERE, N_CHANGES, ENDLESS = numbers(4, 9)
+DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 13, 21, 9
 DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
-MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP = numbers(3, DESK_ASKED + 5)
+MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP, KEEP_EVENTS = numbers(4, DESK_ASKED + 5)
 DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
 DESK_PLACES = DESK_ARRAYS + 2 * numbers(N_DESK_ARRAYS)
 PARAMS, MODE, RULES, ATOL, STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = DESK_PLACES[:8]
 WAKE_AT, CLOCK, COUNTS, METHOD_TABLE, TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[8:15]
-ROW_TABLE, LOG_TABLE, START_STATE, KEPT = DESK_PLACES[15:]
+ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = DESK_PLACES[15:]
 
-# Columns of the log. Each row is an event: time, guard, direction, state before and after the
-# handler, and mode. Integers are stored in the memory of floats.
-LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = numbers(4)
+# The log (see `driver.log`). Each row of its table of events is an event: time, guard, direction,
+# number of changes of the mode up to and including it, state before and after the handler. Integers
+# are stored in the memory of floats. Each row of the table of changes is a place in the mode and
+# its new value: one change takes two numbers, where the mode itself would take one per guard.
+LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_CHANGES, LOG_STATES = numbers(5)
+CHANGE_PLACE, CHANGE_VALUE = numbers(2)
+CHANGE_WIDTH = 2
+UNKNOWN = -(2**63)  # value of the modes before the first change; a mode of this value is right, too
 
 # Flags of a run: it resumes where it was; the mode is given (zeros otherwise).
 RESUMED, GIVEN_MODE = 1, 2
@@ -150,7 +158,7 @@ FINISHED, TERMINATED = 0, 1
 STEP_UNDERFLOW, FIELD_NOT_FINITE, GUARD_NOT_FINITE, TOO_MANY_STEPS = -1, -2, -3, -4
 TOO_MANY_EVENTS, SLIDING, ZENO, GRAZING_IN_JACOBIAN = -5, -6, -7, -8
 AFFINE_DIFFERS, JACOBIAN_NOT_FINITE, TIE_IN_JACOBIAN, RATE_DIFFERS = -9, -10, -11, -12
-RAISED, NO_LOCK = -13, -14
+RAISED, NO_LOCK, NO_END = -13, -14, -15
 RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(2, 8)  # inside the driver
 
 SENTENCES = {
@@ -177,6 +185,8 @@ SENTENCES = {
     RAISED: "It was interrupted, or a function of the system raised an exception, after {at}.",
     NO_LOCK: "on_event has set the lock of guard '{guard}' to neither -1 nor +1 at {at}: "
     "mode[k] is the lock of guard k, and the system's own integers follow the locks.",
+    NO_END: "Nothing has ended the integration up to {at}, and t_span is infinite: no terminal "
+    "event has come, and no handler has returned 1.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
     "they must be the same field, in every mode.",
     GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero to within "

@@ -6,7 +6,7 @@ short integration, making all the arrays would take longer than the integration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ MOST_SHOWN = 10  # most events in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # index of the first counter in the end record
 MODE = COUNTS + int(layout.COUNT_SLOTS)  # index of the first entry of the mode
 BYTES = 8  # bytes of a number
+CHANGES, STATES = int(layout.LOG_CHANGES), int(layout.LOG_STATES)  # columns of the log
 
 
 @dataclass(frozen=True, repr=False)
@@ -29,20 +30,41 @@ class EventLog(Told):
 
     Parameters
     ----------
-    records : (E, 3 + 2 n + m) array
-        Columns of all properties side by side; integers are stored by their bits.
-    n_states : int
-        Length of the state, n.
+    rows : (E, 4 + 2 n) array
+        Time, guard, direction, number of changes of the mode up to and including the event, and
+        the states before and after its handler, side by side; integers are stored by their bits.
+    changes : (C, 2) array of int
+        Changes of the mode in chronological order: place in the mode, and new value. The first
+        event that is logged has one for each place.
+    n_states, n_modes : int
+        Lengths of the state, n, and of the mode that is logged, m.
     guard_names : tuple of str
         Names of all guards of the system.
     """
 
-    records: FloatArray
+    rows: FloatArray
+    changes: IntArray
     n_states: int
+    n_modes: int
     guard_names: tuple[str, ...]
 
+    @classmethod
+    def of_columns(
+        cls, *, time: FloatArray, guard: IntArray, direction: IntArray, before: FloatArray,
+        after: FloatArray, mode: IntArray, guard_names: tuple[str, ...],
+    ) -> EventLog:  # fmt: skip
+        """Return the log of events that were found in another way, from its properties."""
+        n_events, n_modes = np.shape(mode)
+        places = np.tile(np.arange(n_modes), n_events)
+        values = np.asarray(mode, dtype=np.int64).ravel()
+        totals = n_modes * np.arange(1, n_events + 1)
+        integers = np.column_stack([guard, direction, totals]).astype(np.int64)
+        rows = np.column_stack([time, integers.view(np.float64), before, after])
+        changes = np.column_stack([places, values])
+        return cls(rows, changes, np.shape(before)[1], n_modes, guard_names)
+
     def __len__(self) -> int:
-        return len(self.records)
+        return len(self.rows)
 
     def __repr__(self) -> str:
         shown = zip(self.time[:MOST_SHOWN], self.guard, self.direction, strict=False)
@@ -54,10 +76,10 @@ class EventLog(Told):
         return "\n".join([f"EventLog of {len(self)} events", *lines, *rest])
 
     def _floats(self, first: int, count: int) -> FloatArray:
-        return self.records[:, first : first + count].copy()
+        return self.rows[:, first : first + count].copy()
 
     def _integers(self, first: int, count: int) -> IntArray:
-        return self.records.view(np.int64)[:, first : first + count].copy()
+        return self.rows.view(np.int64)[:, first : first + count].copy()
 
     @cached_property
     def time(self) -> FloatArray:
@@ -77,18 +99,24 @@ class EventLog(Told):
     @cached_property
     def before(self) -> FloatArray:
         """State immediately before the event's handler; (E, n)."""
-        return self._floats(3, self.n_states)
+        return self._floats(STATES, self.n_states)
 
     @cached_property
     def after(self) -> FloatArray:
         """State immediately after the event's handler; (E, n)."""
-        return self._floats(3 + self.n_states, self.n_states)
+        return self._floats(STATES + self.n_states, self.n_states)
 
     @cached_property
     def mode(self) -> IntArray:
         """Mode after the event; (E, m). It omits the locks if guards are declared one by one."""
-        first = 3 + 2 * self.n_states
-        return self._integers(first, self.records.shape[1] - first)
+        totals = self._integers(CHANGES, 1).ravel()
+        return modes_of(totals, self.changes, self.n_modes)
+
+    @cached_property
+    def records(self) -> FloatArray:
+        """All properties side by side, (E, 3 + 2 n + m); integers are stored by their bits."""
+        modes = self.mode.view(np.float64)
+        return np.hstack([self.rows[:, :CHANGES], self.before, self.after, modes])
 
     def of(self, guard: str, *, direction: int = 0) -> EventLog:
         """Return the events of one guard, in one direction only if `direction` is not 0.
@@ -102,18 +130,41 @@ class EventLog(Told):
         chosen = self.guard == self.guard_names.index(guard)
         if direction != 0:
             chosen &= self.direction == direction
-        return EventLog(self.records[chosen], self.n_states, self.guard_names)
+        return replace(self, rows=self.rows[chosen])
 
 
-def event_log(records: FloatArray, form: Form) -> EventLog:
+def modes_of(totals: IntArray, changes: IntArray, n_modes: int) -> IntArray:
+    """Return the mode after each event, (E, m), from the changes of the mode.
+
+    Parameters
+    ----------
+    totals : (E,) array of int
+        Number of changes up to and including each event.
+    changes : (C, 2) array of int
+        Place in the mode and new value, in chronological order.
+    n_modes : int
+        Length of the mode, m.
+    """
+    modes = np.full((len(totals), n_modes), layout.UNKNOWN)
+    last = np.zeros(modes.shape, dtype=np.int64)  # event at which each entry changed last
+    of_event = np.searchsorted(totals, np.arange(len(changes)), side="right")
+    inside = of_event < len(totals)
+    events, places = of_event[inside], changes[inside, layout.CHANGE_PLACE]
+    modes[events, places] = changes[inside, layout.CHANGE_VALUE]  # where several, the last stays
+    last[events, places] = events
+    np.maximum.accumulate(last, axis=0, out=last)
+    return np.take_along_axis(modes, last, axis=0)
+
+
+def event_log(rows: FloatArray, changes: IntArray, form: Form) -> EventLog:
     """Return the log of the driver's records, with the user's states and times only."""
     if form.way < 0.0 or form.shown < form.state:
-        columns = np.arange(form.event)
-        after = 3 + form.state
-        shown = [columns[: 3 + form.shown], columns[after : after + form.shown]]
-        records = records[:, np.concatenate([*shown, columns[after + form.state :]])]
-        records[:, 0] *= form.way
-    return EventLog(records, form.shown, form.guard_names)
+        columns = np.arange(rows.shape[1])
+        after = STATES + form.state
+        shown = [columns[: STATES + form.shown], columns[after : after + form.shown]]
+        rows = rows[:, np.concatenate(shown)]
+        rows[:, 0] *= form.way
+    return EventLog(rows, changes, form.shown, form.logged, form.guard_names)
 
 
 @dataclass(frozen=True)
@@ -124,8 +175,8 @@ class Form:
     ----------
     state, mode : int
         Lengths of state (n) and mode (m).
-    event : int
-        Number of entries in the record of an event.
+    logged : int
+        Number of entries of the mode that the log has, its last ones.
     guard_names : tuple of str
         Names of all guards of the system.
     way : float
@@ -136,7 +187,7 @@ class Form:
 
     state: int
     mode: int
-    event: int
+    logged: int
     guard_names: tuple[str, ...]
     way: float
     shown: int
@@ -157,7 +208,7 @@ class Solution(Told):
         if requested.
     parts : tuple of bytes
         The driver's times and counters and the final mode, side by side; times and states of the
-        trajectory, (N, 1 + n); events, in the form of `EventLog`.
+        trajectory, (N, 1 + n); events and changes of the mode, in the form of `EventLog`.
     form : Form
         Layout of these records.
     dense : tuple, optional
@@ -169,7 +220,7 @@ class Solution(Told):
     status: int
     y_end: FloatArray
     jacobian: FloatArray | None
-    parts: tuple[bytes, bytes, bytes]
+    parts: tuple[bytes, bytes, bytes, bytes]
     form: Form
     dense: tuple[int, bytes] | None = None
     sensitivity: FloatArray | None = None
@@ -226,7 +277,10 @@ class Solution(Told):
     @cached_property
     def events(self) -> EventLog:
         """The log of all events."""
-        return event_log(np.frombuffer(self.parts[2]).reshape(-1, self.form.event), self.form)
+        width = STATES + 2 * self.form.state
+        rows = np.frombuffer(self.parts[2]).reshape(-1, width)
+        changes = np.frombuffer(self.parts[3], np.int64).reshape(-1, layout.CHANGE_WIDTH)
+        return event_log(rows, changes, self.form)
 
     @cached_property
     def mode(self) -> IntArray:

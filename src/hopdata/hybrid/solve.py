@@ -17,7 +17,7 @@ from hopdata.hybrid.compiled.callbacks import catch, stop_catching
 from hopdata.hybrid.derived import ask_derived, goes_back
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
-from hopdata.hybrid.workspace import Sink, Workspace
+from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
 
 SILENT_S, EVERY_S = 5.0, 0.5  # first progress message on a terminal's stderr, and interval
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
@@ -36,8 +36,8 @@ def solve(
     max_step: float = np.inf,
     first_step: float | None = None,
     t_eval: ArrayLike | None = None,
-    max_steps: int = 10_000_000,
-    max_events: int = 10_000_000,
+    max_steps: int = arguments.MOST,
+    max_events: int = arguments.MOST,
     method: str = "auto",
     jacobian: bool | str = False,
     memory: ArrayLike | None = None,
@@ -57,7 +57,8 @@ def solve(
         Vector field, guards and handler.
     t_span : tuple of float
         Start and end, s. If the end is before the start, time runs backward; locks and event
-        directions then refer to the crossings as they occur along the way.
+        directions then refer to the crossings as they occur along the way. The end may be
+        infinite if an event, the handler or a limit ends the integration.
     y0 : (n,) array_like
         Initial state.
     params : (p,) array_like
@@ -121,13 +122,20 @@ def solve(
     (array([0.451524, 0.555292]), array([-1,  1]))
     """
     expect(isinstance(system, System), "system", "a System", system)
+    system = system.current()
     work = system.take_workspace()
     try:
-        usual = jacobian is dense_output is debug is False and events == "all"
-        usual, sink = usual and t_eval is memory is first_step is None, None
+        keep_events = events == "all"
+        usual = jacobian is dense_output is debug is False and memory is first_step is None
+        usual = usual and (keep_events or events == "count")
+        rows_per_step = 1
+        if t_eval is not None:
+            rows_per_step = 0
+            usual = usual and _is_empty(t_eval)
         if not usual or not work.ask_again(
-            t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method
-        ):
+            t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method,
+            rows_per_step, keep_events,
+        ):  # fmt: skip
             if goes_back(t_span) or debug is not False or isinstance(jacobian, str):
                 return ask_derived(
                     solve, system, t_span=t_span, y0=y0, params=params, t_eval=t_eval, atol=atol,
@@ -135,11 +143,11 @@ def solve(
                     first_step=first_step, max_steps=max_steps, max_events=max_events,
                     method=method, memory=memory, dense_output=dense_output, events=events,
                 )  # fmt: skip
-            sink = _sink(events, dense_output)
+            work.sink = _sink(events, dense_output)
             limits = rtol, max_step, first_step, max_steps, max_events
             work.ask(
                 system, t_span, y0, params, limits, atol, t_eval, method, jacobian, memory,
-                dense_output,
+                dense_output, keep_events or callable(events),
             )  # fmt: skip
         flags = 0
         if mode is not None:
@@ -151,9 +159,9 @@ def solve(
         try:
             status = work.drive(work.desk_address, flags)
             if status > at.TERMINATED:
-                status = _go_on(work, flags | at.RESUMED, status, sink)
-        except KeyboardInterrupt as interrupt:
-            caught.append(interrupt)
+                status = _go_on(work, flags | at.RESUMED, status)
+        except BaseException as error:  # an interrupt, no memory, or what the sink has raised
+            caught.append(error)
         finally:
             stop_catching(token)
         if work.methods.generic:
@@ -165,21 +173,29 @@ def solve(
         if status > at.TERMINATED:  # it has not started
             expect(status != at.BAD_START, "y0", "finite numbers", work.state)
             arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
-        if sink is not None:
-            work.hand_over(sink)
+        if work.sink is not None:
+            work.hand_over()
         return work.solution(status)
     finally:
+        work.sink = None
         system.idle.append(work)
 
 
+def _is_empty(t_eval: Any) -> bool:
+    """Return whether no time is requested, as far as it can be told at once."""
+    if type(t_eval) is np.ndarray:
+        return t_eval.shape == (0,) and t_eval.dtype == np.float64
+    return type(t_eval) in PLAIN and len(t_eval) == 0
+
+
 def _sink(events: Any, dense_output: bool) -> Sink | None:
-    """Return the consumer of the events; None if all events are kept."""
+    """Return the consumer of the events; None if they are kept or only counted."""
     if isinstance(events, str) and events == "all":
         return None
     expect(not dense_output, "events", "'all' with dense_output", repr(events))
     known = callable(events) or (isinstance(events, str) and events == "count")
     expect(known, "events", "'all', 'count' or a function", repr(events))
-    return events if callable(events) else len
+    return events if callable(events) else None
 
 
 def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseException:
@@ -191,13 +207,13 @@ def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseExcepti
     return error
 
 
-def _go_on(work: Workspace, flags: int, status: int, sink: Sink | None) -> int:
+def _go_on(work: Workspace, flags: int, status: int) -> int:
     """Call the driver until it has ended, each time after giving it what it asks for."""
     methods, started = work.methods, monotonic()
     shown = started + SILENT_S
     while status in UNFINISHED and not work.caught:
         if status == at.NEEDS_ROOM:
-            work.enlarge(sink)
+            work.enlarge()
         elif status == at.NEEDS_METHOD:
             methods.provide(int(work.counts[at.METHOD]))
         methods.specialise(int(work.counts[at.STEPS]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
 from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.driver.loop import compiled_first_order, compiled_run, driver_entry, many_entry
 from hopdata.hybrid.methods.method import Scene
@@ -111,6 +112,11 @@ class System(Told):
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
             )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what pickle stores: the description, and nothing that is made from it."""
+        described = {one.name: getattr(self, one.name) for one in fields(self)}
+        return _described, (type(self), described)
+
     def check_params_length(self, count: int) -> None:
         """Raise ValueError if a function uses an element of `params` beyond `count`."""
         if count < self.n_params:
@@ -157,6 +163,30 @@ class System(Told):
         """The callbacks that are given."""
         given = (getattr(self, name) for name in SIGNATURES)
         return tuple(one for one in given if one is not None)
+
+    @cached_property
+    def constants(self) -> Constants:
+        """What the machine code of its functions is made from, besides their own text."""
+        return Constants().joined(one.constants for one in self._all_callbacks)
+
+    @property
+    def _all_callbacks(self) -> tuple[Callback, ...]:
+        return self.callbacks if self.undo is None else (*self.callbacks, self.undo)
+
+    def current(self) -> System:
+        """Return the system as globals and closures of its functions are now.
+
+        This is the system itself or, where one of them has changed since it was compiled, one with
+        the same functions that is compiled anew.
+        """
+        latest: System = self.__dict__.get("_latest", self)
+        if latest.constants.are_current():
+            return latest
+        names = [name for name in (*SIGNATURES, "undo") if getattr(self, name) is not None]
+        fresh = replace(latest, **{name: getattr(latest, name).anew() for name in names})
+        _ = fresh.constants  # remembers them now, and compiles the functions that are called
+        vars(self)["_latest"] = fresh
+        return fresh
 
     @cached_property
     def n_params(self) -> int:
@@ -208,8 +238,9 @@ class System(Told):
         driver_entry(), many_entry()
         if check_flag("jacobian", jacobian):
             compiled_first_order()
-        self.methods(method, jacobian).compile_all()
-        self.idle.append(self.take_workspace())
+        latest = self.current()
+        latest.methods(method, jacobian).compile_all()
+        latest.idle.append(latest.take_workspace())
 
     @cached_property
     def idle(self) -> Pool:
@@ -222,6 +253,11 @@ class System(Told):
             return self.idle.pop()
         except IndexError:
             return Workspace(self)
+
+
+def _described(kind: type[System], description: dict[str, Any]) -> System:
+    """Return the system of a description; pickle calls this."""
+    return kind(**description)
 
 
 System.__init__ = told_call(System.__init__)  # type: ignore[method-assign]

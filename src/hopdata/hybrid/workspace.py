@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -30,12 +30,16 @@ LARGEST_KEPT = 1 << 13  # most rows that a workspace keeps for the next integrat
 FIRST_PATIENCE, MOST_PATIENCE = 16, 200_000  # steps until control returns to Python: first, most
 PAUSE_S = 0.05  # intended time until control returns to Python
 LARGEST_ROOM = 1 << 23  # most numbers in a table of rows or events: long states get fewer rows
+FIRST_CHANGES = 256  # changes of the mode for which there is room at first, besides one whole mode
 
 Sink = Callable[[EventLog], object]
 PLAIN = (tuple, list)  # types that are written without a check: others might have any shape
-OPTIONS = "5d3q"  # struct format of the options, in the order of `layout`
+OPTIONS = "5d4q"  # struct format of the options, in the order of `layout`
 WRITE_OPTIONS = struct.Struct(OPTIONS).pack_into
 COUNTED = struct.Struct("2q").unpack_from  # numbers of rows and events
+COUNTED_CHANGES = struct.Struct("q").unpack_from
+CHANGES_AT = 8 * int(layout.CLOCK_SLOTS + layout.CHANGES)  # byte offset
+CHANGE_BYTES = 8 * layout.CHANGE_WIDTH
 ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # byte offset; the events' number follows
 ASKED_AT = 8 * int(layout.DESK_ASKED)
 UNKNOWN = -1  # number of parameters before any are given
@@ -88,13 +92,15 @@ class Workspace:
         self.drive, self.caught = driver_entry(), Caught(self._remember)
         self.ready_for: object = NOTHING
         self.tangent: FloatArray | None = None
-        self._spare = 2 * n_guards  # rows for the events of one more instant
-        self._widths = 1 + n_states, 3 + 2 * n_states + n_logged
-        self._make_records(FIRST_ROWS, FIRST_EVENTS)
+        self._widths = 1 + n_states, int(layout.LOG_STATES) + 2 * n_states
+        self._make_rows(FIRST_ROWS)
+        self._make_log(n_logged, FIRST_EVENTS)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
-        self._kept: list[tuple[memoryview, memoryview]] = []  # full chunks
+        self._kept_rows: list[memoryview] = []  # full chunks
+        self._kept_events: list[memoryview] = []
+        self.sink: Sink | None = None
         self._form = Form(
-            n_states, n_modes, self._widths[1], system.guard_names, system.way, system.n_shown
+            n_states, n_modes, n_logged, system.guard_names, system.way, system.n_shown
         )
         self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at)
@@ -141,12 +147,13 @@ class Workspace:
 
     def ask_again(
         self, t_span: Any, y0: Any, params: Any, rtol: Any, atol: Any, max_step: Any,
-        max_steps: Any, max_events: Any, method: Any,
+        max_steps: Any, max_events: Any, method: Any, rows_per_step: int, keep_events: bool,
     ) -> bool:  # fmt: skip
         """Write the request on the desk if it is like the last one apart from plain numbers.
 
         The numbers are written unchecked: the driver checks them in a hundredth of the time that
-        Python would take. Returns whether the request was written.
+        Python would take. Whether steps and events are recorded are two of these numbers, so a
+        request for less costs no more. Returns whether the request was written.
         """
         ready = type(method) is str and method == self.ready_for
         if not ready or (self.methods.generic and self.methods.wants_own_code()):
@@ -160,11 +167,11 @@ class Workspace:
             if not (isinstance(atol, float) and atol == self._atol_of_all):
                 self.set_tolerance(atol)
             start, end = t_span
-            if end < start:
+            if not start <= end < inf:
                 return False
             self._write(
                 self._block, ASKED_AT, start, end, rtol, max_step, 0.0, max_steps, max_events,
-                True, *y0, *params, *self._no_memory,
+                rows_per_step, keep_events, *y0, *params, *self._no_memory,
             )  # fmt: skip
         except (struct.error, TypeError, ValueError, OverflowError):
             return False
@@ -173,10 +180,11 @@ class Workspace:
     def ask(
         self, system: Any, t_span: tuple[float, float], y0: ArrayLike, params: ArrayLike,
         limits: Limits, atol: ArrayLike, t_eval: ArrayLike | None, method: str,
-        jacobian: bool | str, memory: ArrayLike | None, dense_output: bool,
+        jacobian: bool | str, memory: ArrayLike | None, dense_output: bool, keep_events: bool,
     ) -> None:  # fmt: skip
         """Prepare an integration of any kind, and write the request on the desk."""
         options = arguments.check_numbers(t_span, *limits)
+        arguments.check_infinite_end(system, options[1], *options[5:])
         as_before = type(method) is str and method == self.ready_for
         dense = arguments.check_flag("dense_output", dense_output)
         if not as_before or dense or jacobian is not False or t_eval is not None:
@@ -190,7 +198,7 @@ class Workspace:
         system.check_params_length(len(full))
         self.make_params_room(len(given))
         per_step = self.methods.degree if dense else int(t_eval is None)
-        WRITE_OPTIONS(self._block, ASKED_AT, *options, per_step)
+        WRITE_OPTIONS(self._block, ASKED_AT, *options, per_step, keep_events)
         self._start[:], self._params[:] = state, full
         self.set_tolerance(atol)
 
@@ -213,21 +221,24 @@ class Workspace:
             self._take(methods)
         self._rows_per_step = methods.degree if dense else 1
         if len(self._rows) <= self._rows_per_step:
-            self._make_records(FIRST_ROWS, len(self._log) - self._spare)
+            self._make_rows(FIRST_ROWS)
         if jacobian:
             self._begin_tangent(methods)
         elif self.tangent is not None:
             self.tangent = None
             self.desk[layout.TANGENT_TABLE] = self.desk[layout.FIRST_ORDER] = 0
-        if self._kept:
-            self._kept = []
-            if max(len(self._rows), len(self._log)) > LARGEST_KEPT:
-                self._make_records(LARGEST_KEPT, LARGEST_KEPT)
+        self._kept_rows = []
+        self._kept_events = []
+        if len(self._rows) > LARGEST_KEPT:
+            self._make_rows(LARGEST_KEPT)
+        most_changes = len(self._logged) + LARGEST_KEPT
+        if len(self._log) > LARGEST_KEPT or len(self._changes) > most_changes:
+            self._make_log(len(self._logged), LARGEST_KEPT)
         if t_eval is not None or len(self._wanted) > 0:
             self._wanted = np.empty(0) if t_eval is None else t_eval
             self._samples = np.empty((len(self._wanted), len(self.state)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
-        plain = not jacobian and not dense and t_eval is None
+        plain = not jacobian and not dense and len(self._wanted) == 0
         self.ready_for = methods.choice if plain else NOTHING
 
     def _begin_tangent(self, methods: MethodTable) -> None:
@@ -253,22 +264,30 @@ class Workspace:
         if len(self._states) < needed:
             self._make_states(needed, len(self.state))
 
-    def enlarge(self, sink: Sink | None) -> None:
-        """Set aside what the driver has written, and lay out new, larger arrays.
+    def enlarge(self) -> None:
+        """Set aside what the driver has written where there is no more room, and make new room.
 
-        Events are handed to `sink` if there is one.
+        Events are handed to the sink if there is one.
         """
         self.ready_for = NOTHING
-        rows, events = int(self.counts[layout.ROWS]), int(self.counts[layout.EVENT_ROWS])
-        self.hand_over(sink)
-        if rows > 0 or sink is None:
-            size = 0 if sink is not None else events * self._log_size
-            self._kept.append((self._row_bytes[: rows * self._row_size], self._log_bytes[:size]))
-        n_rows, n_events = len(self._rows), len(self._log)
-        n_rows = 2 * n_rows if rows > n_rows // 2 else n_rows
-        n_events = 2 * n_events if events > n_events // 2 else n_events
-        self._make_records(min(n_rows, LARGEST_CHUNK), min(n_events, LARGEST_CHUNK))
-        self.counts[layout.ROWS] = self.counts[layout.EVENT_ROWS] = 0
+        rows, n_logged = int(self.counts[layout.ROWS]), len(self._logged)
+        if rows + self._rows_per_step > len(self._rows):
+            self._kept_rows.append(self._row_bytes[: rows * self._row_size])
+            self.counts[layout.ROWS] = 0
+            self._make_rows(min(2 * len(self._rows), LARGEST_CHUNK))
+        events, changes = self.counts[[layout.EVENT_ROWS, layout.CHANGES]].tolist()
+        has_row, has_change = events < len(self._log), changes + n_logged <= len(self._changes)
+        if has_row and has_change:
+            return
+        if self.sink is not None:
+            self.hand_over()
+        elif not has_row:
+            self._kept_events.append(self._log_bytes[: events * self._log_size])
+            self.counts[layout.EVENT_ROWS] = 0
+        if not has_row:
+            self._make_event_room(min(2 * len(self._log), LARGEST_CHUNK))
+        if not has_change:
+            self._make_change_room(2 * changes + n_logged)
 
     def _remember(self) -> None:
         """Store times, counters, mode and state after the last step."""
@@ -279,12 +298,15 @@ class Workspace:
         self._end_bytes[:], self.state[:] = self._remembered
         return self.solution(layout.RAISED)
 
-    def hand_over(self, sink: Sink | None) -> None:
-        """Pass the events in the log to `sink`, if there is one."""
+    def hand_over(self) -> None:
+        """Pass the events in the log to the sink, if there is one."""
         events = int(self.counts[layout.EVENT_ROWS])
-        if sink is not None and events > 0:
-            sink(event_log(self._log[:events].copy(), self._form))
-            self.counts[layout.EVENT_ROWS] = 0
+        if self.sink is not None and events > 0:
+            changes = self._changes[: int(self.counts[layout.CHANGES])].copy()
+            log = event_log(self._log[:events].copy(), changes, self._form)
+            self.counts[[layout.EVENT_ROWS, layout.CHANGES]] = 0
+            self._logged.fill(layout.UNKNOWN)
+            self.sink(log)
 
     @property
     def progress(self) -> str:
@@ -304,16 +326,18 @@ class Workspace:
         """
         end = self._end_bytes.tobytes()
         n_rows, n_events = COUNTED(end, ROWS_AT)
+        (n_changes,) = COUNTED_CHANGES(end, CHANGES_AT)
         rows = self._row_bytes[: n_rows * self._row_size]
         log = self._log_bytes[: n_events * self._log_size]
+        changes = self._change_bytes[: n_changes * CHANGE_BYTES].tobytes()
         solution = object.__new__(Solution)
         fields = solution.__dict__
         fields["status"], fields["y_end"], fields["form"] = status, self.shown.copy(), self._form
         if self.ready_for is not NOTHING:
             fields["jacobian"] = None
-            fields["parts"] = end, rows.tobytes(), log.tobytes()
+            fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
             return solution
-        per_step, trajectory = self._rows_per_step, self._joined(0, rows)
+        per_step, trajectory = self._rows_per_step, b"".join([*self._kept_rows, rows])
         if per_step > 1:
             fields["dense"] = per_step, trajectory
             table = np.frombuffer(trajectory).reshape(-1, self._widths[0])
@@ -326,26 +350,44 @@ class Workspace:
         fields["jacobian"] = None if tangent is None else tangent[:shown, :shown].copy()
         if tangent is not None and shown < self._n_states:
             fields["sensitivity"] = tangent[:shown, shown:].copy()
-        fields["parts"] = end, trajectory, self._joined(1, log)
+        fields["parts"] = end, trajectory, b"".join([*self._kept_events, log]), changes
         return solution
 
-    def _joined(self, which: int, last: memoryview) -> bytes:
-        """Return all rows, or all events, starting with those that were set aside."""
-        return b"".join([*(kept[which] for kept in self._kept), last])
-
-    def _make_records(self, n_rows: int, n_events: int) -> None:
-        """Make and lay out room for rows and events, with fewer of them if the states are long."""
-        n_rows, n_events = (
-            min(count, max(1 + self._rows_per_step, LARGEST_ROOM // width))
-            for count, width in zip((n_rows, n_events), self._widths, strict=True)
-        )
-        self._rows = np.empty((n_rows, self._widths[0]))
-        self._log = np.empty((n_events + self._spare, self._widths[1]))
-        self._row_size, self._log_size = self._rows.strides[0], self._log.strides[0]
+    def _make_rows(self, count: int) -> None:
+        """Make and lay out room for rows, with fewer of them if the states are long."""
+        width = self._widths[0]
+        most = max(1 + self._rows_per_step, LARGEST_ROOM // width)
+        self._rows = np.empty((min(count, most), width))
+        self._row_size = self._rows.strides[0]
         self._row_bytes = self._rows.data.cast("B")
+        self.desk[layout.N_ROWS] = len(self._rows)
+        self._lay_out(layout.ROW_TABLE, self._rows)
+
+    def _make_log(self, n_logged: int, n_events: int) -> None:
+        """Make and lay out the log: room for events, and for changes of the mode."""
+        self._logged = np.full(n_logged, layout.UNKNOWN)
+        self._changes = np.empty((0, layout.CHANGE_WIDTH), dtype=np.int64)
+        self._make_event_room(n_events)
+        self._make_change_room(n_logged + FIRST_CHANGES)
+        self._lay_out(layout.LOGGED, self._logged)
+
+    def _make_event_room(self, count: int) -> None:
+        """Make and lay out room for events, with fewer of them if the states are long."""
+        width = self._widths[1]
+        self._log = np.empty((min(count, max(1, LARGEST_ROOM // width)), width))
+        self._log_size = self._log.strides[0]
         self._log_bytes = self._log.data.cast("B")
-        self.desk[layout.N_ROWS], self.desk[layout.N_LOG_ROWS] = len(self._rows), len(self._log)
-        self._lay_out(layout.ROW_TABLE, self._rows, self._log)
+        self.desk[layout.N_LOG_ROWS] = len(self._log)
+        self._lay_out(layout.LOG_TABLE, self._log)
+
+    def _make_change_room(self, count: int) -> None:
+        """Make and lay out room for changes of the mode, after those that are there."""
+        room = np.empty((count, layout.CHANGE_WIDTH), dtype=np.int64)
+        room[: len(self._changes)] = self._changes
+        self._changes = room
+        self._change_bytes = room.data.cast("B")
+        self.desk[layout.N_CHANGES] = len(room)
+        self._lay_out(layout.CHANGE_TABLE, room)
 
     def _lay_out(self, first: int, *arrays: NDArray[Any]) -> None:
         """Write the address and width of each array on the desk, from slot `first` on."""

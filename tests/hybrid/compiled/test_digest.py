@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import shutil
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -173,3 +174,60 @@ def test_sees_what_an_intrinsic_builds_its_code_with(tmp_path, monkeypatch):
         (tmp_path / f"built_by_{name}.py").write_text(INTRINSIC.format(built=built))
         digests.append(function_digest(importlib.import_module(f"built_by_{name}").function))
     assert digests[0] != digests[1]
+
+
+LARGE = np.arange(5000.0)
+outer = ModuleType("outer")
+outer.inner = ModuleType("outer.inner")
+outer.inner.level = 1.0
+
+
+def of_tuple(x):
+    return LARGE_PAIR[0][x]
+
+
+def of_inner_function(x):
+    def inside(y):
+        return FACTOR_INSIDE * y
+
+    return inside(x)
+
+
+def of_module_in_module(x):
+    return outer.inner.level * x
+
+
+def changed_array(monkeypatch):
+    """The middle of an array that is too long to be printed in full."""
+    other = LARGE.copy()
+    other[2500] += 1.0
+    monkeypatch.setitem(globals(), "LARGE_PAIR", (other, 1))
+
+
+def changed_factor(monkeypatch):
+    monkeypatch.setitem(globals(), "FACTOR_INSIDE", 3.0)
+
+
+def changed_level(monkeypatch):
+    monkeypatch.setattr(outer.inner, "level", 2.0)
+
+
+LARGE_PAIR = (LARGE, 1)
+FACTOR_INSIDE = 2.0
+
+
+@pytest.mark.parametrize(
+    ("function", "change"),
+    [
+        (of_tuple, changed_array),
+        (of_inner_function, changed_factor),
+        (of_module_in_module, changed_level),
+    ],
+)
+def test_what_is_reached_by_a_detour_counts(monkeypatch, function, change):
+    before = function_digest(function)
+    assert function_digest(function) == before
+    with monkeypatch.context() as changed:
+        change(changed)
+        assert function_digest(function) != before
+    assert function_digest(function) == before

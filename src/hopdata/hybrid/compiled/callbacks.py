@@ -15,7 +15,8 @@ import numpy as np
 from numba import types
 
 from hopdata.code_cache import compiled_in_cache, function_digest
-from hopdata.hybrid.compiled import declare
+from hopdata.hybrid.compiled import declare, naming
+from hopdata.hybrid.compiled.constants import Constants, renew_called
 from hopdata.hybrid.compiled.declare import place, return_error
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
@@ -219,6 +220,22 @@ class Callback:
     def __repr__(self) -> str:
         return f"<hybrid callback {declare.function_name(self.function)}>"
 
+    def __copy__(self) -> Callback:
+        """Return itself: like a function, it does not change."""
+        return self
+
+    def __deepcopy__(self, _: object) -> Callback:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what pickle stores: the name by which a module holds the function."""
+        return naming.callback_by_name, naming.name_of(self)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the user wants it compiled."""
+        return self._wanted
+
     @property
     def compiled(self) -> bool:
         """Whether the machine code is that of the function itself, not a call into Python."""
@@ -254,6 +271,22 @@ class Callback:
         return {names.index(name): number for name, number in largest.items() if name in names}
 
     @cached_property
+    def constants(self) -> Constants:
+        """What its machine code is made from, besides its own text."""
+        if not isinstance(self.function, FunctionType):
+            return Constants()
+        functions = [self.function]
+        found = Constants(functions) if self._wanted else Constants(in_python=functions)
+        renew_called(found)
+        return found
+
+    def anew(self) -> Callback:
+        """Return itself or, if what it was made from has changed, a callback to be compiled."""
+        if self.constants.are_current():
+            return self
+        return Callback(self.function, self.signature, self._wanted)
+
+    @cached_property
     def dispatcher(self) -> Any:
         """The function, or its trampoline, callable from other code in Numba."""
         if self._compiled is None:
@@ -276,6 +309,7 @@ class Callback:
     @cached_property
     def _compiled(self) -> Any:
         """Machine code of the function, or None if Python is to run it."""
+        _ = self.constants  # remembered before they are made part of the code
         if not self._wanted:
             return None
         if not isinstance(self.function, FunctionType):

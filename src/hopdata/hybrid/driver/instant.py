@@ -11,12 +11,9 @@ before the next one begins. Otherwise a second impact on the same body would mee
 still on the far side, and the guard would not see it.
 """
 
-from typing import NamedTuple
-
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.compiled.memory import FloatTable, IntTable
 from hopdata.hybrid.driver import problem
 from hopdata.hybrid.driver.end_step import HOVER
 from hopdata.hybrid.driver.jacobian import (
@@ -32,6 +29,7 @@ from hopdata.hybrid.driver.jacobian import (
     on_another,
     on_surface,
 )
+from hopdata.hybrid.driver.log import Log, begin_event, end_event, is_full
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
 from hopdata.hybrid.layout import Memory
@@ -47,14 +45,6 @@ CASCADE_BASE, CASCADE_PER_PAIR = 10_000, 2
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
 LOW_FLIGHT = 40  # instants of a crowd that a flight hidden by rounding after an impact counts for
 DISAGREEMENT = 1e-9  # allowed difference of field and affine form, relative to their terms
-
-
-class Log(NamedTuple):
-    """Room for events, one per row; floats and integers are views of the same memory."""
-
-    floats: FloatTable
-    integers: IntTable
-    n_rows: int
 
 
 @kernel
@@ -102,8 +92,7 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
     direction = p.mode[k]
     if p.rules[at.DIRECTION, k] != 0 and p.rules[at.DIRECTION, k] != direction:
         return at.RUNNING
-    row, n = m.counts[at.EVENT_ROWS], m.states.width
-    problem.copy_row(m.states, at.Y, log.floats, row, at.LOG_STATES)
+    row = begin_event(m, log)
     m.flags[at.FIRED, k] += 1
     stop = 1 if 0 < p.rules[at.TERMINAL, k] <= m.flags[at.FIRED, k] else 0
     if p.on_event != 0:
@@ -111,22 +100,12 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
             keep(p, 0)
         t, s = m.clock[at.T], m.states
         stop |= code.call_on_event(p.on_event, t, s, at.Y, p.mode, p.params, k, direction)
-    log.floats[row, at.LOG_TIME] = m.clock[at.T]
-    log.integers[row, at.LOG_GUARD], log.integers[row, at.LOG_DIRECTION] = k, direction
-    jumped = False
-    for i in range(n):
-        jumped = jumped or m.states[at.Y, i] != log.floats[row, at.LOG_STATES + i]
-        log.floats[row, at.LOG_STATES + n + i] = m.states[at.Y, i]
+    jumped = end_event(p, m, log, row, k, direction)
     if p.first_order and p.on_event != 0:
         jumped = first_order(p, RESET, 0.0, row, k, direction) != 0.0
     if jumped:
         m.counts[at.JUMPS] += 1
         wake_all(m)
-    first = at.LOG_STATES + 2 * n
-    n_logged = log.floats.width - first
-    for i in range(n_logged):
-        log.integers[row, first + i] = p.mode[p.mode.width - n_logged + i]
-    m.counts[at.EVENT_ROWS] += 1
     m.counts[at.EVENTS] += 1
     return at.TERMINATED if stop != 0 else at.RUNNING
 
@@ -373,7 +352,7 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
         begin_instant(p, m, resolution)
     status = at.RUNNING
     while status == at.RUNNING and m.counts[at.NEXT] >= 0:
-        if m.counts[at.EVENT_ROWS] >= log.n_rows:
+        if is_full(m, log):
             return at.NEEDS_ROOM
         status = fire_next(p, m, log, resolution)
     m.counts[at.BEGUN] = 0

@@ -27,7 +27,8 @@ from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import dense, jacobian, problem, stepping
 from hopdata.hybrid.driver.end_step import end_at_first_flip
-from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
+from hopdata.hybrid.driver.instant import fire_all, settle_locks
+from hopdata.hybrid.driver.log import Log, forget_mode
 from hopdata.hybrid.driver.sleep import travel_on
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.driver.windows import LONGEST, measure, watched
@@ -43,10 +44,9 @@ desk_memory = reader(
 desk_output = reader(
     dense.Output, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, per_step=at.ROWS_PER_STEP
 )
-desk_log = reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
-
-
-EVENTS_PER_INSTANT = 2  # most events of each guard at one instant
+desk_log = reader(
+    Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS, changes=at.CHANGE_TABLE
+)
 
 
 @kernel
@@ -107,7 +107,7 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
 
 
 @kernel_apart
-def clear(p: problem.Problem, m: Memory) -> bool:
+def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     """Reset the memory to the start of an integration; return whether the start is finite."""
     for row in range(at.GUARD_ROWS):
         problem.fill_row(m.guards, row, 0.0)
@@ -120,6 +120,7 @@ def clear(p: problem.Problem, m: Memory) -> bool:
     memory.array_of(m.counts)[:] = 0
     m.counts[at.CULPRIT], m.counts[at.N_AWAKE] = -1, m.flags.width
     memory.array_of(m.clock)[:] = 0.0
+    forget_mode(log)
     m.clock[at.T], m.clock[at.SEGMENT], m.clock[at.INSTANT] = p.t_start, p.t_start, -inf
     m.clock[at.MOTION], m.clock[at.WINDOW] = inf, LONGEST * (p.t_end - p.t_start)
     m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = p.first_step, stepping.LOG_ERROR_FLOOR
@@ -159,7 +160,7 @@ def run(desk: IntVector, flags: int) -> int:
     if flags & at.RESUMED == 0:
         for k in range(p.mode.width if flags & at.GIVEN_MODE == 0 else 0):
             p.mode[k] = 0
-        status = start(p, m, out, log) if clear(p, m) else at.BAD_START
+        status = start(p, m, out, log) if clear(p, m, log) else at.BAD_START
     elif m.counts[at.BEGUN] != 0:
         dense.write_row(m, out, m.clock[at.T], at.Y)
         status = fire(p, m, out, log)
@@ -167,8 +168,7 @@ def run(desk: IntVector, flags: int) -> int:
     while status == at.RUNNING:
         if m.clock[at.T] >= p.t_end:
             return at.FINISHED
-        events = m.counts[at.EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
-        if events > log.n_rows or m.counts[at.ROWS] + out.per_step > out.n_rows:
+        if m.counts[at.ROWS] + out.per_step > out.n_rows:
             return at.NEEDS_ROOM
         if p.methods[m.counts[at.METHOD], at.STEP] == 0:
             return at.NEEDS_METHOD
@@ -200,11 +200,36 @@ def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
 
     A relative tolerance below rounding is raised to it.
     """
-    in_order = -inf < numbers[at.T_START] <= numbers[at.T_END] < inf
+    in_order = -inf < numbers[at.T_START] <= numbers[at.T_END]
     positive = numbers[at.MAX_STEP] > 0.0 and desk[at.MAX_STEPS] >= 1 and desk[at.MAX_EVENTS] >= 1
     rtol_is_right = 0.0 <= numbers[at.RTOL] < 1.0
     numbers[at.RTOL] = max(numbers[at.RTOL], SMALLEST_RTOL)
     return in_order and positive and rtol_is_right
+
+
+# An infinite time span is a sequence of finite ones, each of twice the length: the driver judges by
+# the length of the time span how densely it looks at the guards. The first is this fraction of a
+# second or, if it starts far from zero, of its start. If it were 1.5 times longer, nothing shorter
+# than a microsecond would be looked for less densely.
+FIRST_SPAN = 2.0**-20
+
+
+@kernel
+def run_to_the_end(desk: IntVector, numbers: FloatVector, here: int, flags: int) -> int:
+    """Run the driver to the end of the time span; if that is infinite, until something ends it."""
+    start = numbers[at.T_START]
+    if flags & at.RESUMED == 0:
+        desk[at.ENDLESS] = 1 if numbers[at.T_END] == inf else 0
+        if desk[at.ENDLESS] != 0:
+            numbers[at.T_END] = start + FIRST_SPAN * max(1.0, abs(start))
+    status = call_run(desk[at.RUN], here, flags)
+    while status == at.FINISHED and desk[at.ENDLESS] != 0:
+        farther = start + 2.0 * (numbers[at.T_END] - start)
+        if not farther < inf:
+            return at.NO_END
+        numbers[at.T_END] = farther
+        status = call_run(desk[at.RUN], here, at.RESUMED)
+    return status
 
 
 def _run(desk: int, flags: int) -> int:
@@ -228,9 +253,10 @@ def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) 
 def _enter(desk: int, flags: int) -> int:
     """Run the driver on the desk at this address if the request there is valid."""
     slots = memory.int_vector(desk, at.DESK_SLOTS)
-    if flags & at.RESUMED == 0 and not can_be_done(slots, memory.float_vector(desk, at.DESK_SLOTS)):
+    numbers = memory.float_vector(desk, at.DESK_SLOTS)
+    if flags & at.RESUMED == 0 and not can_be_done(slots, numbers):
         return at.BAD_NUMBERS
-    return call_run(slots[at.RUN], desk, flags)
+    return run_to_the_end(slots, numbers, desk, flags)
 
 
 @cache
@@ -318,9 +344,12 @@ def _enter_many(
     own = memory.array_of(memory.float_vector(desk[at.PARAMS], params.shape[1]))
     here, room = address_of(view(desk)), address_of(view(samples))
     numbers = memory.float_vector(here, len(desk))
-    numbers[at.T_START], numbers[at.T_END], numbers[at.RTOL] = t_start, t_end, rtol
+    slots = memory.int_vector(here, len(desk))
+    numbers[at.T_START], numbers[at.RTOL] = t_start, rtol
     numbers[at.MAX_STEP], numbers[at.FIRST_STEP] = max_step, step
-    desk[at.MAX_STEPS], desk[at.MAX_EVENTS], desk[at.ROWS_PER_STEP] = max_steps, max_events, 0
+    desk[at.MAX_STEPS], desk[at.MAX_EVENTS] = max_steps, max_events
+    desk[at.ROWS_PER_STEP] = 0
+    desk[at.KEEP_EVENTS] = 0
     for b in range(first, last):
         copy(params[b % len(params)], own)
         copy(modes[b % len(modes)], mode)
@@ -329,10 +358,10 @@ def _enter_many(
             desk[at.SAMPLE_TABLE] = room + b * n_wanted * n * BYTES
         for k in range(n * n if len(jacobians) > 0 else 0):
             phi[k // n, k % n] = 1.0 if k // n == k % n else 0.0
-        ended = call_run(desk[at.RUN], here, at.GIVEN_MODE)
-        while ended in (at.NEEDS_ROOM, at.PAUSED):
-            count[at.EVENT_ROWS] = 0 if ended == at.NEEDS_ROOM else count[at.EVENT_ROWS]
-            ended = call_run(desk[at.RUN], here, at.RESUMED)
+        numbers[at.T_END] = t_end  # of each: an infinite one is replaced by a finite one
+        ended = run_to_the_end(slots, numbers, here, at.GIVEN_MODE)
+        while ended == at.PAUSED:
+            ended = run_to_the_end(slots, numbers, here, at.RESUMED)
         if ended == at.NEEDS_METHOD:
             return b
         status[b, 0], ends[b, 0] = ended, clock[at.T]

@@ -38,6 +38,11 @@ SURE = 2.0  # times the error in the middle: a larger margin is clear
 OWN, FLOOR = 0.2, 1e-9  # fractions of a window's change, of the margin: errors allowed anywhere
 RESOLVED = 0.05  # fraction of that change: error below which the ends reveal a flip
 ROOMY, GROW = 40.0, 2.0  # allowed error over error at which the next window grows, and its factor
+# Disagreement of values and rates that numbers without all their digits may cause: those below
+# 2e-308, times a factor that may be large. Below it, nothing is said against the rates. If it were
+# 1.5 times larger, guards that are as small as this would be trusted a little more, and no others.
+UNDERFLOW = 1e-300
+MOST_ROOM = 1e300
 MOST_ROUGH = 2000  # twice the windows whose rates and values disagree, minus the other windows
 CLEAR, OPEN, DIVIDE = 0, 1, 2
 UNEVEN, EVEN, AFAR = 0, 1, 2
@@ -216,7 +221,7 @@ def judge_all(
     Room is the ratio of allowed error to error; below 1, rates and values disagree. The last result
     is whether all guards follow their cubics.
     """
-    g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, 1e300, True
+    g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, MOST_ROOM, True
     resolution, longest = time_resolution(m.clock[at.T], dt), LONGEST * (p.t_end - p.t_start)
     for i in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, i)
@@ -230,7 +235,7 @@ def judge_all(
             lock * g[c, k], lock * g[c + 1, k] * span,
             lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
         )  # fmt: skip
-        room = own / max(error, 1e-300)
+        room = own / error if error > UNDERFLOW else MOST_ROOM
         if (room < min(least, ROOMY) or kind == DIVIDE) and m.counts[at.ROUGH] >= MOST_ROUGH - 1:
             m.counts[at.CULPRIT] = k
         moves = error <= MOVES * change

@@ -72,6 +72,8 @@ def instant(
     system: System, state: ArrayLike, *, params: ArrayLike, mode: Sequence[int], t: float
 ) -> Instant:
     """Return a checked state of the hybrid system; all locks must be set."""
+    if isinstance(system, System):
+        system.current()  # compiles called functions anew if their globals have changed
     y = np.array(state, dtype=np.float64)
     locks = np.array(mode, dtype=np.int64)
     expect(y.shape == (system.n_states,), "state", f"shape ({system.n_states},)", y.shape)

@@ -1,18 +1,18 @@
-"""Test whether the flow through a state is C1, by the first column of table 1.1.
+"""Test whether the flow through a state is C1, by the two columns of table 1.1.
 
 The table's first column is event-selection (definitions 1.2.1 and 1.2.2 of the dissertation): every
 active guard is approached, whichever of the others have been crossed, and the state does not jump.
 Every nearby trajectory then crosses each guard exactly once, because rates that are positive here
 are positive in a neighbourhood. Whether the crossings commute is computed: the flow has a Jacobian
-at the state if all orders that occur around it have the same matrix. (The second column, additive
-forces and guards that depend on position alone, is sufficient for that but not necessary.)
+at the state if all orders that occur around it have the same matrix. The second column (see
+`second_order`), additive forces and guards that depend on position alone, is sufficient for that
+but not necessary: it explains why a flow is C1, and does not decide it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isnan
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,61 +20,11 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.first_order import linearise as local
+from hopdata.hybrid.first_order.finding import Finding
 from hopdata.hybrid.first_order.linearise import Combination, Instant, Linearisation
 from hopdata.hybrid.first_order.saltation import BouligandDerivative, NotTransversalError
+from hopdata.hybrid.first_order.second_order import second_order_form
 from hopdata.hybrid.system import System
-
-# Findings, and their table.
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One condition: the value found and the value needed.
-
-    Parameters
-    ----------
-    condition : str
-        The condition.
-    passed : bool
-        Whether it holds.
-    value : float
-        Value found; NaN if it could not be computed.
-    needed : str
-        Required value.
-    detail : str
-        Meaning of the value.
-    """
-
-    condition: str
-    passed: bool
-    value: float
-    needed: str
-    detail: str
-
-    @classmethod
-    def at_most(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
-        """Return a finding that passes if the value does not exceed a bound."""
-        return cls(condition, bool(value <= bound), float(value), f"<= {bound:g}", detail)
-
-    @classmethod
-    def above(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
-        """Return a finding that passes if the value exceeds a bound."""
-        return cls(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
-
-    def cells(self) -> tuple[str, ...]:
-        """Return one row of a table."""
-        value = "-" if isnan(self.value) else f"{self.value:.3g}"
-        return ("yes" if self.passed else "NO", self.condition, value, self.needed, self.detail)
-
-    @staticmethod
-    def table(findings: Sequence[Finding]) -> str:
-        """Return the findings as aligned lines."""
-        head = "", "condition", "found", "needed", "the number is"
-        rows = [head, *(finding.cells() for finding in findings)]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
-        return "\n".join(line.rstrip() for line in lines)
-
 
 # Event-selection: how the active guards are crossed, for all combinations of their locks.
 
@@ -255,11 +205,20 @@ class SmoothnessReport:
     products : Finding
         Whether all orders of crossing that occur have one saltation product; the value is the
         largest distance between two of them over the largest distance of one from 1.
+    second_order : tuple of Finding
+        Second column of table 1.1 without its first line, event-selection: the conditions for a
+        system of second order whose contacts add accelerations. They imply one product.
     """
 
     guards: tuple[str, ...]
     selection: tuple[Finding, ...]
     products: Finding
+    second_order: tuple[Finding, ...]
+
+    @property
+    def has_second_order_form(self) -> bool:
+        """Whether both columns of table 1.1 hold, which implies that the flow is C1."""
+        return all(finding.passed for finding in (*self.selection, *self.second_order))
 
     @property
     def verdict(self) -> str:
@@ -270,15 +229,21 @@ class SmoothnessReport:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Conditions that do not hold."""
+        """Conditions that do not hold, without those of the second-order form."""
         return tuple(f.condition for f in (*self.selection, self.products) if not f.passed)
 
     def __str__(self) -> str:
         why = f" (does not hold: {'; '.join(self.reasons)})" if self.reasons else ""
-        head, *rows = Finding.table((*self.selection, self.products)).split("\n")
+        findings = (*self.selection, self.products, *self.second_order)
+        head, *rows = Finding.table(findings).split("\n")
+        count = len(self.selection)
+        form = "holds" if self.has_second_order_form else "does not hold"
         return "\n".join([
             f"{self.verdict}{why}", f"guards {', '.join(self.guards)}", head,
-            "event-selected if", *rows[:-1], "C1 if moreover", rows[-1],
+            "event-selected if", *rows[:count], "C1 if moreover", rows[count],
+            f"second-order form (additive accelerations; sufficient for C1, and {form}) if it is "
+            "event-selected and",
+            *rows[count + 1 :],
         ])  # fmt: skip
 
 
@@ -291,6 +256,7 @@ def check_c1(
     t: float = 0.0,
     guards: Sequence[int | str] | None = None,
     scale: ArrayLike | None = None,
+    positions: Sequence[int] | None = None,
     seed: int = 0,
     tolerance: float = EQUAL,
 ) -> SmoothnessReport:
@@ -308,8 +274,13 @@ def check_c1(
         Guards that are crossed; by default those on whose surface the state lies.
     scale : (n,) array_like, optional
         Size of each coordinate: unit of differences and norms. By default 1.
+    positions : sequence of int, optional
+        Coordinates that are positions, for the second-order form; the others are velocities. By
+        default those whose rate is another coordinate or, if these are not half of all, the first
+        half.
     seed : int
-        Seed for sampling combinations of more than eight guards, and orders of more than six.
+        Seed for sampling combinations of more than eight guards, orders of more than six, and
+        states beside this one.
     tolerance : float
         Relative difference below which two numbers count as equal.
 
@@ -331,5 +302,6 @@ def check_c1(
     continuous, *others = event_selection(system, start, active, sizes, seed)
     smooth = smooth_guards(system, here, list(active), sizes, tolerance)
     products = one_product(BouligandDerivative(system, start, active, sizes), seed, tolerance)
+    form = second_order_form(system, start, active, sizes, seed, tolerance, positions)
     names = tuple(system.guard_names[k] for k in active)
-    return SmoothnessReport(names, (continuous, *smooth, *others), products)
+    return SmoothnessReport(names, (continuous, *smooth, *others), products, form)

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from ctypes import CFUNCTYPE, c_int64
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,8 @@ def lane_runner(
         Start, end, relative tolerance, largest and first step, most steps and events.
     """
     reason = reason_against(system, method, jacobian)
+    if options[1] == inf:
+        reason = reason or "the end of t_span is infinite"
     if reason:
         return None, reason
     params = arrays[1]

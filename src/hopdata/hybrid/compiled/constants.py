@@ -1,0 +1,202 @@
+"""What machine code was made from besides the function's text, and whether it is still so.
+
+Numba turns the globals, closures and attributes of modules that a function reads into constants,
+and a call of another compiled function into a call of its machine code at that time. A change of
+one of these has no effect on code that has been made. So each function remembers them, a system
+compares them at the beginning of each solve, and what has changed is compiled anew.
+
+A name is compared by the identity of its value and, if that differs, by the value; an array also by
+its bytes, because it may be changed in place. Not compared are attributes of `math`, `cmath`,
+`numpy` and `numba`, and arrays that cannot be written to.
+"""
+
+from __future__ import annotations
+
+import dis
+from collections.abc import Callable, Iterable, Iterator
+from types import CellType, CodeType, FunctionType, ModuleType
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numba.extending import is_jitted
+
+Function = Callable[..., Any]
+ABSENT = object()
+UNCHANGING = frozenset({"math", "cmath", "numpy", "numba"})  # modules whose attributes stay
+SCALARS = (bool, int, float, complex, str, bytes, np.generic)
+
+
+class Constants:
+    """The constants of some functions, as they are when this object is made.
+
+    Parameters
+    ----------
+    compiled : iterable of callable
+        Functions that are compiled.
+    in_python : iterable of callable
+        Functions that Python runs. They see each change themselves; only the compiled functions
+        that they call are remembered.
+    """
+
+    def __init__(
+        self, compiled: Iterable[Function] = (), in_python: Iterable[Function] = ()
+    ) -> None:
+        self._names: list[tuple[dict[str, Any], str, Any]] = []
+        self._cells: list[tuple[CellType, str, Any]] = []
+        self._arrays: list[tuple[np.ndarray[Any, Any], str, bytes]] = []
+        self.dispatchers: list[Any] = []  # a function follows those that it calls
+        self._seen: set[tuple[Any, ...]] = set()
+        for function in compiled:
+            self._add("", function, True)
+        for function in in_python:
+            self._add("", function, False)
+        self._seen.clear()
+
+    def joined(self, others: Iterable[Constants]) -> Constants:
+        """Return these constants and those of others, each as it was remembered."""
+        parts = (self, *others)
+        whole = Constants()
+        whole._names = _once(entry for one in parts for entry in one._names)
+        whole._cells = _once(entry for one in parts for entry in one._cells)
+        whole._arrays = [entry for one in parts for entry in one._arrays]
+        whole.dispatchers = [entry for one in parts for entry in one.dispatchers]
+        return whole
+
+    def are_current(self) -> bool:
+        """Return whether all are as they were; takes some 40 ns for each name."""
+        for names, name, value in self._names:
+            found = names.get(name, ABSENT)
+            if found is not value and not _same(found, value):
+                return False
+        for cell, _, value in self._cells:
+            found = _content(cell)
+            if found is not value and not _same(found, value):
+                return False
+        return not self._arrays or all(array.tobytes() == kept for array, _, kept in self._arrays)
+
+    def changed(self) -> tuple[str, ...]:
+        """Return the names whose values have changed."""
+        found = [(name, names.get(name, ABSENT), value) for names, name, value in self._names]
+        found += [(name, _content(cell), value) for cell, name, value in self._cells]
+        changed = [name for name, now, then in found if now is not then and not _same(now, then)]
+        changed += [name for array, name, kept in self._arrays if array.tobytes() != kept]
+        return tuple(dict.fromkeys(changed))
+
+    def values(self) -> dict[str, Any]:
+        """Return the numbers, texts and arrays among the constants, by their names."""
+        found = {name: value for _, name, value in self._names if isinstance(value, SCALARS)}
+        found |= {name: value for _, name, value in self._cells if isinstance(value, SCALARS)}
+        return found | {name: kept for _, name, kept in self._arrays}
+
+    def _add(self, name: str, value: Any, compiled: bool) -> None:
+        """Add what a value reaches, whose name is for the message."""
+        key = id(value), compiled
+        if key in self._seen:
+            return
+        self._seen.add(key)
+        if is_jitted(value):
+            called: Any = value
+            self._add_references(called.py_func, True)
+            self.dispatchers.append(value)
+        elif isinstance(value, FunctionType):
+            self._add_references(value, compiled)
+        elif isinstance(value, tuple):
+            for item in value:
+                self._add(name, item, compiled)
+        elif isinstance(value, np.ndarray) and compiled and _may_change(value):
+            self._arrays.append((value, name, value.tobytes()))
+
+    def _add_references(self, function: FunctionType, compiled: bool) -> None:
+        for holder, name, value in _references(function):
+            key = id(holder), name
+            if compiled and key not in self._seen:
+                self._seen.add(key)
+                if isinstance(holder, CellType):
+                    self._cells.append((holder, name, value))
+                else:
+                    self._names.append((holder, name, value))
+            self._add(name, value, compiled)
+
+
+def _once(entries: Iterable[tuple[Any, str, Any]]) -> list[tuple[Any, str, Any]]:
+    """Return entries without those of the same holder, name and value."""
+    found = {(id(entry[0]), entry[1], id(entry[2])): entry for entry in entries}
+    return list(found.values())
+
+
+def _references(function: FunctionType) -> Iterator[tuple[Any, str, Any]]:
+    """Yield holder (a dictionary of names or a cell), name and value of what a function reads."""
+    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+    for code in _codes(function.__code__):
+        holder: Any = None  # of the value that the instruction before has read
+        value: Any = None
+        for step in dis.get_instructions(code):
+            attribute = step.opname in ("LOAD_ATTR", "LOAD_METHOD")
+            if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
+                holder = function.__globals__
+                value = holder.get(step.argval, ABSENT)
+            elif step.opname in ("LOAD_DEREF", "LOAD_CLASSDEREF") and step.argval in cells:
+                holder = cells[step.argval]
+                value = _content(holder)
+            elif attribute and isinstance(value, ModuleType) and _may_vary(value):
+                holder = vars(value)
+                value = holder.get(step.argval, ABSENT)
+            elif step.opname in ("CACHE", "PUSH_NULL", "NOP"):
+                continue
+            else:
+                holder, value = None, None
+                continue
+            yield holder, step.argval, value
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Yield the code of a function and of the functions that are defined in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+def _may_vary(module: ModuleType) -> bool:
+    """Return whether attributes of a module may be given another value."""
+    return module.__name__.partition(".")[0] not in UNCHANGING
+
+
+def _may_change(array: np.ndarray[Any, Any]) -> bool:
+    """Return whether an array can be written to, by itself or as part of another one."""
+    return array.flags.writeable or array.base is not None
+
+
+def _content(cell: CellType) -> Any:
+    """Return the value of a closure's variable."""
+    try:
+        return cell.cell_contents
+    except ValueError:  # it has none yet, or no longer
+        return ABSENT
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Return whether two objects are the same constant to compiled code."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, tuple):
+        pairs = zip(one, other, strict=False)
+        return len(one) == len(other) and all(a is b or _same(a, b) for a, b in pairs)
+    return isinstance(one, SCALARS) and repr(one) == repr(other)
+
+
+# What each function of the user's that is decorated by Numba was made from. Numba compiles such a
+# function once for each set of types, and uses the machine code in all functions that call it.
+_made_from: WeakKeyDictionary[Any, Constants] = WeakKeyDictionary()
+
+
+def renew_called(constants: Constants) -> None:
+    """Compile the functions that are called anew if what they were made from has changed."""
+    for dispatcher in dict.fromkeys(constants.dispatchers):
+        known = _made_from.get(dispatcher)
+        if known is not None and known.are_current():
+            continue
+        if known is not None:
+            dispatcher.recompile()
+        _made_from[dispatcher] = Constants([dispatcher])

@@ -1,0 +1,197 @@
+"""Whether a system has the second-order form of table 1.1's second column at a state.
+
+Such a system (force-position additive, section 3.1 of reference CRB22 of the dissertation) is
+event-selected; half of its coordinates are positions and the others their velocities; its guards
+depend on the positions alone; and its contacts add accelerations: with several feet down, each adds
+what it adds alone. Then the saltation matrices commute, and the flow is C1.
+
+The velocities need not be the rates of the positions: angles change at rates that depend on the
+angular velocity and the attitude. It is enough that the rates of the positions determine the
+velocities, and are the same in every mode. With these rates as coordinates in place of the
+velocities, the contacts still add accelerations, because they enter linearly.
+
+All of this is found by evaluating the system at the state and at a few states beside it, in every
+mode: at the instant of a contact a spring does not push yet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.hybrid.first_order import linearise as local
+from hopdata.hybrid.first_order.finding import Finding
+from hopdata.hybrid.first_order.linearise import Combination, Instant
+from hopdata.hybrid.system import System
+
+GROUPED = "coordinates are positions and velocities"
+BY_POSITION = "guards depend on position alone"
+ADDITIVE = "contacts add accelerations (additive)"
+BESIDE = 8  # states beside the one that is checked; more would find rarer exceptions
+SINGULAR = 1e8  # condition number from which rates of positions do not determine the velocities
+ROUNDING = 64 * np.finfo(float).eps  # of a sum of accelerations, relative to the largest
+Fields = Sequence[Mapping[Combination, FloatArray]]
+
+
+def second_order_form(
+    system: System, start: Instant, active: Sequence[int], scale: FloatArray, seed: int,
+    tolerance: float, positions: Sequence[int] | None,
+) -> tuple[Finding, ...]:  # fmt: skip
+    """Return findings on positions and velocities, guards of position, and added accelerations.
+
+    Parameters
+    ----------
+    system : System
+        Field, guards and handler.
+    start : Instant
+        State and mode before the crossings.
+    active : sequence of int
+        Guards that are crossed.
+    scale : (n,) array
+        Size of each coordinate.
+    seed : int
+        Seed of the states beside `start`, and of combinations of more than eight guards.
+    tolerance : float
+        Relative difference below which two numbers count as equal.
+    positions : sequence of int, optional
+        Coordinates that are positions; by default those whose rate is another coordinate or, if
+        these are not half of all, the first half.
+    """
+    combinations = list(local.lock_combinations(active, seed))
+    places = _beside(start, scale, seed)
+    fields = [_fields(system, place, combinations) for place in places]
+    grouped, found = _grouped(system, places, fields, scale, tolerance, positions)
+    return (
+        grouped,
+        _by_position(system, places, active, scale, found, tolerance),
+        _additive(fields, scale, found, tolerance),
+    )
+
+
+def _beside(start: Instant, scale: FloatArray, seed: int) -> list[Instant]:
+    """Return an instant and some beside it, by a small step in a random direction."""
+    steps = local.STEP * np.maximum(scale, np.abs(start.y))
+    directions = np.random.default_rng(seed).uniform(-1.0, 1.0, (BESIDE, len(start.y)))
+    moved = [start.moved(start.y + steps * direction, start.t) for direction in directions]
+    return [start, *moved]
+
+
+def _fields(
+    system: System, place: Instant, combinations: Sequence[Combination]
+) -> dict[Combination, FloatArray]:
+    """Return the field at a state for each combination of crossed guards.
+
+    A handler may change the mode and the parameters. Jumps of the state are another condition, so
+    they are left out here.
+    """
+    found = {}
+    for crossed in combinations:
+        after = place
+        for guard in crossed:
+            after = local.cross(system, after, guard).moved(place.y, place.t)
+        found[crossed] = local.field_at(system, after)
+    return found
+
+
+def position_pairs(
+    places: Sequence[Instant], fields: Fields, scale: FloatArray, tolerance: float
+) -> dict[int, int]:
+    """Return the coordinates whose rate is another one in every mode, each with the other."""
+    n = len(scale)
+    agree = np.ones((n, n), dtype=bool)  # rate of the first is the second
+    for place, field in zip(places, fields, strict=True):
+        allowed = tolerance * np.maximum(scale, np.abs(place.y))
+        for rate in field.values():
+            agree &= np.abs(rate[:, None] - place.y[None, :]) <= allowed[None, :]
+    np.fill_diagonal(agree, False)
+    velocities = [np.flatnonzero(row) for row in agree]
+    return {i: int(row[0]) for i, row in enumerate(velocities) if len(row) == 1}
+
+
+def why_not_positions(
+    system: System, places: Sequence[Instant], fields: Fields, scale: FloatArray,
+    tolerance: float, positions: Sequence[int],
+) -> str:  # fmt: skip
+    """Return why the other coordinates are not the velocities of these; empty if they are."""
+    n, chosen = len(scale), list(positions)
+    if 2 * len(set(chosen)) != n or not set(chosen) <= set(range(n)):
+        return f"{len(set(chosen))} positions among {n} coordinates are not half of them"
+    others = np.setdiff1d(np.arange(n), chosen)
+    for place, field in zip(places, fields, strict=True):
+        rates = np.array([rate[chosen] for rate in field.values()])
+        allowed = tolerance * np.maximum(scale[chosen], np.abs(rates).max(axis=0))
+        changed = np.flatnonzero(np.ptp(rates, axis=0) > allowed)
+        if len(changed) > 0:
+            return f"contacts change the rate of position {chosen[changed[0]]} directly"
+        slopes, _ = local.differentiate(lambda at: local.field_at(system, at)[chosen], place, scale)
+        if not np.linalg.cond(slopes[:, others] * scale[others]) < SINGULAR:
+            return f"the rates of {chosen} do not determine the other coordinates"
+    return ""
+
+
+def _grouped(
+    system: System, places: Sequence[Instant], fields: Fields, scale: FloatArray,
+    tolerance: float, positions: Sequence[int] | None,
+) -> tuple[Finding, list[int]]:  # fmt: skip
+    """Return the finding on positions and velocities, and the positions, none if it fails."""
+    n, pairs = len(scale), position_pairs(places, fields, scale, tolerance)
+    chosen, listed = list(range(n // 2)), "the first half, and the others their velocities"
+    if positions is not None:
+        chosen, listed = list(positions), f"{list(positions)}, as given"
+    elif 2 * len(pairs) == n and set(pairs.values()).isdisjoint(pairs):
+        chosen = list(pairs)
+        listed = ", ".join(f"{i} with its velocity {k}" for i, k in pairs.items())
+    why = why_not_positions(system, places, fields, scale, tolerance, chosen)
+    if why:
+        detail = f"coordinates that are positions: {why} (others may be given as positions=)"
+        return Finding(GROUPED, False, 0.0, f"= {n // 2}", detail), []
+    detail = f"coordinates that are positions: {listed}"
+    return Finding(GROUPED, True, float(len(chosen)), f"= {n // 2}", detail), chosen
+
+
+def _by_position(
+    system: System, places: Sequence[Instant], active: Sequence[int], scale: FloatArray,
+    positions: Sequence[int], tolerance: float,
+) -> Finding:  # fmt: skip
+    """Return the finding on whether guards change with anything but the positions."""
+    detail = "largest share of velocities and time in the change of a guard"
+    if not positions:
+        return Finding(BY_POSITION, False, np.nan, f"<= {tolerance:g}", detail)
+    is_position = np.isin(np.arange(len(scale)), positions)
+    worst = 0.0
+    for place in places:
+        here = local.linearise(system, place, scale)
+        parts = np.abs(here.gradients[list(active)]) * scale
+        in_time = np.abs(here.time_rates[list(active)])
+        other = parts[:, ~is_position].sum(axis=1) + in_time
+        whole = parts.sum(axis=1) + in_time
+        share = np.divide(other, whole, out=np.ones_like(whole), where=whole > 0)
+        worst = max(worst, float(share.max()))
+    return Finding.at_most(BY_POSITION, worst, tolerance, detail)
+
+
+def _additive(
+    fields: Fields, scale: FloatArray, positions: Sequence[int], tolerance: float
+) -> Finding:
+    """Return the finding on whether crossed guards add to the rates what each adds alone.
+
+    What they add to the rates of positions counts in full: contacts may change velocities only by
+    accelerations.
+    """
+    is_position = np.isin(np.arange(len(scale)), positions)
+    apart, effect = 0.0, 0.0
+    for field in fields:
+        free = field[()]
+        alone = {crossed[0]: rate - free for crossed, rate in field.items() if len(crossed) == 1}
+        rounding = ROUNDING * max(float(np.max(np.abs(rate) / scale)) for rate in field.values())
+        for crossed, rate in field.items():
+            added = rate - free
+            left = added - np.sum([alone[guard] for guard in crossed], axis=0)
+            left = np.where(is_position, added, left)
+            apart = max(apart, float(np.max(np.abs(left) / scale)) - rounding)
+            effect = max(effect, float(np.max(np.abs(added) / scale)))
+    value = apart / effect if effect > 0 else 0.0
+    detail = "largest deviation from the sum of what each contact adds alone, over the largest sum"
+    return Finding.at_most(ADDITIVE, value, tolerance, detail)

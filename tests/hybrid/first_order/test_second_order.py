@@ -1,0 +1,183 @@
+"""Table 1.1's second column on bodies that have the form, and on ones that miss one condition."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from exact import octant
+from hybrid_systems import ladder
+
+from hopdata.hybrid import System, field, guards, on_event
+from hopdata.hybrid.first_order import check_c1
+from hopdata.hybrid.first_order.second_order import ADDITIVE, BY_POSITION, GROUPED
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
+from hopdata.scenes.hopper_control import control_system
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
+
+FEET = ("left", "middle", "right")
+# Strengths of what breaks the form, by their places in the parameters.
+STIFFNESS, COUPLING, DRIFT, OF_SPEED, OF_SPEED_SQUARED, OF_TIME, SWAP = range(7)
+
+
+@field
+def body(t, y, mode, params, dy):
+    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], -9.81, 0.0
+    down = 0
+    for leg, side in enumerate((-0.2, 0.0, 0.2)):
+        if mode[leg] > 0:
+            push = params[0] * (0.5 - y[0] - side * y[1]) - 3.0 * y[2]
+            push *= 1.0 + params[1] * down
+            dy[2] += push
+            dy[3] += 10 * side * push
+            dy[0] += params[2]
+            down += 1
+
+
+@guards
+def feet(t, y, dy, mode, params, h, hdot):
+    for leg, side in enumerate((-0.2, 0.0, 0.2)):
+        h[leg] = 0.5 - y[0] - side * y[1] - params[3] * y[2] - params[4] * y[3] ** 2
+        h[leg] -= params[5] * t
+        hdot[leg] = -dy[0] - side * dy[1] - params[3] * dy[2] - 2 * params[4] * y[3] * dy[3]
+        hdot[leg] -= params[5]
+
+
+@on_event
+def kick(t, y, mode, params, guard, direction):
+    y[2] *= 0.9
+    return 0
+
+
+def report(handler=None, **broken):
+    params = np.zeros(7)
+    params[STIFFNESS] = 400.0
+    for name, strength in broken.items():
+        params[globals()[name]] = strength
+    system = System(body, feet, handler, n_states=4, guard_names=FEET)
+    state = [0.5, 0.0, -2.0, 0.0]
+    return check_c1(system, state, params=params, mode=[-1, -1, -1], guards=FEET)
+
+
+def missing(found):
+    return [finding.condition for finding in found.second_order if not finding.passed]
+
+
+def test_pushes_that_add_have_the_form():
+    found = report()
+    assert found.verdict == "C1"
+    assert missing(found) == []
+    assert found.has_second_order_form
+    grouped = found.second_order[0]
+    assert grouped.value == 2
+    assert grouped.detail.endswith("0 with its velocity 2, 1 with its velocity 3")
+    lines = str(found).split("\n")
+    assert lines[-4].startswith("second-order form (additive accelerations; sufficient for C1, and")
+    assert "and holds)" in lines[-4]
+    assert [line[:3] for line in lines[-3:]] == ["yes"] * 3
+
+
+@pytest.mark.parametrize(
+    ("broken", "condition", "size"),
+    [
+        ({"COUPLING": 0.01}, ADDITIVE, 1e-2),
+        ({"COUPLING": 1e-5}, ADDITIVE, 1e-5),
+        ({"DRIFT": 0.1}, GROUPED, 0),
+        ({"OF_SPEED": 0.01}, BY_POSITION, 1e-2),
+        ({"OF_SPEED_SQUARED": 1.0}, BY_POSITION, 1e-3),
+        ({"OF_TIME": 0.01}, BY_POSITION, 1e-2),
+    ],
+)
+def test_what_breaks_the_form_is_the_line_that_fails(broken, condition, size):
+    found = report(**broken)
+    assert condition in missing(found)
+    assert not found.has_second_order_form
+    value = next(f.value for f in found.second_order if f.condition == condition)
+    assert size / 5 <= value <= 5 * size
+    assert "does not hold" in str(found)
+    if condition != GROUPED:
+        assert missing(found) == [condition]
+
+
+def test_coupled_feet_are_no_longer_one_map():
+    assert report(COUPLING=0.5).verdict == "event-selected, not C1"
+
+
+def test_a_jump_of_velocity_is_left_to_the_first_column():
+    found = report(kick)
+    assert found.verdict == "not event-selected"
+    assert missing(found) == []
+    assert not found.has_second_order_form
+
+
+def test_the_form_is_not_necessary():
+    """One rung changes the speed of a point directly: C1, but by no acceleration."""
+    found = check_c1(ladder(1), [1.0, 0.0], params=(1.0, 0.5), mode=[-1])
+    assert found.verdict == "C1"
+    assert len(missing(found)) > 0
+    assert not found.has_second_order_form
+
+
+def test_a_system_of_first_order():
+    found = check_c1(octant(), [0, 0, 0], mode=[-1, -1, -1])
+    assert missing(found)[:2] == [GROUPED, BY_POSITION]
+    assert found.second_order[0].value == 0
+    assert np.isnan(found.second_order[1].value)
+
+
+def landing(n_legs=3, control=None):
+    """Return the report on a hopper all of whose feet touch the floor."""
+    hopper = HopperParameters(n_legs=n_legs)
+    system, params = hopper_system(n_legs), hopper.vector()
+    if control is not None:
+        system, params = control_system(n_legs), hopper.vector(variant=control)
+    y = np.zeros(12)
+    y[2], y[6:] = 0.27, [0.05, -0.03, -2.1, 0.1, -0.2, 0.05]
+    names = [f"foot{leg + 1}" for leg in range(n_legs)]
+    return check_c1(
+        system, y, params=params, mode=flight_mode(hopper_system(n_legs), -1.0), guards=names
+    )
+
+
+@field
+def turned(t, y, mode, params, dy):
+    """The same body with its coordinates in another order, and other units of its speeds."""
+    dy[3], dy[1] = 2.0 * y[0], 3.0 * y[2] + 0.1 * y[3] * y[0]
+    dy[0], dy[2] = -9.81 / 2.0, 0.0
+    for leg, side in enumerate((-0.2, 0.0, 0.2)):
+        if mode[leg] > 0:
+            push = 400.0 * (0.5 - y[3] - side * y[1])
+            dy[0] += push / 2.0
+            dy[2] += 10 * side * push / 3.0
+
+
+@guards
+def turned_feet(t, y, dy, mode, params, h, hdot):
+    for leg, side in enumerate((-0.2, 0.0, 0.2)):
+        h[leg], hdot[leg] = 0.5 - y[3] - side * y[1], -dy[3] - side * dy[1]
+
+
+def test_positions_may_be_given():
+    system = System(turned, turned_feet, n_states=4, guard_names=FEET)
+    options = {"mode": [-1, -1, -1], "guards": FEET}
+    state = [-1.0, 0.0, 0.1, 0.5]
+    guessed = check_c1(system, state, **options)
+    assert guessed.verdict == "C1"
+    assert missing(guessed)[:2] == [GROUPED, BY_POSITION]
+    assert "may be given as positions=" in guessed.second_order[0].detail
+    assert check_c1(system, state, positions=[3, 1], **options).has_second_order_form
+    for wrong in ([3], [3, 1, 0], [0, 2], [3, 3]):
+        assert GROUPED in missing(check_c1(system, state, positions=wrong, **options))
+
+
+@pytest.mark.parametrize("n_legs", [2, 3, 4])
+def test_the_hopper_has_the_form(n_legs):
+    found = landing(n_legs)
+    assert missing(found) == []
+    assert found.has_second_order_form
+
+
+def test_a_control_that_couples_the_feet_has_not():
+    assert missing(landing(control=Control(coupling=0.1))) == [ADDITIVE]
+    assert missing(landing(control=Control())) == []
