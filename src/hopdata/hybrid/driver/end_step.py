@@ -70,9 +70,9 @@ def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> N
     watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        rate = p.mode[k] * m.guards[at.RATE1, k]
+        left, rate = -p.mode[k] * m.guards[at.H1, k], p.mode[k] * m.guards[at.RATE1, k]
         if problem.is_leaving(m, k, rate, t - m.clock[at.T], resolution):
-            problem.count_as_rounding(m, k, -p.mode[k] * m.guards[at.H1, k])
+            problem.count_as_rounding(p, m, k, t, at.END, left, rate, resolution)
 
 
 @kernel_apart
@@ -186,6 +186,19 @@ def end_at_dips(
 
 
 @kernel
+def flips_by_rounding(p: problem.Problem, m: Memory, k: int, t: float, resolution: float) -> bool:
+    """Return whether guard k, on which the step ends at time t, flips although h has a rest.
+
+    Its rest must be explained by rounding. If it is not, h jumps there, and the step has ended
+    before the jump: the next step begins before it, and finds it.
+    """
+    margin, rate = p.mode[k] * m.guards[at.H1, k], p.mode[k] * m.guards[at.RATE1, k]
+    if not rate < 0.0:
+        return False
+    return margin <= problem.most_rounding(p, m, k, t, at.END, rate, resolution)
+
+
+@kernel
 def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 
@@ -211,15 +224,16 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
         h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]
         if p.mode[k] * h <= problem.blur(h, rate, resolution):
             problem.mark_one(m, k)
-            problem.remember_residuals(p, m, at.H0)
+            problem.remember_residuals(p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution)
             return 0.0, 1
         dt = min(resolution, dt)  # an event function that jumps: end just past the jump
         take_step(p, m, m.clock[at.T], dt)
         look_at_end(p, m, m.clock[at.T] + dt, resolution)
     else:
         dt, k = land(p, m, k, theta * dt, resolution)
+    t = m.clock[at.T] + dt
     total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
-    if total == 0 and p.mode[k] * m.guards[at.RATE1, k] < 0.0:
+    if total == 0 and flips_by_rounding(p, m, k, t, resolution):
         total = problem.mark_one(m, k)
-    problem.remember_residuals(p, m, at.H1)
+    problem.remember_residuals(p, m, t, at.END, at.H1, at.RATE1, resolution)
     return dt, total
