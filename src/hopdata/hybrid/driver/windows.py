@@ -30,6 +30,7 @@ ERROR_IF_EVEN = 0.05  # fraction of the slope: error over a step whose ends suff
 MOVES = 0.02  # fraction of the change over a window: error of a guard that follows its cubic
 LEAP = 8.0  # lengths of a step in which all guards were straight: up to here they stay straight
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # fractions of the run: longest window
+OF_PATH = 0.05  # fraction of the change: allowed error of a step's cubic from its path
 SHORTEST = 2.0**-26  # fraction of the step: a shorter window is not divided
 INSTANTS = 16.0  # time resolutions: the change of a guard within this time is noise
 FINE = 2.0**-8  # fraction of the longest window: shorter ones need not resolve distant guards
@@ -59,17 +60,18 @@ def measure(p: Problem, m: Memory) -> None:
 
 
 @kernel_in_loop
-def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float) -> None:
+def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -> None:
     """Evaluate the guards at `theta` on the states' cubic over the step, into H and RATE.
 
-    Rates are along the direction of `measure`.
+    Rates are along the cubic or, if `along`, along the direction of `measure`.
     """
-    s = m.states
+    s, per_s = m.states, 1.0 / dt
     for i in range(s.width):
         rise, d0, d1 = s[at.END, i] - s[at.Y, i], dt * s[at.K1, i], dt * s[at.KEND, i]
         bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
+        slope = per_s * (d0 + theta * (2.0 * bend + 3.0 * theta * twist))
         s[at.SCRATCH, i] = s[at.Y, i] + theta * (d0 + theta * (bend + theta * twist))
-        s[at.SLOPE, i] = way(i)
+        s[at.SLOPE, i] = way(i) if along else slope
     eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
@@ -121,7 +123,7 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
         parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
-        look_on_cubic(p, m, dt, theta)
+        look_on_cubic(p, m, dt, theta, True)
         new = m.counts[at.MEASURED] == m.counts[at.INSTANTS]
         count = mark_bent(p, m, dt, theta, new, False)
         if count > 0 and not new:
@@ -178,18 +180,19 @@ def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
 
 @kernel_in_loop
 def judge(
-    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float
+    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float,
+    slack: float,
 ) -> tuple[int, float, float, float]:  # fmt: skip
     """Judge a guard in a window by margins and slopes (per window) at its ends and middle.
 
-    A margin must exceed the error. Returns the judgement, the error in the middle, the error that
-    is allowed anywhere, and the change.
+    A margin must exceed the error plus `slack` times the change. Returns the judgement, the error
+    in the middle, the error that is allowed anywhere, and the change.
     """
     error = abs(gc - 0.5 * (g0 + g1) - 0.125 * (d0 - d1))
     error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
     change = max(g0, gc, g1) - min(g0, gc, g1)
     own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
-    unsure, sixth = SURE * error, 1.0 / 6.0
+    unsure, sixth = SURE * error + slack * change, 1.0 / 6.0
     ends = min(gc, g1) if leaving else min(g0, gc, g1)
     away = leaving and d0 >= 0.0  # leaves its surface, but not like the square of time
     near = ends if away else g0 + sixth * d0
@@ -206,7 +209,7 @@ def judge(
 
 @kernel_in_loop
 def judge_all(
-    p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int
+    p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int, slack: float
 ) -> tuple[int, float, bool]:
     """Judge the bending guards in a window, by rows: the worst judgement and the least room.
 
@@ -225,7 +228,7 @@ def judge_all(
         kind, error, own, change = judge(
             0.0 if leaving else lock * g[a, k], lock * g[a + 1, k] * span,
             lock * g[c, k], lock * g[c + 1, k] * span,
-            lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise,
+            lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
         )  # fmt: skip
         room = own / max(error, 1e-300)
         if (room < min(least, ROOMY) or kind == DIVIDE) and m.counts[at.ROUGH] >= MOST_ROUGH - 1:
@@ -237,6 +240,23 @@ def judge_all(
         sure = sure and moves
         worst, least = max(worst, kind), min(least, room)
     return worst, least, sure
+
+
+@kernel_in_loop
+def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
+    """Return whether ends and middle suffice, because the step is short and its cubic is the path.
+
+    In a longer step they would not: a sum of two sines may meet its cubic there by accident.
+    """
+    longest = FINE * LONGEST * (p.t_end - p.t_start)
+    if dt > longest or p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
+        return False
+    look_on_cubic(p, m, dt, 0.5, False)
+    kind, room, _ = judge_all(p, m, dt, 0.0, 1.0, at.H0, at.H, at.H1, OF_PATH)
+    if kind == DIVIDE or room < 1.0:
+        return False
+    m.clock[at.WINDOW] = max(m.clock[at.WINDOW], dt)
+    return True
 
 
 @kernel
@@ -280,7 +300,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
         while True:
             c, middle = unused(a, b), 0.5 * (low + high)
             look(p, m, dt, middle, c)
-            kind, room, sure = judge_all(p, m, dt, low, high, a, c, b)
+            kind, room, sure = judge_all(p, m, dt, low, high, a, c, b, 0.0)
             if kind != DIVIDE or high - low <= shortest:
                 break
             high, b, divided = middle, c, True
@@ -311,6 +331,8 @@ def watch(p: Problem, m: Memory, dt: float) -> float:
     m.counts[at.MEASURED] = m.counts[at.INSTANTS]
     if m.counts[at.N_BENT] == 0:
         m.clock[at.WINDOW] = max(m.clock[at.WINDOW], LEAP * dt)
+        return dt
+    if middle_tells(p, m, dt):
         return dt
     part = look_by_windows(p, m, dt)
     if m.counts[at.ROUGH] > MOST_ROUGH:
