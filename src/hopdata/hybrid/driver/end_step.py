@@ -10,6 +10,7 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver import problem, watch
+from hopdata.hybrid.driver.branches import AT_BRANCH
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.jacobian import has_short_tangent
 from hopdata.hybrid.driver.localise import CROSSING, DIP, first_cut
@@ -199,12 +200,40 @@ def flips_by_rounding(p: problem.Problem, m: Memory, k: int, t: float, resolutio
 
 
 @kernel
+def set_sizes(p: problem.Problem, m: Memory, which: int) -> None:
+    """Set the rounding scale of the guards in a list by their values at the ends of the step."""
+    for a in range(m.counts[at.N_AWAKE + which]):
+        k = m.lists[which, a]
+        # What counts as rounding remains so until the guard has left its surface.
+        left = p.mode[k] * m.guards[at.H0, k] > 0.0
+        size = max(abs(m.guards[at.H0, k]), abs(m.guards[at.H1, k]))
+        m.guards[at.SIZE, k] = max(size, m.guards[at.PARTS if left else at.SIZE, k])
+
+
+@kernel_apart
+def flips_by_sign(p: problem.Problem, m: Memory, dt: float) -> int:
+    """Mark the guards that flip in a step across a branch; return their number.
+
+    The step is too short to be divided, so only the signs at its ends tell.
+    """
+    set_sizes(p, m, at.AWAKE)
+    resolution = problem.time_resolution(m.clock[at.T], dt)
+    look_at_end(p, m, m.clock[at.T] + dt, resolution)
+    total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
+    t = m.clock[at.T] + dt
+    problem.remember_residuals(p, m, t, at.END, at.H1, at.RATE1, resolution)
+    return total
+
+
+@kernel
 def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 
     The guards that flip at its end are marked in DUE. Returns the step's length (0 if they flip at
     its very start) and their number.
     """
+    if m.counts[at.WATCHED] == AT_BRANCH:
+        return dt, flips_by_sign(p, m, dt)
     # Usually no guard is near, so the search is not even prepared.
     if m.counts[at.WATCHED] == NONE_NEAR or gather(p, m, dt) == 0:
         return dt, 0
@@ -213,12 +242,7 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
         dt, kind, k, theta = end_at_dips(p, m, dt, kind, k, theta)
     if kind != CROSSING:
         return dt, 0
-    for a in range(m.counts[at.N_NEAR]):
-        j = m.lists[at.NEAR, a]
-        # What counts as rounding remains so until the guard has left its surface.
-        left = p.mode[j] * m.guards[at.H0, j] > 0.0
-        size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
-        m.guards[at.SIZE, j] = max(size, m.guards[at.PARTS if left else at.SIZE, j])
+    set_sizes(p, m, at.NEAR)
     resolution = problem.time_resolution(m.clock[at.T], dt)
     if theta * dt <= resolution:
         h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]

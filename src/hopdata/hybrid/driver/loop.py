@@ -26,6 +26,7 @@ from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import dense, jacobian, problem, stepping
+from hopdata.hybrid.driver.branches import AT_BRANCH, end_at_branch
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
 from hopdata.hybrid.driver.sleep import travel_on
@@ -85,7 +86,10 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     dt = stepping.accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
-    dt = watched(p, m, dt)
+    if p.branches != 0:
+        dt = end_at_branch(p, m, dt)
+    if p.branches == 0 or m.counts[at.WATCHED] != AT_BRANCH:
+        dt = watched(p, m, dt)
     if dt < 0.0:
         return int(dt)
     dt, n_due = end_at_first_flip(p, m, dt)
