@@ -188,6 +188,12 @@ SENTENCES = {
     "the tolerance, and the flow has no Jacobian at a graze.",
 }
 
+# Added to these where it is so.
+ONLY_SAMPLED = (
+    "In {count} steps the guards, which branch on state or time, were only sampled: a flip and its "
+    "return between two samples may be missing (docs/integrator.md, Limits)."
+)
+
 
 def describe(
     status: int, *, time: float, culprit: int, names: tuple[str, ...], rates: FloatArray

@@ -181,7 +181,18 @@ def _spread(node: ast.AST, names: set[str], known: dict[str, Any]) -> None:
         for one in ast.walk(node):
             for target, value in _assignments(one):
                 if _varies(value, names, known):
-                    names |= {x.id for x in ast.walk(target) if isinstance(x, ast.Name)}
+                    names |= set(_bound(target))
+
+
+def _bound(target: ast.AST) -> Iterator[str]:
+    """Yield the names that an assignment changes: not those by which it indexes."""
+    if isinstance(target, ast.Name):
+        yield target.id
+    elif isinstance(target, ast.Subscript | ast.Starred | ast.Attribute):
+        yield from _bound(target.value)
+    elif isinstance(target, ast.Tuple | ast.List):
+        for one in target.elts:
+            yield from _bound(one)
 
 
 def _assignments(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
@@ -256,4 +267,7 @@ def _call_branches(node: ast.Call, names: set[str], known: dict[str, Any]) -> bo
         return called not in SMOOTH and called not in COUNTS
     value = known.get(node.func.id) if isinstance(node.func, ast.Name) else None
     helper = getattr(value, "py_func", None)
-    return helper is None or may_branch(helper)
+    if helper is None or node.keywords or any(isinstance(x, ast.Starred) for x in node.args):
+        return True
+    given = enumerate(node.args)
+    return may_branch(helper, tuple(i for i, one in given if _varies(one, names, known)))

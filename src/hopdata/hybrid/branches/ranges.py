@@ -116,10 +116,19 @@ def wide(x: Any) -> Any:
     return x
 
 
+def _is_scalar(kind: Any) -> bool:
+    """Return whether a type is that of a number, or of an array without axes, as of `np.where`."""
+    return is_number(kind) or (isinstance(kind, types.Array) and kind.ndim == 0)
+
+
 def _wide(x: Any) -> Any:
     if x == RANGE:
         return lambda x: x
-    return (lambda x: make(float(x), float(x), 0)) if is_number(x) else None
+    if isinstance(x, types.Boolean):
+        return lambda x: make(1.0, 1.0, 0) if x else make(0.0, 0.0, 0)
+    if is_number(x):
+        return lambda x: make(float(x), float(x), 0)
+    return (lambda x: make(float(x[()]), float(x[()]), 0)) if _is_scalar(x) else None
 
 
 overload(wide)(lambda x: _wide(x))
@@ -155,7 +164,7 @@ def _typed_get(owner: Any, i: Any) -> Any:
 
 def _typed_set(owner: Any, i: Any, x: Any) -> Any:
     kind = types.unliteral(x)
-    fits = isinstance(i, types.Integer) and (kind == RANGE or is_number(kind))
+    fits = isinstance(i, types.Integer) and (kind == RANGE or _is_scalar(kind))
     return types.none(owner, INT, kind) if owner in (ROWS, SINK) and fits else None
 
 
@@ -338,12 +347,6 @@ def copysign(x: Any, y: Any) -> Any:
     return multiply(absolute(x), sign(y))
 
 
-@njit
-def clip(x: Any, low: Any, high: Any) -> Any:
-    """Return x, but not below `low` or above `high`."""
-    return least(largest(x, wide(low)), wide(high))
-
-
 def _stair(whole: Function) -> Any:
     """Return a function that is constant but for jumps."""
 
@@ -508,7 +511,7 @@ def _two(made: Any) -> Function:
 
 def _fit(x: Any, y: Any) -> bool:
     """Return whether at least one of these types is a range, and the other one or a number."""
-    return RANGE in (x, y) and all(one == RANGE or is_number(one) for one in (x, y))
+    return RANGE in (x, y) and all(one == RANGE or _is_scalar(one) for one in (x, y))
 
 
 def _register(typed: Function, *functions: Any) -> None:
@@ -591,13 +594,6 @@ def _where(m: Any, x: Any, y: Any) -> Any:
 
 
 overload(np.where)(lambda m, x, y: _where(m, x, y))
-
-
-def _clip(a: Any, a_min: Any, a_max: Any) -> Any:
-    return (lambda a, a_min, a_max: clip(a, a_min, a_max)) if a == RANGE else None
-
-
-overload(np.clip)(lambda a, a_min, a_max: _clip(a, a_min, a_max))
 
 
 def _interp(x: Any, xp: Any, fp: Any) -> Any:
