@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import System, field, guard, guards, on_event, solve, solve_batch
+from hopdata.hybrid.layout import RATE_DIFFERS
 
 TOLERANCES = (1e-3, 1e-9)
 
@@ -146,13 +147,24 @@ def test_a_pulse_in_ten_seconds(width):
 
 @pytest.mark.parametrize("options", [{}, {"jacobian": "params"}, {"debug": True}])
 def test_branches_are_found_in_derived_systems(options):
-    ball, (start, params, landing, begin) = system(box), next(flights(0.02, 1, seed=2))
+    ball, (start, params, landing, _) = system(roof), next(flights(0.02, 1, seed=2))
+    plain = solve(ball, (0, landing + 0.3), start, params=params)
     solution = solve(ball, (0, landing + 0.3), start, params=params, **options)
-    truth = [begin, begin + 0.02 * landing, landing]
-    assert solution.events.time == pytest.approx(truth, rel=1e-9)
+    assert len(plain.events) == 3
+    assert solution.events.time == pytest.approx(plain.events.time, rel=1e-9)
     back = solve(ball, (landing + 0.3, 0), solution.y_end, params=params, **options)
-    assert back.events.time == pytest.approx(truth[::-1], rel=1e-9)
+    assert back.events.time == pytest.approx(plain.events.time[::-1], rel=1e-9)
     assert solution.n_unproven == back.n_unproven == 0
+
+
+def test_no_derivative_is_given_through_a_jump():
+    """The instant is that of the edge, not that of a surface h = 0 which the rate describes."""
+    ball, (start, params, landing, begin) = system(box), next(flights(0.02, 1, seed=2))
+    solution = solve(ball, (0, landing + 0.3), start, params=params, jacobian=True)
+    assert solution.status == RATE_DIFFERS
+    assert solution.t_end == pytest.approx(begin, rel=1e-9)
+    before = solve(ball, (0, 0.9 * begin), start, params=params, jacobian=True)
+    assert before.jacobian[0, 2] == pytest.approx(0.9 * begin, rel=1e-9)
 
 
 @field
@@ -163,7 +175,9 @@ def rest(t, y, mode, params, dy):
 @guards
 def undecided(t, y, dy, mode, params, h, hdot):
     """The comparison is between numbers that differ by rounding."""
-    h[0], hdot[0] = y[0] - 1.0 + (0.5 if y[1] > params[0] else 0.5), dy[0]
+    h[0], hdot[0] = y[0] - 0.5, dy[0]
+    if y[1] > params[0]:
+        h[0] += 1e-15
 
 
 def test_a_branch_that_stays_open_ends_and_is_told():
