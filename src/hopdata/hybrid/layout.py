@@ -106,9 +106,10 @@ INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
 # surfaces together, and whether an event has ended the integration.
 BEGUN, CASCADE, JUMPS_AT_ENTRY, NEXT, TIED, ENDED = numbers(6, 25)
 # Whether a guard's code met an open branch in the piece last examined (see `branches`), steps in a
-# row that cross an open branch, and steps in which branches of guards were only sampled.
-BRANCHED, CROSSINGS, UNPROVEN = numbers(3, 31)
-COUNT_SLOTS = 34
+# row that cross an open branch, steps in which branches of guards were only sampled, and steps
+# across branches since the last event.
+BRANCHED, CROSSINGS, UNPROVEN, BARREN = numbers(4, 31)
+COUNT_SLOTS = 35
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps

@@ -8,6 +8,8 @@ signs of the guards at its ends, because a guard may jump in it.
 
 Where a branch stays open over a stretch (a comparison of two numbers that rounding alone tells
 apart), steps across it double in length, and are counted in UNPROVEN once they are no longer short.
+Guards without code for ranges are sampled in every step, and so are those that branch again and
+again without a flip.
 """
 
 from hopdata.hybrid import layout as at
@@ -26,6 +28,10 @@ SURE = 2.0**12  # multiples of that length: a longer step across a branch counts
 MOST_DOUBLED = 60  # doublings of that length: it then exceeds any run
 MOST_LOOKS = 500  # pieces examined in one step; a branch takes some 100
 MOST_RETAKES = 8  # the step is taken again up to the branch, which moves by the step's error
+# Steps across branches, since the last event, after which guards are sampled for the rest of the
+# run: they branch all the time, as noise made by `%` does, and not where they flip. If 1.5 times
+# larger, a run with such a guard takes some 10 ms more before it is sampled.
+MOST_BARREN = 500
 # Fraction of the run between two samples of guards that branch and have no code for ranges.
 SAMPLED = 2.0**-8
 BYTES = 8  # of a number
@@ -141,6 +147,7 @@ def cross_branch(p: Problem, m: Memory, dt: float, span: float) -> float:
     take_step(p, m, m.clock[at.T], span)
     guards_at_end(p, m, m.clock[at.T] + span)
     m.counts[at.MEASURED] = -1  # on the other side a guard may be another plane
+    m.counts[at.BARREN] += 1
     m.counts[at.CROSSINGS] = min(m.counts[at.CROSSINGS] + 1, MOST_DOUBLED)
     if span > SURE * SHORTEST * time_resolution(m.clock[at.T], span):
         m.counts[at.UNPROVEN] += 1
@@ -165,7 +172,7 @@ def end_at_branch(p: Problem, m: Memory, dt: float) -> float:
     WATCHED says whether it is a step across a branch.
     """
     m.counts[at.WATCHED] = 0
-    if p.branches < 0:  # the guards have no code for ranges
+    if p.branches < 0 or m.counts[at.BARREN] > MOST_BARREN:
         m.counts[at.UNPROVEN] += 1
         bend_all(m)
         m.clock[at.WINDOW] = min(m.clock[at.WINDOW], SAMPLED * (p.t_end - p.t_start))

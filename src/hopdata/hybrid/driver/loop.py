@@ -26,7 +26,7 @@ from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import dense, jacobian, problem, stepping
-from hopdata.hybrid.driver.branches import AT_BRANCH, end_at_branch
+from hopdata.hybrid.driver.branches import AT_BRANCH, MOST_BARREN, end_at_branch
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
 from hopdata.hybrid.driver.sleep import travel_on
@@ -105,6 +105,8 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
                 return at.STEP_UNDERFLOW if too_short else at.RUNNING
         move_on(p, m, out, dt)
     if n_due > 0:
+        if m.counts[at.BARREN] <= MOST_BARREN:
+            m.counts[at.BARREN] = 0
         return fire(p, m, out, log)
     stepping.choose_after_step(p, m)
     return at.RUNNING

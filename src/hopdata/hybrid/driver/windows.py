@@ -10,7 +10,7 @@ window.
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.driver.branches import SAMPLED
+from hopdata.hybrid.driver.branches import MOST_BARREN, SAMPLED
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.localise import cubic, just_left, turning_points
 from hopdata.hybrid.driver.problem import (
@@ -312,7 +312,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
             width = min(width, high - low)
         else:
             longest = LONGEST_IF_SURE if sure else LONGEST
-            if p.branches < 0:
+            if p.branches < 0 or m.counts[at.BARREN] > MOST_BARREN:
                 longest = SAMPLED
             width = min(GROW * (high - low), longest * run)
         if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
