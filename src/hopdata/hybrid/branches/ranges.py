@@ -60,7 +60,7 @@ class _Sink(types.Type):
 
 RANGE, ROWS, SINK = _Range("Range"), _Rows("RangeRows"), _Sink("RangeSink")
 INT, FLOAT = types.int64, types.float64
-MEMBERS = {
+MEMBERS: dict[Any, dict[str, Any]] = {
     RANGE: {"lo": FLOAT, "hi": FLOAT, "at": INT},
     ROWS: {"data": INT, "n": INT, "stride": INT, "at": INT},
     SINK: {"n": INT, "at": INT},
