@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import System, field, guard, guards, on_event, solve, solve_batch
+from hopdata.hybrid.driver.problem import is_due, scale_of_rest
 from hopdata.hybrid.layout import RATE_DIFFERS
 
 TOLERANCES = (1e-3, 1e-9)
@@ -100,6 +101,12 @@ def test_a_ball_that_flies_into_something_on_the_floor(declared, share, rtol):
             truth = [begin, begin + share * landing, landing]
             assert solution.events.time == pytest.approx(truth, rel=1e-12)
     assert ball.branches.address > 0
+
+
+def test_what_counts_as_rounding_is_bounded():
+    """A rest becomes the scale of rounding, but no more of it than the terms of h explain."""
+    assert is_due(-1e-12, 1.0, scale_of_rest(1e-12, 1e-9), 0.0) is False
+    assert is_due(-0.86, 1.0, scale_of_rest(0.86, 1e-9), 0.0) is True
 
 
 @pytest.mark.parametrize("share", [0.1, 0.02])
@@ -223,9 +230,18 @@ def test_a_ball_that_bounces_down_a_staircase():
     assert solution.n_unproven == 0
 
 
+@guards
+def roof_by_where(t, y, dy, mode, params, h, hdot):
+    """A roof in code that lanes could run."""
+    x = (y[0] - params[1]) / (0.5 * params[2]) - 1.0
+    h[0] = y[1] - params[3] * y[0] - max(0.0, params[0] * (1.0 - abs(x)))
+    steep = np.where(x > 0.0, -params[0], params[0]) / (0.5 * params[2])
+    hdot[0] = dy[1] - (params[3] + np.where(abs(x) < 1.0, steep, 0.0)) * dy[0]
+
+
 def test_lanes_leave_guards_that_branch_to_the_driver():
     start, params, landing, _ = next(flights(0.02, 1, seed=2))
     options = {"params": params, "lanes": True}
-    batch = solve_batch(system(box), (0, landing + 0.3), [start] * 3, **options)
-    assert "branch" in batch.lanes_reason
+    batch = solve_batch(system(roof_by_where), (0, landing + 0.3), [start] * 3, **options)
+    assert batch.lanes_reason.startswith("the guards branch")
     assert batch.n_events.tolist() == [3, 3, 3]

@@ -92,7 +92,7 @@ def two_sines(t, y, dy, mode, params, h, hdot):
 @pytest.mark.parametrize("lanes", [True, False])
 def test_no_dip_of_a_second_faster_sine_is_missed(lanes):
     """With one look inside a step, lanes lost dips in 22 of 200 such systems, the driver in one."""
-    rng, n = np.random.default_rng(7), 96
+    rng, n = np.random.default_rng(7), 200
     slow, share = rng.uniform(5, 80, n), rng.uniform(0.05, 0.5, n)
     columns = (
         slow,
@@ -102,19 +102,19 @@ def test_no_dip_of_a_second_faster_sine_is_missed(lanes):
         rng.uniform(-0.5, 0.5, n),
     )
     params = np.column_stack(columns)
-    t = np.linspace(0.0, 10.0, 200_001)
+    t = np.linspace(0.0, 10.0, 100_001)
     system = System(turning, two_sines, n_states=2, guard_names=("sines",))
     truth = [
         np.count_nonzero(np.diff(np.signbit(np.sin(a * t) + b * np.sin(c * t + d) + e)))
         for a, b, c, d, e in params
     ]
-    options = {"params": params, "lanes": lanes, "rtol": 1e-6, "atol": 1e-9}
+    options = {"params": params, "lanes": lanes, "rtol": 1e-9, "atol": 1e-12}
     found = solve_batch(system, (0.0, 10.0), np.tile([1.0, 0.0], (n, 1)), **options)
     assert found.success
     assert not lanes or found.lanes.mean() > 0.8
     # Samples may miss a pair of flips that are closer than they are, the integration may not.
     assert np.all(found.n_events >= truth)
-    assert np.sum(found.n_events - truth) <= 4
+    assert np.sum(found.n_events - truth) <= 20
 
 
 @pytest.mark.parametrize("rtol", quick.RTOLS)

@@ -264,8 +264,14 @@ def most_rounding(
 
 @kernel
 def raise_scale(m: Memory, k: int, left: float) -> None:
-    """Raise the rounding scale of guard k so that a rest that the caller has bounded is rounding."""
+    """Raise the rounding scale of guard k so that a rest, bounded by the caller, is rounding."""
     m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * left / ROUNDING)
+
+
+@kernel
+def scale_of_rest(left: float, most: float) -> float:
+    """Return the rounding scale at which a rest counts as rounding, if it is at most `most`."""
+    return min(2.0 * left, most) / ROUNDING
 
 
 @kernel_apart
@@ -278,8 +284,7 @@ def count_as_rounding(
     """
     if 2.0 * left > ROUNDING * m.guards[at.SIZE, k]:
         most = most_rounding(p, m, k, t, y, rate, resolution)
-        size = min(2.0 * left, most) / ROUNDING
-        m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], size)
+        m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], scale_of_rest(left, most))
 
 
 @kernel_apart
