@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hybrid_systems import (
@@ -142,3 +145,12 @@ def test_partial_results_are_returned():
     solution = solve(sliding(), (0, 3), [-1.0], params=(3.0, 2.0), t_eval=[0.1, 0.2, 0.8])
     assert solution.t.tolist() == [0.1, 0.2]
     assert np.abs(solution.y[0] - [-0.8, -0.6]).max() < 1e-14
+
+
+def test_no_name_of_a_row_or_slot_is_given_twice():
+    """A second meaning would replace the first, and another row would be written."""
+    text = Path(codes.__file__).read_text()
+    lists = re.findall(r"^([A-Z0-9_, ]+) = numbers", text, re.MULTILINE)
+    names = [name.strip() for one in lists for name in one.split(",") if name.strip() != "_"]
+    assert len(names) > 100
+    assert len(set(names)) == len(names)

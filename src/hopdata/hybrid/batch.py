@@ -108,6 +108,8 @@ class BatchSolution:
         Modes at the end.
     n_events, n_steps, nfev : (B,) array of int
         Events, accepted steps, field evaluations.
+    n_unproven : (B,) array of int
+        Steps in which guards that branch were only sampled, as in `Solution`.
     culprit : (B,) array of int
         Index of the guard that the status is about, -1 if none.
     rates : (B, 2) array
@@ -135,6 +137,7 @@ class BatchSolution:
     n_events: IntArray
     n_steps: IntArray
     nfev: IntArray
+    n_unproven: IntArray
     culprit: IntArray
     rates: FloatArray
     guard_names: tuple[str, ...]
@@ -335,7 +338,8 @@ def _solution(
         status=room.status[:, 0], t_end=system.way * room.ends[:, 0],
         y_end=room.ends[:, END_STATE : END_STATE + shown], mode=room.modes,
         n_events=room.counts[:, at.EVENTS], n_steps=room.counts[:, at.STEPS],
-        nfev=room.counts[:, at.NFEV], t=system.way * times if len(times) else None, y=y,
+        nfev=room.counts[:, at.NFEV], n_unproven=room.counts[:, at.UNPROVEN],
+        t=system.way * times if len(times) else None, y=y,
         jacobian=room.jacobians[:, :shown, :shown] if jacobian else None,
         sensitivity=room.jacobians[:, :shown, shown:] if shown < system.n_states else None,
         culprit=room.counts[:, at.CULPRIT], rates=room.ends[:, 1:END_STATE],

@@ -21,6 +21,7 @@ from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.methods import tangent
 from hopdata.hybrid.methods.explicit import compose
+from hopdata.hybrid.methods.method import put_in
 from hopdata.hybrid.system import System
 
 Answer = TypeVar("Answer")
@@ -39,16 +40,33 @@ class Around(Callback):
         Lines of code, in terms of the arguments of `inner`.
     n_params : int
         Number of parameters that the code uses.
+    ranged : list of str, optional
+        The same lines for ranges of states; by default `body`.
     **names : object
         Other names that the code uses.
     """
 
-    def __init__(self, inner: Callback, body: list[str], n_params: int, **names: Any) -> None:
+    def __init__(
+        self, inner: Callback, body: list[str], n_params: int, ranged: list[str] | None = None,
+        **names: Any,
+    ) -> None:  # fmt: skip
         self.inner, kind = inner, inner.signature
         names = {"INNER": inner.dispatcher, "np": np, **names}
         super().__init__(compose(kind.name, ", ".join(kind.arguments), body, names), kind)
         self.kept = inner.compiled  # otherwise the code contains the address of a Python function
         self.n_params = n_params
+        self._ranged = body if ranged is None else ranged
+        self._names = names
+
+    @cached_property
+    def ranged(self) -> Any:
+        """The code for ranges, around that of the user's function."""
+        from hopdata.hybrid.branches.ranges import part
+
+        kind = self.signature
+        names = {**self._names, "INNER": self.inner.ranged, "PART": part}
+        made = compose(kind.name, ", ".join(kind.arguments), self._ranged, names)
+        return put_in(made)
 
     @cached_property
     def constants(self) -> Constants:
@@ -152,14 +170,17 @@ def with_parameters(system: System, n_params: int) -> System:
             return None
         taken = {"y": "y[:N]", "dy": "dy[:N]", "params": "y[N:]"}
         call = ", ".join(taken.get(name, name) for name in kind.arguments)
-        body = [f"result = INNER({call})"]
+        body, ranged = [f"result = INNER({call})"], None
         if kind.name == "field":
             body.append("dy[N:] = 0.0")
         if "hdot" in kind.arguments:
             guards = "range(k, k + 1)" if "k" in kind.arguments else "range(n)"
+            taken = {"y": "PART(y, 0, N)", "dy": "PART(dy, 0, N)", "params": "PART(y, N, len(y))"}
+            parts = ", ".join(taken.get(name, name) for name in kind.arguments)
+            ranged = [f"return INNER({parts})"]
             call = call.replace("hdot", "rates").replace("h, ", "values[side], ")
             body += BY_PARAMETERS.format(call=call, guards=guards).strip().splitlines()
-        return Around(inner, [*body, "return result"], 0, N=n, **KNOWN)
+        return Around(inner, [*body, "return result"], 0, ranged, N=n, **KNOWN)
 
     return _made(system, (WITH_PARAMS, n_params), around, {"n_states": n + n_params}, n_shown=n)
 

@@ -17,10 +17,11 @@ def numbers(count: int, first: int = 0) -> Any:
     return np.arange(first, first + count, dtype=np.int64)
 
 
-# Rows of `states`: the step from Y to END with its slopes, scratch space, the coefficients of the
+# Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of states and
+# slopes over a piece of the step (lower and upper ends; see `branches`), the coefficients of the
 # interpolant, and rows that belong to the method (the slopes of its stages, for instance).
 # A method reads Y and K1 and fills END and KEND; its interpolant fills P1 and the rows after it.
-Y, K1, END, KEND, SCRATCH, SLOPE, P1 = numbers(7)
+Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE, P1 = numbers(11)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
 W1 = P1 + LARGEST_DEGREE
 
@@ -104,20 +105,25 @@ INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
 # the state before it, the guard that flips next (-1: none), whether several guards met their
 # surfaces together, and whether an event has ended the integration.
 BEGUN, CASCADE, JUMPS_AT_ENTRY, NEXT, TIED, ENDED = numbers(6, 25)
+# Whether a guard's code met an open branch in the piece last examined (see `branches`), steps in a
+# row that cross an open branch, steps in which branches of guards were only sampled, and steps
+# across branches since the last event.
+BRANCHED, CROSSINGS, UNPROVEN, BARREN = numbers(4, 31)
 # Changes of the mode that the log holds.
-CHANGES = np.int64(31)
-COUNT_SLOTS = 32
+CHANGES = np.int64(35)
+COUNT_SLOTS = 36
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
 # until control returns to Python, addresses of the code for Jacobians (0: not wanted) and of the
-# desk itself, room for changes of the mode, and whether the end of the time span is infinite. Then
-# address and width of each array, and the request (floats stored in the memory of integers; its
-# last entries are the number of rows written per step, and whether events are kept). The initial
-# state and the parameters follow, so a caller writes its whole request at once.
+# desk itself, address of the guards' code for ranges (see `branches`), room for changes of the mode,
+# and whether the end of the time span is infinite. Then address and width of each array, and the
+# request (floats stored in the memory of integers; its last entries are the number of rows written
+# per step, and whether events are kept). The initial state and the parameters follow, so a caller
+# writes its whole request at once.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(9)
-FIRST_ORDER, HERE, N_CHANGES, ENDLESS = numbers(4, 9)
-DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 13, 21, 9
+FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
+DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 14, 21, 9
 DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
 MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP, KEEP_EVENTS = numbers(4, DESK_ASKED + 5)
@@ -192,6 +198,12 @@ SENTENCES = {
     GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero to within "
     "the tolerance, and the flow has no Jacobian at a graze.",
 }
+
+# Added to these where it is so.
+ONLY_SAMPLED = (
+    "In {count} steps the guards, which branch on state or time, were only sampled: a flip and its "
+    "return between two samples may be missing (docs/integrator.md, Limits)."
+)
 
 
 def describe(

@@ -309,11 +309,14 @@ class Solution(Told):
 
     @property
     def message(self) -> str:
-        """How the integration ended, in words."""
-        return layout.describe(
+        """How the integration ended, in words, and whether guards were only sampled in places."""
+        ended = layout.describe(
             self.status, time=self.t_end, culprit=int(self.counts[layout.CULPRIT]),
             names=self.form.guard_names, rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
         )  # fmt: skip
+        if self.n_unproven == 0:
+            return ended
+        return f"{ended} {layout.ONLY_SAMPLED.format(count=self.n_unproven)}"
 
     @property
     def nfev(self) -> int:
@@ -329,6 +332,15 @@ class Solution(Told):
     def n_guard_evaluations(self) -> int:
         """Number of guard evaluations (of single guards, if they are declared one by one)."""
         return int(self.counts[layout.NGEV])
+
+    @property
+    def n_unproven(self) -> int:
+        """Number of steps in which guards that branch on state or time were only sampled.
+
+        In all other steps it is proven that their code takes one branch throughout, or where it
+        takes another.
+        """
+        return int(self.counts[layout.UNPROVEN])
 
     @property
     def n_steps(self) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hopdata.errors import Told, told_call
 from hopdata.hybrid.arguments import check_flag, expect
+from hopdata.hybrid.branches.code import Branches, branches_of
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
@@ -198,6 +199,11 @@ class System(Told):
         """Addresses of the compiled callbacks (0 if absent), and of the driver."""
         callbacks = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
         return (*(0 if one is None else one.address for one in callbacks), compiled_run().address)
+
+    @cached_property
+    def branches(self) -> Branches:
+        """Code of the guards for ranges, by which the driver finds where they branch."""
+        return branches_of(self.guards or self.guard)
 
     @cached_property
     def made(self) -> dict[Any, Any]:

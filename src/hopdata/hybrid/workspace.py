@@ -82,6 +82,7 @@ class Workspace:
         self._no_memory = (0.0,) * system.n_memory
         self._make_desk(0)
         self.desk[layout.PATIENCE] = FIRST_PATIENCE
+        self.desk[layout.BRANCHES] = system.branches.address
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
         self._atol, self._atol_of_all = np.zeros(n_states), 0.0

@@ -160,3 +160,26 @@ def test_rates_that_leave_out_the_time_end_soon():
         assert solution.status == -12, solution.message
         assert "'line'" in solution.message
         assert solution.t_end < 5.0
+
+
+@field
+def two_sines_field(t, y, mode, params, dy):
+    dy[0], dy[1] = -y[1], y[0]
+
+
+@guards
+def two_sines(t, y, dy, mode, params, h, hdot):
+    h[0] = np.sin(params[0] * t) + params[1] * np.sin(params[2] * t + params[3]) + params[4]
+    hdot[0] = params[0] * np.cos(params[0] * t)
+    hdot[0] += params[1] * params[2] * np.cos(params[2] * t + params[3])
+
+
+def test_the_middle_of_a_long_step_does_not_hide_dips_of_a_faster_sine():
+    """Dips 0.8 deep were lost at rtol 1e-9, where ends and middle met a cubic by accident."""
+    system = System(two_sines_field, two_sines, n_states=2, guard_names=("sines",))
+    params = [77.87729160135082, 0.2659239306026223, 288.1659120598802, 3.0302903245190596]
+    start = [-0.03985940913167259, -0.9992052979761836]
+    solution = solve(
+        system, (0, 10), start, params=[*params, -0.22169638018639393], rtol=1e-9, atol=1e-12
+    )
+    assert len(solution.events) == 248

@@ -13,7 +13,7 @@ import pytest
 import stress_quick as quick
 from numba import njit
 
-from hopdata.hybrid import guards, on_event, solve_batch
+from hopdata.hybrid import System, field, guards, on_event, solve_batch
 from hopdata.hybrid.layout import ZENO
 
 SMOOTH = [name for name in quick.FAMILIES if name not in ("abs", "max", "table")]
@@ -75,6 +75,46 @@ def test_no_contact_of_a_family_is_missed(family):
     # If a guard stands still on its surface, the driver often has to take over.
     least = {"x^3": 0.1, "x^5": 0.1, "sine of the state, turning": 0.7}
     assert np.mean(here) > least.get(family, 0.8)
+
+
+@field
+def turning(t, y, mode, params, dy):
+    dy[0], dy[1] = -y[1], y[0]
+
+
+@guards
+def two_sines(t, y, dy, mode, params, h, hdot):
+    a, b, c, d, e = params[0], params[1], params[2], params[3], params[4]
+    h[0] = np.sin(a * t) + b * np.sin(c * t + d) + e
+    hdot[0] = a * np.cos(a * t) + b * c * np.cos(c * t + d)
+
+
+@pytest.mark.parametrize("lanes", [True, False])
+def test_no_dip_of_a_second_faster_sine_is_missed(lanes):
+    """With one look inside a step, lanes lost dips in 22 of 200 such systems, the driver in one."""
+    rng, n = np.random.default_rng(7), 200
+    slow, share = rng.uniform(5, 80, n), rng.uniform(0.05, 0.5, n)
+    columns = (
+        slow,
+        share,
+        slow * rng.uniform(3, 8, n),
+        rng.uniform(0, 6, n),
+        rng.uniform(-0.5, 0.5, n),
+    )
+    params = np.column_stack(columns)
+    t = np.linspace(0.0, 10.0, 100_001)
+    system = System(turning, two_sines, n_states=2, guard_names=("sines",))
+    truth = [
+        np.count_nonzero(np.diff(np.signbit(np.sin(a * t) + b * np.sin(c * t + d) + e)))
+        for a, b, c, d, e in params
+    ]
+    options = {"params": params, "lanes": lanes, "rtol": 1e-9, "atol": 1e-12}
+    found = solve_batch(system, (0.0, 10.0), np.tile([1.0, 0.0], (n, 1)), **options)
+    assert found.success
+    assert not lanes or found.lanes.mean() > 0.8
+    # Samples may miss a pair of flips that are closer than they are, the integration may not.
+    assert np.all(found.n_events >= truth)
+    assert np.sum(found.n_events - truth) <= 20
 
 
 @pytest.mark.parametrize("rtol", quick.RTOLS)

@@ -294,6 +294,11 @@ class Callback:
         return numba.njit(error_model="numpy")(with_digest(self.function))
 
     @cached_property
+    def ranged(self) -> Any:
+        """The function, callable from other code in Numba with ranges for states and time."""
+        return numba.njit(error_model="numpy")(with_digest(self.function))
+
+    @cached_property
     def address(self) -> int:
         """Address of the machine code."""
         if self._compiled is None:

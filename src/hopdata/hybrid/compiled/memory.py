@@ -8,8 +8,9 @@ for a vector, ``table[row, i]`` for a table, whose rows have the length ``view.w
 ends with calls of machine code by address, and of Python functions.
 
 Of Numba's internals it uses `cgutils` (structures and branches of the generated code), `datamodel`
-(the memory layout of a type), `typing.templates` (the meaning of indexing a view) and `np.arrayobj`
-(arrays made from an address); the public API cannot define a type without an owner.
+(the memory layout of a type), `typeconv` (conversions between types), `typing.templates` (the
+meaning of indexing a view) and `np.arrayobj` (arrays made from an address); the public API cannot
+define a type without an owner.
 """
 
 import operator
@@ -21,6 +22,7 @@ from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
 from numba.core.datamodel import models
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import (
     AbstractTemplate,
     AttributeTemplate,
@@ -58,6 +60,23 @@ class IntTable(IntVector, Protocol):
 
 
 INDEX = types.int64
+
+
+class NumberLike(types.Type):
+    """A Numba type of ours to which plain numbers convert, as integers do to floats."""
+
+    def can_convert_from(self, context: Any, other: Any) -> Any:
+        """Return whether another type converts to this one."""
+        return Conversion.safe if is_number(other) else None
+
+    def unify(self, context: Any, other: Any) -> Any:
+        """Return the type of a variable that holds values of both types."""
+        return self if is_number(other) else None
+
+
+def is_number(kind: Any) -> bool:
+    """Return whether a Numba type is that of a real number."""
+    return isinstance(kind, types.Float | types.Integer | types.Boolean)
 
 
 class View(types.Type):
@@ -122,6 +141,17 @@ class FirstTried(AbstractTemplate):
     """Meaning of an operator for our types, tried before all that Numba defines for it."""
 
     metadata = {"target": "cpu"}  # noqa: RUF012
+
+
+def tried_first(key: Any, typed: Callable[..., Any]) -> None:
+    """Give an operator a meaning for our types: `typed(*types)` returns its signature, or None."""
+
+    class Template(FirstTried):
+        def generic(self, args: Any, kws: Any) -> Any:
+            return typed(*args)
+
+    Template.key = key  # type: ignore[attr-defined]
+    infer_global(key)(Template)
 
 
 @infer_global(operator.getitem)

@@ -10,6 +10,7 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver import problem, watch
+from hopdata.hybrid.driver.branches import AT_BRANCH
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.jacobian import has_short_tangent
 from hopdata.hybrid.driver.localise import CROSSING, DIP, first_cut
@@ -70,9 +71,9 @@ def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> N
     watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
     for a in range(m.counts[at.N_NEAR]):
         k = m.lists[at.NEAR, a]
-        rate = p.mode[k] * m.guards[at.RATE1, k]
+        left, rate = -p.mode[k] * m.guards[at.H1, k], p.mode[k] * m.guards[at.RATE1, k]
         if problem.is_leaving(m, k, rate, t - m.clock[at.T], resolution):
-            problem.count_as_rounding(m, k, -p.mode[k] * m.guards[at.H1, k])
+            problem.count_as_rounding(p, m, k, t, at.END, left, rate, resolution)
 
 
 @kernel_apart
@@ -186,12 +187,53 @@ def end_at_dips(
 
 
 @kernel
+def flips_by_rounding(p: problem.Problem, m: Memory, k: int, t: float, resolution: float) -> bool:
+    """Return whether guard k, on which the step ends at time t, flips although h has a rest.
+
+    Its rest must be explained by rounding. If it is not, h jumps there, and the step has ended
+    before the jump: the next step begins before it, and finds it.
+    """
+    margin, rate = p.mode[k] * m.guards[at.H1, k], p.mode[k] * m.guards[at.RATE1, k]
+    if not rate < 0.0:
+        return False
+    return margin <= problem.most_rounding(p, m, k, t, at.END, rate, resolution)
+
+
+@kernel
+def set_sizes(p: problem.Problem, m: Memory, which: int) -> None:
+    """Set the rounding scale of the guards in a list by their values at the ends of the step."""
+    for a in range(m.counts[at.N_AWAKE + which]):
+        k = m.lists[which, a]
+        # What counts as rounding remains so until the guard has left its surface.
+        left = p.mode[k] * m.guards[at.H0, k] > 0.0
+        size = max(abs(m.guards[at.H0, k]), abs(m.guards[at.H1, k]))
+        m.guards[at.SIZE, k] = max(size, m.guards[at.PARTS if left else at.SIZE, k])
+
+
+@kernel_apart
+def flips_by_sign(p: problem.Problem, m: Memory, dt: float) -> int:
+    """Mark the guards that flip in a step across a branch; return their number.
+
+    The step is too short to be divided, so only the signs at its ends tell.
+    """
+    set_sizes(p, m, at.AWAKE)
+    resolution = problem.time_resolution(m.clock[at.T], dt)
+    look_at_end(p, m, m.clock[at.T] + dt, resolution)
+    total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
+    t = m.clock[at.T] + dt
+    problem.remember_residuals(p, m, t, at.END, at.H1, at.RATE1, resolution)
+    return total
+
+
+@kernel
 def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 
     The guards that flip at its end are marked in DUE. Returns the step's length (0 if they flip at
     its very start) and their number.
     """
+    if m.counts[at.WATCHED] == AT_BRANCH:
+        return dt, flips_by_sign(p, m, dt)
     # Usually no guard is near, so the search is not even prepared.
     if m.counts[at.WATCHED] == NONE_NEAR or gather(p, m, dt) == 0:
         return dt, 0
@@ -200,26 +242,22 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
         dt, kind, k, theta = end_at_dips(p, m, dt, kind, k, theta)
     if kind != CROSSING:
         return dt, 0
-    for a in range(m.counts[at.N_NEAR]):
-        j = m.lists[at.NEAR, a]
-        # What counts as rounding remains so until the guard has left its surface.
-        left = p.mode[j] * m.guards[at.H0, j] > 0.0
-        size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
-        m.guards[at.SIZE, j] = max(size, m.guards[at.PARTS if left else at.SIZE, j])
+    set_sizes(p, m, at.NEAR)
     resolution = problem.time_resolution(m.clock[at.T], dt)
     if theta * dt <= resolution:
         h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]
         if p.mode[k] * h <= problem.blur(h, rate, resolution):
             problem.mark_one(m, k)
-            problem.remember_residuals(p, m, at.H0)
+            problem.remember_residuals(p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution)
             return 0.0, 1
         dt = min(resolution, dt)  # an event function that jumps: end just past the jump
         take_step(p, m, m.clock[at.T], dt)
         look_at_end(p, m, m.clock[at.T] + dt, resolution)
     else:
         dt, k = land(p, m, k, theta * dt, resolution)
+    t = m.clock[at.T] + dt
     total = problem.mark_due(p, m, at.H1, at.RATE1, resolution)
-    if total == 0 and p.mode[k] * m.guards[at.RATE1, k] < 0.0:
+    if total == 0 and flips_by_rounding(p, m, k, t, resolution):
         total = problem.mark_one(m, k)
-    problem.remember_residuals(p, m, at.H1)
+    problem.remember_residuals(p, m, t, at.END, at.H1, at.RATE1, resolution)
     return dt, total

@@ -166,7 +166,7 @@ def count_overshoot_as_rounding(p: problem.Problem, m: Memory, k: int, resolutio
     if m.counts[at.N_DUE] > 1:
         unsure = max(unsure, HOVER * (m.clock[at.T] - m.clock[at.SEGMENT]))
     if 0.0 < past <= unsure * abs(m.guards[at.RATE0, k]):
-        problem.count_as_rounding(m, k, past)
+        problem.raise_scale(m, k, past)
 
 
 @kernel
@@ -237,7 +237,7 @@ def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
     problem.remember_parts(p, m)
     gather_reached(p, m, at.H0, at.RATE0, resolution)
     problem.mark_due(p, m, at.H0, at.RATE0, resolution)
-    problem.remember_residuals(p, m, at.H0)
+    problem.remember_residuals(p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution)
 
 
 @kernel

@@ -26,6 +26,7 @@ from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import dense, jacobian, problem, stepping
+from hopdata.hybrid.driver.branches import AT_BRANCH, MOST_BARREN, end_at_branch
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import fire_all, settle_locks
 from hopdata.hybrid.driver.log import Log, forget_mode
@@ -85,7 +86,10 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     dt = stepping.accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
-    dt = watched(p, m, dt)
+    if p.branches != 0:
+        dt = end_at_branch(p, m, dt)
+    if p.branches == 0 or m.counts[at.WATCHED] != AT_BRANCH:
+        dt = watched(p, m, dt)
     if dt < 0.0:
         return int(dt)
     dt, n_due = end_at_first_flip(p, m, dt)
@@ -101,6 +105,8 @@ def advance(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
                 return at.STEP_UNDERFLOW if too_short else at.RUNNING
         move_on(p, m, out, dt)
     if n_due > 0:
+        if m.counts[at.BARREN] <= MOST_BARREN:
+            m.counts[at.BARREN] = 0
         return fire(p, m, out, log)
     stepping.choose_after_step(p, m)
     return at.RUNNING

@@ -36,6 +36,7 @@ class Problem(NamedTuple):
     max_events: int
     start_state: FloatVector
     kept: FloatVector  # mode and parameters before and after a call of the handler
+    branches: int  # address of the guards' code for ranges; 0: no branches, -1: none could be made
 
 
 @kernel
@@ -154,6 +155,11 @@ TIME_ROUNDING = 4 * EPS  # relative rounding error of an event's time
 SHARE = 0.25  # average fraction of a term that shows in a rate along `way`
 GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # fractional parts of golden-section multiples
 CROWDED = 1000  # time resolutions: instants closer than this are a crowd
+# Most roundings of the terms of h, and most time resolutions, that count as rounding where h
+# should be zero. The sine of a large angle, or a sum of many terms, leaves some tens of them; a
+# jump by the size of the terms has 1e15. If 1.5 times larger, a jump by 1.3e-12 of the terms
+# passes for rounding, instead of one by 0.9e-12.
+MOST_ROUNDINGS = 1000.0
 
 
 @kernel_in_loop
@@ -213,19 +219,77 @@ def mark_one(m: Memory, k: int) -> int:
     return 1
 
 
-@kernel
-def count_as_rounding(m: Memory, k: int, left: float) -> None:
-    """Raise the rounding scale of guard k so that a positive `left` counts as rounding."""
-    m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * left / ROUNDING)
-
-
-@kernel_apart
-def remember_parts(p: Problem, m: Memory) -> None:
-    """Measure the size of the terms whose sum is h, for the guards that flip now.
+@kernel_in_loop
+def size_of_terms(moving: float, still: float, t: float) -> float:
+    """Return the size of the terms whose sum is h, by its rates for a moving and a resting state.
 
     On a moving surface, or far from the origin, the terms cancel and leave their rounding: that of
     the state by its share in h, along one direction, and that of time by the surface's speed.
     """
+    return abs(moving - still) / SHARE + abs(still * t)
+
+
+@kernel_apart
+def terms_at(p: Problem, m: Memory, k: int, t: float, y: int) -> float:
+    """Return the size of the terms of guard k at time t and row `y` of the states.
+
+    Overwrites SLOPE, H and RATE.
+    """
+    s, still, moving = m.states, 0.0, 0.0
+    for turn in range(2):
+        for i in range(s.width):
+            s[at.SLOPE, i] = turn * way(i) * s[y, i]
+        if p.guards != 0:
+            eval_listed(p, m, at.AWAKE, t, y, at.SLOPE, at.H, at.RATE)
+        else:
+            m.counts[at.NGEV] += 1
+            eval_guard(p, m, t, y, at.SLOPE, k, at.H, at.RATE)
+        still = moving
+        moving = m.guards[at.RATE, k]
+    return size_of_terms(moving, still, t)
+
+
+@kernel_apart
+def most_rounding(
+    p: Problem, m: Memory, k: int, t: float, y: int, rate: float, resolution: float
+) -> float:
+    """Return the largest rest of guard k, which should be zero, that rounding can explain.
+
+    It is bounded by the terms of h at time t and row `y` of the states, whatever h itself is. A
+    larger rest is a jump of h: if it counted as rounding, the guard would not be seen again.
+    """
+    terms = max(terms_at(p, m, k, t, y), m.guards[at.PARTS, k])
+    return MOST_ROUNDINGS * blur(terms, rate, resolution)
+
+
+@kernel
+def raise_scale(m: Memory, k: int, left: float) -> None:
+    """Raise the rounding scale of guard k so that a rest, bounded by the caller, is rounding."""
+    m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], 2.0 * left / ROUNDING)
+
+
+@kernel
+def scale_of_rest(left: float, most: float) -> float:
+    """Return the rounding scale at which a rest counts as rounding, if it is at most `most`."""
+    return min(2.0 * left, most) / ROUNDING
+
+
+@kernel_apart
+def count_as_rounding(
+    p: Problem, m: Memory, k: int, t: float, y: int, left: float, rate: float, resolution: float
+) -> None:
+    """Raise the rounding scale of guard k so that a positive `left` counts as rounding.
+
+    It is raised no further than the terms of h allow; see `most_rounding`.
+    """
+    if 2.0 * left > ROUNDING * m.guards[at.SIZE, k]:
+        most = most_rounding(p, m, k, t, y, rate, resolution)
+        m.guards[at.SIZE, k] = max(m.guards[at.SIZE, k], scale_of_rest(left, most))
+
+
+@kernel_apart
+def remember_parts(p: Problem, m: Memory) -> None:
+    """Measure the size of the terms whose sum is h, for the guards that flip now."""
     s, g, t = m.states, m.guards, m.clock[at.T]
     for turn in range(2):
         for i in range(s.width):
@@ -234,17 +298,23 @@ def remember_parts(p: Problem, m: Memory) -> None:
         for a in range(m.counts[at.N_DUE]):
             k = m.lists[at.DUE, a]
             still = g[at.PARTS, k]  # rate for a state at rest
-            moved = abs(g[at.RATE, k] - still) / SHARE + abs(still * t)
+            moved = size_of_terms(g[at.RATE, k], still, t)
             g[at.PARTS, k] = moved if turn == 1 else g[at.RATE, k]
             g[at.SIZE, k] = max(g[at.SIZE, k], turn * g[at.PARTS, k])
 
 
 @kernel
-def remember_residuals(p: Problem, m: Memory, h: int) -> None:
-    """Treat the rest of h as rounding for guards that flip now but are on their old side."""
+def remember_residuals(
+    p: Problem, m: Memory, t: float, y: int, h: int, rate: int, resolution: float
+) -> None:
+    """Treat the rest of h as rounding for guards that flip now but are on their old side.
+
+    Time t and row `y` of the states belong to rows `h` and `rate` of the guards.
+    """
     for a in range(m.counts[at.N_DUE]):
         k = m.lists[at.DUE, a]
-        count_as_rounding(m, k, p.mode[k] * m.guards[h, k])
+        left, speed = p.mode[k] * m.guards[h, k], m.guards[rate, k]
+        count_as_rounding(p, m, k, t, y, left, speed, resolution)
 
 
 @kernel

@@ -10,6 +10,7 @@ window.
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
+from hopdata.hybrid.driver.branches import MOST_BARREN, SAMPLED
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.localise import cubic, just_left, turning_points
 from hopdata.hybrid.driver.problem import (
@@ -249,8 +250,11 @@ def judge_all(
 
 @kernel_in_loop
 def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
-    """Return whether ends and middle of the step suffice because its cubic matches the path."""
-    longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
+    """Return whether ends and middle suffice, because the step is short and its cubic is the path.
+
+    In a longer step they would not: a sum of two sines may meet its cubic there by accident.
+    """
+    longest = FINE * LONGEST * (p.t_end - p.t_start)
     if dt > longest or p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
         return False
     look_on_cubic(p, m, dt, 0.5, False)
@@ -312,7 +316,10 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
         if divided or room <= ROOMY:
             width = min(width, high - low)
         else:
-            width = min(GROW * (high - low), (LONGEST_IF_SURE if sure else LONGEST) * run)
+            longest = LONGEST_IF_SURE if sure else LONGEST
+            if p.branches < 0 or m.counts[at.BARREN] > MOST_BARREN:
+                longest = SAMPLED
+            width = min(GROW * (high - low), longest * run)
         if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
             m.clock[at.WINDOW] = (high - low) * dt
             m.counts[at.WATCHED] = BY_WINDOWS if low > 0.0 else BY_ENDS

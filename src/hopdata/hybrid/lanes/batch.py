@@ -44,6 +44,8 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
         return f"there are {system.n_guards} guards, and lanes keep {MOST_GUARDS}"
     if len(read_modes(system)) > MOST_READ:
         return f"they read {len(read_modes(system))} integers of the mode: few lanes would agree"
+    if system.branches.address != 0:
+        return "the guards branch on the state or the time, and only the driver finds where"
     for one in (system.field, system.guards, system.guard, system.on_event):
         if one is not None and not (one.address and one.compiled):
             return f"{one.signature.name} {function_name(one.function)!r} runs as plain Python"

@@ -6,6 +6,8 @@ from hopdata.hybrid.methods.explicit import DOP853
 
 INSIDE = 9  # stage at which the guards are evaluated inside a step ...
 PLACE = DOP853.nodes[INSIDE - 1]  # ... and its place, as a fraction of the step
+EARLY = 7  # another stage inside, at which the guards are compared with what the others show ...
+EARLY_PLACE = DOP853.nodes[EARLY - 1]  # ... and its place
 STAGES, FURTHER = len(DOP853.weights), len(DOP853.dense_nodes)
 SLOPES = STAGES + 1 + FURTHER  # slopes of the stages, of the end, and of the dense stages
 DENSE = 3 + len(DOP853.dense)  # rows of the interpolant for each component
@@ -35,8 +37,9 @@ def _stage(node: float, weights: Sequence[float], target: int, state: str) -> li
 def step_code() -> list[str]:
     """Return the body of ``step(t, h, r)``: error, and whether it is unstable."""
     code = ["k, N = r.k, r.n"]
+    kept = {INSIDE: "r.inner", EARLY: "r.early"}
     for j, (node, weights) in enumerate(zip(DOP853.nodes, DOP853.stages, strict=True), start=1):
-        code += _stage(node, weights, j, "r.inner" if j == INSIDE else "r.work")
+        code += _stage(node, weights, j, kept.get(j, "r.work"))
     return [
         *code,
         "e0 = e1 = moved = turned = spread(0.0)",

@@ -1,0 +1,142 @@
+"""Which guards are known to be smooth from their source, and which are compiled for ranges."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+
+from hopdata.hybrid import System, field, guard, guards
+from hopdata.hybrid.branches.code import NO_CODE, branches_of, may_branch
+
+VARYING = (0, 1, 2, 5, 6)  # t, y, dy, h, hdot
+
+
+@njit
+def bend(u, kind):
+    if kind > 0:
+        return math.sin(u)
+    return u * u
+
+
+@njit
+def fold(u, kind):
+    return u if u > 0.0 else -u * kind
+
+
+def smooth(t, y, dy, mode, params, h, hdot):
+    gain = 1.0 if mode[0] > 0 else params[0]
+    for k in range(len(h)):
+        if k > 0 and params[1] > 0.5:
+            gain = 2.0
+        h[k] = gain * np.cos(y[k]) + bend(t, mode[1])
+        hdot[k] = -gain * np.sin(y[k]) * dy[k]
+
+
+def compares(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] if y[0] > params[0] else 0.0
+    hdot[0] = dy[0]
+
+
+def compares_later(t, y, dy, mode, params, h, hdot):
+    u = params[0]
+    for _ in range(2):
+        u = u + t
+    h[0] = 1.0
+    if u > 0.0:
+        h[0] = 2.0
+    hdot[0] = dy[0]
+
+
+def compares_what_it_wrote(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0]
+    while h[0] > 1.0:
+        h[0] -= 1.0
+    hdot[0] = dy[0]
+
+
+def has_a_rest(t, y, dy, mode, params, h, hdot):
+    h[0] = t % 1.0
+    hdot[0] = dy[0]
+
+
+def has_a_corner(t, y, dy, mode, params, h, hdot):
+    h[0] = max(0.0, y[0])
+    hdot[0] = dy[0]
+
+
+def reads_a_table(t, y, dy, mode, params, h, hdot):
+    h[0] = params[int(y[0])]
+    hdot[0] = dy[0]
+
+
+def has_a_helper(t, y, dy, mode, params, h, hdot):
+    h[0] = fold(y[0], 1.0)
+    hdot[0] = dy[0]
+
+
+def has_a_logical_value(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] * (y[0] > 0.0)
+    hdot[0] = dy[0]
+
+
+BRANCHING = (
+    compares, compares_later, compares_what_it_wrote, has_a_rest, has_a_corner, reads_a_table,
+    has_a_helper, has_a_logical_value,
+)  # fmt: skip
+
+
+def test_a_choice_by_mode_parameters_or_number_is_smooth():
+    assert not may_branch(smooth, VARYING)
+
+
+@pytest.mark.parametrize("function", BRANCHING)
+def test_a_choice_by_what_varies_is_found(function):
+    assert may_branch(function, VARYING)
+
+
+def test_a_helper_is_judged_by_the_arguments_that_vary():
+    assert not may_branch(bend.py_func, (0,))
+    assert may_branch(bend.py_func, (1,))
+
+
+def test_a_function_without_source_may_branch():
+    made: dict[str, object] = {}
+    exec("def g(t, y, dy, mode, params, h, hdot):\n    h[0] = y[0]\n", made)
+    assert may_branch(made["g"], VARYING)
+
+
+@field
+def still(t, y, mode, params, dy):
+    dy[0] = 0.0
+
+
+@guards
+def sums(t, y, dy, mode, params, h, hdot):
+    h[0] = np.sum(np.where(params > y[0], 1.0, 0.0))
+    hdot[0] = 0.0
+
+
+@guard
+def one_of_many(t, y, dy, mode, params, k, h, hdot):
+    h[k], hdot[k] = abs(y[0]) - k, dy[0]
+
+
+def test_code_for_ranges():
+    assert branches_of(guards(smooth)).address == 0
+    assert branches_of(None).address == 0
+    for function in BRANCHING:
+        if function is not reads_a_table:
+            made = branches_of(guards(function))
+            assert made.address > 0, made.reason
+    assert branches_of(one_of_many).address > 0
+
+
+def test_why_there_is_none_for_guards_that_use_arrays():
+    made = branches_of(sums)
+    assert made.address == NO_CODE
+    assert "Range" in made.reason
+    system = System(still, sums, n_states=1, guard_names=("sum",))
+    assert system.branches.address == NO_CODE
