@@ -398,7 +398,7 @@ class Study(Shown):
             ready = join_feet(ready, self.config["feet"])
             if consistency.fills(self.config):
                 ready = fill_gaps(ready, longest_s=self.config["filling"]["longest_s"])
-            found.append(hdf5.as_stored(ready))
+            found.append(ready)
         require_distinct(found)
         return found
 
@@ -504,7 +504,8 @@ class Study(Shown):
         estimates = estimate_maps(pairs.x, pairs.y, instants, **units)
         self.progress("constraint subspaces")
         spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])
-        apart = measure_distances(spaces.bases, spaces.shape, **seed, **config["distances"])
+        how = {"streams": spaces.streams, **seed, **config["distances"]}
+        apart = measure_distances(spaces.bases, spaces.shape, **how)
         tables = {
             "prediction_errors": errors.errors,
             "prediction_summary": errors.summary,
@@ -523,7 +524,7 @@ class Study(Shown):
 
         recordings, sections, touchdowns = self.recordings, self.sections, self.touchdowns
         self.progress("quality")
-        inspected = recording_tables(hdf5.as_stored(one) for one in self.imported)
+        inspected = recording_tables(self.imported)
         return {
             "gap_times": inspected.pop("gaps"),
             **inspected,

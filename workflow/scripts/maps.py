@@ -22,7 +22,9 @@ with reported(snakemake.log[0]):
     write_json(output.maps, estimates.to_dict())
     write_json(output.estimate_notes, estimates.notes)
     subspaces = bootstrap_subspaces(*states, **seed, **params.subspaces)
-    apart = measure_distances(subspaces.bases, subspaces.shape, **seed, **params.distances)
+    apart = measure_distances(
+        subspaces.bases, subspaces.shape, streams=subspaces.streams, **seed, **params.distances
+    )
     write_table(output.distances, apart.distances)
     write_table(output.distance_summary, apart.summary)
     write_json(output.distance_notes, subspaces.notes + apart.notes)
