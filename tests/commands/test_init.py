@@ -253,7 +253,7 @@ def test_a_draft_is_a_configuration():
     assert config["markers"] == {"body": ["b1", "b2", "b3"], "feet": ["f1", "f2"], "boom": []}
     assert config["input"]["vertical_axis"] == "y"
     assert config["input"]["rate_hz"] == 250.0
-    assert config["home"]["marker"] == "b1"
+    assert config["home"]["marker"] is None
 
 
 def test_comments_say_how_to_run_what_was_guessed_and_what_is_left():
