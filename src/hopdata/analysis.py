@@ -398,7 +398,7 @@ class Study(Shown):
             ready = join_feet(ready, self.config["feet"])
             if consistency.fills(self.config):
                 ready = fill_gaps(ready, longest_s=self.config["filling"]["longest_s"])
-            found.append(hdf5.as_stored(ready))
+            found.append(ready)
         require_distinct(found)
         return found
 
@@ -516,7 +516,8 @@ class Study(Shown):
         self.progress("constraint subspaces")
         options = {key: value for key, value in config["distances"].items() if key != "enabled"}
         spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])
-        apart = measure_distances(spaces.bases, spaces.shape, **seed, **options)
+        options |= {"streams": spaces.streams, **seed}
+        apart = measure_distances(spaces.bases, spaces.shape, **options)
         tables |= {"distances": apart.distances, "distance_summary": apart.summary}
         return tables, [*errors.notes, *spaces.notes, *apart.notes, *estimates.notes]
 
@@ -534,7 +535,7 @@ class Study(Shown):
 
         recordings, sections, touchdowns = self.recordings, self.sections, self.touchdowns
         self.progress("quality")
-        inspected = recording_tables(hdf5.as_stored(one) for one in self.imported)
+        inspected = recording_tables(self.imported)
         return {
             "gap_times": inspected.pop("gaps"),
             **inspected,

@@ -27,7 +27,10 @@ TEXT_COLUMNS = (
 RUN = "[=+\\-@\t\r\n＝＋－＠]"  # a spreadsheet may run texts that begin with these as formulas
 _RUN, _GUARDED = re.compile(f"'*{RUN}"), re.compile(f"'+{RUN}")
 DIGITS, MOST_DIGITS = 9, 16
-LATE_S = 1e3  # s; columns in "_s" with later instants than this get 16 digits instead of 9
+# Instants and other times, in columns whose names end in "_s", get 12 digits: 1 ns in 1,000 s. With
+# 9 digits their rounding shifts a foot by 1 um, which changes an estimate by one part in 10,000.
+TIME_DIGITS = 12
+LATE_S = 1e3  # s; columns with later instants than this get 16 digits
 
 logger = logging.getLogger("hopdata")
 
@@ -119,7 +122,7 @@ def read_json(path: str | Path) -> Any:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write a table as CSV, whole or not at all, with 9 digits, and late instants with 16.
+    """Write a table as CSV, whole or not at all, with 9 digits; times have 12, or 16 if late.
 
     Texts that a spreadsheet would run get a leading apostrophe, which `read_table` removes.
     """
@@ -157,9 +160,12 @@ def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.Data
 
 
 def _printed(column: pd.Series) -> list[str]:
-    """Return numbers as text; columns with late instants get more digits (see `LATE_S`)."""
-    late = str(column.name).endswith("_s") and column.abs().max() >= LATE_S
-    digits = MOST_DIGITS if late else DIGITS
+    """Return numbers as text; columns of times get more digits (see `TIME_DIGITS`, `LATE_S`)."""
+    digits = DIGITS
+    name = str(column.name)
+    if name.endswith("_s") and not name.endswith("_m_s"):
+        late = column.abs().max() >= LATE_S
+        digits = MOST_DIGITS if late else TIME_DIGITS
     return ["" if value != value else f"{value:.{digits}g}" for value in column.tolist()]
 
 

@@ -110,8 +110,9 @@ def test_an_empty_section_means_its_defaults(folder):
     assert load(SOUND + "floor:\n  # degree: 2\n")["floor"]["degree"] == 5
 
 
-def test_the_home_marker_is_by_default_the_first_of_the_body(folder):
-    assert load(SOUND.replace("marker: b1", ""))["home"]["marker"] == "b1"
+def test_the_home_marker_is_by_default_left_to_the_recordings(folder):
+    assert load(SOUND)["home"]["marker"] == "b1"
+    assert load(SOUND.replace("marker: b1", ""))["home"]["marker"] is None
 
 
 def test_numbers_in_either_notation(folder):

@@ -224,7 +224,7 @@ def test_contacts_outside_the_transition_are_left_out(scene):
     said_late = late["reason"].str.contains("not down by the post section").to_numpy()
     assert (said_late == truly_late).mean() > 0.97
     early = touchdown_table(scene.recording, **(SECTIONS | {"pre_height_m": PRE_HEIGHT_M - 0.05}))
-    continued = early["t_pre_s"].to_numpy() - CONTINUED_S
+    continued = early["t_pre_s"].to_numpy() - CONTINUED_S * scene.recording.pace
     truly_early = (contacts < continued[:, None]).any(axis=1)
     assert 0 < truly_early.sum() < 120
     said_early = early["reason"].str.contains("down before the pre section").to_numpy()

@@ -69,6 +69,22 @@ def test_a_schedule_keeps_its_distances_when_others_come_and_go():
     pd.testing.assert_frame_equal(whole, again)
 
 
+def test_distances_do_not_depend_on_the_names_of_the_schedules():
+    bases = clouds(np.random.default_rng(13), 2)
+    streams = {"a": "landing 0", "b": "landing 7"}
+    plain = measure_distances(bases, (12, 5), seed=1, pairs=50, streams=streams).distances
+    renamed = {"a": bases["b"], "b": bases["a"]}
+    swapped = {"a": streams["b"], "b": streams["a"]}
+    other = measure_distances(renamed, (12, 5), seed=1, pairs=50, streams=swapped).distances
+    for kind in ("in_class", "cross_class"):
+        one, two = (table[table["kind"] == kind]["distance_rad"] for table in (plain, other))
+        np.testing.assert_allclose(np.sort(one), np.sort(two), rtol=1e-12)
+    unstreamed = measure_distances(renamed, (12, 5), seed=1, pairs=50).distances
+    assert not np.allclose(
+        np.sort(plain["distance_rad"]), np.sort(unstreamed["distance_rad"]), rtol=1e-12
+    )
+
+
 def test_missing_classes_are_noted_and_the_baselines_stay():
     result = measure_distances({}, (34, 17), seed=1, pairs=20)
     assert result.summary["kind"].tolist() == ["noised_identity", "random"]

@@ -24,7 +24,8 @@ with reported(snakemake.log[0]):
     if params.distances["enabled"]:
         options = {key: value for key, value in params.distances.items() if key != "enabled"}
         subspaces = bootstrap_subspaces(*states, **seed, **params.subspaces)
-        apart = measure_distances(subspaces.bases, subspaces.shape, **seed, **options)
+        options |= {"streams": subspaces.streams, **seed}
+        apart = measure_distances(subspaces.bases, subspaces.shape, **options)
         write_table(output.distances, apart.distances)
         write_table(output.distance_summary, apart.summary)
         write_json(output.distance_notes, subspaces.notes + apart.notes)

@@ -185,7 +185,7 @@ def init(options: argparse.Namespace) -> int:
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
-    guessed |= {"home": roles.home, "unit": str(draft.settings.get("input", {}).get("unit", ""))}
+    guessed |= {"home": draft.home, "unit": str(draft.settings.get("input", {}).get("unit", ""))}
     for key, found in guessed.items():
         if names := found or "not guessed" * (key in ("body", "feet")):
             reason = (roles.reasons | {"unit": inspection.unit.reason}).get(key)
@@ -232,7 +232,9 @@ def _draft(
     reasons = {f"markers.{key}": f"{what} {roles.reasons[key]}." for key, what in told.items()}
     if roles.reasons["unused"]:
         reasons["markers.unused"] = f" ({roles.reasons['unused']})"
-    if roles.reasons["home"]:
+    home = ""
+    if roles.reasons["home"]:  # otherwise the default, which no order of markers decides
+        home = roles.home
         reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}
     unit, up = inspection.unit, inspection.up
@@ -260,7 +262,7 @@ def _draft(
         reasons,
         {section: values for section, values in settings.items() if values},
         [remark for remark in remarks if remark not in inspection.remarks],
-        inspection.remarks, inspection.markers, roles.home, roles.joined,
+        inspection.remarks, inspection.markers, home, roles.joined,
     )  # fmt: skip
 
 

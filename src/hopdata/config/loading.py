@@ -202,7 +202,6 @@ def load_config(
     _raise_all(place, files, _schema_mistakes(config, schema))
     checks = [*CHECKS, missing_files] if check_files else CHECKS
     _raise_all(place, files, [mistake for check in checks for mistake in check(config)])
-    config["home"]["marker"] = config["home"]["marker"] or config["markers"]["body"][0]
     return config
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.landings import floor_surface
 from hopdata.landings.sections.modes import ground_mode, robust_rms
@@ -62,7 +62,7 @@ def _notes(
 _QUANTILE = 0.05
 _START_POINTS = 2000  # points that suffice for the start
 _MOST_FITS = 300
-_STILL = 5e-5  # change of the coefficients at which the fits end, as a share of the band
+_STILL = 5e-5  # change of the surface at which the fits end, as a share of the band
 _SIGMAS = 4.0  # height above the mode, in deviations of its left flank, at which a rest is raised
 _ROUNDS = 4
 _LEAST_POINTS = 20  # fewest points that determine a ground mode
@@ -120,7 +120,8 @@ def _low_surface(heights: FloatArray, columns: FloatArray, still_m: float = 1e-6
     for _ in range(_MOST_FITS):
         before, root = found, np.sqrt(weights)
         found = np.asarray(np.linalg.lstsq(columns * root[:, None], heights * root, rcond=None)[0])
-        if np.abs(found - before).max() <= still_m:
+        moved = columns @ (found - before)  # unlike the coefficients, the same in any axes
+        if np.abs(moved).max() <= still_m:
             break
         residuals = heights - columns @ found
         share = np.where(residuals < 0, 1 - _QUANTILE, _QUANTILE)
@@ -192,9 +193,15 @@ def fit_floor(
     rest = rest.take(_near_floor(rest, 3 * rest_band_m))
     n_steps, turned = rest.n_steps, turning(rest)
     rest = floor_surface.thinned(rest, max_points)
-    low, high = np.quantile(rest.points[:, :2], [0.005, 0.995], axis=0)  # the ground stepped on
-    centre, scale = 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3 * recording.scale)
-    scaled = (rest.points[:, :2] - centre) / scale
+    rest = rest.take(_in_order(rest))  # later steps take every k-th point
+    axis = floor_surface.own_axis(rest.points[:, :2])
+    middle = rest.points[:, :2].mean(axis=0)
+    around = floor_surface.along(rest.points[:, :2] - middle, axis)
+    low, high = np.quantile(around, [0.005, 0.995], axis=0)  # the ground stepped on
+    scale = max(0.5 * float(np.max(high - low)), 1e-3 * recording.scale)
+    off_middle = 0.5 * (low + high)
+    scaled = (around - off_middle) / scale
+    centre = middle + off_middle[0] * axis + off_middle[1] * np.array([-axis[1], axis[0]])
     share = min(1.0, n_steps / len(rest.foot))
     by: Any = {"degree": degree, "largest_error_m": largest_error_m, "independent_share": share}
     first = floor_surface.regress_floor(rest, scaled, np.full(len(rest.foot), True), **by)
@@ -217,7 +224,8 @@ def fit_floor(
     note = "; ".join(filter(None, [_told_motion(moved[1]), turned, note]))
     n = int((used | raised).sum())
     feet = recording.names("foot")
-    own = (feet, fit.offsets_m, rms, n, n - int(inlier.sum()), fit.degree, degree, note, *moved)
+    n_outliers = n - int(inlier.sum())
+    own = (feet, fit.offsets_m, rms, n, n_outliers, fit.degree, degree, note, *moved, axis)
     return floor_surface.FloorModel(fit.terms, fit.coefficients_m, centre, scale, rim, *own)
 
 
@@ -254,8 +262,8 @@ def floor_motion(rest: floor_surface.RestPoints) -> tuple[FloatArray, FloatArray
     least_m = _LEAST_MOVE_M * rest.scale  # rare rests farther off than this are in the air
     usual_m = max(_SELDOM * _range(steps.above_mode), least_m)
     steps = steps.take(np.abs(steps.above_mode) <= usual_m)
-    place = steps.points[:, :2] - steps.points[:, :2].mean(axis=0)
-    terms = floor_surface.design(place / np.abs(place).max(), floor_surface.polynomial_terms(2))
+    place = _in_own_axes(steps.points[:, :2])
+    terms = floor_surface.design(place, floor_surface.polynomial_terms(2))
     columns = np.hstack([np.eye(n_feet)[steps.foot], terms[:, 1:]])
     height, other = steps.points[:, 2], np.diff(steps.foot) != 0
     at_once = np.diff(columns, axis=0)[other], np.diff(height)[other]  # cancels the floor's motion
@@ -287,8 +295,19 @@ def _settled(rest: floor_surface.RestPoints) -> floor_surface.RestPoints:
     frame_s = np.diff(np.unique(rest.time[:1000])).min(initial=np.inf)
     goes_on = np.append(np.diff(one[order[first]]) == 0, False)
     kept = (count >= least_s / frame_s) & ((span[order[first]] > 0) | ~goes_on)
-    lower = order[(first + count // 4)[kept]]
-    return rest.take(lower[np.argsort(rest.time[lower], kind="stable")])
+    lower = rest.take(order[(first + count // 4)[kept]])
+    return lower.take(_in_order(lower))
+
+
+def _in_order(rest: floor_surface.RestPoints) -> IntArray:
+    """Return the order of the points in time; heights, not numbers of feet, decide within one."""
+    return np.lexsort((rest.points[:, 2], rest.time))
+
+
+def _in_own_axes(places: FloatArray) -> FloatArray:
+    """Return places (P, 2) about their mean, in their own axes, with the farthest at 1."""
+    around = floor_surface.along(places - places.mean(axis=0), floor_surface.own_axis(places))
+    return np.asarray(around / np.hypot(around[:, 0], around[:, 1]).max())
 
 
 def _range(moved_m: FloatArray) -> float:
@@ -311,12 +330,13 @@ def turning(rest: floor_surface.RestPoints) -> str:
         return ""
     late = (rest.time > np.median(rest.time))[:, None]
     at = rest.points[:, :2] - rest.points[:, :2].mean(axis=0)
-    bends = floor_surface.design(at / np.abs(at).max(), floor_surface.polynomial_terms(3))[:, 1:]
-    place = np.hstack([np.eye(len(rest.start_m))[rest.foot], bends, late])
-    columns = np.hstack([place, late * at])
+    place = _in_own_axes(rest.points[:, :2])
+    bends = floor_surface.design(place, floor_surface.polynomial_terms(3))[:, 1:]
+    still = np.hstack([np.eye(len(rest.start_m))[rest.foot], bends, late])
+    columns = np.hstack([still, late * at])
     height = rest.points[:, 2]
-    fits = [floor_surface.robust_regression(one, height) for one in (place, columns)]
-    left = [robust_rms(height - c @ fit) for c, fit in zip((place, columns), fits, strict=True)]
+    fits = [floor_surface.robust_regression(one, height) for one in (still, columns)]
+    left = [robust_rms(height - c @ fit) for c, fit in zip((still, columns), fits, strict=True)]
     turned = np.rad2deg(np.hypot(*fits[1][-2:]))
     if turned < _TURNED_DEG or left[0] < _TURN_SHOWS * left[1]:
         return ""
@@ -369,7 +389,7 @@ def level(
 def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
     """Mark the rests within reach of a level floor, or of a plane if the floor slopes, (P,)."""
     near = np.abs(rest.above_mode) <= reach_m
-    few = slice(None, None, -(-len(near) // _MOST_OF_PLANE) or 1)
+    few = floor_surface.few_of(rest.time, _MOST_OF_PLANE)
     heights, columns, told = rest.points[few, 2], _columns_of_plane(rest, few), near[few]
     for _ in range(_ROUNDS):
         plane = np.linalg.lstsq(columns[told], heights[told], rcond=_STAYS)[0]
@@ -380,7 +400,9 @@ def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
     return np.asarray(near)
 
 
-def _columns_of_plane(rest: floor_surface.RestPoints, rows: slice = slice(None)) -> FloatArray:
+def _columns_of_plane(
+    rest: floor_surface.RestPoints, rows: BoolArray | slice = slice(None)
+) -> FloatArray:
     middle = rest.points[:, :2].sum(axis=0) / max(len(rest.points), 1)  # may be far from the origin
     places = rest.points[rows, :2] - middle
     return np.hstack([rest.scale * np.eye(len(rest.start_m))[rest.foot[rows]], places])

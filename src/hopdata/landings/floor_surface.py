@@ -145,14 +145,37 @@ def _ground_of(time: FloatArray, heights: FloatArray, scale: float) -> float:
 
 
 def thinned(rest: RestPoints, max_points: int) -> RestPoints:
-    """Keep the points of every k-th instant, so that about `max_points` remain.
+    """Keep the points of every k-th instant, so that about `max_points` remain."""
+    return rest.take(few_of(rest.time, max_points))
+
+
+def few_of(time: FloatArray, max_points: int) -> NDArray[np.bool_]:
+    """Mark the points (P,) of every k-th instant, so that about `max_points` are marked.
 
     Instants are kept whole, so the choice does not depend on the order of the feet.
     """
-    step = max(1, -(-len(rest.foot) // max_points))
-    kept = np.unique(rest.time)[::step]
-    place = np.searchsorted(kept[1:], rest.time, side="right")
-    return rest.take(kept[place] == rest.time if len(kept) else slice(0))
+    if not len(time):
+        return np.zeros(0, dtype=bool)
+    step = max(1, -(-len(time) // max_points))
+    kept = np.unique(time)[::step]
+    place = np.searchsorted(kept[1:], time, side="right")
+    return np.asarray(kept[place] == time)
+
+
+def own_axis(places: FloatArray) -> FloatArray:
+    """Return the unit vector (2,) along which places (P, 2) spread most; its sign is arbitrary.
+
+    The axes of the laboratory are nobody's choice. What is measured along this one and across it
+    is the same for a recording that was turned about the vertical.
+    """
+    from_mean = places - places.mean(axis=0)
+    return np.asarray(np.linalg.eigh(from_mean.T @ from_mean)[1][:, -1])
+
+
+def along(places: FloatArray, axis: FloatArray) -> FloatArray:
+    """Return places (P, 2) in coordinates along a unit vector (2,) and to its left."""
+    left = np.array([-axis[1], axis[0]])
+    return np.asarray(places @ np.stack([axis, left], axis=1))
 
 
 def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatArray:
@@ -177,7 +200,8 @@ class FloorModel:
     Parameters
     ----------
     terms : tuple of (int, int)
-        Exponents (i, j) of u^i v^j, with u = (x - centre_x) / scale and v likewise.
+        Exponents (i, j) of u^i v^j. The scaled coordinates u and v are the distances from the
+        centre along `axis` and to its left, divided by `scale_m`.
     coefficients_m : (T,) array
         Coefficient of each term, m.
     centre_m : (2,) array
@@ -185,8 +209,8 @@ class FloorModel:
     scale_m : float
         Unit of the scaled coordinates, m.
     rim_m : (K,) array
-        Reach of the rest points from the centre in K directions, equally spaced from +x towards
-        +y, m. The floor is known inside the polygon of these K half-planes.
+        Reach of the rest points from the centre in K directions, equally spaced from `axis`
+        towards its left, m. The floor is known inside the polygon of these K half-planes.
     feet : tuple of str
         Names of the feet.
     foot_offsets_m : (n,) array
@@ -204,6 +228,8 @@ class FloorModel:
         compensation is off; empty if there is nothing to report.
     moved_s, moved_m : (W,) arrays
         Instants, s, and the rise of the floor at each, m; a single 0 if it does not move.
+    axis : (2,) array
+        Unit vector in the world along which the rest points spread most.
     """
 
     terms: Terms
@@ -221,6 +247,7 @@ class FloorModel:
     note: str = ""
     moved_s: FloatArray = field(default_factory=lambda: np.zeros(1))
     moved_m: FloatArray = field(default_factory=lambda: np.zeros(1))
+    axis: FloatArray = field(default_factory=lambda: np.array([1.0, 0.0]))
 
     def height(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Return the floor's height, m, at places (x, y) of any shape; NaN where a place is NaN.
@@ -234,7 +261,8 @@ class FloorModel:
 
     def _scaled(self, place: FloatArray) -> FloatArray:
         """Scale places (P, 2), and move those beyond the rim onto it."""
-        return within_rim((place - self.centre_m) / self.scale_m, self.rim_m / self.scale_m)
+        scaled = along(place - self.centre_m, self.axis) / self.scale_m
+        return within_rim(scaled, self.rim_m / self.scale_m)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and lists, for JSON."""
@@ -247,7 +275,9 @@ class FloorModel:
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> Self:
         """Make the model from the fields that `to_dict` returns."""
-        arrays = ("coefficients_m", "centre_m", "rim_m", "foot_offsets_m", "moved_s", "moved_m")
+        arrays = ["coefficients_m", "centre_m", "rim_m", "foot_offsets_m", "moved_s", "moved_m"]
+        if "axis" in fields:  # files of earlier versions have u along x
+            arrays.append("axis")
         made = dict(fields) | {name: np.array(fields[name], dtype=float) for name in arrays}
         made["terms"] = tuple((int(i), int(j)) for i, j in fields["terms"])
         made["feet"] = tuple(fields["feet"])
@@ -282,7 +312,7 @@ def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
 
 
 def directions(n: int) -> FloatArray:
-    """Make unit vectors (n, 2), equally spaced from +x towards +y."""
+    """Make unit vectors (n, 2), equally spaced from the first axis towards the second."""
     angle = 2.0 * np.pi * np.arange(n) / n
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 

@@ -29,6 +29,14 @@ def named_generator(seed: int, *names: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
+def schedule_stream(rows: IntArray) -> str:
+    """Return the name of a schedule's random stream: its first landing.
+
+    A schedule's own name has the numbers of the feet, which depend on their order in a file.
+    """
+    return f"schedule from landing {rows[0]}"
+
+
 def distinct_draws(
     generator: np.random.Generator, population: int, sizes: tuple[int, ...], count: int
 ) -> tuple[IntArray, ...]:

@@ -21,7 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.maps.affine import affine_test_errors, checked, mean_test_errors, pooled_basis
-from hopdata.maps.draws import Notes, distinct_draws, grouped, named_generator, rare_notes
+from hopdata.maps.draws import (
+    Notes,
+    distinct_draws,
+    grouped,
+    named_generator,
+    rare_notes,
+    schedule_stream,
+)
 
 # The landings that each model of Fig. 2.4 draws from, and the sizes of its splits.
 
@@ -42,8 +49,13 @@ class Population:
 
     @property
     def name(self) -> str:
-        """Name in notes and of the random stream of the splits."""
+        """Name in notes."""
         return f"schedule {self.schedule}" if self.kind == "class" else self.kind
+
+    @property
+    def stream(self) -> str:
+        """Name of the random stream of the splits."""
+        return schedule_stream(self.rows) if self.kind == "class" else self.kind
 
 
 def select_populations(
@@ -221,7 +233,7 @@ def bootstrap_prediction(
     notes += more + scaled
     frames: dict[str, list[pd.DataFrame]] = {model: [] for model in MODELS}
     for population in populations:
-        generator = named_generator(seed, "prediction", population.name)
+        generator = named_generator(seed, "prediction", population.stream)
         splits = distinct_draws(generator, len(population.rows), sizes, bootstraps)
         inputs, outputs = x[population.rows], y[population.rows]
         for model, kind in MODELS.items():

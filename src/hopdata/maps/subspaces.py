@@ -10,7 +10,7 @@ Arias and Smith 1998, Sec. 4.3), which is the geodesic distance on the Grassmann
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
-from hopdata.maps.draws import Notes, chunks, distinct_draws, grouped, named_generator, rare_notes
+from hopdata.maps.draws import (
+    Notes,
+    chunks,
+    distinct_draws,
+    grouped,
+    named_generator,
+    rare_notes,
+    schedule_stream,
+)
 
 #: Arc lengths d below this need the sines: an error e in each cosine changes d by k e / d.
 _SMALL_ARC_LENGTH = 0.5
@@ -124,11 +132,14 @@ class SubspaceStudy:
         (D, k) of the bases, known even if no class has any.
     notes
         Omissions, each ``{"what": ..., "reason": ...}``.
+    streams
+        Schedule -> name of its random stream (see `hopdata.maps.draws.schedule_stream`).
     """
 
     bases: dict[str, FloatArray]
     shape: tuple[int, int]
     notes: Notes
+    streams: dict[str, str] = field(default_factory=dict)
 
 
 def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -189,6 +200,7 @@ def bootstrap_subspaces(
     pairs = np.hstack([x, y]) @ pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
     bases: dict[str, FloatArray] = {}
+    streams: dict[str, str] = {}
     notes = []
     if not components and k < x.shape[1] - 1:  # the markers need more than a draw's landings span
         what = f"{k} components instead of {x.shape[1] - 1}"
@@ -200,7 +212,8 @@ def bootstrap_subspaces(
             wanted = f"{k} wanted: set subspaces.samples or subspaces.components"
             notes.append(_note(what, f"{span}, {wanted}"))
             continue
-        generator = named_generator(seed, "subspaces", name)
+        streams[name] = schedule_stream(rows)
+        generator = named_generator(seed, "subspaces", streams[name])
         (draws,) = distinct_draws(generator, len(rows), (samples,), bootstraps)
         found, full = leading_subspaces(pairs[rows], draws, k)
         if full.any():
@@ -209,7 +222,7 @@ def bootstrap_subspaces(
             lacking = f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
             notes.append(_note(what, lacking))
     notes += rare_notes("subspaces", rare, f"{samples} distinct ones wanted in each draw")
-    return SubspaceStudy(bases, (pairs.shape[1], k), notes)
+    return SubspaceStudy(bases, (pairs.shape[1], k), notes, streams)
 
 
 def leading_subspaces(
@@ -334,6 +347,7 @@ def measure_distances(
     seed: int,
     pairs: int = 1000,
     noise_sd: float = 0.1,
+    streams: Mapping[str, str] | None = None,
 ) -> DistanceStudy:
     """Measure in-class, cross-class and baseline distances.
 
@@ -350,7 +364,10 @@ def measure_distances(
         pairs of draws, all are used.
     noise_sd
         Sd of the noise on each entry of both identity matrices.
+    streams
+        Schedule -> name of its random stream, from `bootstrap_subspaces`; by default its own name.
     """
+    stream_of = streams or {name: name for name in bases}
     notes = [] if bases else [_note("in-class distances", "no schedule has subspaces")]
     if len(bases) < 2:
         reason = f"{len(bases)} of the 2 schedules needed have subspaces"
@@ -365,8 +382,12 @@ def measure_distances(
         numbers = [np.zeros((2, 0), int)]
         for names in classes:
             a, b = names[0], names[-1]
-            generator = named_generator(seed, kind, *names)
-            first, second = choose(generator, *(len(bases[name]) for name in names), pairs)
+            # The draws do not depend on which of two schedules is named first.
+            in_order = sorted(names, key=stream_of.__getitem__)
+            generator = named_generator(seed, kind, *(stream_of[name] for name in in_order))
+            first, second = choose(generator, *(len(bases[name]) for name in in_order), pairs)
+            if in_order != list(names):
+                first, second = second, first
             blocks.append((kind, a, b, arc_length(bases[a][first], bases[b][second])))
             numbers.append(np.array([first + starts[a], second + starts[b]]))
         ends[kind] = np.hstack(numbers)

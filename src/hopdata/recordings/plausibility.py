@@ -259,13 +259,15 @@ def notes(recording: Recording) -> list[str]:
 def rounded_to(positions: FloatArray) -> float | None:
     """Return the step, m, that all coordinates (N, M, 3), m, are multiples of; None if too fine.
 
-    A multiple rounded to float32 counts as one.
+    A multiple rounded to float32 counts as one, but not so far from the origin that float32 itself
+    has steps of more than a hundredth of these.
     """
 
     def all_multiples(part: FloatArray, step: float) -> bool:
         seen = part[np.isfinite(part)]
         off = np.abs(seen - step * np.round(seen / step))
-        return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
+        rounding = np.finfo(np.float32).eps * np.abs(seen)
+        return bool(seen.size and np.all(off <= np.minimum(rounding, 0.01 * step)))
 
     parts = (sampled(positions), positions)  # a sample rules out most files quickly
     return next((s for s in ROUNDED_TO_M if all(all_multiples(p, s) for p in parts)), None)

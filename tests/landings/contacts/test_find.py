@@ -176,7 +176,7 @@ def test_toes_that_rise_a_little_as_their_heel_comes_down_are_timed(seed):
 def test_what_a_low_pass_may_delay_contacts_by_is_common_to_all(scene, monkeypatch):
     recording = scene.recording.part(slice(0, 2000))
     plain = contacts_of(find_landings(recording)).common
-    monkeypatch.setattr("hopdata.landings.contacts.find.low_pass", lambda _: 0.12)
+    monkeypatch.setattr("hopdata.landings.contacts.find.low_pass", lambda _, **_scale: 0.12)
     delayed = contacts_of(find_landings(recording)).common
     assert (plain < 0.002).all()
     np.testing.assert_allclose(delayed, 0.21 / (0.12 * recording.rate_hz))

@@ -61,12 +61,14 @@ def test_a_part_of_a_recording_has_the_landings_that_it_shows():
         for half in (slice(middle), slice(middle, None))
     ]
     assert len(whole) - 1 <= sum(map(len, halves)) <= len(whole)
-    np.testing.assert_array_equal(halves[0], whole[: len(halves[0])])
+    # The size of the animal is measured in each part anew, which moves instants by some us.
+    np.testing.assert_allclose(halves[0], whole[: len(halves[0])], rtol=0, atol=1e-5)
     unseen = recording.positions.copy()
     unseen[(recording.time > 5) & (recording.time < 6)] = np.nan
     fewer = landing_heights(replace(recording, positions=unseen), landings)
     assert 1 <= len(whole) - len(fewer) <= 3
-    assert {*map(tuple, fewer)} < {*map(tuple, whole)}
+    apart = np.abs(fewer[:, None] - whole).max(axis=2).min(axis=1)
+    assert apart.max() < 1e-5
 
 
 def test_a_recording_without_descents_has_no_landings():

@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.states.assemble import STATELESS, assemble_pairs, exclude_stateless
+from hopdata.landings.states.assemble import (
+    STATELESS,
+    assemble_pairs,
+    exclude_stateless,
+    farthest_marker,
+)
 from hopdata.landings.states.pairs import DESCRIPTIONS, read_pairs, write_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.seal import seal_for
@@ -91,8 +96,29 @@ def test_only_used_touchdowns_of_all_recordings():
     both = pd.concat([TABLE, table])
     found = assemble_pairs([SCENE.recording, second], both, **SECTIONS)
     assert len(found) == 59
-    assert found.recording.tolist() == ["synthetic"] * 40 + ["second"] * 19
-    assert 3 not in found.index[40:]
+    assert found.recording.tolist() == ["second"] * 19 + ["synthetic"] * 40
+    assert 3 not in found.index[:19]
+    same = assemble_pairs([second, SCENE.recording], both, **SECTIONS)
+    np.testing.assert_array_equal(same.x, found.x)
+
+
+def test_the_default_home_marker_is_the_farthest_in_any_order_of_markers():
+    one = SCENE.recording
+    assert farthest_marker([one]) == "body1"  # all are equally far but for noise
+    middle = one.body.mean(axis=1)
+    longer = one.positions.copy()
+    longer[:, 2] = middle + 1.3 * (longer[:, 2] - middle)
+    far = replace(one, positions=longer)
+    columns = [2, 5, 0, 3, 6, 1, 4]
+    other = replace(
+        far,
+        positions=longer[:, columns],
+        markers=tuple(one.markers[k] for k in columns),
+        roles=tuple(one.roles[k] for k in columns),
+    )
+    assert farthest_marker([far]) == farthest_marker([other]) == "body3"
+    assert farthest_marker([one, far]) == farthest_marker([other, one]) == "body3"
+    np.testing.assert_array_equal(pairs(far).x, pairs(far, home_marker="body3").x)
 
 
 def test_a_state_without_frames_is_left_out_and_logged(caplog):

@@ -105,11 +105,25 @@ def test_equal_content_gives_equal_bytes(tmp_path, recording, truth):
     assert digests[0] == digests[1] != digests[2]
 
 
-def test_float32_rounds_far_below_any_noise(tmp_path, recording):
-    odd = replace(recording, positions=recording.positions * (1 + 1e-9) / 3)
+@pytest.mark.parametrize("far_m", [0.0, 1e5, 1e7])
+def test_positions_keep_every_digit_wherever_the_origin_is(tmp_path, recording, far_m):
+    odd = replace(recording, positions=far_m + recording.positions / 3)
     write_recording(tmp_path / "a.h5", odd)
-    error = np.nanmax(np.abs(read_recording(tmp_path / "a.h5").positions - odd.positions))
-    assert 0 < error < 1e-7
+    np.testing.assert_array_equal(read_recording(tmp_path / "a.h5").positions, odd.positions)
+    single = odd.positions.astype(np.float32)  # as earlier versions stored them
+    assert np.nanmax(np.abs(single - odd.positions)) > 0
+
+
+def test_a_file_of_an_earlier_version_is_read(tmp_path, recording):
+    """Its positions are float32, which float64 holds exactly."""
+    write_recording(tmp_path / "a.h5", recording)
+    single = (recording.positions / 3).astype(np.float32)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file["positions"]
+        file.create_dataset("positions", data=single)
+    found = read_recording(tmp_path / "a.h5").positions
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, single)
 
 
 def test_an_empty_truth_can_be_written(tmp_path, recording, truth):

@@ -250,13 +250,14 @@ _FOURTH = np.array([70.0, -112.0, 56.0, -16.0, 2.0]) / 70.0
 NEARLY_WHITE, NO_LONGER_NOISE, MOST_CORRELATED = 1.2, 2.5, 0.85
 
 
-def height_noise(heights: FloatArray) -> float:
+def height_noise(heights: FloatArray, *, scale: float = 1.0) -> float:
     """Estimate the standard deviation of the noise of heights (N, n), m.
 
     Third differences of a smooth motion almost vanish, while those of white noise have variance
     20 sigma^2. The few frames about the contacts do not affect their median. If only every k-th
     frame is seen, the differences span k frames. Longer recordings are sampled at `MOST_FRAMES`
-    evenly spaced frames. The result is never less than `LEAST_NOISE_M`.
+    evenly spaced frames. The result is never less than `LEAST_NOISE_M` times the scale of the
+    recording.
     """
     seen = np.flatnonzero(~np.isnan(heights).all(axis=1))
     step = int(np.median(np.diff(seen))) if len(seen) > 1 else 1
@@ -268,7 +269,7 @@ def height_noise(heights: FloatArray) -> float:
     third = np.abs(third[~np.isnan(third)])
     if third.size == 0:
         return float("nan")
-    return max(float(np.median(third) / 0.6744897501960817 / np.sqrt(20.0)), LEAST_NOISE_M)
+    return max(float(np.median(third) / 0.6744897501960817 / np.sqrt(20.0)), LEAST_NOISE_M * scale)
 
 
 def noise_correlation(body: FloatArray) -> float:

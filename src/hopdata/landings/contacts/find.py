@@ -105,34 +105,39 @@ def find_landings(
         If `method` or `gravity` is unknown.
     """
     printed = chosen("touchdowns.method", method, METHODS) is not None
-    feet, pace, as_recorded = recording.names("foot"), recording.pace, recording
+    feet, pace, scale = recording.names("foot"), recording.pace, recording.scale
     if len(feet) < 2:
         told = f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
         raise AnalysisError(told)
     before, after = (w and w / pace for w in (window_before_s, window_after_s))
-    down_m, recording = down_height_m and down_height_m / pace**2, recording.of_1_m()
-    time, heights, body = recording.time, recording.feet[:, :, 2], recording.body_height
+    # From here on, times and heights are those of an animal of 1 m, on which this was tuned.
+    down_m = down_height_m and down_height_m / scale
+    time = recording.time / pace
+    heights = recording.feet[:, :, 2] / scale
+    body = recording.body_height / scale
     parts = joined.parts_of_feet(recording)
     falls = descents.descents(body, time, longest=descents.HIDDEN_S)
     spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
-    down_m = down_m or usual_down_height(recording, spans)
+    down_m = down_m or usual_down_height(recording, spans * pace) / scale
     hidden = descents.find_hidden_landings(time, heights, body, spans, down_height_m=down_m)
     spans = np.concatenate([spans, hidden])
     order = np.argsort(spans[:, 0], kind="stable")
     gap = np.full(len(spans), np.nan)
     markers = [marker for foot in parts for marker in foot]
-    seen = heights if len(markers) == len(feet) else recording.positions[:, markers, 2]
+    seen = heights
+    if len(markers) > len(feet):
+        seen = recording.positions[:, markers, 2] / scale
     complete = descents.Transitions(spans[order, 0], spans[order, 1], gap, gap)
     if printed:
-        contacts = _printed_contacts(as_recorded, spans[order], down_m, method)
+        contacts = _printed_contacts(recording, spans[order], down_m, method)
     else:
         options: Any = {"gravity": gravity, "maximum_misfit": maximum_misfit, "lead_s": 0.0}
         options |= {"window_before_s": before, "window_after_s": after, "down_height_m": down_m}
         options |= {"correlation": descents.noise_correlation(recording.body)}
         options["foot_of"] = tuple(foot for foot, own in enumerate(parts) for _ in own)
         contacts = _of_feet(find_contacts(time, seen, complete, **options), options["foot_of"])
-        if cut := low_pass(recording.body):
-            late_s = FILTER_DELAYS / (cut * recording.rate_hz)
+        if cut := low_pass(recording.body, scale=scale):
+            late_s = FILTER_DELAYS / (cut * recording.rate_hz) / pace
             contacts = replace(contacts, common=np.maximum(contacts.common, late_s))
     down = contacts.down if printed else contacts.instant
     columns = {
@@ -196,10 +201,13 @@ def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
 
 def usual_down_height(recording: Recording, spans: FloatArray) -> float:
     """Return the height, m, below which a foot is down, from the body's descents (L, 2), s."""
-    apex, nadir = (np.searchsorted(recording.time, side) for side in spans.T)
+    # The instants are those of frames, but for rounding: half a frame earlier finds the same ones.
+    half_s = 0.5 * float(np.min(np.diff(recording.time)))
+    apex, nadir = (np.searchsorted(recording.time, side - half_s) for side in spans.T)
     falls = recording.body_height[apex] - recording.body_height[nadir]
     fall_m = float(np.nanmedian(falls)) if np.isfinite(falls).any() else 0.0
-    return max(DOWN_SHARE * fall_m, DOWN_SIGMAS * descents.height_noise(recording.feet[:, :, 2]))
+    noise_m = descents.height_noise(recording.feet[:, :, 2], scale=recording.scale)
+    return max(DOWN_SHARE * fall_m, DOWN_SIGMAS * noise_m)
 
 
 def contacts_of(landings: pd.DataFrame) -> Contacts:

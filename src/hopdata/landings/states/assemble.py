@@ -17,7 +17,7 @@ from hopdata.landings.states.coefficients import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import joined, turned
-from hopdata.recording import Recording
+from hopdata.recording import Recording, sampled
 
 # The home frame moves the plane so that the place and heading of a landing do not matter.
 
@@ -119,8 +119,10 @@ def track_means(
             continue
         gap = longest_gaps(t, np.column_stack([t_pre, t_post]))
         for c in range(tracks.shape[2]):
-            before, after = _integral(t, tracks[seen, b, c], np.stack([t_pre, t_post]))
-            share = (after - before) / (t_post - t_pre)
+            track = tracks[seen, b, c]
+            middle = track.mean()  # integrals of places far from the origin would lose digits
+            before, after = _integral(t, track - middle, np.stack([t_pre, t_post]))
+            share = middle + (after - before) / (t_post - t_pre)
             means[:, b, c] = np.where(gap <= longest_gap, share, np.nan)
     return means
 
@@ -164,7 +166,7 @@ def assemble_pairs(
     pre_height_m, post_height_m : float
         The sections, m.
     home_marker : str, optional
-        Body marker on the x axis of the home frame; the first one by default.
+        Body marker on the x axis of the home frame; by default the `farthest_marker`.
     method, window_s, gravity
         See `hopdata.landings.states.fits.section_states`.
     ambiguous : {"keep", "pool", "exclude"}
@@ -174,8 +176,8 @@ def assemble_pairs(
     Returns
     -------
     Pairs
-        Pairs in SI units, not normalised. A touchdown with too few frames to fit its states is
-        logged and left out (see `exclude_stateless`).
+        Pairs in SI units, not normalised, in the order of the recordings' names. A touchdown with
+        too few frames to fit its states is logged and left out (see `exclude_stateless`).
 
     Raises
     ------
@@ -188,8 +190,10 @@ def assemble_pairs(
     recordings, parts = list(recordings), []
     if ambiguous == "pool":
         table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))
-    for recording in recordings:
-        marker = recording.names("body").index(home_marker) if home_marker else 0
+    home_marker = home_marker or farthest_marker(recordings)
+    # The order of the landings decides random draws, so it is not that of the configuration.
+    for recording in sorted(recordings, key=lambda one: one.name):
+        marker = recording.names("body").index(home_marker)
         used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
         if len(used):
             sections = (pre_height_m, post_height_m)
@@ -207,6 +211,41 @@ def assemble_pairs(
             "sections.post_height_m"
         )
     return joined(parts, DESCRIPTIONS)
+
+
+# Relative difference of distances up to which markers count as equally far. Those of a symmetric
+# body differ by their noise, which shall not choose between them. With 1.5 times the value, a few
+# more bodies take the first of two markers by name.
+AS_FAR = 0.01
+
+
+def farthest_marker(recordings: Sequence[Recording]) -> str:
+    """Return the body marker that is farthest from the middle of the body, seen from above.
+
+    The longest arm gives the most accurate heading. Neither the order of the markers nor that of
+    the recordings matters; among equally far markers, the first by name is taken.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        With the same body markers, at least one.
+
+    Returns
+    -------
+    str
+        Name of the marker with the largest median distance, as a mean over the recordings.
+    """
+    names = sorted(recordings[0].names("body"))
+    far = np.zeros(len(names))
+    for recording in recordings:
+        body = sampled(recording.body)[:, :, :2]
+        whole = body[~np.isnan(body).any(axis=(1, 2))]
+        if not len(whole):
+            continue
+        arms = whole - whole.mean(axis=1, keepdims=True)
+        distance = np.median(np.hypot(arms[:, :, 0], arms[:, :, 1]), axis=0)
+        far += distance[[recording.names("body").index(name) for name in names]]
+    return names[int(np.argmax(far >= (1 - AS_FAR) * far.max()))]
 
 
 def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:

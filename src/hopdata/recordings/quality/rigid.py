@@ -16,7 +16,7 @@ LEAST_FRAMES = 5  # with fewer frames nothing lies between the outer fifths
 STRAIN = 0.025  # relative spread of a distance up to which a pair counts as rigid
 SIGMAS = 4.0  # or up to this multiple of the spread from the markers' own noise
 LEAST = 3
-MAD_TO_SD = 1.4826
+MEDIAN_LENGTH = 1.5381722544550522  # of vectors of three independent standard normals
 FIFTHS_TO_SD = 1.6832  # range from the 20 % to the 80 % quantile of a normal distribution
 
 
@@ -88,7 +88,9 @@ def frame_noise(positions: FloatArray, *, lag: int = 1) -> FloatArray:
         fourth = np.diff(parts, 4, axis=0)[0]
         fourth = fourth[np.isfinite(fourth).all(axis=1)]
         if len(fourth):
-            noise[m] = MAD_TO_SD * float(np.median(np.abs(fourth))) / np.sqrt(70.0)
+            # The length of the vector, because its coordinates depend on the axes.
+            length = np.sqrt(np.median((fourth**2).sum(axis=1)))
+            noise[m] = float(length) / MEDIAN_LENGTH / np.sqrt(70.0)
     return noise
 
 
@@ -158,10 +160,10 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
     return [f"{told}: contacts come late, fit poorly or not at all; export them unfiltered"]
 
 
-def low_pass(body: FloatArray) -> float:
-    """Return the `cut_off` of filtered markers (N, m, 3) of an animal of 1 m; 0 if unfiltered."""
+def low_pass(body: FloatArray, *, scale: float = 1.0) -> float:
+    """Return the `cut_off` of filtered markers (N, m, 3), m; 0 if unfiltered."""
     body = middle(body)
-    quiet = quantiles(frame_noise(body)[:, None], [0.5])[0, 0] < NO_CAMERA_M
+    quiet = quantiles(frame_noise(body)[:, None], [0.5])[0, 0] < NO_CAMERA_M * scale
     return cut_off(body) if quiet else 0.0
 
 

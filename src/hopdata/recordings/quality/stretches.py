@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.recording import scale_of
+from hopdata.recording import extent
 from hopdata.recordings.raw import DIRECTIONS, along
 
 # Stretches of frames in which a condition holds.
@@ -233,8 +233,16 @@ ONE_M = 1e-5  # below any camera's noise: heights whose difference varies less a
 
 
 def scale_of_all(positions: FloatArray) -> float:
-    """Return the scale of markers (N, M, 3), m; at most 1, since some may belong to the room."""
-    return min(scale_of(positions), 1.0)
+    """Return a rough scale of markers (N, M, 3), m, whose roles are not known: ..., 1/16, 1/4, 1.
+
+    It is their `extent`, rounded to a power of four, and at most 1, since some may belong to the
+    room. Only drafts, remarks and refusals use it, never an estimate, which has the continuous
+    `hopdata.recording.scale_of` the body and the feet.
+    """
+    size = extent(positions)
+    if not size > 0:
+        return 1.0
+    return float(min(4.0 ** np.round(0.5 * np.log2(np.clip(size, 1e-3, 1e3))), 1.0))
 
 
 def lowest(heights: FloatArray) -> FloatArray:

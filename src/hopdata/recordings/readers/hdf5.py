@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import fields
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -236,9 +236,10 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     """Write a recording, and its truth if available, to an HDF5 file.
 
     The file appears under its name only when complete, and ends in the checksum of all its bytes
-    (`hopdata.seal`). Positions are stored as float32, whose
-    rounding (0.06 um within 1 m of the origin) is far below any marker's noise. Coordinates of each
-    marker are stored one after the other, shuffled and deflated. Equal content gives equal bytes.
+    (`hopdata.seal`). Positions are stored as float64, so that `read_recording` returns every
+    digit. float32 about the origin of the laboratory would not do: its steps are 8 mm at 100 km.
+    Coordinates of each marker are stored one after the other, shuffled and deflated. Equal content
+    gives equal bytes.
 
     Parameters
     ----------
@@ -251,7 +252,7 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     chunks: Any = {"rdcc_nbytes": 0, "locking": False}
     with whole_file(path) as partial, sealed(partial), h5py.File(partial, "w", **chunks) as file:
         _dataset(file, "time", recording.time)
-        _dataset(file, "positions", recording.positions, np.float32)
+        _dataset(file, "positions", recording.positions)
         if recording.filled is not None:
             _dataset(file, "filled", recording.filled)
         file.attrs["markers"] = list(recording.markers)
@@ -268,14 +269,8 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
         if truth is not None:
             group = file.create_group("truth")
             for key in _TRUTH_DATASETS:
-                kind = np.float32 if key == "body_height" else None
-                _dataset(group, key, getattr(truth, key), kind)
+                _dataset(group, key, getattr(truth, key))
             group.attrs.update({key: getattr(truth, key) for key in _TRUTH_ATTRIBUTES})
-
-
-def as_stored(recording: Recording) -> Recording:
-    """Return a recording as `read_recording` returns it after `write_recording`."""
-    return replace(recording, positions=recording.positions.astype(np.float32).astype(float))
 
 
 def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Recording:
@@ -431,15 +426,15 @@ def _read_events(file: h5py.File) -> tuple[Event, ...]:
     return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))
 
 
-def _dataset(group: h5py.Group, name: str, array: NDArray[Any], dtype: type | None = None) -> None:
+def _dataset(group: h5py.Group, name: str, array: NDArray[Any]) -> None:
     """Store an array in chunks along its first axis, which compresses best."""
     if array.size == 0:
         group.create_dataset(name, data=array, track_times=False)
         return
     chunks = (max(1, min(CHUNK_FRAMES, len(array))), *(1 for _ in array.shape[1:]))
     packed = {"shuffle": True, "compression": "gzip", "compression_opts": COMPRESSION}
-    kind = {"shape": array.shape, "dtype": dtype or array.dtype}
+    kind = {"shape": array.shape, "dtype": array.dtype}
     stored = group.create_dataset(name, **kind, chunks=chunks, track_times=False, **packed)
     for first in range(0, len(array), CHUNK_FRAMES):  # without a temporary array of full size
         part = slice(first, first + CHUNK_FRAMES)
-        stored[part] = array[part].astype(stored.dtype, copy=False)
+        stored[part] = array[part]
