@@ -116,11 +116,11 @@ COUNT_SLOTS = 36
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
 # until control returns to Python, addresses of the code for Jacobians (0: not wanted) and of the
-# desk itself, address of the guards' code for ranges (see `branches`), room for changes of the mode,
-# and whether the end of the time span is infinite. Then address and width of each array, and the
-# request (floats stored in the memory of integers; its last entries are the number of rows written
-# per step, and whether events are kept). The initial state and the parameters follow, so a caller
-# writes its whole request at once.
+# desk itself, address of the guards' code for ranges (see `branches`), room for changes of the
+# mode, and whether the end of the time span is infinite. Then address and width of each array, and
+# the request (floats stored in the memory of integers; its last entries are the number of rows
+# written per step, and whether events are kept). The initial state and the parameters follow, so a
+# caller writes its whole request at once.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(9)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
 DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 14, 21, 9

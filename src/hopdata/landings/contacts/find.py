@@ -169,7 +169,7 @@ def _printed_contacts(
         recording.time,
         recording.feet[:, :, 2],
         descents.Transitions(begin, end, no_gap, no_gap),
-        down_height_m=down_height_m * pace**2,
+        down_height_m=down_height_m * recording.scale,
         lead_s=0.0,
         method=method,
     )
