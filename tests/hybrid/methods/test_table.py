@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ladder
-from numba import config
 
 from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
 from hopdata.hybrid.driver.loop import compiled_first_order
@@ -59,7 +58,7 @@ def empty_cache(tmp_path, monkeypatch):
         generic_code(name)
     solve(ring(1), (0.0, 0.1), [1.0])  # the driver comes from the cache of the install
     compiled_first_order()  # and the code that carries Jacobians through events
-    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
 
 
 def swing(t, y, mode, params, dy):
