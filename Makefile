@@ -90,7 +90,7 @@ sample: $(VENV)/.run
 
 $(VENV)/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "hopdata needs Python 3.11 or newer: none found on PATH (set PYTHON=...)" >&2; exit 1; }
-	@if command -v uv >/dev/null 2>&1; then uv venv --quiet --clear --python "$(PYTHON)" $(VENV); \
+	@if command -v uv >/dev/null 2>&1; then uv venv --quiet --clear --seed --python "$(PYTHON)" $(VENV); \
 	else "$(PYTHON)" -m venv --clear $(VENV); fi
 
 # One recipe for all environments; $(1) is the lock file. The locks agree on versions, so the environments share
