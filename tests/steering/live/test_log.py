@@ -27,7 +27,7 @@ def logged(path, controller, groups=12):
         frames, fault[0] = [], "the stream is lost" if k == 5 else ""
         for stance in rng.random(1 + k % 3) < 0.7:
             number += 1
-            x, boom = rng.standard_normal(2)
+            x, boom = rng.standard_normal(2) * [1.0, 0.01]  # too little to be compared with swings
             markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [boom, 0, 0], [0, 0, 0]])
             at_s = 0.01 * number
             frames.append(Frame(0, number, at_s, 100 + at_s, 100 + at_s, markers))
