@@ -16,8 +16,9 @@ def logged(path, controller, groups=12):
     """Log a loop without threads, on a simulated clock, that takes a few frames at a time."""
     log = DriveLog(path, 3, setup={"to": [0, 0]}, files={"a.txt": b"content"})
     buffer, now, fault = FrameBuffer(8), [0.0], [""]
+    boom = Boom()
     loop = ControlLoop(
-        buffer, lambda: (Tracker(), Detector()), controller, Boom(), limits=LENIENT,
+        buffer, lambda: (Tracker(), Detector()), controller, boom, limits=LENIENT,
         on_decision=log.decision, on_frames=log.frames, clock=lambda: now[0],
         fault=lambda: fault[0],
     )  # fmt: skip
@@ -27,8 +28,9 @@ def logged(path, controller, groups=12):
         frames, fault[0] = [], "the stream is lost" if k == 5 else ""
         for stance in rng.random(1 + k % 3) < 0.7:
             number += 1
-            x, boom = rng.standard_normal(2) * [1.0, 0.01]  # too little to be compared with swings
-            markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [boom, 0, 0], [0, 0, 0]])
+            x, noise = rng.standard_normal(2) * [1.0, 0.005]
+            angle = sum(boom.swings) + noise  # it follows
+            markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [angle, 0, 0], [0, 0, 0]])
             at_s = 0.01 * number
             frames.append(Frame(0, number, at_s, 100 + at_s, 100 + at_s, markers))
         for frame in frames:

@@ -18,7 +18,7 @@ import numpy as np
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Worker
-from hopdata.steering.live.safety import Boom, Limits, Watch
+from hopdata.steering.live.safety import Boom, Limits, NoBoom, Watch
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stance, StanceDetector
 from hopdata.steering.observation.tracking import MISFIT, HopperTracker, Observation
@@ -104,7 +104,6 @@ MISFITS = 3  # consecutive frames whose markers do not fit together: some are sw
 # off by 2, 1 and 0.5 of its command.
 LEAST_SWING_RAD = 0.05  # differences below this are not seen
 SWING_SHARE = 0.3  # largest difference, as a share of the swing that was sent
-WRONG_SWINGS = 2  # in a row: one may have been sent too late for its flight
 
 
 class ControlLoop(Worker):
@@ -167,6 +166,7 @@ class ControlLoop(Worker):
         self._sent_rad = math.nan  # swing sent at the last stance; NaN if it is not certain
         self._rests_then = 0  # rests up to that stance
         self._wrong: list[tuple[float, float]] = []  # swings sent and measured that differ
+        self._is_sending = not isinstance(boom, NoBoom)  # else no boom can be expected to follow
 
     def start(self) -> Self:
         """Start the thread."""
@@ -347,7 +347,9 @@ class ControlLoop(Worker):
         return swing if math.isfinite(swing) else None
 
     def _compare(self, swung: float | None) -> None:
-        """Compare the swing of the last hop with the one sent; two wrong ones end the drive."""
+        """Compare the swing of the last hop with the one sent; wrong ones in a row end the drive."""
+        if not self._is_sending:
+            return
         sent = self._sent_rad
         is_certain = math.isfinite(sent) and len(self.watch.rests) == self._rests_then
         if swung is None or not is_certain:
@@ -359,7 +361,7 @@ class ControlLoop(Worker):
             self._wrong = []
             return
         self._wrong = [*self._wrong, (sent, swung)]
-        if len(self._wrong) >= WRONG_SWINGS:
+        if len(self._wrong) >= self.limits.wrong_swings:
             self.rest(_does_not_follow(self._wrong))
 
     def _plan(

@@ -132,12 +132,16 @@ class Limits:
         The drive ends when the hopper is farther than this from the world's origin.
     tilt_rad : float
         The drive ends when the hopper leans by more; in normal hops it leans by a tenth of this.
+    wrong_swings : int
+        The drive ends after so many hops in a row whose swing, as measured, is not the one that was
+        sent. A single one may have been sent too late for its flight.
 
     Raises
     ------
     ConfigError
-        If a time or the fence is not above 0, or swing or tilt is not from 0 to pi. A limit that is
-        not a number, or is in degrees, would let every swing or tilt pass.
+        If a time or the fence is not above 0, swing or tilt is not from 0 to pi, or `wrong_swings`
+        is below 1. A limit that is not a number, or is in degrees, would let every swing or tilt
+        pass.
     """
 
     pose_age_s: float = 0.1
@@ -146,12 +150,14 @@ class Limits:
     hop_s: float = 1.0
     fence_m: float = 3.0
     tilt_rad: float = np.pi / 4
+    wrong_swings: int = 2
 
     def __post_init__(self) -> None:
         for name in ("pose_age_s", "command_s", "hop_s", "fence_m"):
             require(getattr(self, name) > 0, name, "more than 0", getattr(self, name))
         for name in ("swing_rad", "tilt_rad"):
             require(0 <= getattr(self, name) <= np.pi, name, "0 to pi", getattr(self, name))
+        require(self.wrong_swings >= 1, "wrong_swings", "1 or more", self.wrong_swings)
 
 
 # Bringing the boom to rest.
