@@ -165,6 +165,7 @@ class ControlLoop(Worker):
         self._lacking: dict[str, float] = {}  # what frames lack -> capture time of the first, s
         self._sent_rad = math.nan  # swing sent at the last stance; NaN if it is not certain
         self._rests_then = 0  # rests up to that stance
+        self._boom_failure = ""  # what the boom raised at the last stance
         self._wrong: list[tuple[float, float]] = []  # swings sent and measured that differ
         self._is_sending = not isinstance(boom, NoBoom)  # else no boom can be expected to follow
 
@@ -210,7 +211,7 @@ class ControlLoop(Worker):
             return lacking
         if now > self._due_s:
             return f"planned too late: no plan {self.limits.command_s:g} s after the stance"
-        return self._fault()
+        return self._boom_failure or self._fault()
 
     def _lacking_too_long(self) -> str:
         """Return which markers that are needed have not been seen for `Limits.pose_age_s`."""
@@ -285,6 +286,7 @@ class ControlLoop(Worker):
     def _decide(
         self, stance: Stance, frame: Frame, pose: _Newest, boom: _Newest, *, overtaken: bool
     ) -> None:
+        self._boom_failure = ""  # it is tried again
         self.watch.look()  # an earlier cause may be gone
         stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on the monotonic clock
         asked_s = self._clock()
@@ -306,6 +308,7 @@ class ControlLoop(Worker):
                 self._sent_rad = math.nan if refused else command
             except Exception as error:
                 refused, reason = "", f"the boom failed: {error!r}"
+                self._boom_failure = reason  # it may have begun to move
             if refused:
                 outcome, command, reason = "held", 0.0, refused
         sent_s = self._clock()
@@ -347,7 +350,7 @@ class ControlLoop(Worker):
         return swing if math.isfinite(swing) else None
 
     def _compare(self, swung: float | None) -> None:
-        """Compare the swing of the last hop with the one sent; wrong ones in a row end the drive."""
+        """Compare the last hop's swing with the one sent; wrong ones in a row end the drive."""
         if not self._is_sending:
             return
         sent = self._sent_rad
