@@ -288,3 +288,55 @@ def test_parts_that_cannot_work_are_refused_before_anything_moves(wrong, message
     with pytest.raises(ConfigError, match=message):
         drive(**parts, port=1, stop=threading.Event())
     assert not told
+
+
+BLOCKED = """
+import sys, threading, time
+sys.path[:0] = {paths!r}
+from types import SimpleNamespace
+from test_drive import LENIENT, Controller, geometry
+from hopdata.steering.live.drive import drive
+from hopdata.steering.live.simulated import LiveHopper, SimulatedStream
+from hopdata.steering.robot import SteeredHopper
+
+class Boom:
+    commands = 0
+
+    def swing(self, rad):
+        self.commands += 1
+        print(f"told {{rad}}", flush=True)
+        if self.commands >= 2:
+            print("blocks", flush=True)
+            time.sleep(1000)
+
+stream = SimulatedStream(LiveHopper(SteeredHopper(), lambda: None))
+drive(geometry(), Controller(), Boom(), stream=stream, stop=threading.Event(), limits=LENIENT)
+"""
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize("told", ["SIGTERM", "SIGINT"])
+def test_a_driver_that_blocks_does_not_keep_a_signal_from_ending_the_drive(told):
+    code = BLOCKED.format(paths=[str(ENDLESS.parent), str(BENCHMARKS)])
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        for line in process.stdout:
+            if line == "blocks\n":
+                break
+        process.send_signal(getattr(signal, told))
+        assert process.wait(LONG_S) != 0  # the driver blocks for far longer
+        assert "told 0.0\nblocks\n" in process.stdout.read()  # a last rest is tried all the same
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+@pytest.mark.parametrize("rests", [False, True])
+def test_a_log_that_fails_brings_the_drive_to_rest_only_if_asked(rests, tmp_path):
+    log = DriveLog(tmp_path / "drive.h5", 4, setup={}, files={})
+    log.failure = "the log could not be written any more: full"
+    with Robot() as robot:
+        done = drive_until(robot, Controller(), 3, log=log, rest_without_log=rests)
+    assert (log.failure in {rest.cause for rest in done.rests}) == rests
+    assert {decision.outcome for decision in done.decisions} == {"held" if rests else "planned"}

@@ -115,17 +115,25 @@ class CameraClock:
         self._bins: deque[tuple[float, float]] = deque(maxlen=BINS)  # arrival and offset, s
         self._bin_ends_s = -math.inf
         self._drift = 0.0
+        # What spans that are no longer remembered foresee. Without it, a queue that fills a little
+        # faster than `MOST_DRIFT` would never look older than 20 s of it.
+        self._earlier = (0.0, math.inf)
 
     def captured(self, time_s: float, arrival_s: float) -> float:
         """Return when a frame was captured, s, given its camera time and its arrival."""
         self._note(arrival_s, arrival_s - time_s)
-        offset_s = min(self._foreseen(one, arrival_s) for one in self._bins)
+        noted = (*self._bins, self._earlier)
+        offset_s = min(self._foreseen(one, arrival_s) for one in noted)
         return time_s + min(offset_s, arrival_s - time_s)
 
     def _note(self, arrival_s: float, offset_s: float) -> None:
         """Keep the smallest offset of each span; at its end, estimate the drift anew."""
         if arrival_s >= self._bin_ends_s:
             self._drift = _slope(self._bins)
+            if len(self._bins) == BINS:
+                forgotten = (self._bins[0], self._earlier)
+                least_s = min(self._foreseen(one, arrival_s) for one in forgotten)
+                self._earlier = (arrival_s, least_s)
             self._bins.append((arrival_s, offset_s))
             self._bin_ends_s = arrival_s + BIN_S
             return
