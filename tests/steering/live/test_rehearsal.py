@@ -237,3 +237,18 @@ def test_where_nothing_is_sent_nothing_has_to_follow(geometry):
     assert not dry.loop.watch.rests
     assert sum(made.outcome == "planned" for made in dry.loop.decisions()) > 8
     assert not dry.swings
+
+
+def test_a_swing_that_follows_the_rest_is_not_right(geometry, monkeypatch):
+    run = SimulatedDrive.run
+
+    def run_and_swing(drive, *arguments, **options):
+        run(drive, *arguments, **options)
+        if drive.loop.watch.rests:
+            drive.swings.append((drive.now_s, 0.3))
+
+    monkeypatch.setattr(SimulatedDrive, "run", run_and_swing)
+    done = rehearsal._on_simulated_clock(ACTS["the hopper tips over"], geometry, LIMITS)
+    assert "tips over" in done.cause
+    assert done.moved
+    assert not done.is_right
