@@ -477,7 +477,9 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
         return Performed(act, "", math.nan, moved=False)
     right = [rest for rest in told if act.rest in rest.cause]
     rest = (right or told)[0]
-    moved = any(rad != 0.0 for at_s, rad in parts.swings if at_s > rest.sent_s)
+    # A driver that returns ends the act, so the drive may go on at once.
+    lasts = act.rest != BLOCKED
+    moved = lasts and any(rad != 0.0 for at_s, rad in parts.swings if at_s > rest.sent_s)
     return Performed(act, rest.cause, rest.sent_s - begun_s, moved)
 
 
