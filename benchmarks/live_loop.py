@@ -36,13 +36,15 @@ records.
 There is one row per kind of fault: how often it occurred; `rest_ms_p50` and `rest_ms_max`, the time
 from the cause to the boom's rest, for faults that must bring it to rest; and `moved`, swings other
 than 0 that were sent while the cause lasted, from 50 ms on. A cause is the end of 100 ms without a
-frame, the third frame of exchanged markers, 200 ms without a plan, or otherwise the first frame
-that shows the fault. The row `all` counts stances: `seen` stances have at most single frames
-missing about them; `lost` of these were not reported, and `invented` ones did not happen. Each sent
-swing is judged by the true stance at its own time: `off_m` and `off_rad` are the largest deviations
-from that stance of the pose (and boom angle) used for planning. `unsafe` counts swings beyond the
-limit, swings with no true stance within 50 ms, swings that were off by more than 0.1 m or 0.2 rad,
-and all that `moved`.
+frame or without a marker that is needed, the third frame of exchanged markers, 200 ms without a
+plan, or otherwise the first frame that shows the fault. The row `all` counts stances: `seen`
+stances have at most single frames missing about them; `lost` of these were not reported, and
+`invented` ones did not happen. Each sent swing is judged by the true stance at its own time:
+`off_m` and `off_rad` are the largest deviations from that stance of the pose (and boom angle) used
+for planning. `unsafe` counts swings beyond the limit, swings with no true stance within 50 ms,
+swings that were off by more than 0.1 m or 0.2 rad, and all that `moved`. `wrong_ends` counts drives
+that ended though no fault required it: the boom of this part moves as it is told, so it must never
+be said not to follow.
 """
 
 from __future__ import annotations
@@ -374,7 +376,7 @@ BEFORE_S, AFTER_S = 0.5, 0.1  # span about a stance in which it must be seen
 # drive.
 KINDS = {
     "frames dropped": (1.0, 3.0, ""),
-    "marker hidden": (0.1, 0.45, ""),
+    "marker hidden": (0.15, 0.45, "rest"),
     "frames repeated": (0.15, 1.0, "rest"),
     "frames held up": (0.15, 0.6, "rest"),
     "server gone": (0.3, 2.0, "rest"),
@@ -420,6 +422,7 @@ class Rehearsal:
     begun_s: list[float] = field(default_factory=list)  # start of each drive
     off: list[tuple[float, float]] = field(default_factory=list)  # errors of sent swings, m and rad
     unsafe: int = 0
+    wrong_ends: int = 0  # drives that ended though no fault required it
 
     def __post_init__(self) -> None:
         streams = np.random.SeedSequence(self.seed).spawn(2)
@@ -508,6 +511,7 @@ class Rehearsal:
         """Return the markers as the fault shows them."""
         if kind == "marker hidden":
             markers[1] = np.nan
+            self._caused(fault, now_s + LIMITS.pose_age_s)
         if kind == "one frame absurd" and fault.frames == 1:
             markers = self.chance.uniform(-5, 5, markers.shape)
         if kind == "camera clock anew" and fault.frames == 1:
@@ -585,6 +589,7 @@ class Rehearsal:
         if fault.kind:
             self.faults.append(fault)
         if self.loop._over:
+            self.wrong_ends += KINDS.get(fault.kind, (0, 0, ""))[2] != "over"
             self.begin_drive()
         kind = list(KINDS)[self.chance.integers(len(KINDS))]
         shortest, longest, _ = KINDS[kind]
@@ -635,6 +640,7 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
         "invented": int(invented), "sent": sum(d.command_rad != 0 for d in done.decisions),
         **dict(zip(("off_m", "off_rad"), np.max(done.off, axis=0, initial=0.0), strict=True)),
         "unsafe": done.unsafe + sum(f.moved for f in done.faults),
+        "wrong_ends": done.wrong_ends,
         "times_real_time": done.now_s / took_s,
     }  # fmt: skip
 

@@ -257,8 +257,9 @@ LONGEST_LINE = 200
 class UdpSwings:
     """Receives the lines of `UdpBoom`, on the loopback address by default.
 
-    Unreadable lines are left out and counted in `garbled`. Lines that are late, repeated or out of
-    order, whose number does not exceed all earlier ones, are counted in `outdated`.
+    Each readable line is answered to where it came from with `heard <number>`. Unreadable lines are
+    left out and counted in `garbled`. Lines that are late, repeated or out of order, whose number
+    does not exceed all earlier ones, are counted in `outdated`.
 
     Raises
     ------
@@ -283,13 +284,16 @@ class UdpSwings:
         swing = None
         while True:
             try:
-                line = self._socket.recv(LONGEST_LINE)
+                line, sender = self._socket.recvfrom(LONGEST_LINE)
             except BlockingIOError:
                 return swing
             found = _swing(line)
             if found is None:
                 self.garbled += 1
-            elif found[0] <= self._number:
+                continue
+            with contextlib.suppress(OSError):  # the sender may be gone
+                self._socket.sendto(f"heard {found[0]}\n".encode(), sender)
+            if found[0] <= self._number:
                 self.outdated += 1
             else:
                 self._number, swing = found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import math
 import os
 import sys
@@ -19,7 +20,9 @@ from hopdata.errors import ConfigError, counted, require
 if TYPE_CHECKING:
     from hopdata.steering.control.objectives import Controller
     from hopdata.steering.live.buffer import Stream
+    from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.loop import ControlLoop, Decision
+    from hopdata.steering.live.rehearsal import Performed
     from hopdata.steering.live.safety import Boom
     from hopdata.steering.observation.geometry import HopperGeometry
 
@@ -27,6 +30,8 @@ GEOMETRY, MODEL = "geometry.json", "model.npz"
 LEARNED_HOPS, SEED = 100, 1
 START = (1.0, 0.0, 0.0)  # pose of the simulated hopper: m, m, rad
 DRAW_S = 0.25
+LOG = "drive.h5"  # the first log of a folder
+ACT_WIDTH, REST_WIDTH = 50, 37  # columns of the table of a rehearsal
 
 
 def drive(options: argparse.Namespace) -> int:
@@ -37,7 +42,10 @@ def drive(options: argparse.Namespace) -> int:
     from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
     from hopdata.steering.robot import SteeredHopper
 
+    if options.rehearse:
+        return _rehearse(options)
     _require_whole(options)
+    path = _log_path(options.log)
     with terminal.progress_line() as progress:
         files = _files(options.model, progress)
         progress("planning ahead")
@@ -61,20 +69,96 @@ def drive(options: argparse.Namespace) -> int:
     elif options.boom is not None:
         host, _, port = options.boom.rpartition(":")
         boom = UdpBoom(int(port), host=host)
-    log = DriveLog(options.log, len(geometry.body_names) + 1, setup=setup, files=files)
-    stop, screen = threading.Event(), Screen(_title(options), options.seconds, limits.command_s)
+    log = DriveLog(path, len(geometry.body_names) + 1, setup=setup, files=files)
+    print(f"log: {path}")
+    stop = threading.Event()
+    screen = Screen(_title(options), options.seconds, limits.command_s, log)
     try:
         done = driven(
             geometry, controller, boom, host=options.host or "", port=options.port, stream=stream,
             stop=stop, seconds=options.seconds, rate_hz=options.rate, limits=limits,
             on_decision=screen.decided, on_look=screen.look, log=log,
+            rest_without_log=options.log_full == "rest",
         )  # fmt: skip
     finally:
-        print(f"log: {options.log}; hopdata replay {options.log} plays it again")
+        if log.failure:
+            print(f"log: {path} holds the drive up to when {log.failure}")
+        print(f"log: {path}; hopdata replay {path} plays it again")
     print(f"{counted(len(done.decisions), 'stance')}, {counted(len(done.rests), 'rest')}:")
     for rest in done.rests:
         print(f"  {rest.cause}")
     return terminal.OK
+
+
+def _log_path(named: Path | None) -> Path:
+    """Return the file of the log: the one named, or the next free one."""
+    if named is not None:
+        how = "a file that exists already; name another one, or leave --log out"
+        require(not named.exists(), f"--log {named}", "a new file", how)
+        return named
+    path = Path(LOG)
+    number = 1
+    while path.exists():
+        number += 1
+        path = Path(LOG).with_stem(f"{Path(LOG).stem}-{number}")
+    return path
+
+
+def _rehearse(options: argparse.Namespace) -> int:
+    """Perform each act that must bring the boom to rest, or list them for a robot."""
+    from hopdata.steering.live.rehearsal import acts, perform, simulated_geometry
+    from hopdata.steering.live.safety import Limits
+
+    limits = Limits(swing_rad=options.swing_limit, fence_m=options.fence)
+    if options.host is not None:
+        geometry = _named_geometry(options.model)
+        names = (*geometry.body_names, str(geometry.boom_name))
+        print("With the robot on a rope, and a hand on the emergency stop. Begin each act while it")
+        print("hops, or while you lift it and set it down: without a stance no swing is sent.\n")
+        print(f"  {'do this':{ACT_WIDTH}}  the boom must rest, and the screen must say")
+        for act in acts(names, limits):
+            if act.by_hand:
+                print(f"  {act.by_hand:{ACT_WIDTH}}  {act.rest}")
+        return terminal.OK
+    with terminal.progress_line() as progress:
+        progress("learning the geometry of the simulated hopper")
+        geometry = simulated_geometry()
+    print("SIMULATED hopper; there is no robot\n")
+    print(f"  {'act':{ACT_WIDTH}}  {'rest expected':{REST_WIDTH}}  {'ms':>5}  what happened")
+    missing = 0
+    logging.disable(logging.ERROR)  # the table says what the loop would log
+    try:
+        for done in perform(geometry, limits):
+            print(_row(done), flush=True)
+            missing += not done.is_right
+    finally:
+        logging.disable(logging.NOTSET)
+    if missing:
+        print(f"\n{counted(missing, 'act')} without the rest expected: do not drive")
+        return terminal.PROBLEM
+    print("\neach act has brought the boom to rest")
+    return terminal.OK
+
+
+def _row(done: Performed) -> str:
+    """Return a row of the table of a rehearsal; a "!" marks an act without the rest expected."""
+    act = done.act
+    mark = " " if done.is_right else "!"
+    after = "-" if math.isnan(done.after_s) else f"{1e3 * done.after_s:.0f}"
+    happened = done.cause or "NO REST"
+    if done.moved:
+        happened = f"MOVED after its rest: {happened}"
+    elif done.after_s > act.within_s:
+        happened = f"TOO LATE, beyond {1e3 * act.within_s:.0f} ms: {happened}"
+    return f"{mark} {act.name:{ACT_WIDTH}}  {act.rest:{REST_WIDTH}}  {after:>5}  {happened}"
+
+
+def _named_geometry(folder: Path | None) -> HopperGeometry:
+    from hopdata.steering.observation.geometry import load_geometry
+
+    if folder is None:
+        raise ConfigError("--model: expected the folder of what was learned from this robot")
+    return load_geometry(folder / GEOMETRY)
 
 
 def replay(options: argparse.Namespace) -> int:
@@ -181,8 +265,9 @@ class Screen:
     On a terminal, Enter is the operator's stop key: the boom rests and the drive is over.
     """
 
-    def __init__(self, title: str, seconds: float | None, command_s: float) -> None:
+    def __init__(self, title: str, seconds: float | None, command_s: float, log: DriveLog) -> None:
         self._title, self._seconds, self._command_s = title, seconds, command_s
+        self._log = log
         self._begun = self._drawn = time.monotonic()
         self._hops, self._rests, self._last = 0, 0, "no stance yet"
         self._live, self._lines = sys.stdout.isatty() and sys.stdin.isatty(), 0
@@ -226,6 +311,8 @@ class Screen:
             f"faults   {loop.watch.cause or 'none now'}; rests so far: {len(rests)}"
             + (f", the last: {rests[-1].cause}" if rests else ""),
         ]
+        if self._log.failure:  # otherwise the logger has said it
+            lines.append(f"log      {self._log.failure}")
         up = f"\033[{self._lines}A" if self._lines else ""
         width = os.get_terminal_size().columns - 1  # wrapped lines would leave remains
         print(up + "\n".join(f"\033[K{line[:width]}" for line in lines), flush=True)

@@ -25,7 +25,8 @@ from hopdata.steering.robot import SteeredHopper
 
 ENDLESS = Path(__file__).with_name("endless_drive.py")
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # contains the server
-LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S)
+# A loaded machine may send swings too late for their flights, and some tests keep them themselves.
+LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S, wrong_swings=10**6)
 SPEED = 4.0
 FASTEST_M_S, FASTEST_RAD_S = 0.3, 1.0  # of the hopper when its boom hardly swings
 # Pauses of the machine are not reported; a server that disconnects is reported at once.
@@ -287,3 +288,55 @@ def test_parts_that_cannot_work_are_refused_before_anything_moves(wrong, message
     with pytest.raises(ConfigError, match=message):
         drive(**parts, port=1, stop=threading.Event())
     assert not told
+
+
+BLOCKED = """
+import sys, threading, time
+from dataclasses import replace
+sys.path[:0] = {paths!r}
+from types import SimpleNamespace
+from test_drive import LENIENT, Controller, geometry
+from hopdata.steering.live.drive import drive
+from hopdata.steering.live.simulated import LiveHopper, SimulatedStream
+from hopdata.steering.robot import SteeredHopper
+
+class Boom:
+    commands = 0
+
+    def swing(self, rad):
+        self.commands += 1
+        print(f"told {{rad}}", flush=True)
+        if self.commands >= 2:
+            print("blocks", flush=True)
+            time.sleep(1000)
+
+stream = SimulatedStream(LiveHopper(SteeredHopper(), lambda: None))
+limits = replace(LENIENT, command_s=0.5)  # which is also the patience with a driver
+drive(geometry(), Controller(), Boom(), stream=stream, stop=threading.Event(), limits=limits)
+"""
+
+
+def test_a_driver_that_blocks_does_not_keep_a_signal_from_ending_the_drive():
+    code = BLOCKED.format(paths=[str(ENDLESS.parent), str(BENCHMARKS)])
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    try:
+        for line in process.stdout:
+            if line == "blocks\n":
+                break
+        process.terminate()
+        assert process.wait(LONG_S) != 0  # the driver blocks for far longer
+        assert "told 0.0\nblocks\n" in process.stdout.read()  # a last rest is tried all the same
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+@pytest.mark.parametrize("rests", [False, True])
+def test_a_log_that_fails_brings_the_drive_to_rest_only_if_asked(rests, tmp_path):
+    log = DriveLog(tmp_path / "drive.h5", 4, setup={}, files={})
+    log.failure = "the log could not be written any more: full"
+    with Robot() as robot:
+        done = drive_until(robot, Controller(), 3, log=log, rest_without_log=rests)
+    assert (log.failure in {rest.cause for rest in done.rests}) == rests
+    assert {decision.outcome for decision in done.decisions} == {"held" if rests else "planned"}

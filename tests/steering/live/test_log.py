@@ -1,13 +1,18 @@
 import math
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from test_loop import LENIENT, Boom, Controller, Detector, Tracker
 
-from hopdata.errors import RecordingError
+from hopdata.errors import ConfigError, RecordingError
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Status
-from hopdata.steering.live.log import DriveLog, read_log, replay
+from hopdata.steering.live.log import DriveLog, _reserve, read_log, replay
 from hopdata.steering.live.loop import ControlLoop
 from hopdata.steering.live.safety import Rest
 
@@ -16,8 +21,9 @@ def logged(path, controller, groups=12):
     """Log a loop without threads, on a simulated clock, that takes a few frames at a time."""
     log = DriveLog(path, 3, setup={"to": [0, 0]}, files={"a.txt": b"content"})
     buffer, now, fault = FrameBuffer(8), [0.0], [""]
+    boom = Boom()
     loop = ControlLoop(
-        buffer, lambda: (Tracker(), Detector()), controller, Boom(), limits=LENIENT,
+        buffer, lambda: (Tracker(), Detector()), controller, boom, limits=LENIENT,
         on_decision=log.decision, on_frames=log.frames, clock=lambda: now[0],
         fault=lambda: fault[0],
     )  # fmt: skip
@@ -27,8 +33,9 @@ def logged(path, controller, groups=12):
         frames, fault[0] = [], "the stream is lost" if k == 5 else ""
         for stance in rng.random(1 + k % 3) < 0.7:
             number += 1
-            x, boom = rng.standard_normal(2)
-            markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [boom, 0, 0], [0, 0, 0]])
+            x, noise = rng.standard_normal(2) * [1.0, 0.005]
+            angle = sum(boom.swings) + noise  # it follows
+            markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [angle, 0, 0], [0, 0, 0]])
             at_s = 0.01 * number
             frames.append(Frame(0, number, at_s, 100 + at_s, 100 + at_s, markers))
         for frame in frames:
@@ -107,3 +114,95 @@ def test_what_is_no_log_is_refused(tmp_path, content, found):
     message = f"drive.h5: expected the log of a drive .*, found {found}"
     with pytest.raises(RecordingError, match=message):
         read_log(path)
+
+
+def test_a_log_never_replaces_a_file(tmp_path):
+    path = tmp_path / "drive.h5"
+    path.write_bytes(b"precious")
+    with pytest.raises(
+        ConfigError, match=r"drive.h5: expected a new file, found .* exists already"
+    ):
+        DriveLog(path, 3, setup={}, files={})
+    assert path.read_bytes() == b"precious"
+
+
+# A disk that is full: HDF5 would end the process, so it never meets one.
+
+LIMITED = """
+import logging, resource, signal, sys
+sys.path[:0] = [{here!r}, {benchmarks!r}]
+logging.basicConfig(format="%(message)s")
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a write beyond the limit fails as on a full disk
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+import numpy as np
+from hopdata.steering.live import log
+from hopdata.steering.live.buffer import Frame, LoopCounts, Status
+written = log.DriveLog({path!r}, 4, setup={{}}, files={{"a.txt": b"content"}})
+states = [Status("streaming", 0.0)]
+written._look = lambda: written.events(states, [])
+for k in range(4000):
+    written.frames([Frame(0, k, 0.01 * k, 0.01 * k, 0.01 * k, np.full((4, 3), k))])
+    if k % 100 == 0:
+        written._write()  # as its thread does
+    if k % 400 == 0:
+        states.append(Status("stale", 0.01 * k, "pause"))
+written.close(40.0, {{"loop": LoopCounts(frames=7)}})
+print(repr(written.failure), sum(map(len, written._waiting.values())))
+"""
+
+
+def limited(path, limit):
+    here = Path(__file__).parent
+    code = LIMITED.format(
+        here=str(here), benchmarks=str(here.parents[2] / "benchmarks"), limit=limit, path=str(path)
+    )
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120
+    )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are those of POSIX")
+@pytest.mark.parametrize("limit", [80_000, 333_333])
+def test_a_log_whose_disk_is_full_keeps_what_it_has_and_says_so_once(tmp_path, limit):
+    path = tmp_path / "drive.h5"
+    done = limited(path, limit)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("'the log could not be written any more: ")
+    assert "File too large" in done.stdout
+    assert done.stdout.endswith(" 0\n")  # nothing is kept for a disk that is full
+    assert done.stderr.count("the log could not be written any more") == 1
+    assert "drive.h5 keeps what it has" in done.stderr
+    assert path.stat().st_size <= limit
+    log = read_log(path)
+    assert log.files == {"a.txt": b"content"}
+    number = log.frames["number"]
+    assert 0 < len(number) < 4000
+    assert list(number) == list(range(len(number)))
+    assert (log.frames["markers"][:, 0, 0] == number).all()
+    assert log.events.kind[0] == "streaming"
+
+
+def test_a_log_with_room_keeps_everything(tmp_path):
+    done = limited(tmp_path / "drive.h5", 5_000_000)
+    assert done.stdout == "'' 0\n"
+    assert done.stderr == ""
+    log = read_log(tmp_path / "drive.h5")
+    assert list(log.frames["number"]) == list(range(4000))
+    assert log.counts.set_index("count").value["loop.frames"] == 7
+
+
+def test_room_is_asked_of_the_disk_where_it_cannot_be_reserved(tmp_path, monkeypatch):
+    monkeypatch.delattr(os, "posix_fallocate", raising=False)
+    (tmp_path / "drive.h5").write_bytes(b"12345678")
+    _reserve(tmp_path / "drive.h5", 1000)
+    assert (tmp_path / "drive.h5").read_bytes() == b"12345678"
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=999))
+    with pytest.raises(OSError, match="1000 bytes are needed, 999 are free"):
+        _reserve(tmp_path / "drive.h5", 1000)
+
+
+def test_reserving_room_leaves_the_file_as_it_is(tmp_path):
+    path = tmp_path / "drive.h5"
+    path.write_bytes(b"12345678")
+    _reserve(path, 100_000)
+    assert path.read_bytes() == b"12345678"

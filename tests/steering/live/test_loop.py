@@ -14,7 +14,9 @@ from hopdata.steering.live.safety import Limits
 from hopdata.steering.observation.tracking import MISFIT, SEEN
 
 PERIOD_S = 0.01
-LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, fence_m=1e3)  # a loaded machine may pause
+ANY = 10**6  # wrong swings: the boom's angle is whatever the test shows
+# A loaded machine may pause.
+LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, fence_m=1e3, wrong_swings=ANY)
 
 
 class Tracker:
@@ -27,7 +29,7 @@ class Tracker:
         if np.isnan(markers[0, 0]):
             pose[:] = np.nan
         return SimpleNamespace(
-            pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0],
+            pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0], lacking=(),
             status=MISFIT if markers[2, 1] > 0 else SEEN,
             rotation=np.diag([1.0, 1.0, np.cos(markers[2, 2])]),
         )  # fmt: skip

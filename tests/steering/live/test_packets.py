@@ -1,4 +1,5 @@
 import asyncio
+import struct
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from hopdata.steering.live.packets import (
     check_settings,
     find_labels,
     header_fault,
+    parts_fault,
     payload_fault,
     read_parameters,
 )
@@ -215,3 +217,81 @@ def test_the_real_client_survives_whatever_comes_through():
     read, errors = asyncio.run(asyncio.wait_for(push_all(), 30))
     assert read > 2000
     assert errors > 200
+
+
+# Lengths are checked before the client of the protocol sees them.
+
+
+def data(stated, *components):
+    """Return the payload of a frame that states so many components, and holds these."""
+    return struct.pack("<qII", 10_000, 1, stated) + b"".join(components)
+
+
+def component(body, *, kind=1, size=None):
+    return HEADER.pack(HEADER.size + len(body) if size is None else size, kind) + body
+
+
+def markers(stated, count, *, bytes_each=12):
+    return struct.pack("<Ihh", stated, 0, 0) + bytes(bytes_each * count)
+
+
+@pytest.mark.parametrize(
+    ("payload", "words"),
+    [
+        (b"", "expected 16 bytes before the components, found 0"),
+        (data(2**32 - 1, component(markers(0, 0), size=0)), "room for the 4294967295 components"),
+        (data(1), "expected room for the 1 components stated, found room for 0"),
+        (data(1, component(markers(0, 0), size=0)), "component at byte 16, found 0"),
+        (data(1, component(markers(0, 0), size=7)), "component at byte 16, found 7"),
+        (data(1, component(markers(0, 0), size=17)), "component at byte 16, found 17"),
+        (data(2, component(markers(0, 0)), b""), "expected a component at byte 32, found the end"),
+        (data(1, component(b"1234567")), "16 bytes before the markers at byte 16, found 15"),
+        (data(1, component(markers(2, 1))), "2 markers stated at byte 16, found room"),
+        (data(1, component(markers(2**32 - 1, 1))), "the 4294967295 markers stated at byte 16"),
+        (data(1, component(markers(3, 3), kind=9)), "3 markers stated at byte 16, found room"),
+        (data(1, component(markers(2, 2), kind=10)), "16, found room for 1"),
+    ],
+)  # fmt: skip
+def test_a_length_that_does_not_fit_the_bytes_is_told(payload, words):
+    assert words in parts_fault(payload)
+    assert payload_fault(DATA, payload).startswith("a frame that cannot be read: expected ")
+
+
+def test_lengths_that_fit_have_no_fault():
+    assert parts_fault(data(0)) == ""
+    assert parts_fault(data(1, component(markers(3, 3)))) == ""
+    assert parts_fault(data(1, component(markers(3, 3, bytes_each=16), kind=9))) == ""
+    assert parts_fault(data(2, component(b"abc", kind=4), component(markers(1, 1)))) == ""
+    assert parts_fault(data(1, component(b"", kind=4))) == ""
+    for residuals in (False, True):
+        assert parts_fault(frame_3d(FRAME, residuals=residuals)[HEADER.size :]) == ""
+
+
+def test_the_work_is_bounded_by_the_bytes_whatever_a_packet_states(monkeypatch):
+    read = []
+
+    class Counted:
+        """Counts how often a header is read."""
+
+        size = HEADER.size
+
+        def unpack_from(self, *arguments):
+            read.append(1)
+            return HEADER.unpack_from(*arguments)
+
+    monkeypatch.setattr(packets, "HEADER", Counted())
+    forty_bytes = data(2**32 - 1, component(markers(0, 0), size=0))
+    assert len(forty_bytes) == 40 - HEADER.size
+    assert parts_fault(forty_bytes)
+    assert not read
+    rng = np.random.default_rng(np.random.SeedSequence(19))
+    passed = 0
+    for _ in range(3000):
+        payload = bytearray(data(2, component(markers(3, 3)), component(b"x" * 20, kind=4)))
+        for place in rng.integers(8, len(payload), size=rng.integers(0, 4)):
+            payload[place] = rng.choice([0, 1, 8, 255, rng.integers(256)])
+        del payload[rng.integers(16, 2 * len(payload)) :]
+        read.clear()
+        passed += parts_fault(bytes(payload)) == ""
+        assert len(read) <= len(payload) / HEADER.size
+    assert 300 < passed < 2700

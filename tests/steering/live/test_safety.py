@@ -1,15 +1,25 @@
 import socket
 import threading
 import time
+from contextlib import contextmanager, suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from loopback import wait_until
+from loopback import LONG_S, our_threads, wait_until
 from loopback_server import UdpSwings
 
 from hopdata.errors import ConfigError
-from hopdata.steering.live.packets import PortError
-from hopdata.steering.live.safety import Limits, NoBoom, UdpBoom, Watch
+from hopdata.steering.live import safety
+from hopdata.steering.live.packets import LiveError, PortError
+from hopdata.steering.live.safety import (
+    Limits,
+    NoBoom,
+    Sender,
+    UdpBoom,
+    Watch,
+    rest_within,
+)
 
 
 @pytest.fixture
@@ -119,3 +129,192 @@ def test_an_angle_that_would_not_hold_is_refused(name, angle):
 def test_a_time_that_would_not_hold_is_refused(name, time):
     with pytest.raises(ConfigError, match=f"{name}: expected more than 0"):
         Limits(**{name: time})
+
+
+# A rest is sent until it is heard.
+
+
+class DeafRobot:
+    """Receives lines on a port of its own, and answers none of the first ones."""
+
+    def __init__(self, deaf_to=0, answer=b"heard %d\n"):
+        self.lines, self._deaf_to, self._answer = [], deaf_to, answer
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.setblocking(False)
+        self.port = self._socket.getsockname()[1]
+
+    def take(self):
+        """Read what has come, and answer it."""
+        with suppress(BlockingIOError):
+            while True:
+                line, sender = self._socket.recvfrom(100)
+                _, number, rad = line.split()
+                self.lines.append((int(number), float(rad)))
+                if len(self.lines) > self._deaf_to:
+                    answer = self._answer
+                    self._socket.sendto(answer % int(number) if b"%" in answer else answer, sender)
+        return self.lines
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._socket.close()
+
+
+@contextmanager
+def watched(boom):
+    """Yield a watch whose cause is in a list, and the list."""
+    causes = []
+    with Watch(boom, lambda: causes[0] if causes else "") as watch:
+        yield watch, causes
+
+
+def test_a_rest_is_sent_until_it_is_heard_and_no_longer():
+    with (
+        DeafRobot(deaf_to=5) as robot,
+        UdpBoom(robot.port) as boom,
+        watched(boom) as (watch, cause),
+    ):
+        assert watch.swing(0.3) == ""
+        cause.append("the operator's key")
+        wait_until(lambda: len(robot.take()) >= 6)  # the swing, four lost rests, and one heard
+        wait_until(lambda: robot.take() and watch._sender._rest is None)
+        heard = len(robot.take())
+        time.sleep(0.1)  # ten looks
+        assert len(robot.take()) == heard
+    numbers, swings = zip(*robot.lines, strict=True)
+    assert swings == (0.3, *[0.0] * (len(swings) - 1))
+    assert list(numbers) == sorted(set(numbers))  # each is newer than the one before
+    (rest,) = watch.rests
+    assert rest.cause == "the operator's key"
+
+
+def test_a_swing_is_not_repeated_though_it_is_not_heard():
+    with DeafRobot(deaf_to=100) as robot, UdpBoom(robot.port) as boom, watched(boom) as (watch, _):
+        assert watch.swing(0.3) == ""
+        time.sleep(0.1)
+        assert [rad for _, rad in robot.take()] == [0.3]
+
+
+def test_a_rest_that_is_never_heard_is_told_at_the_end(caplog):
+    with DeafRobot(deaf_to=10**6) as robot, UdpBoom(robot.port) as boom:
+        with watched(boom) as (watch, cause):
+            cause.append("the end")
+            wait_until(lambda: watch.rests)
+        assert len(robot.take()) > 10
+    assert "the boom did not acknowledge the last rest" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "answer", [b"", b"heard", b"heard x", b"heard -1", b"heard 7", b"swing %d 0.0", b"\xff" * 200]
+)
+def test_what_is_no_answer_to_the_last_swing_acknowledges_nothing(answer):
+    with DeafRobot(answer=answer) as robot, UdpBoom(robot.port) as boom:
+        boom.swing(0.0)
+        wait_until(robot.take)
+        time.sleep(0.02)
+        assert not boom.acknowledged()
+
+
+def test_the_answer_to_an_earlier_swing_is_not_that_to_a_rest_but_to_any_of_the_rests(swings):
+    with DeafRobot() as robot, UdpBoom(robot.port) as boom:
+        boom.swing(0.2)
+        robot._answer = b"heard %d" % boom._number
+        boom.swing(0.0)
+        wait_until(lambda: len(robot.take()) == 2)
+        time.sleep(0.02)
+        assert not boom.acknowledged()
+        robot._answer = b"heard %d" % boom._number
+        boom.swing(0.0)
+        boom.swing(0.0)
+        wait_until(lambda: len(robot.take()) == 4 and boom.acknowledged())
+    with UdpBoom(swings.port) as boom:
+        boom.swing(0.1)
+        wait_until(lambda: swings.newest() == 0.1)
+        wait_until(boom.acknowledged)
+
+
+# A driver that blocks.
+
+
+class BlockedBoom:
+    """Blocks at the swing with this number, from 0, until it is released."""
+
+    def __init__(self, at):
+        self.swings, self.released, self._at = [], threading.Event(), at
+
+    def swing(self, rad):
+        self.swings.append(rad)
+        if len(self.swings) == self._at + 1:
+            assert self.released.wait(LONG_S)
+
+
+def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
+    boom = BlockedBoom(1)
+    watch = Watch(boom, lambda: "", patience_s=1.0)
+    with watch:
+        assert watch.swing(0.1) == ""
+        assert "driver has not returned within 1 s" in watch.swing(0.2)
+        wait_until(lambda: watch.cause.startswith("the boom's driver has not returned for"))
+        assert watch.swing(0.3) == watch.cause  # refused at once
+        assert boom.swings == [0.1, 0.2]
+        assert not watch.rests  # none has arrived
+        boom.released.set()
+        wait_until(lambda: watch.rests)
+        assert boom.swings[:3] == [0.1, 0.2, 0.0]
+        wait_until(lambda: not watch.cause)
+        assert watch.swing(0.4) == ""
+    assert boom.swings[-1] == 0.4
+
+
+def test_a_driver_that_takes_its_time_but_returns_is_no_cause():
+    boom = SimpleNamespace(swing=lambda _: time.sleep(0.05))
+    with Watch(boom, lambda: "", patience_s=LONG_S) as watch:
+        assert watch.swing(0.1) == ""
+        assert watch.cause == ""
+    assert not watch.rests
+
+
+def test_of_commands_that_wait_only_the_newest_is_sent():
+    boom = BlockedBoom(0)
+    sender = Sender(boom, time.monotonic)
+    with sender:
+        first = sender.put(0.1)
+        wait_until(lambda: boom.swings)
+        second, third = sender.put(0.2), sender.put(0.3)
+        boom.released.set()
+        assert third.done.wait(LONG_S)
+    assert boom.swings == [0.1, 0.3]
+    assert (first.replaced, second.replaced, third.replaced) == (False, True, False)
+
+
+def test_a_driver_that_never_returns_is_an_error_at_the_end(monkeypatch):
+    monkeypatch.setattr(safety, "LAST_REST_S", 0.1)
+    boom = BlockedBoom(0)
+    watch = Watch(boom, lambda: "", patience_s=0.05).start()
+    watch.swing(0.1)
+    with pytest.raises(LiveError, match=r"the boom's driver has not returned for 0\.\d s"):
+        watch.close()
+    boom.released.set()
+    wait_until(lambda: our_threads() == [])
+
+
+def test_the_last_rest_does_not_wait_for_a_driver_that_blocks():
+    boom = BlockedBoom(0)
+    assert not rest_within(boom, 0.05)
+    boom.released.set()
+    assert rest_within(boom, LONG_S)
+    assert boom.swings == [0.0, 0.0]
+
+    def broken(_):
+        raise OSError("cable")
+
+    assert rest_within(SimpleNamespace(swing=broken), LONG_S)  # it has returned
+
+
+@pytest.mark.parametrize("wrong", [0, -1, np.nan])
+def test_a_number_of_wrong_swings_that_would_end_no_drive_is_refused(wrong):
+    with pytest.raises(ConfigError, match="wrong_swings: expected 1 or more, found"):
+        Limits(wrong_swings=wrong)

@@ -1,5 +1,6 @@
 import asyncio
 import builtins
+import math
 import socket
 
 import numpy as np
@@ -18,7 +19,15 @@ from hopdata.steering.live.packets import (
     LabelError,
     Line,
 )
-from hopdata.steering.live.stream import CameraClock, MarkerStream, Patience, Timeline
+from hopdata.steering.live.stream import (
+    BINS,
+    CREEP,
+    MOST_DRIFT,
+    CameraClock,
+    MarkerStream,
+    Patience,
+    Timeline,
+)
 
 FAST = float("inf")
 EVENT_SHUTTING_DOWN = 12
@@ -338,9 +347,57 @@ def test_a_held_up_frame_is_as_old_as_it_is():
     assert 1002.5 - captured == pytest.approx(0.5 - 0.002, abs=1e-3)
 
 
-@pytest.mark.parametrize("drift", [-5e-5, 5e-5])
-def test_clocks_that_drift_apart_do_not_make_frames_look_old(drift):
+def ages_of(drift, *, jitter_s=0.0, held_up=(math.inf, math.inf), seconds=120.0, rate_hz=100.0):
+    """Return how old frames appear beyond their true delay, s, and when they were captured.
+
+    The delay is 2 ms and up to `jitter_s` more. Frames captured in a span come at its end.
+    """
     clock = CameraClock()
-    arrivals = np.arange(60_000) / 100
-    ages = [a - clock.captured(a * (1 + drift), a) for a in arrivals]
-    assert max(ages) < 1e-3
+    chance = np.random.default_rng(np.random.SeedSequence(11))
+    captured_s = np.arange(0.0, seconds, 1 / rate_hz)
+    delay_s = 0.002 + jitter_s * chance.random(len(captured_s))
+    arrival_s = captured_s + delay_s
+    begin_s, end_s = held_up
+    held = (captured_s >= begin_s) & (captured_s < end_s)
+    arrival_s = np.where(held, end_s + 0.002, arrival_s)
+    arrival_s = np.maximum.accumulate(arrival_s)
+    camera_s = captured_s * (1 + drift)
+    told_s = [clock.captured(*both) for both in zip(camera_s, arrival_s, strict=True)]
+    return np.array(told_s) - captured_s - 0.002, captured_s
+
+
+DRIFTS = [drift * sign for drift in (0.0, 5e-5, 5e-4, 1e-3, 1.5e-3) for sign in (1, -1)][1:]
+
+
+@pytest.mark.parametrize("drift", DRIFTS)
+@pytest.mark.parametrize("jitter_s", [0.0, 0.01])
+def test_clocks_that_drift_apart_do_not_make_frames_look_old(drift, jitter_s):
+    off_s, at_s = ages_of(drift, jitter_s=jitter_s)
+    assert np.abs(off_s[at_s < 5.0]).max() < 5e-3 + 1e-3  # until the pace is known
+    assert np.abs(off_s[at_s > 5.0]).max() < 1.5e-3
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-3, -1e-3])
+def test_frames_that_are_held_up_for_seconds_keep_their_time_though_clocks_drift(drift):
+    off_s, at_s = ages_of(drift, jitter_s=0.003, held_up=(40.0, 44.0), seconds=80.0)
+    held = (at_s >= 40.0) & (at_s < 44.0)
+    assert np.abs(off_s[(at_s > 5.0) & ~held]).max() < 1.5e-3
+    assert np.abs(off_s[held]).max() < 4.0 * abs(drift) + 1.5e-3  # the pace counts from arrival
+
+
+@pytest.mark.parametrize("growth", [3e-3, 4e-3, 1e-2])
+def test_frames_of_a_queue_that_fills_look_as_old_as_they_are_but_for_what_a_clock_may_drift(
+    growth,
+):
+    """The delay grows by a share of the time: like a clock that drifts, but no clock does so."""
+    off_s, at_s = ages_of(-growth, seconds=200.0)
+    grown_s = -off_s[-1]
+    assert grown_s > 0.9 * (growth - MOST_DRIFT - CREEP) * at_s[-1]
+    assert grown_s < growth * at_s[-1]
+
+
+def test_the_pace_is_no_longer_than_the_last_spans_remember():
+    clock = CameraClock()
+    for at_s in np.arange(0.0, 200.0, 0.01):
+        clock.captured(at_s, at_s)
+    assert len(clock._bins) == BINS

@@ -5,7 +5,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 from typing import Any, Self
@@ -16,7 +16,7 @@ from hopdata.steering.live.buffer import LoopCounts, Status, Stream, StreamCount
 from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.loop import ControlLoop, Decision, observers_of
 from hopdata.steering.live.packets import PORT
-from hopdata.steering.live.safety import Boom, Limits, Rest
+from hopdata.steering.live.safety import LAST_REST_S, Boom, Limits, Rest, rest_within
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
 
@@ -53,6 +53,7 @@ def drive(
     on_decision: Callable[[Decision], None] | None = None,
     on_look: Callable[[ControlLoop, Stream], None] | None = None,
     log: DriveLog | None = None,
+    rest_without_log: bool = False,
 ) -> Drive:
     """Plan at each stance of a hopper that a Qualisys system sees, and command its boom.
 
@@ -90,6 +91,9 @@ def drive(
         Called every `LOOK_S` with the loop and the stream, in the caller's thread.
     log : DriveLog, optional
         Written during the drive, and closed at its end.
+    rest_without_log : bool
+        Whether the drive rests if the log cannot be written any more (a full disk). By default it
+        goes on.
 
     Raises
     ------
@@ -112,10 +116,14 @@ def drive(
     said, counted = stream.states, stream.counts
 
     def fault() -> str:
-        """Return an error if the stream was lost after its first frame, else an empty string."""
+        """Return why the boom must rest: the stream was lost after its first frame, or the log."""
         status = said.status
         gone = counted.frames and status.state in ("lost", "failed", "closed")
-        return f"the stream is {status.state}: {status.message}" if gone else ""
+        if gone:
+            return f"the stream is {status.state}: {status.message}"
+        if rest_without_log and log is not None:
+            return log.failure
+        return ""
 
     def decided(decision: Decision) -> None:
         if log is not None:
@@ -142,8 +150,7 @@ def drive(
                     first = signals.first
                     loop.rest(f"ended by {first.name}" if first else "the end")
         finally:
-            with suppress(Exception):  # the robot may be gone
-                boom.swing(0.0)
+            rest_within(boom, LAST_REST_S)
             if signals.first is not None:
                 said.report("closed", f"the drive was ended by {signals.first.name}")
             if log is not None:

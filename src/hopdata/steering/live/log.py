@@ -8,8 +8,11 @@ rests of the boom. `counts` are the counters.
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
+import os
+import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -20,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import pd
-from hopdata.errors import RecordingError
+from hopdata.errors import ConfigError, RecordingError
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, Status
 from hopdata.steering.live.loop import ControlLoop, Decision, Observers
@@ -28,7 +31,11 @@ from hopdata.steering.live.safety import Limits, NoBoom, Rest
 
 FORMAT = "hopdata drive 1"
 WRITE_S = 0.25  # time between writes
-CHUNK = 256
+# Rows for which the file grows at once: some seconds of frames and of stances.
+CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
+#: Bytes kept free for the file's own indices. Of 75 logs that met limits of 60 kB to 3 MB none was
+#: damaged with this, with half of it, or with none.
+MARGIN_BYTES = 1 << 14
 EVENT = np.dtype([("at_s", "f8"), ("sent_s", "f8"), ("kind", "S16"), ("text", "S200")])
 KINDS: dict[str, Any] = {"pose": "(3,)f8", "epoch": "i8", "outcome": "S16", "reason": "S200"}
 DECISION = np.dtype([(one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)])
@@ -42,7 +49,7 @@ class DriveLog:
     Parameters
     ----------
     path : path
-        The file; an existing one is replaced.
+        The file, which must not exist.
     markers : int
         Number of markers per frame.
     setup : mapping
@@ -50,8 +57,16 @@ class DriveLog:
     files : mapping
         Contents of the files used for the drive, by name.
 
+    Attributes
+    ----------
+    failure : str
+        Why nothing more can be written, such as a full disk; empty while all is well. The file
+        then keeps what it has, and can be read and replayed.
+
     Raises
     ------
+    ConfigError
+        If the file exists.
     OSError
         If the file cannot be created.
     """
@@ -66,8 +81,15 @@ class DriveLog:
     ) -> None:
         import h5py
 
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        self._file = h5py.File(path, "w", libver="latest", locking=False)
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.failure = ""
+        self._path = path
+        try:
+            self._file = h5py.File(path, "x", libver="latest", locking=False)
+        except FileExistsError:
+            how = "a file that exists already; name another one"
+            raise ConfigError.at(f"log {path}", "a new file", how) from None
         self._file.attrs.update(format=FORMAT, setup=json.dumps(dict(setup)))
         kept = self._file.create_group("files")
         for name, content in files.items():
@@ -82,7 +104,8 @@ class DriveLog:
         }
         self._waiting: dict[str, list[tuple[Any, ...]]] = {name: [] for name in types}
         for name, dtype in types.items():
-            self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(CHUNK,))
+            chunks = (CHUNKS[name],)
+            self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=chunks)
         self._file.swmr_mode = True
         self._taken, self._told = 0, {"states": 0, "rests": 0}
         self._look: Callable[[], None] = lambda: None
@@ -133,16 +156,54 @@ class DriveLog:
     def _write(self) -> None:
         try:
             self._look()
+        except Exception as error:
+            logger.error("the events of the drive could not be fetched: %r", error)
+        if self.failure:  # nothing is kept for a disk that is full: the drive may go on for hours
+            for rows in self._waiting.values():
+                rows.clear()
+            return
+        try:
             for name, rows in self._waiting.items():
-                count = len(rows)  # more may be added meanwhile
-                if count:
-                    table = self._file[name]
-                    table.resize(len(table) + count, axis=0)
-                    table[-count:] = np.array(rows[:count], dtype=table.dtype)
-                    del rows[:count]
-                    table.flush()
+                self._append(name, rows, len(rows))  # more may be added meanwhile
         except Exception as error:  # a full disk is no reason to stop a robot in mid-air
-            logger.error("the log could not be written: %r", error)
+            self.failure = f"the log could not be written any more: {error}"
+            logger.error("%s; %s keeps what it has", self.failure, self._path)
+
+    def _append(self, name: str, rows: list[tuple[Any, ...]], count: int) -> None:
+        """Write the first rows of a table that wait, if the disk has room for them."""
+        if not count:
+            return
+        table = self._file[name]
+        n_before = len(table)
+        (chunk,) = table.chunks
+        n_chunks = -(-(n_before + count) // chunk) - -(-n_before // chunk)
+        _reserve(self._path, n_chunks * chunk * table.dtype.itemsize + MARGIN_BYTES)
+        table.resize(n_before + count, axis=0)
+        table[-count:] = np.array(rows[:count], dtype=table.dtype)
+        del rows[:count]
+        table.flush()
+
+
+def _reserve(path: Path, n_bytes: int) -> None:
+    """Make sure that a file can grow by so many bytes.
+
+    HDF5 must not meet a full disk: a write of its own that fails leaves it in a state in which
+    closing the file ends the process.
+
+    Raises
+    ------
+    OSError
+        If the disk, a quota or a limit of the process does not allow it.
+    """
+    size = path.stat().st_size
+    if hasattr(os, "posix_fallocate"):
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), size, n_bytes)
+            os.ftruncate(file.fileno(), size)
+        return
+    free = shutil.disk_usage(path.parent).free
+    if free < n_bytes:
+        raise OSError(errno.ENOSPC, f"{n_bytes} bytes are needed, {free} are free")
 
 
 def _stored(value: object) -> object:

@@ -18,7 +18,7 @@ import numpy as np
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Worker
-from hopdata.steering.live.safety import Boom, Limits, Watch
+from hopdata.steering.live.safety import Boom, Limits, NoBoom, Watch
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stance, StanceDetector
 from hopdata.steering.observation.tracking import MISFIT, HopperTracker, Observation
@@ -99,6 +99,11 @@ def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
 LOOK_UP_S = 0.5
 SAME_CLOCK_S = 0.5
 MISFITS = 3  # consecutive frames whose markers do not fit together: some are swapped
+# Measured swings are compared with those sent. Cameras of 0.6 mm see the angle of a boom of 0.25 m
+# to some 5 mrad, a tenth of what counts. A boom that is wired backwards, dead or at half gain is
+# off by 2, 1 and 0.5 of its command.
+LEAST_SWING_RAD = 0.05  # differences below this are not seen
+SWING_SHARE = 0.3  # largest difference, as a share of the swing that was sent
 
 
 class ControlLoop(Worker):
@@ -145,7 +150,8 @@ class ControlLoop(Worker):
         super().__init__("hopdata-control", self._run)
         self.limits, self.counts = limits or Limits(), LoopCounts()
         self.last_failure = ""
-        self.watch, self._clock = Watch(boom, self._cause, clock), clock
+        self.watch = Watch(boom, self._cause, clock, patience_s=self.limits.command_s)
+        self._clock = clock
         self._fault, self._told_to_stop = fault, stop or threading.Event()
         self._over = self._failing = ""  # why the drive is over; why the last frame is unusable
         self._misfits, self._due_s = 0, math.inf  # when a plan is too late, monotonic clock
@@ -156,6 +162,12 @@ class ControlLoop(Worker):
         self._last: Frame | None = None
         self._pose, self._boom_angle = _Newest(), _Newest()
         self._last_stance: tuple[float, float] | None = None  # monotonic time, and boom angle
+        self._lacking: dict[str, float] = {}  # what frames lack -> capture time of the first, s
+        self._sent_rad = math.nan  # swing sent at the last stance; NaN if it is not certain
+        self._rests_then = 0  # rests up to that stance
+        self._boom_failure = ""  # what the boom raised at the last stance
+        self._wrong: list[tuple[float, float]] = []  # swings sent and measured that differ
+        self._is_sending = not isinstance(boom, NoBoom)  # else no boom can be expected to follow
 
     def start(self) -> Self:
         """Start the thread."""
@@ -195,9 +207,22 @@ class ControlLoop(Worker):
             return "the markers do not fit together: exchanged?"
         if silent_s > limit:
             return f"no frame for {silent_s:.3f} s, beyond {limit:g} s"
+        if lacking := self._lacking_too_long():
+            return lacking
         if now > self._due_s:
             return f"planned too late: no plan {self.limits.command_s:g} s after the stance"
-        return self._fault()
+        return self._boom_failure or self._fault()
+
+    def _lacking_too_long(self) -> str:
+        """Return which markers that are needed have not been seen for `Limits.pose_age_s`."""
+        last = self._last
+        if last is None:
+            return ""
+        ages = {what: last.captured_s - since for what, since in self._lacking.copy().items()}
+        too_long = {what: age for what, age in ages.items() if age > self.limits.pose_age_s}
+        if not too_long:
+            return ""
+        return f"{'; '.join(too_long)} (for {max(too_long.values()):.2f} s)"
 
     def decisions(self) -> tuple[Decision, ...]:
         """Return all decisions so far."""
@@ -248,6 +273,9 @@ class ControlLoop(Worker):
     def _heed(self, seen: Observation) -> None:
         """Check whether the hopper left the arena or tips over, and whether markers are misfits."""
         self._misfits = self._misfits + 1 if seen.status == MISFIT else 0
+        since_s = self._lacking
+        captured_s = self._last.captured_s if self._last is not None else math.nan
+        self._lacking = {what: since_s.get(what, captured_s) for what in seen.lacking}
         away, limits = math.hypot(*seen.pose[:2]), self.limits
         if away > limits.fence_m:
             self.rest(f"left the arena: {away:.2f} m from the origin, beyond {limits.fence_m:g} m")
@@ -258,12 +286,14 @@ class ControlLoop(Worker):
     def _decide(
         self, stance: Stance, frame: Frame, pose: _Newest, boom: _Newest, *, overtaken: bool
     ) -> None:
+        self._boom_failure = ""  # it is tried again
         self.watch.look()  # an earlier cause may be gone
         stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on the monotonic clock
         asked_s = self._clock()
         ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
         in_date = ages[1] <= self.limits.pose_age_s
         swung = self._swung(stance_s, boom.values[0] if in_date else math.nan)
+        self._compare(swung)
         planned, planning_s = math.nan, math.nan
         outcome, reason = self._refusal(*ages, asked_s - stance_s, overtaken=overtaken)
         command = math.nan if outcome == "overtaken" else 0.0
@@ -271,11 +301,14 @@ class ControlLoop(Worker):
             planned, reason = self._plan(pose, boom, swung, stance_s)
             planning_s = self._clock() - asked_s
             outcome, command, reason = self._permitted(planned, reason, stance_s)
+        self._sent_rad, self._rests_then = math.nan, len(self.watch.rests)
         if outcome != "overtaken":
             try:
                 refused = self.watch.swing(command)
+                self._sent_rad = math.nan if refused else command
             except Exception as error:
                 refused, reason = "", f"the boom failed: {error!r}"
+                self._boom_failure = reason  # it may have begun to move
             if refused:
                 outcome, command, reason = "held", 0.0, refused
         sent_s = self._clock()
@@ -316,6 +349,24 @@ class ControlLoop(Worker):
         swing = float(wrapped(boom_angle_rad - before[1]))
         return swing if math.isfinite(swing) else None
 
+    def _compare(self, swung: float | None) -> None:
+        """Compare the last hop's swing with the one sent; wrong ones in a row end the drive."""
+        if not self._is_sending:
+            return
+        sent = self._sent_rad
+        is_certain = math.isfinite(sent) and len(self.watch.rests) == self._rests_then
+        if swung is None or not is_certain:
+            return
+        if max(abs(sent), abs(swung)) < LEAST_SWING_RAD:
+            return
+        difference = abs(float(wrapped(swung - sent)))
+        if difference <= max(LEAST_SWING_RAD, SWING_SHARE * abs(sent)):
+            self._wrong = []
+            return
+        self._wrong = [*self._wrong, (sent, swung)]
+        if len(self._wrong) >= self.limits.wrong_swings:
+            self.rest(_does_not_follow(self._wrong))
+
     def _plan(
         self, pose: _Newest, boom: _Newest, swung: float | None, stance_s: float
     ) -> tuple[float, str]:
@@ -349,6 +400,25 @@ class ControlLoop(Worker):
                 self._on_decision(decision)
             except Exception as error:
                 self.last_failure = repr(error)
+
+
+def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> str:
+    """Say how swings that were measured differ from those sent."""
+    pairs = ", ".join(f"{sent:+.2f} rad sent and {swung:+.2f} measured" for sent, swung in wrong)
+    sent, swung = np.array(wrong).T
+    if np.abs(sent).max() < LEAST_SWING_RAD:
+        how = "it moves though it was told to stay"
+    else:
+        gain = float(sent @ swung / (sent @ sent))
+        how = f"it moves by {100 * gain:.0f} % of its swings"
+        if gain < -LEAST_GAIN:
+            how = "it turns the other way"
+        elif gain < LEAST_GAIN:
+            how = "it does not move"
+    return f"the boom does not follow: {how} ({pairs})"
+
+
+LEAST_GAIN = 0.15  # share of its swings below which a boom counts as not moving
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,59 @@ def header_fault(size: int, kind: int) -> str:
     return f"packet of type {kind} with {size} bytes, expected {HEADER.size} to {longest} bytes"
 
 
+FRAME_HEADER = struct.Struct("<qII")  # time stamp, us; frame number; number of components
+MARKERS_HEADER = struct.Struct("<Ihh")  # number of markers; two rates of frames lost
+# Bytes of a marker in the components of markers, by their type: three floats, and a label, a
+# residual or both.
+MARKER_BYTES = {1: 12, 2: 16, 9: 16, 10: 20}
+
+
+def parts_fault(payload: bytes) -> str:
+    """Return which stated length of a frame does not fit its bytes, or an empty string.
+
+    The work is bounded by the bytes present: a component has at least a header, so a frame of n
+    bytes cannot hold more than n / 8 of them, whatever it states.
+    """
+    if len(payload) < FRAME_HEADER.size:
+        return f"expected {FRAME_HEADER.size} bytes before the components, found {len(payload)}"
+    stated = FRAME_HEADER.unpack_from(payload)[2]
+    most = (len(payload) - FRAME_HEADER.size) // HEADER.size
+    if stated > most:
+        return f"expected room for the {stated} components stated, found room for {most}"
+    at = FRAME_HEADER.size
+    for _ in range(stated):
+        if at + HEADER.size > len(payload):
+            return f"expected a component at byte {at}, found the end of the frame"
+        size, kind = HEADER.unpack_from(payload, at)
+        if not HEADER.size <= size <= len(payload) - at:
+            wanted = f"{HEADER.size} to {len(payload) - at} bytes of a component"
+            return f"expected {wanted} at byte {at}, found {size}"
+        if kind in MARKER_BYTES and (fault := _markers_fault(payload, at, size, kind)):
+            return fault
+        at += size
+    return ""
+
+
+def _markers_fault(payload: bytes, at: int, size: int, kind: int) -> str:
+    """Return whether the number of markers of a component does not fit its size."""
+    header = HEADER.size + MARKERS_HEADER.size
+    if size < header:
+        return f"expected {header} bytes before the markers at byte {at}, found {size}"
+    stated = MARKERS_HEADER.unpack_from(payload, at + HEADER.size)[0]
+    room = (size - header) // MARKER_BYTES[kind]
+    if stated > room:
+        return f"expected room for the {stated} markers stated at byte {at}, found room for {room}"
+    return ""
+
+
 def payload_fault(kind: int, payload: bytes) -> str:
     """Return why the client cannot read the payload of a frame or event, or an empty string."""
+    # The client believes what a packet says of its own parts, so that comes first.
+    fault = ""
+    if kind == DATA:
+        fault = parts_fault(payload)
+    if fault:
+        return f"a frame that cannot be read: {fault}"
     from qtm_rt.packet import QRTEvent, QRTPacket
 
     try:

@@ -1,10 +1,14 @@
 """The interface to the boom, the limits of the loop, and the watch that brings the boom to rest."""
 
+import itertools
 import logging
+import math
+import queue
 import socket
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -12,9 +16,10 @@ import numpy as np
 
 from hopdata.errors import require
 from hopdata.steering.live.buffer import Worker
-from hopdata.steering.live.packets import LOOPBACK, PortError
+from hopdata.steering.live.packets import LOOPBACK, LiveError, PortError
 
 PORTS = 1 << 16
+ANSWER_BYTES, DIGITS = 64, 18  # longest answer and number that are read
 
 
 class Boom(Protocol):
@@ -23,7 +28,9 @@ class Boom(Protocol):
     def swing(self, rad: float) -> None:
         """Change the boom angle by `rad` in the next flight; 0 keeps it where it is.
 
-        Replaces a swing that was sent before and has not begun.
+        Replaces a swing that was sent before and has not begun. A boom whose line may lose a
+        command also has a method `acknowledged()`, which returns at once whether the last swing
+        has arrived; a rest is then sent until it has.
         """
 
 
@@ -38,7 +45,8 @@ class UdpBoom:
     """Sends each swing as a line, `swing <number> <rad>`, in a datagram of its own.
 
     Numbers increase by one, starting with the milliseconds since 1970, so those of a later drive
-    are higher.
+    are higher. The robot answers each line to where it came from with `heard <number>`. A rest is
+    sent until it is heard, since a datagram may be lost.
 
     Parameters
     ----------
@@ -54,12 +62,29 @@ class UdpBoom:
     def __init__(self, port: int, *, host: str = LOOPBACK) -> None:
         self._address = _address(host, port)  # looked up once, not in each flight
         self._number = time.time_ns() // 1_000_000
+        self._heard = 0  # highest number that the robot has answered
+        self._wanted = 0  # number whose answer, or a later one, acknowledges the last swing
+        self._rests = False
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
 
     def swing(self, rad: float) -> None:
         """Send a swing."""
         self._number += 1
+        is_repeated = rad == 0.0 and self._rests
+        if not is_repeated:  # an answer to any of the rests in a row will do
+            self._wanted = self._number
+        self._rests = rad == 0.0
         self._socket.sendto(f"swing {self._number} {rad!r}\n".encode(), self._address)
+
+    def acknowledged(self) -> bool:
+        """Return whether the robot has answered the last swing."""
+        with suppress(OSError):  # no more answers, or none of a robot that is gone
+            while True:
+                words = self._socket.recv(ANSWER_BYTES).split()
+                if len(words) == 2 and words[0] == b"heard" and words[1].isdigit():
+                    self._heard = max(self._heard, int(words[1][:DIGITS]))
+        return self._heard >= self._wanted
 
     def close(self) -> None:
         """Close the socket."""
@@ -107,12 +132,16 @@ class Limits:
         The drive ends when the hopper is farther than this from the world's origin.
     tilt_rad : float
         The drive ends when the hopper leans by more; in normal hops it leans by a tenth of this.
+    wrong_swings : int
+        The drive ends after so many hops in a row whose swing, as measured, is not the one that was
+        sent. A single one may have been sent too late for its flight.
 
     Raises
     ------
     ConfigError
-        If a time or the fence is not above 0, or swing or tilt is not from 0 to pi. A limit that is
-        not a number, or is in degrees, would let every swing or tilt pass.
+        If a time or the fence is not above 0, swing or tilt is not from 0 to pi, or `wrong_swings`
+        is below 1. A limit that is not a number, or is in degrees, would let every swing or tilt
+        pass.
     """
 
     pose_age_s: float = 0.1
@@ -121,17 +150,19 @@ class Limits:
     hop_s: float = 1.0
     fence_m: float = 3.0
     tilt_rad: float = np.pi / 4
+    wrong_swings: int = 2
 
     def __post_init__(self) -> None:
         for name in ("pose_age_s", "command_s", "hop_s", "fence_m"):
             require(getattr(self, name) > 0, name, "more than 0", getattr(self, name))
         for name in ("swing_rad", "tilt_rad"):
             require(0 <= getattr(self, name) <= np.pi, name, "0 to pi", getattr(self, name))
+        require(self.wrong_swings >= 1, "wrong_swings", "1 or more", self.wrong_swings)
 
 
 # Bringing the boom to rest.
-
 LOOK_S = 0.01
+LAST_REST_S = 1.0  # longest time for the last rest to arrive
 logger = logging.getLogger(__name__)
 
 
@@ -144,12 +175,156 @@ class Rest:
     cause: str
 
 
+class Command:
+    """A swing on its way to the boom, and what became of it.
+
+    `done` is set once the boom's driver has returned, or a newer command came before it was called
+    (`replaced`). `sent_s` is when the driver returned, s; `error` is what it raised, if anything.
+    """
+
+    def __init__(self, rad: float) -> None:
+        self.rad = rad
+        self.done = threading.Event()
+        self.replaced = False
+        self.sent_s = math.nan
+        self.error: Exception | None = None
+
+
+class Sender(Worker):
+    """Calls the boom in a thread of its own, so that a driver that blocks delays nobody else.
+
+    Only the newest command counts: it replaces those that the driver has not been given. A rest is
+    sent again every `LOOK_S` until the driver returns without an error and the boom, if it can
+    tell, has heard it. Before `start` commands are sent in the caller's thread, as on a simulated
+    clock.
+    """
+
+    def __init__(self, boom: Boom, clock: Callable[[], float]) -> None:
+        super().__init__("hopdata-boom", self._run)
+        self._boom, self._clock = boom, clock
+        self._waiting: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._last: Command | None = None
+        self._rest: Command | None = None  # not heard yet
+        self._called_s = math.inf  # when the driver was called that has not returned
+
+    def put(self, rad: float) -> Command:
+        """Give the boom a swing; returns at once if the thread runs."""
+        command = Command(rad)
+        self._last = command
+        if self._thread.ident is None:
+            self._send(command)
+        else:
+            self._waiting.put(command)
+        return command
+
+    def again(self) -> None:
+        """Send the last rest again, unless it has been heard; for callers without a thread."""
+        if self._thread.ident is None:
+            self._insist()
+
+    def blocked_s(self) -> float:
+        """Return for how long the driver has not returned, s; 0 if it is not being called."""
+        return max(0.0, self._clock() - self._called_s)
+
+    def close(self) -> None:
+        """Stop the thread, after `LAST_REST_S` at most for the last command to arrive.
+
+        Raises
+        ------
+        LiveError
+            If the driver does not return.
+        """
+        if self._thread.ident is None or self._stop.is_set():
+            return
+        until_s = time.monotonic() + LAST_REST_S
+        if self._last is not None:
+            self._last.done.wait(LAST_REST_S)
+        while self._rest is not None and time.monotonic() < until_s:
+            time.sleep(0.1 * LOOK_S)
+        self._stop.set()
+        self._thread.join(LAST_REST_S)
+        if self._thread.is_alive():
+            raise LiveError(f"the boom's driver has not returned for {self.blocked_s():.1f} s")
+        if self._rest is not None:
+            logger.error("the boom did not acknowledge the last rest")
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            command = self._newest()
+            if command is None:
+                self._insist()
+            else:
+                self._send(command)
+
+    def _newest(self) -> Command | None:
+        """Return the newest command within `LOOK_S`, if any; those before it are replaced."""
+        newest: Command | None = None
+        with suppress(queue.Empty):
+            newest = self._waiting.get(timeout=LOOK_S)
+            while True:
+                following = self._waiting.get_nowait()
+                is_same_rest = newest.rad == 0.0 and following.rad == 0.0
+                dropped = following if is_same_rest else newest
+                dropped.replaced = True
+                dropped.done.set()
+                if not is_same_rest:
+                    newest = following
+        return newest
+
+    def _insist(self) -> None:
+        """Send a rest again that failed, or that the boom has not heard."""
+        rest = self._rest
+        if rest is None:
+            return
+        if rest.error is None and self._is_heard():
+            self._rest = None
+        else:
+            self._send(rest)
+
+    def _is_heard(self) -> bool:
+        asked = getattr(self._boom, "acknowledged", None)
+        return asked is None or bool(asked())
+
+    def _send(self, command: Command) -> None:
+        self._rest = command if command.rad == 0.0 else None
+        failed_before = command.error is not None
+        self._called_s = self._clock()
+        try:
+            self._boom.swing(command.rad)
+            command.error = None
+        except Exception as error:
+            command.error = error
+            if command.rad == 0.0 and not failed_before:
+                logger.error("the boom failed to rest: %r", error)
+        self._called_s = math.inf
+        if math.isnan(command.sent_s) and command.error is None:
+            command.sent_s = self._clock()
+        command.done.set()
+
+
+def rest_within(boom: Boom, seconds: float) -> bool:
+    """Command a boom to rest from a thread of its own; return whether its driver has returned.
+
+    For the end of a drive, where the sender's thread may never have begun, or is blocked.
+    """
+    returned = threading.Event()
+
+    def send() -> None:
+        with suppress(Exception):  # the robot may be gone
+            boom.swing(0.0)
+        returned.set()
+
+    threading.Thread(target=send, name="hopdata-last-rest", daemon=True).start()
+    return returned.wait(seconds)
+
+
 class Watch(Worker):
     """Guards the boom, and brings it to rest when there is a cause.
 
     A thread of its own asks for a cause every `LOOK_S`, so that neither a silent stream nor a
-    controller that does not return can delay it. While there is a cause, no swing is passed on. If
-    the boom fails to rest, it is commanded again at every look.
+    controller that does not return can delay it. While there is a cause, no swing is passed on. The
+    boom is called by a `Sender`, whose thread begins with that of the watch; no lock is held while
+    code of others runs, so nothing that blocks can keep the boom's rest from being sent.
 
     Parameters
     ----------
@@ -158,6 +333,8 @@ class Watch(Worker):
         Returns the cause for which the boom must rest, or an empty string.
     clock : callable
         Returns the time, s.
+    patience_s : float
+        Longest time for the boom's driver to return; a longer one is a cause to rest.
 
     Attributes
     ----------
@@ -167,38 +344,92 @@ class Watch(Worker):
     """
 
     def __init__(
-        self, boom: Boom, ask: Callable[[], str], clock: Callable[[], float] = time.monotonic
+        self,
+        boom: Boom,
+        ask: Callable[[], str],
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        patience_s: float = 0.2,
     ) -> None:
         super().__init__("hopdata-watch", self._run)
         self.cause, self.rests = "", list[Rest]()
-        self._boom, self._ask, self._clock, self._lock = boom, ask, clock, threading.Lock()
+        self._ask, self._clock, self._patience_s = ask, clock, patience_s
+        self._sender = Sender(boom, clock)
+        self._lock = threading.Lock()
+        self._tickets = itertools.count()
+        self._latest = -1  # ticket of the newest answer heeded
+        self._resting: Command | None = None  # whose arrival is not recorded yet
+        self._rest_cause, self._seen_s = "", math.nan
+
+    def start(self) -> Self:
+        """Start the threads of the watch and of the boom."""
+        self._sender.start()
+        return super().start()
+
+    def close(self) -> None:
+        """Stop the threads; a rest that is on its way arrives before that."""
+        super().close()
+        try:
+            self._sender.close()
+        finally:
+            self._record()
 
     def swing(self, rad: float) -> str:
-        """Send a swing and return an empty string, or return why it was not sent."""
+        """Send a swing and return an empty string, or return why it was not sent.
+
+        Raises
+        ------
+        Exception
+            What the boom's driver raises.
+        """
         with self._lock:
-            if not self.cause:
-                self._boom.swing(rad)
-            return self.cause
+            if self.cause:
+                return self.cause
+            command = self._sender.put(rad)
+        if not command.done.wait(self._patience_s):
+            return f"the boom's driver has not returned within {self._patience_s:g} s"
+        if command.replaced:
+            return self.cause or "a newer command came first"
+        if command.error is not None:
+            raise command.error
+        return ""
 
     def look(self) -> None:
         """Ask for a cause, and command the boom to rest if there was none before."""
-        with self._lock:  # includes asking: an older answer must not replace a newer one
-            try:
-                cause = self._ask()
-            except Exception as error:
-                cause = f"the watch failed: {error!r}"
-            seen_s = self._clock()
-            new, self.cause = bool(cause) and not self.cause, cause
-            if not new:
+        ticket = next(self._tickets)
+        try:
+            cause = self._ask()
+        except Exception as error:
+            cause = f"the watch failed: {error!r}"
+        blocked_s = self._sender.blocked_s()
+        if not cause and blocked_s > self._patience_s:
+            cause = f"the boom's driver has not returned for {blocked_s:.2f} s"
+        seen_s = self._clock()
+        with self._lock:  # held for a few assignments only
+            if ticket < self._latest:  # an older answer must not replace a newer one
                 return
-            try:
-                self._boom.swing(0.0)
-            except Exception as error:
-                self.cause = ""  # so that the command is repeated
-                logger.error("the boom failed to rest: %r", error)
+            self._latest = ticket
+            is_new = bool(cause) and not self.cause
+            self.cause = cause
+            if is_new:
+                self._rest_cause, self._seen_s = cause, seen_s
+                self._resting = self._sender.put(0.0)
+        if cause and not is_new:
+            self._sender.again()
+        self._record()
+
+    def _record(self) -> None:
+        """Note a rest once the boom's driver has returned without an error."""
+        with self._lock:
+            command = self._resting
+            if command is None or not command.done.is_set() or command.error is not None:
                 return
-            self.rests.append(Rest(seen_s, self._clock(), cause))
-        logger.warning("the boom rests: %s", cause)
+            self._resting = None
+            if command.replaced:  # the cause was gone before the driver could be called
+                return
+            rest = Rest(self._seen_s, command.sent_s, self._rest_cause)
+            self.rests.append(rest)
+        logger.warning("the boom rests: %s", rest.cause)
 
     def _run(self) -> None:
         while not self._stop.wait(LOOK_S):

@@ -3,6 +3,7 @@
 import asyncio
 import math
 import time
+from collections import deque
 from collections.abc import Awaitable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -95,22 +96,65 @@ class Timeline:
         return abs(span - expected) <= max(0.45 * self._period_s, SLACK * expected)
 
 
+BIN_S = 1.0  # the shortest delay is noted in every such span
+BINS = 20  # spans remembered: a clock's pace is known from their shortest delays
+LEAST_BINS = 4  # spans before a pace is estimated; until then clocks drift by CREEP at most
+MOST_DRIFT = 2e-3  # relative; twice that of 59.94 Hz taken for 60. A delay that grows as slowly
+# cannot be told from a drift, so a larger limit would hide a queue that fills.
+
+
 class CameraClock:
     """Converts camera times to the monotonic clock, by the shortest delay seen lately.
 
     A frame that was delayed thus keeps its capture time, and appears as old as it is. A constant
-    delay cannot be observed and is not included.
+    delay cannot be observed and is not included. The camera's clock may be slow or fast by
+    `MOST_DRIFT`: its pace is the median slope of the shortest delays of the last spans.
     """
 
     def __init__(self) -> None:
-        self._offset_s, self._last_s = math.inf, math.inf
+        self._bins: deque[tuple[float, float]] = deque(maxlen=BINS)  # arrival and offset, s
+        self._bin_ends_s = -math.inf
+        self._drift = 0.0
+        # What spans that are no longer remembered foresee. Without it, a queue that fills a little
+        # faster than `MOST_DRIFT` would never look older than 20 s of it.
+        self._earlier = (0.0, math.inf)
 
     def captured(self, time_s: float, arrival_s: float) -> float:
         """Return when a frame was captured, s, given its camera time and its arrival."""
-        crept = self._offset_s + CREEP * max(0.0, arrival_s - self._last_s)
-        self._offset_s = min(crept, arrival_s - time_s)
-        self._last_s = arrival_s
-        return time_s + self._offset_s
+        self._note(arrival_s, arrival_s - time_s)
+        noted = (*self._bins, self._earlier)
+        offset_s = min(self._foreseen(one, arrival_s) for one in noted)
+        return time_s + min(offset_s, arrival_s - time_s)
+
+    def _note(self, arrival_s: float, offset_s: float) -> None:
+        """Keep the smallest offset of each span; at its end, estimate the drift anew."""
+        if arrival_s >= self._bin_ends_s:
+            self._drift = _slope(self._bins)
+            if len(self._bins) == BINS:
+                forgotten = (self._bins[0], self._earlier)
+                least_s = min(self._foreseen(one, arrival_s) for one in forgotten)
+                self._earlier = (arrival_s, least_s)
+            self._bins.append((arrival_s, offset_s))
+            self._bin_ends_s = arrival_s + BIN_S
+            return
+        last = self._bins[-1]
+        if offset_s < self._foreseen(last, arrival_s):
+            self._bins[-1] = (arrival_s, offset_s)
+
+    def _foreseen(self, noted: tuple[float, float], arrival_s: float) -> float:
+        """Return the offset expected now from one noted earlier, s."""
+        at_s, offset_s = noted
+        return offset_s + (self._drift + CREEP) * max(0.0, arrival_s - at_s)
+
+
+def _slope(bins: Sequence[tuple[float, float]]) -> float:
+    """Return the median slope of offsets over time (Theil and Sen), within `MOST_DRIFT`."""
+    if len(bins) < LEAST_BINS:
+        return 0.0
+    at_s, offset_s = np.array(bins).T
+    first, second = np.triu_indices(len(bins), 1)
+    slopes = (offset_s[second] - offset_s[first]) / (at_s[second] - at_s[first])
+    return float(np.clip(np.median(slopes), -MOST_DRIFT, MOST_DRIFT))
 
 
 Result = TypeVar("Result")

@@ -17,6 +17,7 @@ KNOWN = (SEEN, LEANED)  # with a pose
 
 MISFIT_NOISES = 5.0  # times the noise: larger residuals mean that markers are mixed up
 BOOM_MISS_M = 0.02
+LEAST_BODY = 3  # body markers that give a pose on their own
 HOLD_S = 0.5  # with two markers, the attitude of a frame within this time is used
 
 
@@ -41,6 +42,9 @@ class Observation:
         do not fit together, and nothing is estimated. "unseen": too few markers.
     rotation : (3, 3) array
         From body axes to the world; NaN if unknown.
+    lacking : tuple of str
+        What the frame lacks of the markers that are needed, each in words: those of the body if
+        fewer than three are seen, and the boom's.
     """
 
     pose: FloatArray
@@ -49,6 +53,7 @@ class Observation:
     residual_m: float
     status: str
     rotation: FloatArray
+    lacking: tuple[str, ...] = ()
 
     @property
     def known(self) -> bool:
@@ -106,6 +111,7 @@ class HopperTracker:
         self.geometry = geometry
         self._body = geometry.body_places(markers)
         self._boom = geometry.boom_place(markers)
+        self._names = tuple(markers)
         self._seen_s, self._rotation = -np.inf, np.full((3, 3), np.nan)
         self._heading = 0.0
 
@@ -114,12 +120,28 @@ class HopperTracker:
         earlier = self._rotation if 0 <= time_s - self._seen_s <= HOLD_S else None
         boom = None if self._boom is None else markers[self._boom]
         found = observe_frame(self.geometry, markers[self._body], boom, earlier)
+        found = replace(found, lacking=self._lacking(markers, found))
         if not found.known:
             return found
         if found.status == SEEN:
             self._seen_s, self._rotation = time_s, found.rotation
         self._heading += float(wrapped(found.pose[2] - self._heading))
         return replace(found, pose=np.append(found.pose[:2], self._heading))
+
+    def _lacking(self, markers: FloatArray, found: Observation) -> tuple[str, ...]:
+        """Return which of the markers that are needed a frame does not show."""
+        unseen = [k for k in self._body if np.isnan(markers[k]).any()]
+        if len(self._body) - len(unseen) >= LEAST_BODY:
+            unseen = []
+        lacking = [f"marker '{self._names[k]}' is not seen" for k in unseen]
+        if self._boom is None:
+            return tuple(lacking)
+        boom = f"marker '{self._names[self._boom]}'"
+        if np.isnan(markers[self._boom]).any():
+            lacking.append(f"{boom} is not seen")
+        elif found.known and np.isnan(found.boom_angle_rad):
+            lacking.append(f"{boom} is off the circle of the boom")
+        return tuple(lacking)
 
 
 # Pose, height and boom angle in every frame of a recording.
