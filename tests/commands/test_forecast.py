@@ -107,7 +107,9 @@ def test_a_foot_that_is_hidden_where_it_lands_is_named(check):
     assert int(used) < 0.8 * int(found)
     assert "frames missing at the contact of toe2" in starting(lines, "left out")[0]
     assert any(x.startswith("toe2 is hidden where it lands") for x in starting(lines, "change"))
-    assert not any("toe1" in x or "toe3" in x for x in starting(lines, "change"))
+    # The others are not hidden. That one of them may be left out since orders are unsure is another
+    # advice, which depends on chance in 15 landings.
+    assert not any(x.startswith(("toe1", "toe3")) for x in starting(lines, "change"))
 
 
 def test_a_foot_that_only_drags_is_to_be_left_out():

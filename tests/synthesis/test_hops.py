@@ -111,7 +111,7 @@ CLEAN = {"noise_m": 0.0, "resolution_m": 0.0, "floor": {"bowl_depth_m": 0.0, "wa
 def gait_and_control(**strength):
     start = level_state(CONTROL_HOPS_HOPPER, 0.24)
     start[3:6], start[6:12] = [0.5, 0.02, -0.03], [0.1, -0.05, 0.0, 0.2, -0.3, 0.1]
-    gait = fly_hop(CONTROL_HOPS_HOPPER, start)
+    gait = fly_hop(CONTROL_HOPS_HOPPER, start, limit_s=2.0)  # steps follow from the whole span
     control = Control(**strength)
     hop = control_hop(CONTROL_HOPS_HOPPER, control, gait, frame_times_s=FINE, limit_s=2.0)
     return (

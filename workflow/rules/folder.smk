@@ -7,7 +7,7 @@ from pathlib import Path
 
 # Nothing in a study's folder is imported. Snakemake puts the Snakefile's folder first on Python's
 # path, which in a clone is the study's, and Python does the same with the working folder of jobs.
-os.environ["PYTHONSAFEPATH"] = "1"
+os.environ.update(PYTHONSAFEPATH="1")
 sys.path[:] = [place for place in sys.path if Path(place).resolve() != Path.cwd()]
 
 # Snakemake refuses a locked folder without saying which command unlocks it.

@@ -257,6 +257,7 @@ def test_distances_are_scored_only_if_they_were_made():
         "feet": FEET,
         "tables": {"kink": touchdowns(item, item.contact_times)},
         "sections": sections(0.5, 0.3),
+        "recordings": {},
         "prediction_summary": pd.DataFrame({"model": ["all"], "median": [3.0]}),
     }
     assert "random_clearance" in score({"hopper": item}, distance_summary=made, **of)
