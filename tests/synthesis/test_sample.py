@@ -26,7 +26,7 @@ def made_again(sample):
 
 
 def test_sample_is_small_and_long_enough(sample):
-    assert SAMPLE.stat().st_size < 4.2e6
+    assert SAMPLE.stat().st_size < 4.7e6  # positions are float64
     assert sample[1].complete.sum() >= 400
 
 

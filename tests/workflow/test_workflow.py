@@ -280,7 +280,7 @@ def test_the_bundled_recordings_are_what_the_committed_rules_make(sample, config
     completed(sample, "--configfile", f"config/{config}.yaml", "--", str(made))
     made = sample / made
     bundled = sample / "data" / "sample" / made.name
-    assert bundled.stat().st_size < 4_200_000
+    assert bundled.stat().st_size < 4_700_000  # positions are float64
     np.testing.assert_allclose(
         read_recording(made).positions, read_recording(bundled).positions, rtol=0, atol=2e-5
     )
