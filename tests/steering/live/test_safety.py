@@ -318,3 +318,65 @@ def test_the_last_rest_does_not_wait_for_a_driver_that_blocks():
 def test_a_number_of_wrong_swings_that_would_end_no_drive_is_refused(wrong):
     with pytest.raises(ConfigError, match="wrong_swings: expected 1 or more, found"):
         Limits(wrong_swings=wrong)
+
+
+class Deaf:
+    """A boom that cannot tell whether it has heard: its line is gone."""
+
+    def __init__(self):
+        self.swings = []
+
+    def swing(self, rad):
+        self.swings.append(rad)
+
+    def acknowledged(self):
+        raise OSError("no such port")
+
+
+def test_a_boom_that_fails_to_tell_is_sent_its_rests_all_the_same():
+    boom, cause = Deaf(), [""]
+    watch = Watch(boom, lambda: cause[0])
+    watch.start()
+    try:
+        assert watch.swing(0.0) == ""
+        wait_until(lambda: len(boom.swings) > 3)
+        assert watch.swing(0.3) == ""
+        cause[0] = "the end"
+        wait_until(lambda: watch.rests)
+        assert boom.swings[-1] == 0.0
+    finally:
+        watch.close()
+
+
+class Slow:
+    """A driver that returns late once."""
+
+    def __init__(self):
+        self.swings, self.go = [], threading.Event()
+
+    def swing(self, rad):
+        self.swings.append(rad)
+        if rad == 0.4:
+            self.go.wait(5.0)
+
+
+def test_a_swing_that_was_given_up_is_followed_by_a_rest_and_never_sent_later():
+    boom = Slow()
+    watch = Watch(boom, lambda: "", patience_s=0.05)
+    watch._sender.start()  # without the watch's own looks, which would send a rest as well
+    assert "has not returned within 0.05 s" in watch.swing(0.4)
+    assert "has not returned within 0.05 s" in watch.swing(0.2)  # waits behind the first
+    boom.go.set()
+    wait_until(lambda: boom.swings[-1] == 0.0)
+    time.sleep(0.05)
+    assert boom.swings == [0.4, 0.0]
+    watch._sender.close()
+
+
+def test_an_answer_counts_only_from_the_robot_and_for_a_line_that_was_sent(swings):
+    with UdpBoom(swings.port) as boom:
+        boom.swing(0.0)
+        answers = (f"heard {boom._number + 1}", "heard 999999999999999999", "heard x", "heard")
+        numbers = [boom._number_heard(answer.encode()) for answer in answers]
+        assert numbers == [0, 0, 0, 0]
+        assert boom._number_heard(f"heard {boom._number}".encode()) == boom._number

@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -45,6 +45,7 @@ TWO_HOPS_S = 3.0
 ONE_HOP_S = 1.5  # time for what is told at the next stance
 SOON_S = 0.05  # a few looks of the watch
 REAL_S = 20.0  # longest drive in real time; on a free machine each takes about 2 s
+ENDED_BY = "ended by"  # the cause of a rest after a signal, with its name
 BLOCKED_S = 1.0  # patience with a driver, in that drive
 BLOCKED = "the boom's driver has not returned"
 
@@ -169,9 +170,10 @@ def acts(names: tuple[str, ...], limits: Limits) -> tuple[Act, ...]:
             "the operator's key is pressed", "press Enter",
             "the operator's key", SOON_S, presses_key=True,
         ),
-        Act("Ctrl-C is pressed", "press Ctrl-C", "ended by SIGINT", REAL_S,
+        Act("Ctrl-C is pressed", "press Ctrl-C", f"{ENDED_BY} SIGINT", REAL_S,
             in_real_time=_signalled(signal.SIGINT)),
-        Act("SIGTERM comes", "kill the process of hopdata (kill PID)", "ended by SIGTERM", REAL_S,
+        Act("SIGTERM comes", "kill the process of hopdata (kill PID)",
+            f"{ENDED_BY} SIGTERM", REAL_S,
             in_real_time=_signalled(signal.SIGTERM)),
         Act("the boom's driver blocks", "", BLOCKED, REAL_S, in_real_time=_block),
         Act("the boom's driver fails", "", "the boom failed", ONE_HOP_S, refuses=3),
@@ -462,12 +464,16 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
         parts = _RealParts(Path(folder, "rehearsal.h5"))
         hopper = LiveHopper(SteeredHopper(), parts.moved.newest, pose=(1.0, 0.0, 0.0), seed=SEED)
         controller = SimpleNamespace(plan=lambda *_: SimpleNamespace(swing_rad=SWING_RAD))
-        # A signal ends the drive with SystemExit; a driver that never returns with LiveError.
-        with suppress(SystemExit, LiveError):
+        try:
             drive(
                 geometry, controller, parts, stream=SimulatedStream(hopper), stop=stop,
                 seconds=REAL_S, limits=limits, on_look=look, log=parts.log, rest_without_log=True,
             )  # fmt: skip
+        except LiveError:  # a driver that never returns
+            pass
+        except SystemExit:
+            if not loops or ENDED_BY not in act.rest:  # the operator's own Ctrl-C
+                raise
         parts.released.set()
     if not loops:
         why = f"before the act: no swing within {REAL_S:g} s"

@@ -81,10 +81,18 @@ class UdpBoom:
         """Return whether the robot has answered the last swing."""
         with suppress(OSError):  # no more answers, or none of a robot that is gone
             while True:
-                words = self._socket.recv(ANSWER_BYTES).split()
-                if len(words) == 2 and words[0] == b"heard" and words[1].isdigit():
-                    self._heard = max(self._heard, int(words[1][:DIGITS]))
+                answer, (host, *_) = self._socket.recvfrom(ANSWER_BYTES)
+                if host == self._address[0]:
+                    self._heard = max(self._heard, self._number_heard(answer))
         return self._heard >= self._wanted
+
+    def _number_heard(self, answer: bytes) -> int:
+        """Return the number in a robot's answer; 0 if it answers none of the lines sent."""
+        words = answer.split()
+        if len(words) != 2 or words[0] != b"heard" or not words[1].isdigit():
+            return 0
+        number = int(words[1][:DIGITS])
+        return number if number <= self._number else 0
 
     def close(self) -> None:
         """Close the socket."""
@@ -180,14 +188,16 @@ class Command:
 
     `done` is set once the boom's driver has returned, or a newer command came before it was called
     (`replaced`). `sent_s` is when the driver returned, s; `error` is what it raised, if anything.
+    A command that nobody waits for any more is `withdrawn`: the driver is not called for it.
     """
 
     def __init__(self, rad: float) -> None:
         self.rad = rad
         self.done = threading.Event()
         self.replaced = False
+        self.withdrawn = False
         self.sent_s = math.nan
-        self.error: Exception | None = None
+        self.error: BaseException | None = None
 
 
 class Sender(Worker):
@@ -206,6 +216,7 @@ class Sender(Worker):
         self._last: Command | None = None
         self._rest: Command | None = None  # not heard yet
         self._called_s = math.inf  # when the driver was called that has not returned
+        self._fails_to_tell = False
 
     def put(self, rad: float) -> Command:
         """Give the boom a swing; returns at once if the thread runs."""
@@ -263,12 +274,9 @@ class Sender(Worker):
             newest = self._waiting.get(timeout=LOOK_S)
             while True:
                 following = self._waiting.get_nowait()
-                is_same_rest = newest.rad == 0.0 and following.rad == 0.0
-                dropped = following if is_same_rest else newest
-                dropped.replaced = True
-                dropped.done.set()
-                if not is_same_rest:
-                    newest = following
+                newest.replaced = True
+                newest.done.set()
+                newest = following
         return newest
 
     def _insist(self) -> None:
@@ -282,23 +290,39 @@ class Sender(Worker):
             self._send(rest)
 
     def _is_heard(self) -> bool:
+        """Ask a boom that can tell; one that fails to tell has not heard."""
         asked = getattr(self._boom, "acknowledged", None)
-        return asked is None or bool(asked())
+        if asked is None:
+            return True
+        self._called_s = self._clock()
+        try:
+            return bool(asked())
+        except BaseException as error:  # whatever it is, the thread goes on
+            if not self._fails_to_tell:
+                logger.error("the boom cannot tell whether it has heard: %r", error)
+            self._fails_to_tell = True
+            return False
+        finally:
+            self._called_s = math.inf
 
     def _send(self, command: Command) -> None:
+        if command.withdrawn:
+            command.done.set()
+            return
         self._rest = command if command.rad == 0.0 else None
         failed_before = command.error is not None
         self._called_s = self._clock()
         try:
             self._boom.swing(command.rad)
-            command.error = None
-        except Exception as error:
-            command.error = error
+            failure: BaseException | None = None
+        except BaseException as error:  # whatever it is, the thread goes on
+            failure = error
             if command.rad == 0.0 and not failed_before:
                 logger.error("the boom failed to rest: %r", error)
         self._called_s = math.inf
-        if math.isnan(command.sent_s) and command.error is None:
+        if math.isnan(command.sent_s) and failure is None:
             command.sent_s = self._clock()
+        command.error = failure  # last, since others look at it meanwhile
         command.done.set()
 
 
@@ -323,8 +347,9 @@ class Watch(Worker):
 
     A thread of its own asks for a cause every `LOOK_S`, so that neither a silent stream nor a
     controller that does not return can delay it. While there is a cause, no swing is passed on. The
-    boom is called by a `Sender`, whose thread begins with that of the watch; no lock is held while
-    code of others runs, so nothing that blocks can keep the boom's rest from being sent.
+    boom is called by a `Sender`, whose thread begins with that of the watch. Once they run, no lock
+    is held while code of others runs, so nothing that blocks can keep the boom's rest from being
+    sent.
 
     Parameters
     ----------
@@ -387,6 +412,10 @@ class Watch(Worker):
                 return self.cause
             command = self._sender.put(rad)
         if not command.done.wait(self._patience_s):
+            command.withdrawn = True
+            with self._lock:
+                if not self.cause:  # else a rest is on its way
+                    self._sender.put(0.0)  # follows at once if the driver is at it
             return f"the boom's driver has not returned within {self._patience_s:g} s"
         if command.replaced:
             return self.cause or "a newer command came first"
