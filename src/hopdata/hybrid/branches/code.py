@@ -9,12 +9,12 @@ is left to the driver as it is. Every other guard is compiled once more, for ran
 import ast
 import builtins
 import inspect
+import math
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from numba import cfunc
@@ -31,14 +31,18 @@ Function = Callable[..., Any]
 
 # Arguments of guards that vary within a step. Their other arguments do not.
 VARIES = frozenset(("t", "y", "dy", "h", "hdot"))
+# Functions of one argument, smooth wherever they are finite. Not among them are those with a
+# vertical slope at an end of their domain, which make a kink of a smooth argument that touches it:
+# acos(cos(t)) is a zigzag, and acosh(cosh(t)) is |t|.
 SMOOTH = frozenset(
     (
         "sin", "cos", "exp", "expm1", "sinh", "cosh", "tanh", "erf", "atan", "arctan", "asinh",
-        "arcsinh", "sqrt", "log", "log2", "log10", "log1p", "asin", "arcsin", "acos", "arccos",
-        "acosh", "arccosh", "atanh", "arctanh", "hypot", "pow", "power", "square", "float",
+        "arcsinh", "log", "log2", "log10", "log1p", "atanh", "arctanh", "square", "float",
         "float64",
     )
 )  # fmt: skip
+POWERS = frozenset(("pow", "power"))
+POSITIVE = frozenset(("exp", "cosh"))  # their results are positive
 COUNTS = frozenset(("len", "range", "enumerate", "zip"))  # their results do not vary
 FORBIDDEN = (ast.Mod, ast.FloorDiv, ast.BitAnd, ast.BitOr, ast.BitXor, ast.LShift, ast.RShift)
 NO_CODE = -1  # address where no code for ranges can be made
@@ -138,9 +142,16 @@ def _each(
 # Whether a function's source shows that it does not branch on what varies.
 
 
-@lru_cache(256)
-def may_branch(function: Any, varying: tuple[int, ...] | None = None) -> bool:
+Judged = frozenset[tuple[CodeType, tuple[int, ...] | None]]
+
+
+def may_branch(
+    function: Any, varying: tuple[int, ...] | None = None, judged: Judged = frozenset()
+) -> bool:
     """Return whether a function may branch, jump or have a kink in its varying arguments.
+
+    True also where the source is not understood. The answer is not kept: it depends on what the
+    global names stand for at the time, as the machine code does.
 
     Parameters
     ----------
@@ -148,33 +159,69 @@ def may_branch(function: Any, varying: tuple[int, ...] | None = None) -> bool:
         A Python function.
     varying : tuple of int, optional
         Positions of the arguments that vary; by default all.
+    judged : frozenset, optional
+        Code and varying arguments of the functions that call this one. A function that calls
+        itself is not followed, and may branch.
     """
-    if not isinstance(function, FunctionType):
+    if not isinstance(function, FunctionType) or (function.__code__, varying) in judged:
         return True
+    node = _definition(function)
+    if node is None:
+        return True
+    arguments = _positional(node)
+    places = range(len(arguments)) if varying is None else varying
+    if any(place >= len(arguments) for place in places):  # an argument of *args
+        return True
+    names = {arguments[place] for place in places}
+    known = _known(function)
+    inside = judged | {(function.__code__, varying)}
+    try:
+        # A guard only reads its mode and parameters, but a helper may write to any array.
+        fixed = frozenset() if judged else frozenset(arguments) - names
+        _spread(node, names, known, fixed)
+        parts = (one for statement in node.body for one in ast.walk(statement))
+        return any(_is_branch(one, names, known, inside) for one in parts)
+    except RecursionError:  # an expression or a chain of calls too deep to be followed
+        return True
+
+
+def _definition(function: FunctionType) -> ast.FunctionDef | None:
+    """Return the definition of a function, or None if its source is not known."""
+    if hasattr(function, "__wrapped__"):  # `inspect` would give the source of another function
+        return None
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, TypeError, SyntaxError):
-        return True
+        return None
     node = tree.body[0]
     if not isinstance(node, ast.FunctionDef):
-        return True
-    arguments = [one.arg for one in node.args.args]
-    places = range(len(arguments)) if varying is None else varying
-    names = {arguments[place] for place in places if place < len(arguments)}
-    known = _known(function)
-    _spread(node, names, known)
-    return any(_is_branch(one, names, known) for one in ast.walk(node))
+        return None
+    code = function.__code__
+    is_its_own = tuple(_positional(node)) == code.co_varnames[: code.co_argcount]
+    return node if is_its_own else None
+
+
+def _positional(node: ast.FunctionDef) -> list[str]:
+    """Return the names of the arguments that have a position."""
+    return [one.arg for one in (*node.args.posonlyargs, *node.args.args)]
 
 
 def _known(function: FunctionType) -> dict[str, Any]:
     """Return what the global names and closures of a function stand for."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    inner = {name: cell.cell_contents for name, cell in cells}
-    return {**vars(builtins), **function.__globals__, **inner}
+    known = {**vars(builtins), **function.__globals__}
+    for name, cell in cells:
+        try:
+            known[name] = cell.cell_contents
+        except ValueError:  # it has none yet
+            known.pop(name, None)
+    for name in (*function.__code__.co_varnames, *function.__code__.co_cellvars):
+        known.pop(name, None)  # a local name hides a global one
+    return known
 
 
-def _spread(node: ast.AST, names: set[str], known: dict[str, Any]) -> None:
-    """Add to the varying names those that are assigned a varying value."""
+def _spread(node: ast.AST, names: set[str], known: dict[str, Any], fixed: frozenset[str]) -> None:
+    """Add to the varying names those that get a varying value; the fixed ones by name only."""
     before = -1
     while before != len(names):
         before = len(names)
@@ -182,6 +229,12 @@ def _spread(node: ast.AST, names: set[str], known: dict[str, Any]) -> None:
             for target, value in _assignments(one):
                 if _varies(value, names, known):
                     names |= set(_bound(target))
+                elif _varies(target, names, known):  # an array may be changed by its other name
+                    names |= set(_shared(value)) - fixed
+            called = one.value if isinstance(one, ast.Expr) else None
+            if isinstance(called, ast.Call) and _varies(called, names, known):
+                for argument in called.args:  # called for what it writes to its arguments
+                    names |= set(_shared(argument)) - fixed
 
 
 def _bound(target: ast.AST) -> Iterator[str]:
@@ -195,6 +248,16 @@ def _bound(target: ast.AST) -> Iterator[str]:
             yield from _bound(one)
 
 
+def _shared(node: ast.AST) -> Iterator[str]:
+    """Yield the name of an array that an expression stands for, as a whole or as a slice."""
+    if isinstance(node, ast.Name):
+        yield node.id
+    elif isinstance(node, ast.Subscript) and any(
+        isinstance(one, ast.Slice) for one in ast.walk(node.slice)
+    ):
+        yield from _shared(node.value)
+
+
 def _assignments(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
     """Yield targets and values of an assignment; those of pairs one by one."""
     if isinstance(node, ast.Assign):
@@ -206,7 +269,7 @@ def _assignments(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
                 yield target, node.value
     elif isinstance(node, ast.AugAssign | ast.AnnAssign | ast.NamedExpr) and node.value is not None:
         yield node.target, node.value
-    elif isinstance(node, ast.For):
+    elif isinstance(node, ast.For | ast.comprehension):
         yield node.target, node.iter
 
 
@@ -239,35 +302,113 @@ def _called(node: ast.Call, known: dict[str, Any]) -> str:
     return ""
 
 
-def _is_branch(node: ast.AST, names: set[str], known: dict[str, Any]) -> bool:
+def _is_branch(node: ast.AST, names: set[str], known: dict[str, Any], judged: Judged) -> bool:
     """Return whether a node of the code may give a varying value a jump, a kink or a choice."""
-    if isinstance(node, ast.If | ast.IfExp | ast.While):
+    if isinstance(node, ast.If | ast.IfExp | ast.While | ast.Assert):
         return _varies(node.test, names, known)
     if isinstance(node, ast.Compare | ast.BoolOp | ast.Match | ast.Try | ast.With | ast.Lambda):
         return _varies(node, names, known)
-    if isinstance(node, ast.FunctionDef) and node.name not in known:
-        return False
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        return True  # what it returns may vary without a varying argument
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.Invert):
+        return _varies(node, names, known)
     if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, FORBIDDEN):
         return _varies(node, names, known)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+        return _power_branches(node.left, node.right, names, known)
+    if isinstance(node, ast.AugAssign) and isinstance(node.op, ast.Pow):
+        return _power_branches(node.target, node.value, names, known)
     if isinstance(node, ast.Subscript):
         return _varies(node.slice, names, known)
     if isinstance(node, ast.For):
         return _varies(node.iter, names, known)
+    if isinstance(node, ast.comprehension):
+        return any(_varies(one, names, known) for one in (node.iter, *node.ifs))
     if isinstance(node, ast.Call):
-        return _call_branches(node, names, known)
+        return _call_branches(node, names, known, judged)
     return False
 
 
-def _call_branches(node: ast.Call, names: set[str], known: dict[str, Any]) -> bool:
-    """Return whether a call with a varying argument is of a function that may branch."""
+def _call_branches(node: ast.Call, names: set[str], known: dict[str, Any], judged: Judged) -> bool:
+    """Return whether a call that takes something varying is of a function that may branch."""
+    if _varies(node.func, names, known):  # a method of an array
+        return True
     if not any(_varies(one, names, known) for one in (*node.args, *node.keywords)):
         return False
+    if node.keywords or any(isinstance(one, ast.Starred) for one in node.args):
+        return True
     called = _called(node, known)
+    if called in COUNTS:
+        return False
+    if called in POWERS and len(node.args) == 2:
+        return _power_branches(node.args[0], node.args[1], names, known)
+    if called == "hypot" and len(node.args) == 2:  # a cone: smooth if it stays off its tip
+        return not any(_is_positive(one, known) for one in node.args)
+    if called == "sqrt" and len(node.args) == 1:
+        return not _is_positive(node.args[0], known)
     if called:
-        return called not in SMOOTH and called not in COUNTS
+        return called not in SMOOTH or len(node.args) != 1
     value = known.get(node.func.id) if isinstance(node.func, ast.Name) else None
     helper = getattr(value, "py_func", None)
-    if helper is None or node.keywords or any(isinstance(x, ast.Starred) for x in node.args):
+    if helper is None:
         return True
     given = enumerate(node.args)
-    return may_branch(helper, tuple(i for i, one in given if _varies(one, names, known)))
+    places = tuple(i for i, one in given if _varies(one, names, known))
+    return may_branch(helper, places, judged)
+
+
+def _power_branches(
+    base: ast.AST, exponent: ast.AST, names: set[str], known: dict[str, Any]
+) -> bool:
+    """Return whether a power may have a kink where its base is zero: (x**2)**0.5 is |x|."""
+    if not _varies(base, names, known) and not _varies(exponent, names, known):
+        return False
+    number = _literal(exponent)
+    is_whole = number is not None and number == int(number)
+    return not is_whole and not _is_positive(base, known)
+
+
+def _literal(node: ast.AST) -> float | None:
+    """Return the finite number that an expression is, with its sign; None for any other."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        number = _literal(node.operand)
+        return None if number is None else -number
+    is_number = isinstance(node, ast.Constant) and type(node.value) in (int, float)
+    if not is_number or not math.isfinite(node.value):  # type: ignore[attr-defined]
+        return None
+    return float(node.value)  # type: ignore[attr-defined]
+
+
+def _is_positive(node: ast.AST, known: dict[str, Any]) -> bool:
+    """Return whether an expression is certainly positive: 1.0 + x**2, exp(x)."""
+    number = _literal(node)
+    if number is not None:
+        return number > 0.0
+    if isinstance(node, ast.Call):
+        return _called(node, known) in POSITIVE
+    if not isinstance(node, ast.BinOp):
+        return False
+    left, right = node.left, node.right
+    if isinstance(node.op, ast.Add):
+        one_way = _is_positive(left, known) and _is_not_negative(right, known)
+        return one_way or (_is_not_negative(left, known) and _is_positive(right, known))
+    if isinstance(node.op, ast.Mult | ast.Div):
+        return _is_positive(left, known) and _is_positive(right, known)
+    return isinstance(node.op, ast.Pow) and _is_positive(left, known)
+
+
+def _is_not_negative(node: ast.AST, known: dict[str, Any]) -> bool:
+    """Return whether an expression is certainly positive or zero: a square, or a sum of squares."""
+    if _is_positive(node, known) or _literal(node) == 0.0:
+        return True
+    if not isinstance(node, ast.BinOp):
+        return False
+    left, right = node.left, node.right
+    if isinstance(node.op, ast.Pow):
+        number = _literal(right)
+        return number is not None and number % 2.0 == 0.0
+    both = _is_not_negative(left, known) and _is_not_negative(right, known)
+    if isinstance(node.op, ast.Mult):
+        is_plain = not any(isinstance(one, ast.Call | ast.NamedExpr) for one in ast.walk(node))
+        return both or (is_plain and ast.dump(left) == ast.dump(right))
+    return isinstance(node.op, ast.Add) and both
