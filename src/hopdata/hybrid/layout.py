@@ -164,7 +164,7 @@ FINISHED, TERMINATED = 0, 1
 STEP_UNDERFLOW, FIELD_NOT_FINITE, GUARD_NOT_FINITE, TOO_MANY_STEPS = -1, -2, -3, -4
 TOO_MANY_EVENTS, SLIDING, ZENO, GRAZING_IN_JACOBIAN = -5, -6, -7, -8
 AFFINE_DIFFERS, JACOBIAN_NOT_FINITE, TIE_IN_JACOBIAN, RATE_DIFFERS = -9, -10, -11, -12
-RAISED, NO_LOCK, NO_END = -13, -14, -15
+RAISED, NO_LOCK, NO_END, STATE_NOT_FINITE = -13, -14, -15, -16
 RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(2, 8)  # inside the driver
 
 SENTENCES = {
@@ -191,6 +191,8 @@ SENTENCES = {
     RAISED: "It was interrupted, or a function of the system raised an exception, after {at}.",
     NO_LOCK: "on_event has set the lock of guard '{guard}' to neither -1 nor +1 at {at}: "
     "mode[k] is the lock of guard k, and the system's own integers follow the locks.",
+    STATE_NOT_FINITE: "on_event has made the state NaN or infinite at {at}, at a flip of guard "
+    "'{guard}': correct what it writes to y.",
     NO_END: "Nothing has ended the integration up to {at}, and t_span is infinite: no terminal "
     "event has come, and no handler has returned 1.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "

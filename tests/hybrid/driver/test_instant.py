@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hybrid_systems import ladder, ladder_solution, relay, throw
+from hybrid_systems import fall_field, floor_guard, ladder, ladder_solution, relay, throw
 
-from hopdata.hybrid import System, field, guards, solve
+from hopdata.hybrid import System, field, guards, on_event, solve
+from hopdata.hybrid.layout import STATE_NOT_FINITE
 
 GAPS = [1e-3, 1e-6, 1e-9, 1e-12, 1e-14, 1e-15, 1e-16, 0.0]
 
@@ -144,6 +145,27 @@ def test_given_locks_against_the_rate_fire_at_once():
     solution = solve(ladder(1), (0, 1), [0.5, 0.0], params=(0.5, 1.0), mode=[-1])
     assert solution.events.time.tolist() == [0.0]
     assert solution.y_end[0] == pytest.approx(2.5, abs=1e-14)
+
+
+@on_event
+def spoil(t, y, mode, params, guard, direction):
+    y[1] = params[2]
+    return int(params[3])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("ends", [0.0, 1.0])
+def test_a_state_spoilt_by_a_handler_is_no_success(value, ends):
+    """Also at an event that ends the run, after which nothing is evaluated."""
+    system = System(fall_field, floor_guard, spoil, n_states=2, guard_names=("floor",))
+    solution = solve(system, (0, 2), [1.0, 0.0], params=[9.81, 0.0, value, ends])
+    assert solution.status == STATE_NOT_FINITE
+    assert not solution.success
+    assert "guard 'floor'" in solution.message
+    assert solution.t_end == pytest.approx(np.sqrt(2 / 9.81), abs=1e-9)
+    sound = solve(system, (0, 2), [1.0, 0.0], params=[9.81, 0.0, 3.0, 1.0])
+    assert sound.status == 1
+    assert sound.y_end[1] == 3.0
 
 
 @field

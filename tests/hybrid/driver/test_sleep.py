@@ -12,7 +12,7 @@ from exact import Plate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hopdata.hybrid import System, field, guard, guards, layout, rate_bound, solve
+from hopdata.hybrid import System, field, guard, guards, layout, on_event, rate_bound, solve
 from hopdata.hybrid.compiled.memory import float_table, float_vector, int_table, int_vector
 from hopdata.hybrid.driver import sleep as heap
 
@@ -55,6 +55,25 @@ def test_guards_far_away_cost_nothing():
     _, many = both(bent_params(np.concatenate([near, np.linspace(20, 40, 280)])))
     assert len(many.events) == len(few.events)
     assert many.n_guard_evaluations - few.n_guard_evaluations < 5 * 280
+
+
+@on_event
+def lock_the_last(t, y, mode, params, guard, direction):
+    n = (len(params) - 1) // 4
+    mode[n - 1] = int(params[0])
+    return 0
+
+
+def test_an_invalid_lock_of_a_sleeping_guard_is_refused():
+    """Else lock 0 would never flip again: the last guard, far away, sleeps at the event."""
+    params = bent_params([0.0, 30.0])
+    params[0] = 0.0
+    system = bent_sparse(2, on_event=lock_the_last)
+    refused = solve(system, (0, 5.0), FROM, params=params)
+    assert refused.status == layout.NO_LOCK
+    assert "guard 'bar1'" in refused.message
+    params[0] = -1.0
+    assert solve(system, (0, 5.0), FROM, params=params).status == 0
 
 
 def test_guards_that_move_with_time():

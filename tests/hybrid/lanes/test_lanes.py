@@ -16,7 +16,7 @@ from stress_quick import ball_on_table
 
 from hopdata.hybrid import System, field, guards, on_event, solve_batch
 from hopdata.hybrid.arguments import SMALLEST_RTOL
-from hopdata.hybrid.layout import NO_LOCK, SLIDING
+from hopdata.hybrid.layout import NO_LOCK, SLIDING, STATE_NOT_FINITE
 
 SPAN, COUNT = (0.0, 6.0), 200
 OPTIONS = {"method": "dop853", "workers": 1}
@@ -295,6 +295,20 @@ def test_a_lock_that_is_none_is_named(lock):
     assert "lock of guard 'x'" in batch.message
     assert batch.lanes.tolist() == [False, False, True]
     assert batch.t_end == pytest.approx([1.0, 0.9, 2.0])
+
+
+@on_event
+def spoil(t, y, mode, params, guard, direction):
+    y[1] = params[3]
+    return 1
+
+
+def test_a_state_spoilt_at_a_terminal_event_is_no_success():
+    system, y0 = point(spoil), [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
+    params = [[1.0, 0.0, 0.0, np.nan, 0.0], [1.0, 0.0, 0.0, -50.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
+    batch = solve_batch(system, (0.0, 2.0), y0, params=params, lanes=True)
+    assert batch.status.tolist() == [STATE_NOT_FINITE, 1, 0]
+    assert batch.lanes.tolist() == [False, True, True]
 
 
 @on_event

@@ -141,8 +141,7 @@ def too_crowded(m: Memory, resolution: float) -> bool:
 @kernel_apart
 def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
     """Return whether a handler has set an invalid lock; if so, report the guard as culprit."""
-    for a in range(m.counts[at.N_AWAKE]):
-        k = problem.awake(p, m, a)
+    for k in range(m.flags.width):  # a handler can reach the locks of sleeping guards, too
         if p.mode[k] * p.mode[k] != 1:
             m.counts[at.CULPRIT] = k
             return True
@@ -318,6 +317,9 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
         m.counts[at.ENDED] = 1
     if p.on_event != 0 and sets_no_lock(p, m):
         return at.NO_LOCK
+    if p.on_event != 0 and problem.first_not_finite(m.states, at.Y) >= 0:
+        m.counts[at.CULPRIT] = k
+        return at.STATE_NOT_FINITE
     over = m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 1
     if over and p.first_order == 0:
         return at.TERMINATED

@@ -350,8 +350,8 @@ def fire(lanes: int, t: Any, r: Any) -> int:
     """Flip one of the guards that are due in each of these lanes, and call the handler.
 
     Returns the lanes that end or are given up. A lane is given up if its handler changes parameters
-    that all systems share, if a guard flips for a third time at this instant, or if an event ends
-    the run while other guards are due.
+    that all systems share or makes the state NaN or infinite, if a guard flips for a third time at
+    this instant, or if an event ends the run while other guards are due.
     """
     over, own, own_params = 0, row(r.own, 0), row(r.own_params, 0)
     for j in range(WIDTH):
@@ -385,6 +385,7 @@ def fire(lanes: int, t: Any, r: Any) -> int:
             lost |= r.modes[j, k] * r.modes[j, k] != 1
         for i in range(r.n if r.handler != 0 else 0):
             r.book[JUMPED, j] |= 1 if own[i] != r.table[i, j] else 0
+            lost |= not abs(own[i]) < inf
             r.table[i, j] = own[i]
         for i in range(len(own_params) if r.handler != 0 else 0):
             if r.n_own > 0:
