@@ -190,20 +190,34 @@ def test_a_name_that_stands_for_something_else_now(monkeypatch):
 
 factor = 1.0
 table = np.arange(2000.0)
+gains = (1.0, (2.0, 3.0))
+fixed = np.array([1.0])
+fixed.flags.writeable = False
 
 
 @field
 def reading(t, y, mode, params, dy):
-    dy[0] = factor * table[1000]
+    dy[0] = factor * table[1000] * gains[0] * fixed[0]
 
 
-@pytest.mark.parametrize("name", ["factor", "table"])
+@pytest.mark.parametrize("name", ["factor", "table", "gains", "fixed"])
 def test_constants_must_be_those_of_the_other_process(monkeypatch, name):
     pickled = pickle.dumps(reading)
     assert pickle.loads(pickled) is reading
     other = table.copy()
     other[1000] += 1.0
-    monkeypatch.setitem(globals(), name, {"factor": 2.0, "table": other}[name])
-    with pytest.raises(ArgumentError, match=rf"reading: expected {name} = "):
+    others = {
+        "factor": 2.0, "table": other, "gains": (1.0, (2.0, 4.0)), "fixed": np.array([2.0]),
+    }  # fmt: skip
+    monkeypatch.setitem(globals(), name, others[name])
+    shown = {"gains": r"gains\[1\]\[1\]"}.get(name, name)
+    with pytest.raises(ArgumentError, match=rf"reading: expected {shown} = "):
         pickle.loads(pickled)
     assert pickle.loads(pickle.dumps(reading)) is reading
+
+
+def test_a_constant_that_is_of_another_kind_there(monkeypatch):
+    pickled = pickle.dumps(reading)
+    monkeypatch.setitem(globals(), "factor", None)
+    with pytest.raises(ArgumentError, match=r"expected factor = 1.0.*found .*no number"):
+        pickle.loads(pickled)

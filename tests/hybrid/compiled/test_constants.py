@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import sys
+import weakref
 from types import ModuleType
 
 import numba
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import System, affine, field, guards, jacobian, on_event, solve, solve_batch
-from hopdata.hybrid.compiled.constants import Constants
+from hopdata.hybrid.compiled.constants import Constants, renew_called
 from hopdata.hybrid.first_order import check_c1
 
 rate = 2.0
@@ -287,4 +289,34 @@ def test_what_is_compared():
     finally:
         del globals()["abs"]
     assert found.are_current()
-    assert Constants([reads_frozen]).values() == {}
+    constants = Constants([reads_frozen])
+    frozen.flags.writeable = True
+    frozen[0] = 2.0
+    assert constants.are_current()  # it could not be written to when it was remembered
+    assert set(constants.values()) == {"frozen"}
+
+
+def test_numbers_in_tuples_have_their_places():
+    gains, tables = (2.0, (3, "a")), (np.array([1.0]), np.array([2.0]))
+
+    def reads(y):
+        return gains[0] + tables[1][0]
+
+    values = Constants([reads]).values()
+    assert values["gains[0]"] == 2.0
+    assert values["gains[1][1]"] == "a"
+    assert values["len(gains)"] == values["len(gains[1])"] == 2
+    assert values["tables[0]"] == np.array([1.0]).tobytes()
+    assert values["tables[1]"] == np.array([2.0]).tobytes()
+
+
+def test_a_function_that_is_gone_is_forgotten():
+    @numba.njit
+    def fading(y):
+        return -y
+
+    renew_called(Constants([fading]))
+    before = weakref.ref(fading)
+    del fading
+    gc.collect()
+    assert before() is None

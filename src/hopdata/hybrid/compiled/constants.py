@@ -16,7 +16,6 @@ import dis
 from collections.abc import Callable, Iterable, Iterator
 from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba.extending import is_jitted
@@ -84,9 +83,13 @@ class Constants:
         return tuple(dict.fromkeys(changed))
 
     def values(self) -> dict[str, Any]:
-        """Return the numbers, texts and arrays among the constants, by their names."""
-        found = {name: value for _, name, value in self._names if isinstance(value, SCALARS)}
-        found |= {name: value for _, name, value in self._cells if isinstance(value, SCALARS)}
+        """Return the numbers, texts and arrays among the constants, by their names.
+
+        Those in a tuple have the tuple's name and their places in it: `gains[0]`, `gains[1][2]`.
+        """
+        found: dict[str, Any] = {}
+        for _, name, value in (*self._names, *self._cells):
+            found |= _scalars_in(name, value)
         return found | {name: kept for _, name, kept in self._arrays}
 
     def _add(self, name: str, value: Any, compiled: bool) -> None:
@@ -102,8 +105,8 @@ class Constants:
         elif isinstance(value, FunctionType):
             self._add_references(value, compiled)
         elif isinstance(value, tuple):
-            for item in value:
-                self._add(name, item, compiled)
+            for place, item in enumerate(value):
+                self._add(f"{name}[{place}]", item, compiled)
         elif isinstance(value, np.ndarray) and compiled and _may_change(value):
             self._arrays.append((value, name, value.tobytes()))
 
@@ -117,6 +120,20 @@ class Constants:
                 else:
                     self._names.append((holder, name, value))
             self._add(name, value, compiled)
+
+
+def _scalars_in(name: str, value: Any) -> dict[str, Any]:
+    """Return a number, text or array by its name, and those in a tuple by their places."""
+    if isinstance(value, SCALARS):
+        return {name: value}
+    if isinstance(value, np.ndarray):
+        return {name: value.tobytes()}
+    if not isinstance(value, tuple):
+        return {}
+    found: dict[str, Any] = {f"len({name})": len(value)}
+    for place, item in enumerate(value):
+        found |= _scalars_in(f"{name}[{place}]", item)
+    return found
 
 
 def _once(entries: Iterable[tuple[Any, str, Any]]) -> list[tuple[Any, str, Any]]:
@@ -188,15 +205,17 @@ def _same(one: Any, other: Any) -> bool:
 
 # What each function of the user's that is decorated by Numba was made from. Numba compiles such a
 # function once for each set of types, and uses the machine code in all functions that call it.
-_made_from: WeakKeyDictionary[Any, Constants] = WeakKeyDictionary()
+# The record is an attribute of the function: it refers to the function, so a table of the module's
+# would keep both for ever.
+MADE_FROM = "_hopdata_made_from"
 
 
 def renew_called(constants: Constants) -> None:
     """Compile the functions that are called anew if what they were made from has changed."""
     for dispatcher in dict.fromkeys(constants.dispatchers):
-        known = _made_from.get(dispatcher)
+        known = getattr(dispatcher, MADE_FROM, None)
         if known is not None and known.are_current():
             continue
         if known is not None:
             dispatcher.recompile()
-        _made_from[dispatcher] = Constants([dispatcher])
+        setattr(dispatcher, MADE_FROM, Constants([dispatcher]))

@@ -75,12 +75,13 @@ def callback_by_name(
         found = Callback(held, SIGNATURES[kind], compiled)
     here = _values(_function_of(found)) if compiled else {}
     for constant, value in constants.items():
-        if here.get(constant, value) != value:
+        found_here = here.get(constant, "no number, text or array of this name")
+        if found_here != value:
             raise ArgumentError.at(
                 full,
                 f"{constant} = {value}, as in the process that pickled it (give what varies as "
                 "params)",
-                here[constant],
+                found_here,
             )
     return found
 
