@@ -10,6 +10,7 @@ import pytest
 from numba import njit
 
 from hopdata.hybrid import System, field, guard, guards
+from hopdata.hybrid.branches import code
 from hopdata.hybrid.branches.code import NO_CODE, branches_of, may_branch
 
 VARYING = (0, 1, 2, 5, 6)  # t, y, dy, h, hdot
@@ -110,6 +111,17 @@ def has_a_list_by_number(t, y, dy, mode, params, h, hdot):
     hdot[0] = dy[0]
 
 
+def has_a_shorter_list(t, y, dy, mode, params, h, hdot):
+    h[0] = 1.0 * len([1.0 for k in range(2) if y[k]])
+    hdot[0] = dy[0]
+
+
+def hides_a_helper(t, y, dy, mode, params, h, hdot):
+    bend = max
+    h[0] = bend(y[0], 0.0)
+    hdot[0] = dy[0]
+
+
 def has_a_root_of_a_square(t, y, dy, mode, params, h, hdot):
     h[0] = (y[0] ** 2) ** 0.5
     hdot[0] = dy[0]
@@ -179,7 +191,7 @@ NOT_SMOOTH = (
     has_a_method, has_an_index_of_the_largest, has_whole_numbers, has_a_list, has_a_list_by_number,
     has_a_root_of_a_square, has_a_power_by_parameter, has_a_power_in_place, has_a_square_root,
     has_a_length, has_a_zigzag, has_no_zero, writes_by_another_name, writes_by_a_helper,
-    has_a_function_inside,
+    has_a_function_inside, has_a_shorter_list, hides_a_helper,
 )  # fmt: skip
 
 
@@ -188,6 +200,8 @@ def has_smooth_roots(t, y, dy, mode, params, h, hdot):
     h[1] = math.sqrt(1.0 + y[0] ** 2 + y[1] * y[1]) + math.hypot(1.0, y[0])
     h[2] = sum([params[k] for k in range(2)]) + math.exp(t) ** 0.5
     put(h, y[0])
+    doubled = [2.0 * v for v in y]
+    h[3] = doubled[0]
     hdot[0] = dy[0]
 
 
@@ -256,6 +270,28 @@ def test_what_cannot_be_followed_may_branch():
     assert may_branch(again.py_func, (0,))
     assert may_branch(there.py_func, (0,))
     assert may_branch(wrapped(smooth), VARYING)
+
+
+def test_a_recursive_function_is_read_once(monkeypatch):
+    read = []
+    definition = code._definition
+
+    def counted(function):
+        read.append(function)
+        return definition(function)
+
+    monkeypatch.setattr(code, "_definition", counted)
+    assert may_branch(there.py_func, (0,))
+    assert read == [there.py_func, back.py_func]
+
+
+@pytest.mark.parametrize(("terms", "expected"), [(10, False), (900, True)])
+def test_an_expression_too_deep_to_be_followed_may_branch(tmp_path, terms, expected):
+    path = tmp_path / "deep.py"
+    path.write_text(f"def deep(t):\n    return math.sin({' + '.join(terms * ['t'])})\n")
+    made: dict[str, object] = {"math": math}
+    exec(compile(path.read_text(), str(path), "exec"), made)
+    assert may_branch(made["deep"], (0,)) is expected
 
 
 def test_the_answer_follows_a_helper_that_is_defined_anew(monkeypatch):

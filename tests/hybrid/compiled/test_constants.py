@@ -302,12 +302,15 @@ def test_numbers_in_tuples_have_their_places():
     def reads(y):
         return gains[0] + tables[1][0]
 
-    values = Constants([reads]).values()
+    found = Constants([reads])
+    values = found.values()
     assert values["gains[0]"] == 2.0
     assert values["gains[1][1]"] == "a"
     assert values["len(gains)"] == values["len(gains[1])"] == 2
     assert values["tables[0]"] == np.array([1.0]).tobytes()
     assert values["tables[1]"] == np.array([2.0]).tobytes()
+    tables[1][0] = 3.0
+    assert found.changed() == ("tables[1]",)
 
 
 def test_a_function_that_is_gone_is_forgotten():

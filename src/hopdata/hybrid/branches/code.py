@@ -191,7 +191,7 @@ def _definition(function: FunctionType) -> ast.FunctionDef | None:
         return None
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    except (OSError, TypeError, SyntaxError):
+    except (OSError, TypeError, SyntaxError, RecursionError):
         return None
     node = tree.body[0]
     if not isinstance(node, ast.FunctionDef):
@@ -323,7 +323,7 @@ def _is_branch(node: ast.AST, names: set[str], known: dict[str, Any], judged: Ju
     if isinstance(node, ast.For):
         return _varies(node.iter, names, known)
     if isinstance(node, ast.comprehension):
-        return any(_varies(one, names, known) for one in (node.iter, *node.ifs))
+        return any(_varies(one, names, known) for one in node.ifs)
     if isinstance(node, ast.Call):
         return _call_branches(node, names, known, judged)
     return False
