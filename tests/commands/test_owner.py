@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -53,8 +54,45 @@ def test_a_dead_process_and_one_with_its_number_are_told_from_it(ended):
     me = os.getpid()
     assert Owner("a", HERE, *ended).is_dead
     assert not Owner("a", HERE, me, began(me)).is_dead
-    assert Owner("a", HERE, me, began(me) - HOUR_S).is_dead  # an older process had this number
+    assert Owner("a", HERE, me, began(me) - 48 * HOUR_S).is_dead  # an older one had this number
     assert not Owner("a", "another", *ended).is_dead
+
+
+def test_a_change_of_the_clock_makes_no_run_dead_and_ticks_tell_numbers_apart(monkeypatch):
+    monkeypatch.setattr(owning, "_ticks", lambda _: "boot 100")
+    me = os.getpid()
+    assert not Owner("a", HERE, me, began(me) - 48 * HOUR_S, "boot 100").is_dead
+    assert Owner("a", HERE, me, began(me), "boot 99").is_dead
+    assert Owner("a", HERE, me, began(me), "another 100").is_dead
+
+
+def test_the_ticks_of_a_process_whose_name_holds_parentheses(tmp_path, monkeypatch):
+    monkeypatch.setattr(owning, "_PROC", tmp_path)
+    (tmp_path / "sys/kernel/random").mkdir(parents=True)
+    (tmp_path / "sys/kernel/random/boot_id").write_text("b00t\n")
+    (tmp_path / "7").mkdir()
+    fields = " ".join(str(number) for number in range(4, 53))
+    (tmp_path / "7/stat").write_text(f"7 (a) b) S {fields}\n")
+    assert owning._ticks(7) == "b00t 22"
+    assert owning._ticks(8) == ""
+
+
+def test_without_ticks_a_change_of_the_clock_by_hours_makes_no_run_dead(monkeypatch):
+    monkeypatch.setattr(owning, "_ticks", lambda _: "")
+    me = os.getpid()
+    assert not Owner("a", HERE, me, began(me) - HOUR_S, "boot 1").is_dead
+    assert Owner("a", HERE, me, began(me) - 48 * HOUR_S, "boot 1").is_dead
+
+
+def test_a_process_that_may_not_be_seen_counts_as_alive(monkeypatch):
+    def denied(*_):
+        raise psutil.AccessDenied
+
+    monkeypatch.setattr(owning, "_ticks", lambda _: "")
+    monkeypatch.setattr(psutil.Process, "create_time", denied)
+    assert not Owner("a", HERE, os.getpid(), 0.0).is_dead
+    monkeypatch.setattr(psutil.Process, "status", denied)
+    assert not Owner("a", HERE, os.getpid(), 0.0).is_dead
 
 
 def test_the_lock_of_a_dead_run_is_removed_and_told(locked, ended):
@@ -76,6 +114,63 @@ def test_a_lock_stays_beside_a_run_that_lives_or_may_live(locked, ended):
         assert list(owners().values()) == [other]
 
 
+@pytest.fixture
+def snakemake():
+    """Return a function that starts a process of a folder whose command is Snakemake's."""
+    started = []
+
+    def start(folder):
+        folder.mkdir(exist_ok=True)
+        script = folder / "snakemake"
+        script.write_text("print(flush=True)\nimport sys\nsys.stdin.read()\n")
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        process = subprocess.Popen([sys.executable, script], cwd=folder, **pipes)
+        started.append(process)
+        process.stdout.readline()
+        return process
+
+    yield start
+    for process in started:
+        process.stdin.close()
+        process.wait()
+        process.stdout.close()
+
+
+def test_a_stale_record_does_not_free_the_lock_of_a_plain_snakemake(locked, ended, snakemake):
+    locked(Owner("trial", HERE, *ended))
+    plain = snakemake(Path.cwd())
+    assert release_dead() == ""
+    assert LOCKS.exists()
+    assert f"Snakemake (process {plain.pid}) is at work here" in owning.who_is_at_work()
+    plain.stdin.close()
+    plain.wait()
+    assert "was killed; its lock is removed" in release_dead()
+
+
+def test_a_snakemake_of_another_folder_keeps_no_lock(locked, ended, snakemake, tmp_path):
+    locked(Owner("trial", HERE, *ended))
+    snakemake(tmp_path / "another")
+    assert "was killed; its lock is removed" in release_dead()
+
+
+def test_a_snakemake_whose_folder_may_not_be_seen(locked, ended, snakemake, monkeypatch, tmp_path):
+    """It keeps the lock if its user owns one here, and not otherwise."""
+
+    def denied(*_):
+        raise psutil.AccessDenied
+
+    locked(Owner("trial", HERE, *ended))
+    plain = snakemake(tmp_path / "another")
+    monkeypatch.setattr(psutil.Process, "cwd", denied)
+    assert release_dead() == ""
+    told = owning.who_is_at_work()
+    assert str(plain.pid) in told
+    assert "may be a Snakemake that is at work here; if none is at work: rm -r" in told
+    other = SimpleNamespace(effective=os.getuid() + 1)
+    monkeypatch.setattr(psutil.Process, "uids", lambda _: other)
+    assert "was killed; its lock is removed" in release_dead()
+
+
 def test_a_lock_without_a_record_stays(locked):
     assert release_dead() == ""
     assert LOCKS.exists()
@@ -94,6 +189,8 @@ def test_a_record_lasts_as_long_as_its_run(tmp_path, monkeypatch):
     with recorded("trial", os.getpid()):
         (known,) = owners().values()
         assert (known.study, known.host, known.pid) == ("trial", HERE, os.getpid())
+        assert known.ticks == owning._ticks(os.getpid())
+        assert known.ticks or not Path("/proc/self/stat").exists()
         assert not known.is_dead
     assert owners() == {}
 

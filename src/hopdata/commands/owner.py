@@ -2,7 +2,8 @@
 
 Snakemake locks the files of a run but does not say whose lock it is, so the lock of a killed
 run stands for ever. Each run therefore leaves a record: host, process, and when that process
-began, since the system gives the number of a dead process to another.
+began, since the system gives the number of a dead process to another. A Snakemake that hopdata
+did not start leaves none, so a lock is removed only if no Snakemake is at work in the folder.
 """
 
 import json
@@ -14,12 +15,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 LOCKS = Path(".snakemake/locks")
 RECORDS = Path(".snakemake/hopdata")
-# s; the start of a process is known to 0.01 s, but follows the clock where that is set. 1.5 times
-# larger: no difference, since numbers of processes come round after hours.
-_CLOCK_S = 2.0
+# s; a day. Where the system does not count from its own start, the start of a process follows
+# the clock, which may be set by hours: by a wrong time zone, or by the network after a wrong
+# battery clock. 1.5 times larger: another process with the number of a killed run is told from
+# it only if they began 1.5 days apart, and until then the lock has to be removed by hand.
+_CLOCK_S = 86_400.0
+_PROC = Path("/proc")
 
 
 @dataclass(frozen=True)
@@ -35,12 +40,16 @@ class Owner:
         Number of Snakemake's process there.
     began_s : float
         When this process began, s since 1970.
+    ticks : str
+        The same, by the start of the machine and the ticks since then, which no change of the
+        clock moves; empty where the system does not tell.
     """
 
     study: str
     host: str
     pid: int
     began_s: float
+    ticks: str = ""
 
     def __str__(self) -> str:
         since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self.began_s))
@@ -56,34 +65,66 @@ class Owner:
         """Whether the process is known to have ended; that of another machine never is."""
         if not self.is_here:
             return False
+        if not _is_alive(self.pid):
+            return True
+        ticks = _ticks(self.pid)
+        if ticks and self.ticks:
+            return ticks != self.ticks
         began = _began(self.pid)
-        return began is None or abs(began - self.began_s) > _CLOCK_S
+        if began is None:  # it lives, and may be the run
+            return False
+        return abs(began - self.began_s) > _CLOCK_S
 
 
-def _began(pid: int) -> float | None:
-    """Return when a process of this machine began, s since 1970; None if there is none."""
+def _is_alive(pid: int) -> bool:
+    """Tell whether a process of this machine is alive; one that may not be seen is."""
     import psutil
 
     try:
-        process = psutil.Process(pid)
-        if process.status() == psutil.STATUS_ZOMBIE:
-            return None
-        return float(process.create_time())
+        return bool(psutil.Process(pid).status() != psutil.STATUS_ZOMBIE)
     except psutil.NoSuchProcess:
+        return False
+    except psutil.AccessDenied:
+        return True
+
+
+def _began(pid: int) -> float | None:
+    """Return when a process of this machine began, s since 1970; None if not known."""
+    import psutil
+
+    try:
+        return float(psutil.Process(pid).create_time())
+    except psutil.Error:
         return None
-    except psutil.AccessDenied:  # another user's: it lives, and cannot be told from its start
-        return time.time()
+
+
+def _ticks(pid: int) -> str:
+    """Return when a process began, by the machine's start; nothing if not known."""
+    try:
+        boot = (_PROC / "sys/kernel/random/boot_id").read_text().strip()
+        stat = (_PROC / str(pid) / "stat").read_text(errors="replace")
+    except OSError:
+        return ""
+    # The second field is the name in parentheses, which may itself hold spaces and parentheses.
+    # The start is field 22, so it is the twentieth after the name.
+    after_name = stat.rpartition(")")[2].split()
+    if not boot or len(after_name) < 20:
+        return ""
+    return f"{boot} {after_name[19]}"
 
 
 @contextmanager
 def recorded(study: str, pid: int) -> Iterator[None]:
     """Keep the record of a run while it is at work."""
     record = RECORDS / f"{platform.node()}-{pid}.json"
+    alive = _is_alive(pid)
     began = _began(pid)
+    if began is None:
+        began = time.time()
     with suppress(OSError):  # Snakemake itself complains if a folder is not writable
-        if began is not None:
+        if alive:
             RECORDS.mkdir(parents=True, exist_ok=True)
-            owner = Owner(study, platform.node(), pid, began)
+            owner = Owner(study, platform.node(), pid, began, _ticks(pid))
             record.write_text(json.dumps(asdict(owner)), encoding="utf-8")
     try:
         yield
@@ -103,6 +144,7 @@ def owners() -> dict[Path, Owner]:
                 str(content["host"]),
                 int(content["pid"]),
                 float(content["began_s"]),
+                str(content.get("ticks", "")),  # absent from records of earlier versions
             )
     return found
 
@@ -112,15 +154,90 @@ def is_locked() -> bool:
     return any(LOCKS.glob("*.lock"))
 
 
+def lock_is_dead() -> bool:
+    """Tell whether the lock of the current folder is known to be that of a killed run.
+
+    It is if hopdata knows of a run, each run that it knows of is dead, and no Snakemake that
+    somebody else started is at work here, or may be.
+    """
+    known = owners().values()
+    if not known or not all(owner.is_dead for owner in known):
+        return False
+    here, perhaps = snakemakes()
+    return not here and not perhaps
+
+
+def snakemakes() -> tuple[list[int], list[int]]:
+    """Return the Snakemakes of this machine that work here, and those that perhaps do.
+
+    Returns
+    -------
+    here : list of int
+        Numbers of the processes whose working folder is the current one.
+    perhaps : list of int
+        Those whose working folder may not be seen, of a user who owns locks here.
+    """
+    import psutil
+
+    folder = Path.cwd().resolve()
+    here = []
+    perhaps = []
+    for process in psutil.process_iter():
+        if process.pid == os.getpid():
+            continue
+        try:
+            if not _runs_snakemake(process):
+                continue
+            if Path(process.cwd()).resolve() == folder:
+                here.append(process.pid)
+        except psutil.NoSuchProcess:  # it has just ended
+            continue
+        except (psutil.AccessDenied, OSError):
+            if _may_own_lock(process):
+                perhaps.append(process.pid)
+    return here, perhaps
+
+
+def _runs_snakemake(process: Any) -> bool:
+    """Tell whether a process runs Snakemake: the command, or ``python -m snakemake``."""
+    import psutil
+
+    try:
+        words = process.cmdline()
+    except psutil.AccessDenied:  # only its name may be seen
+        name = process.name().lower()
+        return "snakemake" in name or "python" in name
+    if process.status() == psutil.STATUS_ZOMBIE:
+        return False
+    return any(Path(word).stem == "snakemake" for word in words)
+
+
+def _may_own_lock(process: Any) -> bool:
+    """Tell whether a process may have locked files here: not if no lock is its user's."""
+    import psutil
+
+    try:
+        user = process.uids().effective
+        return user in {lock.stat().st_uid for lock in LOCKS.glob("*.lock")}
+    except psutil.NoSuchProcess:
+        return False
+    except (psutil.AccessDenied, AttributeError, OSError):  # Windows has no such numbers
+        return True
+
+
 def release_dead() -> str:
     """Remove the lock of a killed run, and its record; return what was done, or nothing.
 
-    The lock stays while any run here is alive or may be, since it may be that run's.
+    The lock stays while any run here is alive or may be, since it may be that run's. If that
+    is a Snakemake without a record, the records stay too: it may be a job that has outlived
+    its killed run, and the lock can be removed after its end.
     """
     known = owners()
     dead = {record: owner for record, owner in known.items() if owner.is_dead}
     told = ""
     if dead and len(dead) == len(known) and is_locked():
+        if not lock_is_dead():
+            return ""
         shutil.rmtree(LOCKS, ignore_errors=True)
         killed = " and ".join(map(str, dead.values()))
         told = f"{killed} was killed; its lock is removed, and what it left unfinished is made anew"
@@ -135,7 +252,14 @@ def who_is_at_work() -> str:
     alive = [owner for owner in owners().values() if not owner.is_dead]
     elsewhere = [owner for owner in alive if not owner.is_here]
     how = f"if none is at work: rm -r {LOCKS}"
-    if not alive:
-        return f"a run is at work here that hopdata did not start, or one was killed; {how}"
-    told = " and ".join(map(str, alive))
-    return f"{told} is at work here" + (f"; {how}" if elsewhere else "; wait for its end")
+    if alive:
+        told = " and ".join(map(str, alive))
+        return f"{told} is at work here" + (f"; {how}" if elsewhere else "; wait for its end")
+    here, perhaps = snakemakes()
+    if here:
+        numbers = " and ".join(map(str, here))
+        return f"Snakemake (process {numbers}) is at work here; wait for its end"
+    if perhaps:
+        numbers = " and ".join(map(str, perhaps))
+        return f"process {numbers} may be a Snakemake that is at work here; {how}"
+    return f"a run is at work here that hopdata did not start, or one was killed; {how}"

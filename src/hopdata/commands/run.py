@@ -18,6 +18,7 @@ from hopdata.analysis import SNAKEFILE, planned
 from hopdata.commands.owner import (
     LOCKS,
     is_locked,
+    lock_is_dead,
     owners,
     recorded,
     release_dead,
@@ -310,9 +311,8 @@ def doctor(_options: argparse.Namespace) -> int:
 
 
 def _why_locked() -> str:
-    known = owners().values()
-    if known and all(owner.is_dead for owner in known):
-        killed = " and ".join(map(str, known))
+    if lock_is_dead():
+        killed = " and ".join(map(str, owners().values()))
         return f"{killed} was killed; the next 'hopdata run' here removes its lock"
     return who_is_at_work()
 

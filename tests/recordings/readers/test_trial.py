@@ -102,6 +102,108 @@ def test_where_no_process_can_be_started_files_are_read_without_a_trial(sound, m
     assert read_recording(sound).markers == ("a", "b")
 
 
+def test_a_child_that_cannot_import_hopdata_says_nothing_about_a_file(sound, monkeypatch):
+    monkeypatch.setattr(trial, "_child", None)
+    monkeypatch.setattr(trial, "_program", lambda: "import no_such_module")
+    assert read_recording(sound).markers == ("a", "b")
+    assert trial._child is None
+
+
+def test_a_child_that_hangs_at_its_start_says_nothing_about_a_file(sound, monkeypatch):
+    monkeypatch.setattr(trial, "_child", None)
+    monkeypatch.setattr(trial, "_START_S", 0.2)
+    monkeypatch.setattr(trial, "_program", lambda: "import time; time.sleep(100)")
+    assert read_recording(sound).markers == ("a", "b")
+
+
+def test_the_child_imports_a_hopdata_that_is_not_installed(sound, monkeypatch):
+    """The child starts without the folder in which this installation has hopdata."""
+    folder = os.path.dirname(os.path.dirname(trial.hopdata.__file__))
+    alone = f"import sys\nsys.path[:] = [place for place in sys.path if place != {folder!r}]\n"
+    program = alone + trial._program()
+    monkeypatch.setattr(trial, "_child", None)
+    monkeypatch.setattr(trial, "_program", lambda: program)
+    assert read_recording(sound).markers == ("a", "b")
+    assert trial._child is not None
+
+
+def test_what_an_installation_prints_at_its_start_is_no_answer(sound, monkeypatch):
+    program = "print('welcome')\n" + trial._program()
+    monkeypatch.setattr(trial, "_child", None)
+    monkeypatch.setattr(trial, "_program", lambda: program)
+    assert read_recording(sound).markers == ("a", "b")
+    assert trial._child is not None
+
+
+def test_a_child_that_says_something_else_and_lives_is_ended(sound, another_child):
+    another_child("import time; input(); print('warning', flush=True); time.sleep(100)")
+    with pytest.raises(RecordingError, match="the trial says 'warning' instead of an answer"):
+        read_recording(sound)
+    assert trial._child is None
+
+
+def test_a_child_that_says_nothing_more_and_lives_is_ended(sound, another_child, monkeypatch):
+    monkeypatch.setattr(trial, "_END_S", 0.2)
+    another_child("import os, time; input(); os.close(1); time.sleep(100)")
+    with pytest.raises(RecordingError, match="the trial says '' instead of an answer"):
+        read_recording(sound)
+
+
+def test_a_child_that_is_killed_may_have_lacked_memory(sound, another_child):
+    another_child("import os, signal; input(); os.kill(os.getpid(), signal.SIGKILL)")
+    with pytest.raises(RecordingError, match=r"goes on and on, or .* too little free memory; try"):
+        read_recording(sound)
+
+
+def test_a_failed_child_leaves_no_pipe_open(sound, another_child, monkeypatch):
+    another_child("import os; input(); os._exit(3)")
+    children = []
+    start = trial._started
+
+    def remembered():
+        children.append(start())
+        return children[-1]
+
+    monkeypatch.setattr(trial, "_started", remembered)
+    with pytest.raises(RecordingError, match="exit code 3"):
+        read_recording(sound)
+    (child,) = children
+    assert child.stdin.closed
+    assert child.stdout.closed
+    assert child.returncode == 3
+
+
+LIMITS = """
+import resource, sys
+from pathlib import Path
+from hopdata.recordings.readers import trial
+path = Path(sys.argv[1])
+hard = int(sys.argv[2])
+resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+trial._limit(path, 5.0, 10.0)
+print(*resource.getrlimit(resource.RLIMIT_AS))
+trial._limit(path, 5.0, float("inf"))
+print(*resource.getrlimit(resource.RLIMIT_AS))
+print(*resource.getrlimit(resource.RLIMIT_CPU))
+"""
+
+
+@pytest.mark.parametrize("hard", [-1, 1 << 42, 1 << 30])
+def test_limits_stay_within_those_of_the_user_and_are_lifted_again(sound, hard):
+    command = [sys.executable, "-c", LIMITS, str(sound), str(hard)]
+    result = trial.subprocess.run(command, capture_output=True, text=True, check=True)
+    memory, lifted, cpu = [
+        tuple(int(word) for word in line.split()) for line in result.stdout.splitlines()
+    ]
+    assert memory[1] == hard
+    if hard == 1 << 30:  # less than a file is granted
+        assert memory[0] == hard
+    else:
+        assert 1 << 30 < memory[0] < 1 << 42
+    assert lifted == (hard, hard)
+    assert 5 < cpu[0] < 60
+
+
 def test_a_file_is_tried_once_and_again_when_it_has_changed(sound, monkeypatch):
     tried = []
     monkeypatch.setattr(trial, "_tried", lambda place, *_: tried.append(place) or "")

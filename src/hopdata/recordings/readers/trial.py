@@ -5,7 +5,8 @@ stopped from within. So a child process first reads the whole file, with limits 
 and memory that follow from the file's size. Files that hopdata has sealed need no trial.
 
 The child serves one file after another, so it costs some 0.3 s once and little for each
-further file. It ends with this process.
+further file. It ends with this process. Where no child can be started, or it cannot import
+hopdata, files are read without a trial: that says nothing about a file.
 """
 
 import atexit
@@ -18,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import hopdata
 from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings.budget import DEFLATE_MOST, seconds_to_read
@@ -29,6 +31,15 @@ _WALL_PER_CPU = 20
 _MEMORY_PER_BYTE = 3  # copies of the content that the child may hold
 _LEAST_MEMORY = 1 << 30  # bytes; what the libraries themselves reserve when they first work
 
+# Wall-clock time in which a child must start, s: it takes 0.3 s on a computer of 2020, and a
+# minute from a slow network disk. 1.5 times larger: where a child hangs at its start, each file
+# waits 1.5 times longer.
+_START_S = 120.0
+# Wall-clock time in which a child that is killed must end, s; the system needs some ms. 1.5 times
+# larger: a child that the system cannot end, say on a dead network disk, is left 1.5 times later.
+_END_S = 10.0
+
+READY = "ready\n"
 ANSWERED = "answered\n"
 NO_MEMORY = "memory\n"
 
@@ -64,18 +75,18 @@ def require_answer(path: str | Path, most_unpacked_mb: float) -> None:
             _answered.add(identity)
             return
     wanted = f"a file that can be read in {seconds:.0f} s and within its memory"
-    raise RecordingError.at(path, wanted, f"{fault}; it is damaged, copy it anew")
+    raise RecordingError.at(path, wanted, fault)
 
 
 def _tried(place: Path, seconds: float, most_unpacked_mb: float) -> str:
     """Have the child read a file; return what went wrong, nothing if the library answered."""
     global _child, _owner
     if _child is None or _child.poll() is not None or _owner != os.getpid():
-        try:
-            _child = _started()
-        except OSError:  # no process can be started here: the file is read without a trial
-            return ""
+        _end_own()
+        _child = _started()
         _owner = os.getpid()
+    if _child is None:  # no child can work here: the file is read without a trial
+        return ""
     child = _child
     watch = threading.Timer(_WALL_PER_CPU * seconds, child.kill)
     watch.start()
@@ -88,47 +99,108 @@ def _tried(place: Path, seconds: float, most_unpacked_mb: float) -> str:
     except OSError:  # the child died before it could read the line
         answer = ""
     except BaseException:  # interrupted: its answer would be taken for that of the next file
-        _child = None
-        child.kill()
+        _end_own()
         raise
     finally:
         watch.cancel()
     if answer == ANSWERED:
         return ""
     if answer == NO_MEMORY:
-        return "one for which the HDF5 library wants far more memory"
-    _child = None
-    code = child.wait()
-    if -code in _signals("SIGXCPU", "SIGKILL"):
-        return "one on which the HDF5 library goes on and on"
-    return f"one that ends the HDF5 library (exit code {code})"
+        return "one for which the HDF5 library wants far more memory; it is damaged, copy it anew"
+    if not answer:
+        with suppress(subprocess.TimeoutExpired):
+            child.wait(_END_S)
+    code = child.poll()  # None if it lives, and then it is of no use any more
+    _end_own()
+    if code is None:
+        said = f"one on which the trial says {answer.strip()!r} instead of an answer"
+        return f"{said}; it is damaged, copy it anew"
+    return _ended_with(code)
 
 
-def _started() -> "subprocess.Popen[str]":
-    """Start the child; -P keeps the working folder off Python's path."""
-    command = [sys.executable, "-P", "-c", f"from {__name__} import serve; serve()"]
+def _ended_with(code: int) -> str:
+    """Return what the exit code of a child tells about the file, and what to do."""
+    endless = "one on which the HDF5 library goes on and on"
+    if -code in _signals("SIGXCPU"):
+        return f"{endless}; it is damaged, copy it anew"
+    if -code in _signals("SIGKILL"):  # also what a system does that runs out of memory
+        crowded = "for which this computer has too little free memory"
+        return f"{endless}, or {crowded}; try again with more free memory, or copy it anew"
+    return f"one that ends the HDF5 library (exit code {code}); it is damaged, copy it anew"
+
+
+def _started() -> "subprocess.Popen[str] | None":
+    """Start the child; return None if none can be started, or if it cannot import hopdata."""
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
-    child = subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-        encoding="ascii",
-    )
-    atexit.register(_ended, child)
-    return child
+    try:
+        child = subprocess.Popen(
+            [sys.executable, "-P", "-c", _program()],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+            encoding="ascii",
+            errors="replace",
+        )
+    except OSError:
+        return None
+    assert child.stdout is not None
+    watch = threading.Timer(_START_S, child.kill)
+    watch.start()
+    try:
+        # Whatever an installation prints at the start of Python comes before the word.
+        is_ready = READY in child.stdout
+    except BaseException:
+        _ended(child)
+        raise
+    finally:
+        watch.cancel()
+    if is_ready:
+        return child
+    _ended(child)
+    return None
+
+
+def _program() -> str:
+    """Return the child's program: it imports this hopdata from where this process has it.
+
+    -P keeps the working folder off Python's path, and with it a source tree that is not
+    installed. So its folder is on the path for the first import, and only for that one.
+    """
+    folder = str(Path(hopdata.__file__).resolve().parents[1])
+    lines = [
+        "import sys",
+        f"sys.path.insert(0, {folder!r})",
+        "import hopdata",
+        f"sys.path.remove({folder!r})",
+        f"from {__name__} import serve",
+        f"print({READY!r}, end='', flush=True)",
+        "serve()",
+    ]
+    return "\n".join(lines)
+
+
+def _end_own() -> None:
+    """End the child of this process, if it has one; that of a process it forked from stays."""
+    global _child
+    if _child is not None and _owner == os.getpid():
+        _ended(_child)
+    _child = None
+
+
+atexit.register(_end_own)
 
 
 def _ended(child: "subprocess.Popen[str]") -> None:
-    """End a child by closing its input, and wait for it."""
-    with suppress(OSError, ValueError):
-        if child.stdin is not None:
-            child.stdin.close()
-        if child.stdout is not None:
-            child.stdout.close()
+    """End a child, wait for it, and close its pipes."""
+    with suppress(OSError):
         child.kill()
-        child.wait()
+    with suppress(subprocess.TimeoutExpired):
+        child.wait(_END_S)
+    for pipe in (child.stdin, child.stdout):
+        with suppress(OSError, ValueError):  # what it did not read cannot be written any more
+            if pipe is not None:
+                pipe.close()
 
 
 def _signals(*names: str) -> set[int]:
@@ -160,19 +232,36 @@ def serve() -> None:
 
 def _limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
     """Limit the CPU time and the memory of this process from here on, where possible."""
-    with suppress(ImportError, OSError, ValueError):
+    try:
         import resource
-
+    except ImportError:  # Windows
+        return
+    with suppress(OSError, ValueError):
         used = resource.getrusage(resource.RUSAGE_SELF)
         until = int(used.ru_utime + used.ru_stime + seconds) + 1
-        resource.setrlimit(resource.RLIMIT_CPU, (until, resource.RLIM_INFINITY))
-        if most_unpacked_mb == float("inf"):
-            return
-        own = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        unpacked = min(1e6 * most_unpacked_mb, DEFLATE_MOST * path.stat().st_size)
-        for_file = int(_MEMORY_PER_BYTE * unpacked)
-        most = own + _LEAST_MEMORY + for_file
-        resource.setrlimit(resource.RLIMIT_AS, (most, resource.RLIM_INFINITY))
+        _set_limit(resource.RLIMIT_CPU, until)
+    with suppress(OSError, ValueError):
+        most = resource.RLIM_INFINITY  # lifts the limit of an earlier file
+        if most_unpacked_mb != float("inf"):
+            own = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            unpacked = min(1e6 * most_unpacked_mb, DEFLATE_MOST * path.stat().st_size)
+            for_file = int(_MEMORY_PER_BYTE * unpacked)
+            most = own + _LEAST_MEMORY + for_file
+        _set_limit(resource.RLIMIT_AS, most)
+
+
+def _set_limit(kind: int, wanted: int) -> None:
+    """Set a limit of this process, at most the one that its user or batch system has set."""
+    import resource
+
+    _, hard = resource.getrlimit(kind)
+    if hard == resource.RLIM_INFINITY:
+        soft = wanted
+    elif wanted == resource.RLIM_INFINITY:  # a negative number on some systems
+        soft = hard
+    else:
+        soft = min(wanted, hard)
+    resource.setrlimit(kind, (soft, hard))
 
 
 def _read_all(path: Path, most_unpacked_mb: float) -> None:
