@@ -179,7 +179,8 @@ from pathlib import Path
 from hopdata.recordings.readers import trial
 path = Path(sys.argv[1])
 hard = int(sys.argv[2])
-resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+soft = hard if hard < 0 else hard - 4096
+resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 trial._limit(path, 5.0, 10.0)
 print(*resource.getrlimit(resource.RLIMIT_AS))
 trial._limit(path, 5.0, float("inf"))
