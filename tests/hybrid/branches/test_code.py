@@ -338,3 +338,18 @@ def test_why_there_is_none_for_guards_that_use_arrays():
     assert "Range" in made.reason
     system = System(still, sums, n_states=1, guard_names=("sum",))
     assert system.branches.address == NO_CODE
+
+
+def whole_power_of_a_parameter(t, y, dy, mode, params, h, hdot):
+    h[0] = (y[0] - 1.0) ** int(params[0])
+    hdot[0] = 0.0
+
+
+def power_of_a_parameter(t, y, dy, mode, params, h, hdot):
+    h[0] = (y[0] ** 2) ** params[0]
+    hdot[0] = 0.0
+
+
+def test_a_power_is_smooth_only_if_its_exponent_is_whole():
+    assert not may_branch(whole_power_of_a_parameter, (0, 1, 2))
+    assert may_branch(power_of_a_parameter, (0, 1, 2))

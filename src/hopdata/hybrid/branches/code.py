@@ -363,9 +363,16 @@ def _power_branches(
     """Return whether a power may have a kink where its base is zero: (x**2)**0.5 is |x|."""
     if not _varies(base, names, known) and not _varies(exponent, names, known):
         return False
-    number = _literal(exponent)
-    is_whole = number is not None and number == int(number)
-    return not is_whole and not _is_positive(base, known)
+    return not _is_whole(exponent, names, known) and not _is_positive(base, known)
+
+
+def _is_whole(node: ast.AST, names: set[str], known: dict[str, Any]) -> bool:
+    """Return whether an exponent is a whole number that does not vary: 2, int(params[0])."""
+    number = _literal(node)
+    if number is not None:
+        return number == int(number)
+    is_cast = isinstance(node, ast.Call) and _called(node, known) == "int"
+    return is_cast and not _varies(node, names, known)
 
 
 def _literal(node: ast.AST) -> float | None:
