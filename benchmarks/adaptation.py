@@ -2,27 +2,28 @@
 
     python benchmarks/adaptation.py --out adaptation.csv [--seeds 5] [--first 1]
 
-The model is learned from 100 hops of the original simulated hopper. Then the hopper is changed.
-From each of twelve starts, one metre from the origin with any heading, it is steered towards the
-origin for at most 40 hops (`first`: it arrived within these). It is then steered from another
-start, as in the study, within 50 hops (`back`). The planner `as it was` is the control. The
-`adaptive` planner begins each of the twelve runs with nothing learned and learns at each stance.
-The planner that `learned anew` knows 100 hops of the changed hopper and sets the bound. All
-planners get the same starts, kicks and noise.
+The model is learned from 100 hops of the original simulated hopper. Then the hopper is
+changed. From each of twelve starts, one metre from the origin with any heading, it is
+steered towards the origin for at most 40 hops (`first`: it arrived within these). It is
+then steered from another start, as in the study, within 50 hops (`back`). The planner
+`as it was` is the control. The `adaptive` planner begins each of the twelve runs with
+nothing learned and learns at each stance. The planner that `learned anew` knows 100
+hops of the changed hopper and sets the bound. All planners get the same starts, kicks
+and noise.
 
-There is one row per seed, change and controller: how many of the twelve runs arrived, the median
-number of hops of the second task, and the processor time per plan, learning included.
-`adaptation_return.csv` gives the distance between stances and their predictions by the controller's
-model, by the number of hops since the change: median and 90 % quantile over all runs still in
-progress.
+There is one row per seed, change and controller: how many of the twelve runs arrived,
+the median number of hops of the second task, and the processor time per plan, learning
+included. `adaptation_return.csv` gives the distance between stances and their
+predictions by the controller's model, by the number of hops since the change: median
+and 90 % quantile over all runs still in progress.
 
     python benchmarks/adaptation.py --out loads.csv --loads
 
-measures what the legs can carry: for each load, how many of twelve releases leave the hopper still
-hopping after 40 unsteered hops.
+measures what the legs can carry: for each load, how many of twelve releases leave the
+hopper still hopping after 40 unsteered hops.
 
-Seeds 1 to 5 are reported. The constants of the correction were set beforehand; seed 101 chose the
-leg that is changed.
+Seeds 1 to 5 are reported. The constants of the correction were set beforehand; seed 101
+chose the leg that is changed.
 """
 
 from __future__ import annotations
@@ -78,7 +79,10 @@ def moved(robot: SteeredHopper, moved_m: FloatArray, **changes: float) -> Steere
 
 
 def preloaded(robot: SteeredHopper, leg: int) -> SteeredHopper:
-    shares = [share * (1.1 if k == leg else 1.0) for k, share in enumerate(robot.preload_shares)]
+    shares = [
+        share * (1.1 if k == leg else 1.0)
+        for k, share in enumerate(robot.preload_shares)
+    ]
     return replace(robot, preload_shares=tuple(shares))
 
 
@@ -110,7 +114,9 @@ def learned(
     robot: SteeredHopper, seed: np.random.SeedSequence
 ) -> tuple[HopperGeometry, FrameChangeProcess]:
     """Learn from 100 hops of an excitation."""
-    swings = eulerian_excitation(ControlGrid(), np.random.default_rng(child(seed, 0)))[:130]
+    swings = eulerian_excitation(ControlGrid(), np.random.default_rng(child(seed, 0)))[
+        :130
+    ]
     chance = child(seed, 1).generate_state(4).tolist()
     recording = record_trial(robot, swings, seed=chance).recording
     geometry = calibrate(recording)
@@ -151,7 +157,9 @@ def rows(
     geometry, process = learned(robot, child(seed, 10))
     before, noise = planner(process), process.chance
     sight = Sight(
-        camera, geometry, draw_floor(camera.floor, np.random.default_rng(child(seed, 11)))
+        camera,
+        geometry,
+        draw_floor(camera.floor, np.random.default_rng(child(seed, 11))),
     )
     starts = draw_starts("origin", 2 * STARTS, distance_m=1.0, seed=seed)
     for place, (name, change) in enumerate(CHANGES.items()):
@@ -192,14 +200,17 @@ def anew(robot: SteeredHopper, seed: np.random.SeedSequence) -> Callable[[], Pla
 def loads(robot: SteeredHopper, seed: np.random.SeedSequence) -> pd.DataFrame:
     """Let the hopper hop under loads, with the boom at rest and with random swings.
 
-    Legs that push up to `release_extension_m` leave the floor together only if their force at that
-    extension carries the weight: compare ``push_n`` with ``weight_n``.
+    Legs that push up to `release_extension_m` leave the floor together only if their
+    force at that extension carries the weight: compare ``push_n`` with ``weight_n``.
     """
     found = []
     for kilograms, swings in product((0.0, 0.25, 0.5, 0.75, 1.0), (False, True)):
         loaded = laden(robot, LEG, kilograms=kilograms)
         hopper, limit = loaded.hopper, swings * robot.swing_limit_rad
-        push = loaded.preloads_n.sum() - 3 * hopper.stiffness_n_m * hopper.release_extension_m
+        push = (
+            loaded.preloads_n.sum()
+            - 3 * hopper.stiffness_n_m * hopper.release_extension_m
+        )
         made = []
         for stream in seed.spawn(STARTS):
             rng, apex = np.random.default_rng(stream), released(loaded, np.zeros(3))
@@ -218,14 +229,20 @@ def loads(robot: SteeredHopper, seed: np.random.SeedSequence) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
-def tables(pairs: Iterable[tuple[dict[str, object], list[FloatArray]]]) -> list[pd.DataFrame]:
+def tables(
+    pairs: Iterable[tuple[dict[str, object], list[FloatArray]]],
+) -> list[pd.DataFrame]:
     """Return the table of arrivals, and the table of distances by hop over all seeds."""
     found, away = [], []
     for row, misses in pairs:
         found.append(row)
         key = {name: row[name] for name in ("change", "controller")}
         away += [key | {"hop": k, "m": m} for one in misses for k, m in enumerate(one)]
-    of_hop = pd.DataFrame(away).dropna().groupby(["change", "controller", "hop"], sort=False)["m"]
+    of_hop = (
+        pd.DataFrame(away)
+        .dropna()
+        .groupby(["change", "controller", "hop"], sort=False)["m"]
+    )
     back = of_hop.agg(median_m="median", most_m=lambda m: m.quantile(0.9), runs="size")
     return [pd.DataFrame(found), back.reset_index()]
 

@@ -2,18 +2,19 @@
 
     python benchmarks/animals.py --out animals.csv [--hops 200]
 
-The animals have the body of the three-legged hopper on n legs that together have the strength of
-its three. They are simulated and seen with 0.6 mm of noise. The biped is dropped anew for every
-landing, because two point feet cannot balance. There is one row for each number of feet and frame
-rate with three body markers, and three more rows for the largest animal with four, five and eight.
-`landings` counts true landings on all feet; `used` counts those that are not excluded.
-`order_right` is the share of used landings with the right order; `order_right_sure` considers those
-whose order has a probability of 0.9 or more. `contact_rms_ms` is the error of the instants about
-their common bias `contact_bias_ms`, and `within_se` the share of them within the stated standard
-error. `velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the vertical velocity at the two
-sections. Processor seconds are given for the stages floor, sections, touchdowns and pairs, on one
-thread. `peak_mb` is the largest memory use above that at the start, and `recording_mb` the size of
-the positions.
+The animals have the body of the three-legged hopper on n legs that together have the
+strength of its three. They are simulated and seen with 0.6 mm of noise. The biped is
+dropped anew for every landing, because two point feet cannot balance. There is one row
+for each number of feet and frame rate with three body markers, and three more rows for
+the largest animal with four, five and eight. `landings` counts true landings on all
+feet; `used` counts those that are not excluded. `order_right` is the share of used
+landings with the right order; `order_right_sure` considers those whose order has a
+probability of 0.9 or more. `contact_rms_ms` is the error of the instants about their
+common bias `contact_bias_ms`, and `within_se` the share of them within the stated
+standard error. `velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the
+vertical velocity at the two sections. Processor seconds are given for the stages floor,
+sections, touchdowns and pairs, on one thread. `peak_mb` is the largest memory use above
+that at the start, and `recording_mb` the size of the positions.
 """
 
 from __future__ import annotations
@@ -40,11 +41,17 @@ from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
 
-FEET, RATES_HZ, MARKERS = (2, 3, 4, 5, 6), (50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0), (4, 5, 8)
+FEET, RATES_HZ, MARKERS = (
+    (2, 3, 4, 5, 6),
+    (50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0),
+    (4, 5, 8),
+)
 SURE = 0.9
 
 
-def simulate(feet: int, rate_hz: float, markers: int, hops: int) -> tuple[Recording, Truth]:
+def simulate(
+    feet: int, rate_hz: float, markers: int, hops: int
+) -> tuple[Recording, Truth]:
     """Simulate an animal whose legs share the strength of three, with markers around the body."""
     three, share = HopperParameters(), 3 / feet
     names = ("stiffness_n_m", "damping_n_s_m", "preload_n")
@@ -74,7 +81,10 @@ def stages(recording: Recording) -> tuple[pd.DataFrame, Pairs, Any, dict[str, fl
     lap("floor")
     sections = select_sections([flat])
     lap("sections")
-    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
+    heights = {
+        "pre_height_m": sections.pre_height_m,
+        "post_height_m": sections.post_height_m,
+    }
     table = touchdown_table(flat, **heights)
     lap("touchdowns")
     pairs = assemble_pairs([flat], table, home_marker="body1", **heights)
@@ -82,10 +92,14 @@ def stages(recording: Recording) -> tuple[pd.DataFrame, Pairs, Any, dict[str, fl
     return table, pairs, sections, seconds
 
 
-def velocity_errors(truth: Truth, table: pd.DataFrame, pairs: Pairs, sections: Any) -> list[float]:
+def velocity_errors(
+    truth: Truth, table: pd.DataFrame, pairs: Pairs, sections: Any
+) -> list[float]:
     """Return the rms error of a marker's vertical velocity at each of the two sections, m/s."""
     scene = known_scene(truth)
-    heights = SectionHeights(sections.pre_height_m, sections.post_height_m, scene.body_points_m)
+    heights = SectionHeights(
+        sections.pre_height_m, sections.post_height_m, scene.body_points_m
+    )
     true = true_states(truth, scene, heights)
     mine = match_landings(contacts(table)[pairs.index], truth.contact_times)
     place = {int(landing): row for row, landing in enumerate(true.index)}
@@ -94,8 +108,12 @@ def velocity_errors(truth: Truth, table: pd.DataFrame, pairs: Pairs, sections: A
     half = pairs.x.shape[1] // 2
     errors = []
     for found, exact in ((pairs.x, true.x), (pairs.y, true.y)):
-        speed = [v[:, half:].reshape(len(v), -1, 3) for v in (found[here], exact[there])]
-        errors.append(float(np.sqrt(np.mean((speed[0][..., 2] - speed[1][..., 2]) ** 2))))
+        speed = [
+            v[:, half:].reshape(len(v), -1, 3) for v in (found[here], exact[there])
+        ]
+        errors.append(
+            float(np.sqrt(np.mean((speed[0][..., 2] - speed[1][..., 2]) ** 2)))
+        )
     return errors
 
 
@@ -118,7 +136,9 @@ def measure(feet: int, rate_hz: float, markers: int, hops: int) -> dict[str, flo
     error = contacts(used)[known] - truth.contact_times[landing[known]]
     error_free = error - error.mean()
     order = np.argsort(contacts(used)[known], axis=1)
-    right = (order == np.argsort(truth.contact_times[landing[known]], axis=1)).all(axis=1)
+    right = (order == np.argsort(truth.contact_times[landing[known]], axis=1)).all(
+        axis=1
+    )
     sure = used["probability"].to_numpy()[known] >= SURE
     pre, post = velocity_errors(truth, table, pairs, sections)
     return {
@@ -126,7 +146,9 @@ def measure(feet: int, rate_hz: float, markers: int, hops: int) -> dict[str, flo
         "body_markers": markers,
         "rate_hz": rate_hz,
         "frames": len(recording.time),
-        "landings": int(np.isfinite(truth.contact_times[truth.complete]).all(axis=1).sum()),
+        "landings": int(
+            np.isfinite(truth.contact_times[truth.complete]).all(axis=1).sum()
+        ),
         "used": len(used),
         "without_landing": int((landing < 0).sum()),
         "orders_seen": used["schedule"].nunique(),
@@ -147,7 +169,9 @@ def measure(feet: int, rate_hz: float, markers: int, hops: int) -> dict[str, flo
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--hops", type=int, default=200, help="hops of each animal (default 200)")
+    parser.add_argument(
+        "--hops", type=int, default=200, help="hops of each animal (default 200)"
+    )
     parser.add_argument("--feet", type=int, nargs="+", default=FEET)
     parser.add_argument("--rates", type=float, nargs="+", default=RATES_HZ)
     arguments = parser.parse_args()

@@ -1,8 +1,10 @@
 """Draw a figure of the benchmarks from their tables.
 
-    python benchmarks/benchmark_figures.py fig4_2_order results/benchmarks/order.csv --out order
+    python benchmarks/benchmark_figures.py fig4_2_order results/benchmarks/order.csv
+    --out order
 
-The workflow has a rule for each figure (`BENCHMARK_FIGURES` in `workflow/rules/benchmarks.smk`).
+The workflow has a rule for each figure (`BENCHMARK_FIGURES` in
+`workflow/rules/benchmarks.smk`).
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ from hopdata.jobs import read_table
 
 # Figure 4.2: how the error of the final state falls with the step, for each method.
 
-# Colour and marker of each method in turn. Curves may overlap, so markers are hollow and differ in
-# shape, and earlier ones are larger.
+# Colour and marker of each method in turn. Curves may overlap, so markers are hollow
+# and differ in shape, and earlier ones are larger.
 LOOKS: tuple[tuple[str, str], ...] = (
     (style.BLUE, "o"),
     (style.ORANGE, "s"),
@@ -47,10 +49,10 @@ def order_figure(errors: pd.DataFrame) -> Figure:
     Parameters
     ----------
     errors : DataFrame
-        One row per method and step: ``method``, ``max_step``, ``error_rms``, ``in_fit`` (whether
-        the line was fitted to it), ``fitted_order`` (the slope of the line) and ``fitted_error``
-        (its error there), ``limit_order`` and ``limit_order_se`` (the order for short steps). A
-        method whose slope is NaN has no line.
+        One row per method and step: ``method``, ``max_step``, ``error_rms``, ``in_fit``
+        (whether the line was fitted to it), ``fitted_order`` (the slope of the line)
+        and ``fitted_error`` (its error there), ``limit_order`` and ``limit_order_se``
+        (the order for short steps). A method whose slope is NaN has no line.
 
     Returns
     -------
@@ -93,16 +95,26 @@ def _draw_method(axes: Axes, rows: pd.DataFrame, place: int, count: int) -> None
 def _draw_fit(
     axes: Axes, inverse: np.ndarray, line: np.ndarray, used: np.ndarray, colour: str
 ) -> None:
-    axes.plot(inverse, line, color=colour, linestyle="--", linewidth=0.7, label="_fit", zorder=2)
+    axes.plot(
+        inverse,
+        line,
+        color=colour,
+        linestyle="--",
+        linewidth=0.7,
+        label="_fit",
+        zorder=2,
+    )
     wide: dict[str, Any] = {"linewidth": 9, "solid_capstyle": "butt"}
-    axes.plot(inverse[used], line[used], color=LIGHT_GREY, label="_interval", zorder=1, **wide)
+    axes.plot(
+        inverse[used], line[used], color=LIGHT_GREY, label="_interval", zorder=1, **wide
+    )
 
 
 def _name(rows: pd.DataFrame) -> str:
     """Return a method's name with its order, and with the slope of its line, which is another.
 
-    The slope is a mean over the steps of the line, which may be few and long. The order is the
-    limit for short steps.
+    The slope is a mean over the steps of the line, which may be few and long. The order
+    is the limit for short steps.
     """
     name, limit, limit_se, slope = (
         rows[column].iloc[0]
@@ -118,7 +130,8 @@ def _name(rows: pd.DataFrame) -> str:
     return "\n".join(told)
 
 
-# Figure 4.3: the hopper's trajectory by MuJoCo and by our integrator, beside the exact one.
+# Figure 4.3: the hopper's trajectory by MuJoCo and by our integrator, beside the exact
+# one.
 
 # Solver: colour, line style, width.
 LINES: dict[str, tuple[str, Any, float]] = {
@@ -138,50 +151,69 @@ def calibration_figure(trajectories: pd.DataFrame) -> Figure:
     Parameters
     ----------
     trajectories : DataFrame
-        One row per solver and instant: ``solver`` (of `LINES`), ``time_s``, ``height_m``,
-        ``velocity_m_s``, and ``height_residual_m``, ``velocity_residual_m_s``, the deviations from
-        the exact solution.
+        One row per solver and instant: ``solver`` (of `LINES`), ``time_s``,
+        ``height_m``, ``velocity_m_s``, and ``height_residual_m``,
+        ``velocity_residual_m_s``, the deviations from the exact solution.
 
     Returns
     -------
     Figure
-        Two columns; residuals are on a logarithmic axis, which cannot show exact values.
+        Two columns; residuals are on a logarithmic axis, which cannot show exact
+        values.
     """
     if trajectories.empty:
         return style.message_figure("No trajectories to compare.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 95.0)
     axes = figure.subplots(2, 2, sharex=True, height_ratios=(1, 1))
-    for (upper, lower), (quantity, (end, unit)) in zip(axes.T, QUANTITIES.items(), strict=True):
+    for (upper, lower), (quantity, (end, unit)) in zip(
+        axes.T, QUANTITIES.items(), strict=True
+    ):
         _draw(upper, trajectories, f"{quantity}_{end}", residual=False)
         _draw(lower, trajectories, f"{quantity}_residual_{end}", residual=True)
         upper.set_ylabel(f"{quantity} ({unit})")
         lower.set_ylabel(f"|{quantity} residual| ({unit})")
         lower.set_xlabel("time (s)")
     style.letters(axes.flat)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4
+    )
     return figure
 
 
-def _draw(axes: Axes, trajectories: pd.DataFrame, column: str, *, residual: bool) -> None:
+def _draw(
+    axes: Axes, trajectories: pd.DataFrame, column: str, *, residual: bool
+) -> None:
     """Draw a column for each solver: its values, or their sizes on a logarithmic axis."""
     for solver, (colour, dash, width) in LINES.items():
         rows = trajectories[trajectories["solver"] == solver]
         if rows.empty or (residual and solver == "exact"):
             continue
-        values = rows[column].abs().where(rows[column] != 0) if residual else rows[column]
-        line: Any = {"color": colour, "linestyle": dash, "linewidth": width, "label": solver}
+        values = (
+            rows[column].abs().where(rows[column] != 0) if residual else rows[column]
+        )
+        line: Any = {
+            "color": colour,
+            "linestyle": dash,
+            "linewidth": width,
+            "label": solver,
+        }
         axes.plot(rows["time_s"], values, **line)
     if residual:
         axes.set_yscale("log")
         axes.grid(axis="y")
 
 
-# Figure 4.4: run time on the plate by number of contacts, for MuJoCo and our integrator.
+# Figure 4.4: run time on the plate by number of contacts, for MuJoCo and our
+# integrator.
 
 # Solver: label, colour, line style.
 SERIES: dict[str, tuple[str, str, Any]] = {
     "MuJoCo contact 2 ms": ("MuJoCo, its contacts, 2 ms", style.BLUE, (0, (5, 1.5))),
-    "MuJoCo callback 2 ms": ("MuJoCo, our springs, 2 ms", style.GREEN, (0, (5, 1.2, 1.5, 1.2))),
+    "MuJoCo callback 2 ms": (
+        "MuJoCo, our springs, 2 ms",
+        style.GREEN,
+        (0, (5, 1.2, 1.5, 1.2)),
+    ),
     "hopdata": ("hopdata", style.VERMILION, "-"),
     "hopdata sums": ("hopdata, sums kept", style.ORANGE, (0, (1.5, 1.2))),
 }
@@ -194,9 +226,9 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     Parameters
     ----------
     times : DataFrame
-        One row per solver (of `SERIES`; others are left out) and number of contacts: ``solver``,
-        ``n_contacts``, ``time_median_us_per_s``, ``time_q25_us_per_s``, ``time_q75_us_per_s``,
-        ``error_median`` and ``error_max``.
+        One row per solver (of `SERIES`; others are left out) and number of contacts:
+        ``solver``, ``n_contacts``, ``time_median_us_per_s``, ``time_q25_us_per_s``,
+        ``time_q75_us_per_s``, ``error_median`` and ``error_max``.
     marginal : DataFrame
         One row per solver and window: ``solver``, ``window`` (only ``local`` is drawn),
         ``n_contacts``, ``marginal_us_per_contact_s``, ``low95_us_per_contact_s``,
@@ -205,14 +237,17 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     Returns
     -------
     Figure
-        Bands show quartiles in (a), 95 % confidence in (b), and median to maximum in (c).
+        Bands show quartiles in (a), 95 % confidence in (b), and median to maximum in
+        (c).
     """
     if times.empty:
         return style.message_figure("No run times to compare.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
     left, middle, right = figure.subplots(1, 3)
     local = marginal[marginal["window"] == "local"]
-    _bands(left, times, "time_q25_us_per_s", "time_median_us_per_s", "time_q75_us_per_s")
+    _bands(
+        left, times, "time_q25_us_per_s", "time_median_us_per_s", "time_q75_us_per_s"
+    )
     _bands(
         middle, local,
         "low95_us_per_contact_s", "marginal_us_per_contact_s", "high95_us_per_contact_s",
@@ -228,7 +263,9 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
         axes.set_xlabel("number of contacts")
         axes.grid(axis="y")
     style.letters((left, middle, right))
-    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside upper center", ncols=4
+    )
     return figure
 
 
@@ -239,7 +276,9 @@ def _bands(axes: Axes, table: pd.DataFrame, low: str, middle: str, high: str) ->
         if rows.empty:
             continue
         n = rows["n_contacts"]
-        axes.fill_between(n, rows[low], rows[high], color=colour, alpha=0.2, linewidth=0)
+        axes.fill_between(
+            n, rows[low], rows[high], color=colour, alpha=0.2, linewidth=0
+        )
         axes.plot(n, rows[middle], color=colour, linestyle=dash, label=label)
 
 
@@ -279,14 +318,15 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
         One row per scene, solver and setting: ``scene, way, method, setting, error_max,
         time_median_us, time_q25_us, time_q75_us``. Rows without a time are left out.
     chosen : DataFrame
-        One row per scene and solver: ``scene, way, method, error`` (of the comparison), and
-        ``best_of_way``, whether the line is emphasised.
+        One row per scene and solver: ``scene, way, method, error`` (of the comparison),
+        and ``best_of_way``, whether the line is emphasised.
 
     Returns
     -------
     Figure
-        One line per solver, with the quartiles of its times. The chosen method of each way is
-        emphasised, the others are faint. A dotted line marks the error of the comparison.
+        One line per solver, with the quartiles of its times. The chosen method of each
+        way is emphasised, the others are faint. A dotted line marks the error of the
+        comparison.
     """
     done = table[table["time_median_us"].notna() & (table["error_max"] > 0)]
     scenes = list(dict.fromkeys(done["scene"]))
@@ -301,14 +341,21 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
         best = strong[strong["scene"] == scene]
         pairs = zip(best["way"], best["method"], strict=True)
         _draw_scene(axes, done[done["scene"] == scene], set(pairs))
-        axes.axvline(float(chosen["error"].iloc[0]), color=style.INK, linewidth=0.6, linestyle=":")
+        axes.axvline(
+            float(chosen["error"].iloc[0]),
+            color=style.INK,
+            linewidth=0.6,
+            linestyle=":",
+        )
         axes.set_title(SCENE_NAMES.get(scene, scene), loc="left")
     style.letters(panels)
     for axes in grid.ravel():
         axes.set(xscale="log", yscale="log")
         axes.grid()
     for axes in panels[-across:]:  # the lowest panel of each column
-        axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
+        axes.set_xlabel(
+            "largest error of the final state\n(SI units; table 4.3 has none)"
+        )
         axes.tick_params(labelbottom=True)
     for axes in grid.ravel()[len(scenes) :]:
         axes.remove()
@@ -338,26 +385,38 @@ def _add_legend(figure: Figure, seen: list[str]) -> None:
     """Add one legend entry per way, in the order of `WAYS`, then those not listed there."""
     from matplotlib.lines import Line2D
 
-    names = [way for way in WAYS if way in seen] + [way for way in seen if way not in WAYS]
+    names = [way for way in WAYS if way in seen] + [
+        way for way in seen if way not in WAYS
+    ]
     handles = []
     for way in names:
         colour, dash, marker = WAYS.get(way, OTHER_WAY)
-        look: Any = {"color": colour, "linestyle": dash, "marker": marker, "markersize": 2.6}
+        look: Any = {
+            "color": colour,
+            "linestyle": dash,
+            "marker": marker,
+            "markersize": 2.6,
+        }
         handles.append(Line2D([], [], label=way, **look))
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, handlelength=2.6)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=5, handlelength=2.6
+    )
 
 
 # Error of the estimated landing map by number of landings, for levels of noise.
 
-# Estimator: label, colour, line style, marker. OLS on rigid-body coordinates equals the printed one
-# except for rounding, and is left out.
+# Estimator: label, colour, line style, marker. OLS on rigid-body coordinates equals the
+# printed one except for rounding, and is left out.
 ESTIMATORS: dict[str, tuple[str, str, Any, str]] = {
     "printed": ("least squares, as printed", style.GREY, "-", "o"),
     "corrected": ("corrected for noise", style.ORANGE, (0, (5, 1.5)), "s"),
     "curved": ("with curvature", style.BLUE, (0, (1.5, 1.2)), "^"),
     "corrected_curved": ("with both", style.VERMILION, "-", "D"),
 }
-STATES = {"split_fit": "states split at contacts", "savitzky_golay": "states by 7-frame cubic"}
+STATES = {
+    "split_fit": "states split at contacts",
+    "savitzky_golay": "states by 7-frame cubic",
+}
 
 
 @style.styled
@@ -367,8 +426,9 @@ def map_error_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row per setting: ``states`` (of `STATES`), ``noise_mm``, ``estimator`` (of `ESTIMATORS`;
-        others are left out), ``landings``, and over the draws ``median, q05, q95``.
+        One row per setting: ``states`` (of `STATES`), ``noise_mm``, ``estimator`` (of
+        `ESTIMATORS`; others are left out), ``landings``, and over the draws ``median,
+        q05, q95``.
 
     Returns
     -------
@@ -380,10 +440,14 @@ def map_error_figure(table: pd.DataFrame) -> Figure:
         return style.message_figure("No errors of maps to show.")
     noises = sorted(table["noise_mm"].unique())
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 20.0 + 47.0 * len(ways))
-    panels = figure.subplots(len(ways), len(noises), sharex=True, sharey=True, squeeze=False)
+    panels = figure.subplots(
+        len(ways), len(noises), sharex=True, sharey=True, squeeze=False
+    )
     for row, way in zip(panels, ways, strict=True):
         for axes, noise in zip(row, noises, strict=True):
-            _draw_errors(axes, table[(table["states"] == way) & (table["noise_mm"] == noise)])
+            _draw_errors(
+                axes, table[(table["states"] == way) & (table["noise_mm"] == noise)]
+            )
         row[0].set_ylabel(f"relative error of the map\n{STATES[way]}")
     for axes, noise in zip(panels[0], noises, strict=True):
         axes.set_title(f"{noise:g} mm" if noise > 0 else "no noise")
@@ -397,7 +461,9 @@ def map_error_figure(table: pd.DataFrame) -> Figure:
     axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     for axis in (axes.xaxis, axes.yaxis):
         style.plain_numbers(axis)
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(
+        *panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4
+    )
     return figure
 
 
@@ -406,11 +472,14 @@ def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
         rows = table[table["estimator"] == estimator].sort_values("landings")
         if rows.empty:
             continue
-        style.banded_line(axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line)
+        style.banded_line(
+            axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line
+        )
     axes.grid(axis="y")
 
 
-# Size and power of the verdict: false alarms, differences found, and the sizes estimated.
+# Size and power of the verdict: false alarms, differences found, and the sizes
+# estimated.
 
 SAME = "C1"
 # Kind of control: label, colour, marker.
@@ -430,21 +499,24 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row per condition and number of landings: ``condition`` (those that begin with ``C1``
-        have no difference), ``asked`` (landings of a study; the largest number is shown),
-        ``true_effect``, ``found_share`` with its interval ``found_low`` and ``found_high``,
-        ``effect_mean`` and ``effect_sd``.
+        One row per condition and number of landings: ``condition`` (those that begin
+        with ``C1`` have no difference), ``asked`` (landings of a study; the largest
+        number is shown), ``true_effect``, ``found_share`` with its interval
+        ``found_low`` and ``found_high``, ``effect_mean`` and ``effect_sd``.
 
     Returns
     -------
     Figure
-        (a) False alarms for C1 landings; (b) power by true difference; (c) ratio of estimated to
-        true difference. Bars are 95 % intervals in (a) and (b), standard deviations in (c).
+        (a) False alarms for C1 landings; (b) power by true difference; (c) ratio of
+        estimated to true difference. Bars are 95 % intervals in (a) and (b), standard
+        deviations in (c).
     """
     if table.empty:
         return style.message_figure("No simulated studies to show.")
     whole = table["asked"] <= 2100  # larger ones join several studies
-    most = table[whole].groupby("condition")["asked"].max().min()  # all conditions have it
+    most = (
+        table[whole].groupby("condition")["asked"].max().min()
+    )  # all conditions have it
     table = table[table["asked"] == most]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
     left, middle, right = figure.subplots(1, 3)
@@ -458,7 +530,9 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
             _draw_sizes(right, rows, kind)
     _label_power(middle, none)
     _label_sizes(right, table[~same])
-    figure.legend(*middle.get_legend_handles_labels(), loc="outside upper right", ncols=4)
+    figure.legend(
+        *middle.get_legend_handles_labels(), loc="outside upper right", ncols=4
+    )
     style.letters((left, middle, right))
     return figure
 
@@ -467,10 +541,16 @@ def _draw_alarms(axes: Axes, rows: pd.DataFrame) -> None:
     places = np.arange(len(rows))[::-1]
     share = rows["found_share"].to_numpy()
     bars = np.abs(rows[["found_low", "found_high"]].to_numpy().T - share)
-    axes.axvspan(*(100 * edge for edge in TOLERATED), color=style.GREY, alpha=0.2, linewidth=0)
+    axes.axvspan(
+        *(100 * edge for edge in TOLERATED), color=style.GREY, alpha=0.2, linewidth=0
+    )
     axes.axvline(100 * LEVEL, color=style.INK, linewidth=0.6)
-    axes.errorbar(100 * share, places, xerr=100 * bars, fmt="o", color=style.BLUE, markersize=3)
-    names = [str(name).removeprefix(SAME).strip() or "hopper" for name in rows["condition"]]
+    axes.errorbar(
+        100 * share, places, xerr=100 * bars, fmt="o", color=style.BLUE, markersize=3
+    )
+    names = [
+        str(name).removeprefix(SAME).strip() or "hopper" for name in rows["condition"]
+    ]
     axes.set_yticks(places, names)
     axes.set_xlim(left=0.0)
     axes.set_xlabel("false alarms (%)\ngrey: 2 to 8 %, line: nominal")
@@ -490,9 +570,16 @@ def _draw_power(axes: Axes, rows: pd.DataFrame, kind: str) -> None:
 def _label_power(axes: Axes, none: pd.DataFrame) -> None:
     if len(none):
         axes.plot(
-            [0.0], 100 * none["found_share"], "o", color=style.BLUE, markersize=3, label="hopper"
+            [0.0],
+            100 * none["found_share"],
+            "o",
+            color=style.BLUE,
+            markersize=3,
+            label="hopper",
         )
-    axes.axhline(100 * WANTED_POWER, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)))
+    axes.axhline(
+        100 * WANTED_POWER, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2))
+    )
     axes.set_ylim(-3.0, 103.0)
     axes.set_xlabel("true difference (share of the map)")
     axes.set_ylabel("studies that find a difference (%)")
@@ -530,7 +617,8 @@ def adaptation_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row per change, controller and hop: ``change, controller, hop, median_m, runs``.
+        One row per change, controller and hop: ``change, controller, hop, median_m,
+        runs``.
 
     Returns
     -------
@@ -546,12 +634,20 @@ def adaptation_figure(table: pd.DataFrame) -> Figure:
         for name, (colour, line) in RETURNS.items():
             rows = table[(table["change"] == change) & (table["controller"] == name)]
             rows = rows[rows["runs"] >= LEAST_RUNS].sort_values("hop")
-            axes.plot(rows["hop"], 1e3 * rows["median_m"], color=colour, linestyle=line, label=name)
+            axes.plot(
+                rows["hop"],
+                1e3 * rows["median_m"],
+                color=colour,
+                linestyle=line,
+                label=name,
+            )
         axes.set_title(change)
         axes.set_xlabel("hops since the change")
     panels[0].set_ylabel("stance from where foretold,\nmedian (mm)")
     panels[0].set_ylim(bottom=0.0)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3
+    )
     return figure
 
 
@@ -565,14 +661,14 @@ def foot_strikes_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row per condition and method: ``condition``, ``method``, ``found``, ``bias_ms``,
-        ``sd_ms`` and ``order_right``; NaN where a method finds nothing.
+        One row per condition and method: ``condition``, ``method``, ``found``,
+        ``bias_ms``, ``sd_ms`` and ``order_right``; NaN where a method finds nothing.
 
     Returns
     -------
     Figure
-        A panel of errors, with a line from bias - sd to bias + sd for each condition, and a panel
-        of orders.
+        A panel of errors, with a line from bias - sd to bias + sd for each condition,
+        and a panel of orders.
     """
     table = table[np.isfinite(table["sd_ms"].astype(float))]
     if not len(table):
@@ -581,7 +677,9 @@ def foot_strikes_figure(table: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 95.0)
     errors, orders = figure.subplots(1, 2, sharey=True, width_ratios=(2, 1))
     conditions = list(dict.fromkeys(table["condition"]))
-    for k, (condition, (colour, marker)) in enumerate(zip(conditions, LOOKS, strict=False)):
+    for k, (condition, (colour, marker)) in enumerate(
+        zip(conditions, LOOKS, strict=False)
+    ):
         rows = table[table["condition"] == condition]
         place = np.array([methods.index(method) for method in rows["method"]], float)
         place += 0.3 - 0.6 * k / max(len(conditions) - 1, 1)
@@ -589,7 +687,9 @@ def foot_strikes_figure(table: pd.DataFrame) -> Figure:
             rows["bias_ms"], place, xerr=rows["sd_ms"], fmt=marker, color=colour, markersize=3,
             linewidth=1.0, label=condition,
         )  # fmt: skip
-        orders.plot(100 * rows["order_right"], place, marker, color=colour, markersize=3)
+        orders.plot(
+            100 * rows["order_right"], place, marker, color=colour, markersize=3
+        )
     errors.axvline(0.0, color=style.GREY, linewidth=0.8, zorder=0)
     errors.set_yticks(range(len(methods)), methods)
     errors.set_xlabel("error of an instant: bias and standard deviation (ms)")
@@ -636,7 +736,9 @@ def frame_change_of(model: str) -> Callable[[pd.DataFrame, pd.DataFrame], Figure
     """Return the function that draws Figure 3.3 for one of the models in the tables."""
 
     def drawn(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
-        return models.frame_change_figure(*(t[t["model"] == model] for t in (maps, hops)))
+        return models.frame_change_figure(
+            *(t[t["model"] == model] for t in (maps, hops))
+        )
 
     return drawn
 
@@ -661,7 +763,9 @@ FIGURES: dict[str, Callable[..., Figure]] = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("figure", choices=FIGURES)
-    parser.add_argument("tables", type=Path, nargs="+", help="CSV tables that it is drawn from")
+    parser.add_argument(
+        "tables", type=Path, nargs="+", help="CSV tables that it is drawn from"
+    )
     parser.add_argument("--out", type=Path, required=True, help="path without a suffix")
     parser.add_argument("--formats", nargs="+", default=["svg", "png"])
     parser.add_argument("--dpi", type=float, default=200.0)

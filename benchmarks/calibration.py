@@ -2,15 +2,16 @@
 
     python benchmarks/calibration.py --out results/benchmarks/calibration.csv
 
-The hopper starts at rest at 2 m with k / m = 1000 / s^2 and runs for 2 s, on one thread. MuJoCo
-runs in all ways that `peers/mujoco_peer.py` offers, with all its integrators, down to time steps of
-10 us. Errors are those of the height against the closed form: at MuJoCo's steps or at 2001 times,
-and at the end. `time_*` is the time of a whole simulation, by the faster of MuJoCo's two loops in
-C, `mj_step(nstep)` and `rollout`; `python_loop_ms` is that of a loop of `mj_step` in Python. Beside
-the table of all runs, it writes two more:
+The hopper starts at rest at 2 m with k / m = 1000 / s^2 and runs for 2 s, on one
+thread. MuJoCo runs in all ways that `peers/mujoco_peer.py` offers, with all its
+integrators, down to time steps of 10 us. Errors are those of the height against the
+closed form: at MuJoCo's steps or at 2001 times, and at the end. `time_*` is the time of
+a whole simulation, by the faster of MuJoCo's two loops in C, `mj_step(nstep)` and
+`rollout`; `python_loop_ms` is that of a loop of `mj_step` in Python. Beside the table
+of all runs, it writes two more:
 
-- ``calibration_table.csv``: the fastest run of each solver at or below each error, and the time
-  step of the dissertation, 2 ms, with MuJoCo's default contact;
+- ``calibration_table.csv``: the fastest run of each solver at or below each error, and
+  the time step of the dissertation, 2 ms, with MuJoCo's default contact;
 - ``calibration_trajectories.csv``: the trajectories of figure 4.3.
 
 Without MuJoCo, its row says "absent" and the tables show our solver alone.
@@ -153,7 +154,9 @@ def comparison(label: str, mujoco: Any, ours: Any) -> dict[str, Any]:
     row: dict[str, Any] = {"case": label}
     for name, one in (("mujoco", mujoco), ("hopdata", ours)):
         row[f"{name}_s"] = np.nan if one is None else 1e-3 * one["time_median_ms"]
-        row[f"{name}_height_error_max_m"] = np.nan if one is None else one["height_error_max_m"]
+        row[f"{name}_height_error_max_m"] = (
+            np.nan if one is None else one["height_error_max_m"]
+        )
     row["mujoco_setting"] = ABSENT if mujoco is None else mujoco["setting"]
     row["mujoco_timestep_s"] = np.nan if mujoco is None else mujoco["timestep_s"]
     row["hopdata_rtol"] = np.nan if ours is None else ours["rtol"]
@@ -165,16 +168,21 @@ def table_by_level(table: pd.DataFrame) -> pd.DataFrame:
     """Return the fastest run of each solver at each error, and at the dissertation's time step."""
     theirs, ours = (table[table["solver"] == name] for name in ("MuJoCo", "hopdata"))
     printed = theirs[
-        (theirs["setting"] == DISSERTATION.name) & (theirs["timestep_s"] == DISSERTATION.timestep_s)
+        (theirs["setting"] == DISSERTATION.name)
+        & (theirs["timestep_s"] == DISSERTATION.timestep_s)
     ]
     rows = []
     for _, one in printed.iterrows():
         rows.append(
-            comparison("2 ms, default contact", one, fastest(ours, one["height_error_max_m"]))
+            comparison(
+                "2 ms, default contact", one, fastest(ours, one["height_error_max_m"])
+            )
         )
     for level in LEVELS_M:
         rows.append(
-            comparison(f"error <= {level:g} m", fastest(theirs, level), fastest(ours, level))
+            comparison(
+                f"error <= {level:g} m", fastest(theirs, level), fastest(ours, level)
+            )
         )
     return pd.DataFrame(rows)
 
@@ -192,7 +200,12 @@ def trajectories() -> pd.DataFrame:
         if not ABSENT
     }  # fmt: skip
     ours = solve(
-        HOPPER.system(), (0.0, UNTIL_S), START, params=HOPPER.params, rtol=1e-9, t_eval=grid
+        HOPPER.system(),
+        (0.0, UNTIL_S),
+        START,
+        params=HOPPER.params,
+        rtol=1e-9,
+        t_eval=grid,
     )
     exact = hopper_states(HOPPER, START[0], grid)
     parts = [

@@ -2,13 +2,14 @@
 
     python benchmarks/check_forecast.py --out check_forecast.csv [--only NAME ...]
 
-The cases are simulated hoppers, sound or each failing in its own way (written as files without
-truth, from seeds of their own), and the public recordings of the README if they are present. Each
-row is one study: first `hopdata check` as a user sees it, then the whole workflow. `used_*` are
-touchdowns used. `timed_off` is the largest difference in a foot's share of timed contacts. `answer`
-says whether the verdict came out as forecast: an answer if it was in reach or in doubt, none if it
-was out of reach. A study that stops has no touchdowns; `same_end` then says whether `check` ended
-with the same message. `seconds_*` is processor time of all processes.
+The cases are simulated hoppers, sound or each failing in its own way (written as files
+without truth, from seeds of their own), and the public recordings of the README if they
+are present. Each row is one study: first `hopdata check` as a user sees it, then the
+whole workflow. `used_*` are touchdowns used. `timed_off` is the largest difference in a
+foot's share of timed contacts. `answer` says whether the verdict came out as forecast:
+an answer if it was in reach or in doubt, none if it was out of reach. A study that
+stops has no touchdowns; `same_end` then says whether `check` ended with the same
+message. `seconds_*` is processor time of all processes.
 """
 
 from __future__ import annotations
@@ -54,7 +55,9 @@ def _with(recording: Recording, change: Callable[[np.ndarray], Any]) -> Recordin
 
 def _blinking(recording: Recording, rng: np.random.Generator) -> Recording:
     """Hide one foot half the time, for half a second on average."""
-    hidden = np.repeat(rng.random(len(recording.time) // 50 + 1) < 0.5, 50)[: len(recording.time)]
+    hidden = np.repeat(rng.random(len(recording.time) // 50 + 1) < 0.5, 50)[
+        : len(recording.time)
+    ]
     return _with(recording, lambda p: p[:, 4].__setitem__(hidden, np.nan))
 
 
@@ -73,7 +76,10 @@ def _delayed(recording: Recording, rng: np.random.Generator) -> Recording:
 def _swapped(recording: Recording, rng: np.random.Generator) -> Recording:
     del rng
     half = len(recording.time) // 2
-    return _with(recording, lambda p: p[half:].__setitem__((slice(None), [3, 4]), p[half:, [4, 3]]))
+    return _with(
+        recording,
+        lambda p: p[half:].__setitem__((slice(None), [3, 4]), p[half:, [4, 3]]),
+    )
 
 
 def _thinned(step: int) -> Fault:
@@ -89,7 +95,9 @@ def _cut(frames: int) -> Fault:
 def _in_flight(recording: Recording, rng: np.random.Generator) -> Recording:
     """End the recording at the top of a hop."""
     del rng
-    return recording.part(slice(0, 20_000 + int(np.argmax(recording.body_height[20_000:20_070]))))
+    return recording.part(
+        slice(0, 20_000 + int(np.argmax(recording.body_height[20_000:20_070])))
+    )
 
 
 def _lost(first: float, marker: int) -> Fault:
@@ -113,7 +121,9 @@ def _standing(recording: Recording, rng: np.random.Generator) -> Recording:
     """Keep the feet on the floor."""
     return _with(
         recording,
-        lambda p: p[:, 3:6, 2].__setitem__(slice(None), rng.normal(0, 6e-4, p[:, 3:6, 2].shape)),
+        lambda p: p[:, 3:6, 2].__setitem__(
+            slice(None), rng.normal(0, 6e-4, p[:, 3:6, 2].shape)
+        ),
     )
 
 
@@ -166,7 +176,11 @@ PUBLIC: dict[str, tuple[str, dict[str, list[str]], bool]] = {
             {**_RUN, "feet": [f"{side}.Heel.Bottom", f"{side}.MT1", f"{side}.MT5"]},
             True,
         )
-        for file in ("RBDS001runT35.c3d", "RBDS001runT35_markers.txt", "RBDS032runT35markers.txt")
+        for file in (
+            "RBDS001runT35.c3d",
+            "RBDS001runT35_markers.txt",
+            "RBDS032runT35markers.txt",
+        )
         for side in "LR"
     },
     "walk_free_01": ("walk_free_01.trc", _WALK, False),
@@ -182,7 +196,11 @@ PUBLIC: dict[str, tuple[str, dict[str, list[str]], bool]] = {
         {"body": ["RASI", "LASI", "RPSI", "LPSI"], "feet": ["RCAL", "RMT1", "RMT2"]},
         False,
     ),
-    "abdbonepin": ("abdbonepin.trc", {"body": ["ij", "ts", "ac"], "feet": ["EpL", "gu"]}, False),
+    "abdbonepin": (
+        "abdbonepin.trc",
+        {"body": ["ij", "ts", "ac"], "feet": ["EpL", "gu"]},
+        False,
+    ),
     "dataWithEformat": (
         "dataWithEformat.trc",
         {"body": ["C7", "RACR", "LCLAV"], "feet": ["RMCP1", "RMCP5"]},
@@ -201,14 +219,20 @@ PUBLIC: dict[str, tuple[str, dict[str, list[str]], bool]] = {
 }
 
 
-def synthetic_study(name: str, seed: np.random.SeedSequence, folder: Path) -> dict[str, Any]:
+def synthetic_study(
+    name: str, seed: np.random.SeedSequence, folder: Path
+) -> dict[str, Any]:
     """Write the recording of a case, and return its configuration."""
     fault, extra = SYNTHETIC[name]
     markers = {"body": BODY, "feet": FEET, "boom": ["boom"]}
-    config = load_config({"study": "s", "recordings": [{"name": "one"}], "markers": markers})
+    config = load_config(
+        {"study": "s", "recordings": [{"name": "one"}], "markers": markers}
+    )
     number, rng = int(seed.generate_state(1)[0]), np.random.default_rng(seed)
     scene = {**config["simulation"], "hops": HOPS}
-    recording, _ = simulate_recording(scene, config["motion_capture"], seed=(number, 0), name="one")
+    recording, _ = simulate_recording(
+        scene, config["motion_capture"], seed=(number, 0), name="one"
+    )
     recording = fault(recording, rng)
     file = folder / "one.h5"
     if "unit" in extra.get("input", {}):
@@ -218,7 +242,11 @@ def synthetic_study(name: str, seed: np.random.SeedSequence, folder: Path) -> di
         file.write_text(text, encoding="utf-8")
     else:
         write_recording(file, recording)
-    return {"recordings": [{"name": "one", "file": str(file)}], "markers": markers, **extra}
+    return {
+        "recordings": [{"name": "one", "file": str(file)}],
+        "markers": markers,
+        **extra,
+    }
 
 
 def public_study(name: str) -> dict[str, Any] | None:
@@ -239,7 +267,11 @@ def run(folder: Path, *arguments: str) -> tuple[int, str, float]:
     """Run a module; return its exit code, its output, and its processor time, s."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
-        [sys.executable, "-m", *arguments], cwd=folder, capture_output=True, text=True, check=False
+        [sys.executable, "-m", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = sum(after[:2]) - sum(before[:2])
@@ -248,7 +280,10 @@ def run(folder: Path, *arguments: str) -> tuple[int, str, float]:
 
 def foretold(text: str, feet: list[str]) -> dict[str, Any]:
     """Parse the numbers that `hopdata check` prints."""
-    found: dict[str, Any] = {"reach": "", "changes": "; ".join(re.findall(r"change +(.*)", text))}
+    found: dict[str, Any] = {
+        "reach": "",
+        "changes": "; ".join(re.findall(r"change +(.*)", text)),
+    }
     if numbers := re.search(r"(\d+) of (\d+) will be used", text):
         found |= {"used": int(numbers[1]), "landings": int(numbers[2])}
         found["timed"] = [
@@ -284,7 +319,9 @@ def _message(text: str) -> str:
 
 def compared(name: str, study: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Check a study, then run it."""
-    (folder / "study.yaml").write_text(yaml.safe_dump({"study": "s", **study}), encoding="utf-8")
+    (folder / "study.yaml").write_text(
+        yaml.safe_dump({"study": "s", **study}), encoding="utf-8"
+    )
     feet = study["markers"]["feet"]
     code, said, seconds_check = run(folder, "hopdata", "check", "study.yaml")
     _, log, seconds_study = run(
@@ -313,12 +350,16 @@ def compared(name: str, study: dict[str, Any], folder: Path) -> dict[str, Any]:
             "answer": answered if hopeful else not answered,
         }
         if "timed" in told:
-            row["timed_off"] = float(np.abs(np.subtract(told["timed"], found["timed"])).max())
+            row["timed_off"] = float(
+                np.abs(np.subtract(told["timed"], found["timed"])).max()
+            )
     else:
         logs = "".join(p.read_text() for p in (folder / "results/s/logs").glob("*.log"))
         message = _message(said[said.find("hopdata: error") :])
         row |= {
-            "same_end": bool(code and message and message[:60] in " ".join((log + logs).split()))
+            "same_end": bool(
+                code and message and message[:60] in " ".join((log + logs).split())
+            )
         }
         row |= {"conclusion": "stops", "message": message}
     return row | {"changes": told["changes"]}

@@ -1,28 +1,30 @@
 """Contact instants and orders: the printed method, loops of SciPy fits, and our kink fit.
 
-    python benchmarks/contact_instants.py --out contact_instants.csv [--seeds 5] [--landings 2860]
+    python benchmarks/contact_instants.py --out contact_instants.csv [--seeds 5]
+    [--landings 2860]
 
-Three feet fall freely at 1 m/s onto a floor and are seen at 100 Hz with 0.6 mm of noise, at any
-phase between frames. There is one row for each condition and method, over several seeds, with
-Monte-Carlo standard errors (`_se`). `sd_ms` is the standard deviation of the instants about their
-common bias, given beside the Cramer-Rao bound for the frames of the fit. `covered` is the share of
-instants within one standard error after removing that bias (ideally 0.683). The share of landings
-with the right order is given for all timed landings, and for those whose order is not ambiguous
-(its probability reaches `touchdowns.ambiguous_below`). `seconds` and `us_per_fit` are CPU time, of
-all landings of a seed and of one foot in one landing. `times_faster` is the time of the curve_fit
-loop, run on the first landings only, over that of the method; the two take turns in this process.
-"One fit" does what scipy does: a single fit of each foot from a start near the truth. The other
-kink rows run the whole of `find_contacts`.
+Three feet fall freely at 1 m/s onto a floor and are seen at 100 Hz with 0.6 mm of
+noise, at any phase between frames. There is one row for each condition and method, over
+several seeds, with Monte-Carlo standard errors (`_se`). `sd_ms` is the standard
+deviation of the instants about their common bias, given beside the Cramer-Rao bound for
+the frames of the fit. `covered` is the share of instants within one standard error
+after removing that bias (ideally 0.683). The share of landings with the right order is
+given for all timed landings, and for those whose order is not ambiguous (its
+probability reaches `touchdowns.ambiguous_below`). `seconds` and `us_per_fit` are CPU
+time, of all landings of a seed and of one foot in one landing. `times_faster` is the
+time of the curve_fit loop, run on the first landings only, over that of the method; the
+two take turns in this process. "One fit" does what scipy does: a single fit of each
+foot from a start near the truth. The other kink rows run the whole of `find_contacts`.
 
-The last rows are of a runner at 2.5 m/s (see the README for the files). The first contact of each
-foot's three markers is compared with the force plate, with `sd_ms` from the median absolute
-deviation. For three runs, the landings are counted, and the share `found` that gives a pair of
-states.
+The last rows are of a runner at 2.5 m/s (see the README for the files). The first
+contact of each foot's three markers is compared with the force plate, with `sd_ms` from
+the median absolute deviation. For three runs, the landings are counted, and the share
+`found` that gives a pair of states.
 
-Then come short simulated recordings of three animals, whose feet stop at once or within 2 or 5 ms.
-`own_over_se` is the rms of the errors about their mean in the recording, over the stated errors;
-`bias_ms` is the rms of these means, `common_ms` the error stated for it, and `bias_over_common`
-their ratio.
+Then come short simulated recordings of three animals, whose feet stop at once or within
+2 or 5 ms. `own_over_se` is the rms of the errors about their mean in the recording,
+over the stated errors; `bias_ms` is the rms of these means, `common_ms` the error
+stated for it, and `bias_over_common` their ratio.
 """
 
 from __future__ import annotations
@@ -62,9 +64,9 @@ from hopdata.synthesis.simulate import simulate_recording
 
 # The least possible uncertainty of a contact instant: the Cramer-Rao bound of the kink.
 #
-# No unbiased estimate from the same frames has a smaller standard deviation than this bound, which
-# is the square root of the instant's entry in the inverse of the Fisher information for the instant
-# and all other unknowns.
+# No unbiased estimate from the same frames has a smaller standard deviation than this
+# bound, which is the square root of the instant's entry in the inverse of the Fisher
+# information for the instant and all other unknowns.
 
 PHASES = 100
 
@@ -80,8 +82,8 @@ def kink_bound(
 ) -> float:
     """Return the least standard deviation of a contact instant, from frames `s` seconds after it.
 
-    Floor and velocity are also unknown, and so is the acceleration in flight unless it is gravity;
-    compliance and creep are known.
+    Floor and velocity are also unknown, and so is the acceleration in flight unless it
+    is gravity; compliance and creep are known.
 
     Parameters
     ----------
@@ -149,7 +151,9 @@ def mean_kink_bound(
     bounds = []
     for phase in (np.arange(PHASES) + 0.5) / PHASES:
         frames = np.arange(-before, after) + phase
-        seen = np.abs(np.arange(-before, after) + round(phase)) > (missing_frames - 1) / 2
+        seen = (
+            np.abs(np.arange(-before, after) + round(phase)) > (missing_frames - 1) / 2
+        )
         seen |= missing_frames == 0
         bounds.append(
             kink_bound(
@@ -187,7 +191,9 @@ class Condition:
         after = np.maximum(s, 0.0)
         sunk = self.creep_m_s * after
         if self.compliance_s:
-            sunk -= SPEED_M_S * self.compliance_s * (1 - np.exp(-after / self.compliance_s))
+            sunk -= (
+                SPEED_M_S * self.compliance_s * (1 - np.exp(-after / self.compliance_s))
+            )
         return np.where(s < 0, fall, sunk)
 
     def bound_s(self, *, known: bool) -> float:
@@ -226,7 +232,9 @@ class Landings:
     def first(self, count: int) -> Landings:
         """Return the first `count` landings."""
         t = self.transitions
-        kept = Transitions(*(x[:count] for x in (t.t_pre, t.t_post, t.gap_pre, t.gap_post)))
+        kept = Transitions(
+            *(x[:count] for x in (t.t_pre, t.t_post, t.gap_pre, t.gap_post))
+        )
         return Landings(self.time, self.heights, self.contacts[:count], kept)
 
     def filled(self) -> Landings:
@@ -255,13 +263,19 @@ def make(count: int, condition: Condition, rng: np.random.Generator) -> Landings
         heights[distance <= condition.missing_frames // 2] = np.nan
     gap = np.full(count, 1 / RATE_HZ)
     ends = contacts.min(axis=1) - 0.05, contacts.max(axis=1) + 0.02
-    return Landings(seconds, heights.reshape(-1, 3), contacts, Transitions(*ends, gap, gap))
+    return Landings(
+        seconds, heights.reshape(-1, 3), contacts, Transitions(*ends, gap, gap)
+    )
 
 
 def ours(landings: Landings, **options: Any) -> Found:
     """Return instants and standard errors by `find_contacts`; NaN for fits that it rejects."""
     found = find_contacts(
-        landings.time, landings.heights, landings.transitions, down_height_m=0.015, **options
+        landings.time,
+        landings.heights,
+        landings.transitions,
+        down_height_m=0.015,
+        **options,
     )
     return np.where(found.status == LANDED, found.instant, np.nan), found.se
 
@@ -309,7 +323,10 @@ def scipy_loop(
     landings: Landings, *, fit: Callable[[FloatArray, FloatArray], tuple[float, float]]
 ) -> Found:
     """Return instants and standard errors by one scipy fit for each foot of each landing."""
-    instant, se = np.full_like(landings.contacts, np.nan), np.full_like(landings.contacts, np.nan)
+    instant, se = (
+        np.full_like(landings.contacts, np.nan),
+        np.full_like(landings.contacts, np.nan),
+    )
     for row, foot in np.ndindex(landings.contacts.shape):
         near = landings.contacts[row, foot] + NEAR_S
         start, stop = np.searchsorted(landings.time, [near - BEFORE_S, near + AFTER_S])
@@ -335,11 +352,15 @@ class Method:
 
 METHODS = {
     "velocity minimum, whole frame": Method(partial(ours, method="velocity_minimum")),
-    "velocity minimum, parabola": Method(partial(ours, method="velocity_minimum_parabola")),
+    "velocity minimum, parabola": Method(
+        partial(ours, method="velocity_minimum_parabola")
+    ),
     "velocity minimum, parabola, gaps filled": Method(
         partial(filled, method="velocity_minimum_parabola")
     ),
-    "scipy curve_fit loop, free": Method(partial(scipy_loop, fit=by_curve_fit), False, slow=True),
+    "scipy curve_fit loop, free": Method(
+        partial(scipy_loop, fit=by_curve_fit), False, slow=True
+    ),
     "scipy least_squares loop, free": Method(
         partial(scipy_loop, fit=by_least_squares), False, True, True
     ),
@@ -353,7 +374,10 @@ METHODS = {
 
 def asked(condition: Condition, name: str) -> bool:
     """Return whether a method is tried in a condition."""
-    hard = condition in (CONDITIONS["hard, 5 ms apart"], CONDITIONS["hard, N(0, 10 ms)"])
+    hard = condition in (
+        CONDITIONS["hard, 5 ms apart"],
+        CONDITIONS["hard, N(0, 10 ms)"],
+    )
     if "filled" in name:
         return condition.missing_frames > 0
     return hard or not METHODS[name].only_hard
@@ -378,7 +402,9 @@ def measure(method: Method, landings: Landings) -> dict[str, float]:
         "covered": float(np.mean(np.abs(error - error.mean()) < se[whole])),
         "order_right": float(right.mean()),
         "unambiguous": float(sure.mean()),
-        "right_of_unambiguous": float(right[sure].mean()) if sure.any() else float("nan"),
+        "right_of_unambiguous": float(right[sure].mean())
+        if sure.any()
+        else float("nan"),
     }
 
 
@@ -397,18 +423,27 @@ def summary(runs: list[dict[str, float]], feet: int) -> dict[str, float]:
 def rows_of(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Measure every method in one condition, seed by seed in turn."""
     condition = CONDITIONS[name]
-    runs: dict[str, list[dict[str, float]]] = {key: [] for key in METHODS if asked(condition, key)}
+    runs: dict[str, list[dict[str, float]]] = {
+        key: [] for key in METHODS if asked(condition, key)
+    }
     seeds = np.random.SeedSequence([arguments.seed, list(CONDITIONS).index(name)])
     for seed in seeds.spawn(arguments.seeds):
         landings = make(arguments.landings, condition, np.random.default_rng(seed))
         few = landings.first(arguments.peer_landings)
         for key, results in runs.items():
-            results.append(measure(METHODS[key], few if METHODS[key].slow else landings))
+            results.append(
+                measure(METHODS[key], few if METHODS[key].slow else landings)
+            )
     rows = []
     for key, results in runs.items():
         method = METHODS[key]
         count = arguments.peer_landings if method.slow else arguments.landings
-        row = {"condition": name, "method": key, "seeds": arguments.seeds, "landings": count}
+        row = {
+            "condition": name,
+            "method": key,
+            "seeds": arguments.seeds,
+            "landings": count,
+        }
         found = summary(results, 3 * count)
         if method.known is not None:
             bound_ms = 1e3 * condition.bound_s(known=method.known)
@@ -418,13 +453,18 @@ def rows_of(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     return rows
 
 
-# Ratios of errors to stated errors in short recordings: three animals, two rates, hard and soft
-# contacts.
+# Ratios of errors to stated errors in short recordings: three animals, two rates, hard
+# and soft contacts.
 
 ANIMALS: dict[str, dict[str, Any]] = {
     "hopper": {},
     "biped": {
-        "hopper": {"n_legs": 2, "stiffness_n_m": 135.0, "damping_n_s_m": 7.2, "preload_n": 33.0},
+        "hopper": {
+            "n_legs": 2,
+            "stiffness_n_m": 135.0,
+            "damping_n_s_m": 7.2,
+            "preload_n": 33.0,
+        },
         "operator": {"arena_m": 1e-6, "carry_s": 0.5},
     },
     "quadruped": {"scene": "quadruped"},
@@ -438,7 +478,9 @@ SOFT_S, FEW_RATES_HZ = (0.0, 0.002, 0.005), (100, 250)
 def softened(seen: Recording, truth: Truth, time_s: float) -> Recording:
     """Let feet sink in at contact: they lose their velocity within `time_s` and return in 0.2 s."""
     positions, time = seen.positions.copy(), seen.time
-    for landing, foot in np.argwhere(np.isfinite(truth.contact_times)) if time_s else ():
+    for landing, foot in (
+        np.argwhere(np.isfinite(truth.contact_times)) if time_s else ()
+    ):
         touch, marker = truth.contact_times[landing, foot], seen.indices("foot")[foot]
         first, last = np.searchsorted(time, [touch, touch + 0.3])
         if first >= 3:
@@ -446,12 +488,19 @@ def softened(seen: Recording, truth: Truth, time_s: float) -> Recording:
             bend = (z[2] - 2 * z[1] + z[0]) / step**2
             speed = (z[2] - z[1]) / step + bend * (touch - time[first - 1] + step / 2)
             s = time[first:last] - touch
-            sunk = speed * time_s * (1 - np.exp(-s / time_s)) * np.clip((0.2 - s) / 0.1, 0, 1)
+            sunk = (
+                speed
+                * time_s
+                * (1 - np.exp(-s / time_s))
+                * np.clip((0.2 - s) / 0.1, 0, 1)
+            )
             positions[first:last, marker, 2] += sunk
     return replace(seen, positions=positions)
 
 
-def pieces(seen: Recording, truth: Truth, count: int) -> Iterator[tuple[Recording, FloatArray]]:
+def pieces(
+    seen: Recording, truth: Truth, count: int
+) -> Iterator[tuple[Recording, FloatArray]]:
     """Yield consecutive recordings of `count` landings each, with their true contacts."""
     whole = np.flatnonzero(np.isfinite(truth.contact_times).all(axis=1))
     runs = [whole[k : k + count] for k in range(0, len(whole) - count + 1, count)]
@@ -461,7 +510,9 @@ def pieces(seen: Recording, truth: Truth, count: int) -> Iterator[tuple[Recordin
         yield seen.part(slice(*np.searchsorted(seen.time, span))), contacts
 
 
-def piece_errors(piece: Recording, true: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def piece_errors(
+    piece: Recording, true: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
     """Return errors and standard errors of the landings found, and the common error, all in s."""
     found = contacts_of(find_landings(piece))
     near = (np.abs(found.instant[:, None] - true) < SAME_S).all(axis=2)
@@ -475,15 +526,23 @@ def few_rows(seeds: range) -> list[dict[str, Any]]:
     rows: dict[Any, list[Any]] = {}
     for animal, seed in product(ANIMALS, seeds):
         simulation = {**ANIMALS[animal], "hops": FEW_HOPS}
-        seen, truth = simulate_recording(simulation, {**SEEN, "floor": FLAT}, seed=[seed, 26])
+        seen, truth = simulate_recording(
+            simulation, {**SEEN, "floor": FLAT}, seed=[seed, 26]
+        )
         for soft_s, rate in product(SOFT_S, FEW_RATES_HZ):
-            step, rng = 1000 // rate, np.random.default_rng([seed, rate, int(1e4 * soft_s)])
+            step, rng = (
+                1000 // rate,
+                np.random.default_rng([seed, rate, int(1e4 * soft_s)]),
+            )
             one = softened(seen, truth, soft_s).part(slice(seed % step, None, step))
             noisy = one.positions + rng.normal(0, NOISE_M, one.positions.shape)
             one = replace(one, positions=noisy, rate_hz=float(rate))
             for count in FEW:
                 name = f"{animal}, {rate} Hz, soft {1e3 * soft_s:g} ms"
-                found = [piece_errors(piece, true) for piece, true in pieces(one, truth, count)]
+                found = [
+                    piece_errors(piece, true)
+                    for piece, true in pieces(one, truth, count)
+                ]
                 rows.setdefault((name, count), []).extend(found)
     return [few_row(name, count, found) for (name, count), found in rows.items()]
 
@@ -496,7 +555,9 @@ def few_row(name: str, count: int, found: list[Any]) -> dict[str, Any]:
         if len(error):
             mean, n = float(error.mean()), error.size
             own.append((error - mean) / stated * np.sqrt(n / (n - 1)))
-            means.append((mean, np.hypot(shared, np.sqrt((stated**2).mean() / n)), shared))
+            means.append(
+                (mean, np.hypot(shared, np.sqrt((stated**2).mean() / n)), shared)
+            )
     mean, stated, shared = np.array(means).T
     each = np.concatenate([one.ravel() for one in own])
     return {
@@ -512,9 +573,31 @@ def few_row(name: str, count: int, found: list[Any]) -> dict[str, Any]:
 
 
 COLUMNS = (
-    *("condition", "method", "seeds", "landings", "found", "bias_ms", "sd_ms", "sd_ms_se"),
-    *("bound_ms", "sd_over_bound", "covered", "covered_se", "order_right", "order_right_se"),
-    *("unambiguous", "right_of_unambiguous", "right_of_unambiguous_se", "seconds", "us_per_fit"),
+    *(
+        "condition",
+        "method",
+        "seeds",
+        "landings",
+        "found",
+        "bias_ms",
+        "sd_ms",
+        "sd_ms_se",
+    ),
+    *(
+        "bound_ms",
+        "sd_over_bound",
+        "covered",
+        "covered_se",
+        "order_right",
+        "order_right_se",
+    ),
+    *(
+        "unambiguous",
+        "right_of_unambiguous",
+        "right_of_unambiguous_se",
+        "seconds",
+        "us_per_fit",
+    ),
     *("times_faster", "missed", "invented"),
     *("common_ms", "own_over_se", "bias_over_common"),
 )
@@ -528,7 +611,10 @@ FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_ru
 MARKERS, FORCES = "RBDS001runT25markers.tsv", "RBDS001runT25forces.txt"
 HEADER_LINES, RUNNER_HZ, FORCE_HZ = 11, 150.0, 300.0
 AT_REST_M = (0.034, 0.045, 0.050)  # standing foot: heel, first and fifth metatarsal
-SECTIONS = {"pre_height_m": 1.07, "post_height_m": 1.02}  # every descent of the body passes both
+SECTIONS = {
+    "pre_height_m": 1.07,
+    "post_height_m": 1.02,
+}  # every descent of the body passes both
 SAME_S = 0.05  # a contact and an onset farther apart belong to different landings, s
 RUNNER_METHODS = {
     "velocity minimum, whole frame": "velocity_minimum",
@@ -540,10 +626,19 @@ SIDES = {"L": (0, "left"), "R": (1, "right")}  # the first onset is of the left 
 
 def runner_rows() -> list[dict[str, Any]]:
     """Return one row for each foot and method, or one that says the files are absent."""
-    folder = next((f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None)
+    folder = next(
+        (f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None
+    )
     if folder is None:
-        return [{"condition": "runner against force", "method": "absent: no files of the runner"}]
-    force = pd.read_csv(folder / FORCES, sep="\t")["Fy"].to_numpy(float)  # upwards in this file
+        return [
+            {
+                "condition": "runner against force",
+                "method": "absent: no files of the runner",
+            }
+        ]
+    force = pd.read_csv(folder / FORCES, sep="\t")["Fy"].to_numpy(
+        float
+    )  # upwards in this file
     onsets = force_onsets(np.arange(len(force)) / FORCE_HZ, force)
     rows = []
     for side, (turn, name) in SIDES.items():
@@ -562,16 +657,25 @@ def _foot(path: Path, side: str) -> Recording:
     positions = np.stack([frame[c].to_numpy(float) / 1000 for c in columns], axis=1)
     positions[:, 3:, 2] -= AT_REST_M
     time = np.arange(len(frame)) / RUNNER_HZ
-    return Recording("runner", time, positions, names, ("body",) * 3 + ("foot",) * 3, RUNNER_HZ)
+    return Recording(
+        "runner", time, positions, names, ("body",) * 3 + ("foot",) * 3, RUNNER_HZ
+    )
 
 
-# Number of landings of runners' feet that are used, from the file to the states at both sections.
+# Number of landings of runners' feet that are used, from the file to the states at both
+# sections.
 
 PELVIS, SOLE = ("R.ASIS", "L.ASIS", "R.PSIS"), ("Heel.Bottom", "MT1", "MT5")
 RUNS = {
     "RBDS032 at 3.5 m/s": ("RBDS032runT35markers.txt", "y", PELVIS, SOLE, "."),
     "RBDS001 at 3.5 m/s": ("RBDS001runT35_markers.txt", "y", PELVIS, SOLE, "."),
-    "RBDS001 at 2.5 m/s": (MARKERS, "z", ("body1", "body2", "body3"), ("heel", "mt1", "mt5"), "_"),
+    "RBDS001 at 2.5 m/s": (
+        MARKERS,
+        "z",
+        ("body1", "body2", "body3"),
+        ("heel", "mt1", "mt5"),
+        "_",
+    ),
 }
 
 
@@ -581,12 +685,21 @@ def used_rows() -> list[dict[str, Any]]:
     for run, (file, axis, body, sole, between) in RUNS.items():
         path = next((f / file for f in FOLDERS if (f / file).is_file()), None)
         for side in SIDES if path else ():
-            markers = {"body": body, "feet": [f"{side}{between}{name}" for name in sole]}
-            recording, _ = import_recording([path], name=run, markers=markers, vertical_axis=axis)
+            markers = {
+                "body": body,
+                "feet": [f"{side}{between}{name}" for name in sole],
+            }
+            recording, _ = import_recording(
+                [path], name=run, markers=markers, vertical_axis=axis
+            )
             recording = level(recording, fit_floor(recording))
             landings = find_landings(recording)
-            sections = select_sections([recording], landings={run: landings}, frames="landings")
-            heights = {k: getattr(sections, k) for k in ("pre_height_m", "post_height_m")}
+            sections = select_sections(
+                [recording], landings={run: landings}, frames="landings"
+            )
+            heights = {
+                k: getattr(sections, k) for k in ("pre_height_m", "post_height_m")
+            }
             table = touchdown_table(recording, landings=landings, **heights)
             pairs = assemble_pairs([recording], table, **heights)
             total = int((table["reason"] != NO_FOOT_LANDED).sum())
@@ -615,11 +728,17 @@ def _compared(table: pd.DataFrame, onsets: np.ndarray) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--seeds", type=int, default=5, help="simulated recordings (default 5)")
+    parser.add_argument(
+        "--seeds", type=int, default=5, help="simulated recordings (default 5)"
+    )
     parser.add_argument("--landings", type=int, default=2860, help="landings of each")
-    parser.add_argument("--peer-landings", type=int, default=200, help="for scipy (default 200)")
+    parser.add_argument(
+        "--peer-landings", type=int, default=200, help="for scipy (default 200)"
+    )
     parser.add_argument("--seed", type=int, default=1, help="first seed (default 1)")
-    parser.add_argument("--few", action="store_true", help="only the rows of few landings")
+    parser.add_argument(
+        "--few", action="store_true", help="only the rows of few landings"
+    )
     arguments = parser.parse_args()
     few = range(arguments.seed, arguments.seed + arguments.seeds)
     if arguments.few:
@@ -627,9 +746,13 @@ def main() -> None:
         return
     warm = make(60, Condition(compliance_s=0.005), np.random.default_rng(0))
     ours(warm)  # compile before timing
-    table = pd.DataFrame([row for name in CONDITIONS for row in rows_of(name, arguments)])
+    table = pd.DataFrame(
+        [row for name in CONDITIONS for row in rows_of(name, arguments)]
+    )
     loop = table[table["method"] == "scipy curve_fit loop, free"].set_index("condition")
-    table["times_faster"] = table["condition"].map(loop["us_per_fit"]) / table["us_per_fit"]
+    table["times_faster"] = (
+        table["condition"].map(loop["us_per_fit"]) / table["us_per_fit"]
+    )
     more = [*runner_rows(), *used_rows(), *few_rows(few)]
     write(pd.concat([table, pd.DataFrame(more)], ignore_index=True), arguments.out)
 

@@ -1,9 +1,9 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of its callbacks)
 """Scenes outside the studies, their exact final states, and `solve_ivp` restarted at each event.
 
-`octant` is table 4.3 of the dissertation: three affine modes per coordinate, switched at the
-coordinate planes. State (x, y, z) and time have no dimension. From the initial state, each guard is
-crossed once: y rising, z falling, x rising.
+`octant` is table 4.3 of the dissertation: three affine modes per coordinate, switched
+at the coordinate planes. State (x, y, z) and time have no dimension. From the initial
+state, each guard is crossed once: y rising, z falling, x rising.
 """
 
 from __future__ import annotations
@@ -22,7 +22,16 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.hybrid import System, affine, field, guard, guards, jacobian, on_event, rate_bound
+from hopdata.hybrid import (
+    System,
+    affine,
+    field,
+    guard,
+    guards,
+    jacobian,
+    on_event,
+    rate_bound,
+)
 
 INITIAL_STATE = (-0.4, -0.15, 0.3)
 T_SPAN = (0.0, 0.5)
@@ -60,7 +69,9 @@ def octant_guards(
 
 
 @affine
-def octant_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
+def octant_affine(
+    mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray
+) -> None:
     """Fill in the matrix and the constant of the octant given by the locks."""
     x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
     b[0], b[1], b[2] = 1.0, 1.0, -1.0
@@ -84,9 +95,10 @@ def octant() -> System:
     )  # fmt: skip
 
 
-# The one-dimensional hopper (section 4.3.4): a mass on a preloaded springy leg. The state is its
-# height above the floor, m, and its velocity, m/s. The leg touches the floor where the height
-# equals the contact length; this is one guard, crossed in both directions.
+# The one-dimensional hopper (section 4.3.4): a mass on a preloaded springy leg. The
+# state is its height above the floor, m, and its velocity, m/s. The leg touches the
+# floor where the height equals the contact length; this is one guard, crossed in both
+# directions.
 
 
 @field
@@ -94,7 +106,12 @@ def hopper_field(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
     """Fill in gravity, and in stance (lock -1) the push of spring and damper."""
-    gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
+    gravity, stiffness, rest_length, damping = (
+        params[0],
+        params[1],
+        params[2],
+        params[3],
+    )
     dy[0] = y[1]
     dy[1] = -gravity
     if mode[0] < 0:
@@ -117,9 +134,16 @@ def hopper_guards(
 
 
 @affine
-def hopper_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
+def hopper_affine(
+    mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray
+) -> None:
     """Fill in the matrix and the constant of flight or stance (lock -1)."""
-    gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
+    gravity, stiffness, rest_length, damping = (
+        params[0],
+        params[1],
+        params[2],
+        params[3],
+    )
     a[0, 1] = 1.0
     b[1] = -gravity
     if mode[0] < 0:
@@ -146,8 +170,8 @@ class VerticalHopper:
     contact_length_m : float
         Height of the mass at which the leg touches the floor (L).
     rest_length_m : float
-        Length at which the leg's spring is relaxed (L0). If it exceeds L, the leg is preloaded and
-        the force jumps at contact.
+        Length at which the leg's spring is relaxed (L0). If it exceeds L, the leg is
+        preloaded and the force jumps at contact.
     gravity_m_s2 : float
         Acceleration of gravity.
     damping_n_s_m : float
@@ -162,8 +186,12 @@ class VerticalHopper:
     damping_n_s_m: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.mass_kg > 0 and self.stiffness_n_m > 0 and self.damping_n_s_m >= 0):
-            raise ValueError(f"expected mass and stiffness > 0 and damping >= 0, found {self}")
+        if not (
+            self.mass_kg > 0 and self.stiffness_n_m > 0 and self.damping_n_s_m >= 0
+        ):
+            raise ValueError(
+                f"expected mass and stiffness > 0 and damping >= 0, found {self}"
+            )
 
     @property
     def params(self) -> tuple[float, ...]:
@@ -192,10 +220,13 @@ class VerticalHopper:
 # Closed form of the undamped hopper, at any time.
 
 
-def hopper_states(hopper: VerticalHopper, drop_m: float, times_s: ArrayLike) -> FloatArray:
+def hopper_states(
+    hopper: VerticalHopper, drop_m: float, times_s: ArrayLike
+) -> FloatArray:
     """Return height and velocity, (2, N), of the hopper dropped from rest; no preload, no damping.
 
-    Touchdown and lift-off are mirror images about the lowest point, so each hop repeats the last.
+    Touchdown and lift-off are mirror images about the lowest point, so each hop repeats
+    the last.
     """
     if hopper.damping_n_s_m != 0 or hopper.rest_length_m != hopper.contact_length_m:
         raise ValueError(f"expected neither damping nor preload, found {hopper}")
@@ -218,14 +249,18 @@ def hopper_states(hopper: VerticalHopper, drop_m: float, times_s: ArrayLike) -> 
 
 # scipy's `solve_ivp`, stopped at each event and restarted in the new mode.
 #
-# It calls the same Numba-compiled field and guards as our solver, with one terminal event per guard
-# in the direction that its lock allows. It does not handle systems with a handler.
+# It calls the same Numba-compiled field and guards as our solver, with one terminal
+# event per guard in the direction that its lock allows. It does not handle systems with
+# a handler.
 
 Restarted = Callable[..., tuple[FloatArray, int]]
 
 
 def restarted(
-    system: System, params: Sequence[float], t_span: tuple[float, float], y0: Sequence[float]
+    system: System,
+    params: Sequence[float],
+    t_span: tuple[float, float],
+    y0: Sequence[float],
 ) -> Restarted:
     """Return a function of `solve_ivp`'s options that gives final state and field evaluations.
 
@@ -254,7 +289,9 @@ def restarted(
         value.terminal, value.direction = True, -lock  # type: ignore[attr-defined]
         return value
 
-    def run(*, first_step: float | None = None, **options: Any) -> tuple[FloatArray, int]:
+    def run(
+        *, first_step: float | None = None, **options: Any
+    ) -> tuple[FloatArray, int]:
         now, state, evaluations = t_span[0], np.array(y0, dtype=np.float64), 0
         mode = np.full(n_guards, -1)
         mode[:] = np.where(heights(now, state, mode) > 0, 1, -1)
@@ -275,7 +312,9 @@ def restarted(
 
 def affine_flow(rows: ArrayLike, constants: ArrayLike) -> FloatArray:
     """Return the generator of an affine flow, acting on the state with a 1 appended."""
-    return np.block([[np.array(rows), np.array(constants)[:, None]], [np.zeros((1, 4))]])
+    return np.block(
+        [[np.array(rows), np.array(constants)[:, None]], [np.zeros((1, 4))]]
+    )
 
 
 def octant_end() -> FloatArray:
@@ -300,7 +339,9 @@ def hopper_end(hopper: VerticalHopper, drop_m: float, until_s: float) -> FloatAr
     fall = drop_m - hopper.contact_length_m
     speed = np.sqrt(2 * g * fall)
     rest = hopper.rest_length_m - hopper.contact_length_m - g / omega**2
-    stance = 2 * np.arctan2(speed / omega, rest) / omega  # symmetric about the lowest point
+    stance = (
+        2 * np.arctan2(speed / omega, rest) / omega
+    )  # symmetric about the lowest point
     in_flight = (until_s - speed / g) % (stance + 2 * speed / g) - stance
     if in_flight < 0:
         raise ValueError("choose an end in flight")
@@ -311,36 +352,46 @@ def hopper_end(hopper: VerticalHopper, drop_m: float, until_s: float) -> FloatAr
 def plate_end() -> FloatArray:
     """Return the end of the plate's first bounce (`peers`), which has no closed form.
 
-    The numbers come from heyoka in extended precision at a tolerance of 1e-18; at 1e-17 they change
-    by 1e-19. In double precision, heyoka reaches them within 2e-15 and SciPy's DOP853 within 1e-13,
-    as the benchmark's own rows confirm.
+    The numbers come from heyoka in extended precision at a tolerance of 1e-18; at 1e-17
+    they change by 1e-19. In double precision, heyoka reaches them within 2e-15 and
+    SciPy's DOP853 within 1e-13, as the benchmark's own rows confirm.
     """
-    x, z, angle = -0.03919835492659511175, 1.2427224171290427716, 0.065025766442365411495
-    vx, vz, omega = -0.08629287118608017742, -1.1722267053343060242, 0.2288024630480736818
+    x, z, angle = (
+        -0.03919835492659511175,
+        1.2427224171290427716,
+        0.065025766442365411495,
+    )
+    vx, vz, omega = (
+        -0.08629287118608017742,
+        -1.1722267053343060242,
+        0.2288024630480736818,
+    )
     return np.array([x, z, angle, vx, vz, omega])
 
 
-# A plate that falls onto a bed of springs (dissertation, section 4.4.4), as a scene of many
-# contacts.
+# A plate that falls onto a bed of springs (dissertation, section 4.4.4), as a scene of
+# many contacts.
 #
-# State (6): position x, z of the centre of mass, m, angle theta of the plate, rad, and their rates.
-# The plate is a rigid line, long enough to lie above every spring. Each spring stands upright at
-# x_i and has no mass or friction; a guide keeps its end on a vertical line. The plate's line passes
-# above it at z - tan(theta) (x - x_i), so its compression is
+# State (6): position x, z of the centre of mass, m, angle theta of the plate, rad, and
+# their rates. The plate is a rigid line, long enough to lie above every spring. Each
+# spring stands upright at x_i and has no mass or friction; a guide keeps its end on a
+# vertical line. The plate's line passes above it at z - tan(theta) (x - x_i), so its
+# compression is
 #
 #     h_i = L0 + tan(theta) (x - x_i) - z.
 #
-# It is a guard crossed in both directions, rising at touchdown. While h_i > 0, the spring pushes up
-# with F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i, the gradient of the potential
-# (k / 2) h_i^2, so energy is conserved for c = 0. In other words, the reaction is normal to the
-# plate, as it must be without friction, and its vertical part is F_i. Contact depends on position
-# alone, so a damped spring pulls a little just before it lets go.
+# It is a guard crossed in both directions, rising at touchdown. While h_i > 0, the
+# spring pushes up with F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i,
+# the gradient of the potential (k / 2) h_i^2, so energy is conserved for c = 0. In
+# other words, the reaction is normal to the plate, as it must be without friction, and
+# its vertical part is F_i. Contact depends on position alone, so a damped spring pulls
+# a little just before it lets go.
 #
-# With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i. The plate
-# depends on the contacts only through their sums of 1, a_i and a_i^2. For very many springs, the
-# field needs only their count and the sums of their indices and squared indices. The handler keeps
-# these in the memory behind the parameters. They are integers, so they stay exact however often
-# springs come and go.
+# With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i.
+# The plate depends on the contacts only through their sums of 1, a_i and a_i^2. For
+# very many springs, the field needs only their count and the sums of their indices and
+# squared indices. The handler keeps these in the memory behind the parameters. They are
+# integers, so they stay exact however often springs come and go.
 
 # Places in the flat vector of parameters; spring i stands at first + i * spacing.
 GRAVITY, MASS, INERTIA, REST_LENGTH, STIFFNESS, DAMPING, FIRST, SPACING = range(8)
@@ -392,7 +443,9 @@ def fill_rates(y: FloatArray, p: FloatArray, sums: Sums, dy: FloatArray) -> None
 
 
 @njit(error_model="numpy")
-def fill_force_row(y: FloatArray, p: FloatArray, s0: float, s1: float, row: FloatArray) -> None:
+def fill_force_row(
+    y: FloatArray, p: FloatArray, s0: float, s1: float, row: FloatArray
+) -> None:
     """Fill the gradient, (6,), of sum(F_i w_i) at fixed weights: s0 = sum(w), s1 = sum(w a)."""
     slope, k, c = math.tan(y[2]), p[STIFFNESS], p[DAMPING]
     grow = 1.0 + slope * slope  # derivative of the slope with respect to the angle
@@ -485,7 +538,12 @@ def plate_jacobian(
 
 @on_event
 def update_sums(
-    t: float, y: FloatArray, mode: IntArray, params: FloatArray, spring: int, direction: int
+    t: float,
+    y: FloatArray,
+    mode: IntArray,
+    params: FloatArray,
+    spring: int,
+    direction: int,
 ) -> int:
     """Add a spring that touches to the sums, or remove one that lets go."""
     params[COUNT] += direction
@@ -538,7 +596,8 @@ class Plate:
     Parameters
     ----------
     n_contacts : int
-        Number of springs, evenly spaced over the bed; a single one stands in the middle.
+        Number of springs, evenly spaced over the bed; a single one stands in the
+        middle.
     mass_kg, inertia_kg_m2 : float
         Mass of the plate and its moment of inertia about the centre of mass.
     stiffness_n_m, damping_n_s_m : float
@@ -562,7 +621,9 @@ class Plate:
 
     def __post_init__(self) -> None:
         if self.n_contacts < 1:
-            raise ValueError(f"n_contacts: expected at least 1, found {self.n_contacts}")
+            raise ValueError(
+                f"n_contacts: expected at least 1, found {self.n_contacts}"
+            )
         if not (self.mass_kg > 0 and self.inertia_kg_m2 > 0 and self.half_width_m > 0):
             raise ValueError(f"expected mass, inertia and half width > 0, found {self}")
         if not (self.stiffness_n_m > 0 and self.damping_n_s_m >= 0):
@@ -593,14 +654,18 @@ class Plate:
     def system(self, *, sums: bool = False, sparse: bool = False) -> System:
         """Return the hybrid system, with guards ``spring1`` ... ``spring<n>``.
 
-        With `sums`, the field reads sums over the contacts, which the handler keeps in the system's
-        memory; a start in contact needs ``solve(..., memory=plate.memory(y0))``. With `sparse`,
-        meant for hundreds of springs or more, guards are also evaluated one by one, and distant
-        ones sleep.
+        With `sums`, the field reads sums over the contacts, which the handler keeps in
+        the system's memory; a start in contact needs ``solve(...,
+        memory=plate.memory(y0))``. With `sparse`, meant for hundreds of springs or
+        more, guards are also evaluated one by one, and distant ones sleep.
         """
         if sparse:
             return _system_of_sums(self.n_contacts, sparse=True)
-        return _system_of_sums(self.n_contacts, sparse=False) if sums else _system(self.n_contacts)
+        return (
+            _system_of_sums(self.n_contacts, sparse=False)
+            if sums
+            else _system(self.n_contacts)
+        )
 
     def memory(self, y0: ArrayLike) -> tuple[float, ...]:
         """Return the sums over the contacts for a start that may be in contact."""
@@ -613,7 +678,9 @@ class Plate:
         Heights are drawn from (2, 3) m and angles from (-0.1, 0.1) rad.
         """
         states = np.zeros((count, 6))
-        states[:, 1:3] = np.random.default_rng(seed).uniform((2.0, -0.1), (3.0, 0.1), (count, 2))
+        states[:, 1:3] = np.random.default_rng(seed).uniform(
+            (2.0, -0.1), (3.0, 0.1), (count, 2)
+        )
         return states
 
     def compressions(self, y: ArrayLike) -> FloatArray:

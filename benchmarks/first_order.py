@@ -2,12 +2,13 @@
 
     python benchmarks/first_order.py --out first_order.csv
 
-There is one row per number, with its unit. Cost is the time of `solve` with the Jacobian over the
-time without, on the plate (35 contacts, 2 s, tolerances 1e-6). All starts with it and all starts
-without it take turns on one thread. Medians are over the turns, also for the ratio, because a
-machine's speed varies from turn to turn. Error is the largest difference from fourth-order central
-differences of `solve` itself, relative to the largest entry. The spread of orders is the spread of
-the saltation products over all orders in which three feet may land together (see `check_c1`).
+There is one row per number, with its unit. Cost is the time of `solve` with the
+Jacobian over the time without, on the plate (35 contacts, 2 s, tolerances 1e-6). All
+starts with it and all starts without it take turns on one thread. Medians are over the
+turns, also for the ratio, because a machine's speed varies from turn to turn. Error is
+the largest difference from fourth-order central differences of `solve` itself, relative
+to the largest entry. The spread of orders is the spread of the saltation products over
+all orders in which three feet may land together (see `check_c1`).
 """
 
 from __future__ import annotations
@@ -59,7 +60,11 @@ def error_of(run: Run, y0: tuple[float, ...], step: float) -> float:
 
 def errors() -> list[tuple[str, str, float, str]]:
     """Return the Jacobian's error on each scene."""
-    hopper, plate, legs = VerticalHopper(damping_n_s_m=3.0), Plate(12), HopperParameters()
+    hopper, plate, legs = (
+        VerticalHopper(damping_n_s_m=3.0),
+        Plate(12),
+        HopperParameters(),
+    )
     runs: list[tuple[str, Run, tuple[float, ...], float]] = [
         ("octant", lambda y, **k: solve(octant(), T_SPAN, y, method="dop853", **k),
          INITIAL_STATE, 1e-4),
@@ -85,7 +90,9 @@ def costs(contacts: int, starts: int) -> list[tuple[str, str, float, str]]:
     states = plate.initial_states(starts, 3)
     for form, system in (("plain", plate.system()), ("sums", plate.system(sums=True))):
 
-        def run(wanted: bool, form: str = form, system: System = system) -> Callable[[], object]:
+        def run(
+            wanted: bool, form: str = form, system: System = system
+        ) -> Callable[[], object]:
             system.compile(jacobian=wanted)
 
             def all_starts() -> None:
@@ -98,9 +105,13 @@ def costs(contacts: int, starts: int) -> list[tuple[str, str, float, str]]:
 
             return all_starts
 
-        times = in_turn({"state": run(False), "both": run(True)}, fewest=TURNS, most=TURNS)
+        times = in_turn(
+            {"state": run(False), "both": run(True)}, fewest=TURNS, most=TURNS
+        )
         case = f"plate_{contacts}_{form}"
-        state, both = (1e6 * np.array(times[name]) / starts for name in ("state", "both"))
+        state, both = (
+            1e6 * np.array(times[name]) / starts for name in ("state", "both")
+        )
         rows += [
             (case, "state_time", float(np.median(state)), "us"),
             (case, "with_jacobian_time", float(np.median(both)), "us"),
@@ -114,7 +125,9 @@ def spreads() -> list[tuple[str, str, float, str]]:
     legs = HopperParameters()
     mode = flight_mode(hopper_system(), -1.0)
     reports = {
-        "hopper": check_c1(hopper_system(), LANDING, params=legs.vector(), mode=mode, guards=FEET)
+        "hopper": check_c1(
+            hopper_system(), LANDING, params=legs.vector(), mode=mode, guards=FEET
+        )
     }
     for name, control in (
         ("control_kappa_0.1", Control(coupling=0.1)),
@@ -123,10 +136,19 @@ def spreads() -> list[tuple[str, str, float, str]]:
         ("control_eps_0.1", Control(impulse=0.1)),
     ):
         reports[name] = check_c1(
-            control_system(), LANDING, params=legs.vector(variant=control), mode=mode, guards=FEET
+            control_system(),
+            LANDING,
+            params=legs.vector(variant=control),
+            mode=mode,
+            guards=FEET,
         )
     return [
-        (f"{name} ({report.verdict})", "spread_of_six_orders", report.products.value, "1")
+        (
+            f"{name} ({report.verdict})",
+            "spread_of_six_orders",
+            report.products.value,
+            "1",
+        )
         for name, report in reports.items()
     ]
 

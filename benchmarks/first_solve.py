@@ -2,21 +2,23 @@
 
     python benchmarks/first_solve.py --out first_solve.csv
 
-There is one row per case. `install`: nothing is cached, so the driver and the generic methods are
-compiled. `install, Jacobian`: afterwards, the code that carries Jacobians is compiled. `new scene`:
-a new module, with the driver cached. `known scene`: the same module in another process. `new scene,
-Jacobian` and `known scene, Jacobian`: the same with the flow's Jacobian, for which nothing more is
-compiled for the scene; only the fall is solved, because a bounce resets the state. `new scene,
-plain Python`: its field uses a dictionary, which Numba does not compile. `known scene, plain
-Python`: the same again. `own code`: `System.compile` first builds all methods for the scene. `known
+There is one row per case. `install`: nothing is cached, so the driver and the generic
+methods are compiled. `install, Jacobian`: afterwards, the code that carries Jacobians
+is compiled. `new scene`: a new module, with the driver cached. `known scene`: the same
+module in another process. `new scene, Jacobian` and `known scene, Jacobian`: the same
+with the flow's Jacobian, for which nothing more is compiled for the scene; only the
+fall is solved, because a bounce resets the state. `new scene, plain Python`: its field
+uses a dictionary, which Numba does not compile. `known scene, plain Python`: the same
+again. `own code`: `System.compile` first builds all methods for the scene. `known
 scene, own code`: the next process.
 
-Times are medians over the repeats, with the smallest and the largest. `imports_s` is the import of
-`hopdata.hybrid`. `first_solve_s` is the time from there to the end of the first `solve`: the import
-of the module, the compilation of its three functions, and everything that Numba imports when it
-first loads or compiles code. That last part alone is `numba_start_s`, measured in separate
-processes. `first_solve_cpu_s` is processor time, `second_solve_us` the time of the same call again.
-The caches are kept in a separate folder.
+Times are medians over the repeats, with the smallest and the largest. `imports_s` is
+the import of `hopdata.hybrid`. `first_solve_s` is the time from there to the end of the
+first `solve`: the import of the module, the compilation of its three functions, and
+everything that Numba imports when it first loads or compiles code. That last part alone
+is `numba_start_s`, measured in separate processes. `first_solve_cpu_s` is processor
+time, `second_solve_us` the time of the same call again. The caches are kept in a
+separate folder.
 """
 
 from __future__ import annotations
@@ -45,7 +47,13 @@ CASES = (
     "own code",
     "known scene, own code",
 )
-TIMES = ("imports_s", "numba_start_s", "first_solve_s", "first_solve_cpu_s", "second_solve_us")
+TIMES = (
+    "imports_s",
+    "numba_start_s",
+    "first_solve_s",
+    "first_solve_cpu_s",
+    "second_solve_us",
+)
 
 SCENE = """
 from hopdata.hybrid import System, field, guards, on_event
@@ -104,7 +112,9 @@ print(time.perf_counter() - start)
 
 def write_scene(folder: Path, name: str, number: int, *, plain: bool) -> None:
     constant = 'CONSTANTS["gravity"]' if plain else "GRAVITY"
-    (folder / f"{name}.py").write_text(SCENE.format(gravity=9.0 + 0.01 * number, constant=constant))
+    (folder / f"{name}.py").write_text(
+        SCENE.format(gravity=9.0 + 0.01 * number, constant=constant)
+    )
 
 
 def output(folder: Path, program: str) -> str:
@@ -122,7 +132,9 @@ def first_solve(
 ) -> list[float]:
     """Return the five times of a process that solves this scene."""
     until = 0.4 if jacobian else 1.0  # ends before the bounce, which resets the state
-    program = PROGRAM.format(scene=scene, own_code=own_code, jacobian=jacobian, until=until)
+    program = PROGRAM.format(
+        scene=scene, own_code=own_code, jacobian=jacobian, until=until
+    )
     imports, *rest = json.loads(output(folder, program))
     return [imports, float(output(folder, NUMBA_START)), *rest]
 
@@ -155,7 +167,10 @@ def summary(times: dict[str, list[list[float]]]) -> pd.DataFrame:
         for name, values in zip(TIMES, np.transpose(runs), strict=True):
             what, unit = name.rsplit("_", 1)
             row[f"{what}_median_{unit}"] = np.median(values)
-            row[f"{what}_min_{unit}"], row[f"{what}_max_{unit}"] = values.min(), values.max()
+            row[f"{what}_min_{unit}"], row[f"{what}_max_{unit}"] = (
+                values.min(),
+                values.max(),
+            )
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -163,7 +178,9 @@ def summary(times: dict[str, list[list[float]]]) -> pd.DataFrame:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--repeats", type=int, default=REPEATS, help="processes of each case")
+    parser.add_argument(
+        "--repeats", type=int, default=REPEATS, help="processes of each case"
+    )
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         table = summary(measure(Path(folder), arguments.repeats))

@@ -1,29 +1,32 @@
 """Published foot-strike detectors beside the kink fit: a runner on forces, and known contacts.
 
-    python benchmarks/foot_strikes.py --out foot_strikes.csv [--seeds 5] [--landings 300]
+    python benchmarks/foot_strikes.py --out foot_strikes.csv [--seeds 5] [--landings
+    300]
 
-Each detector follows the formula of its paper, on the same landings and in the same windows. The
-papers leave the cutoff of the low-pass filter (fourth order, zero lag) to the user. Each of
-`CUTOFFS_HZ` is tried and the one with the least `sd_ms` is reported, so that the filter puts no
-peer at a disadvantage.
+Each detector follows the formula of its paper, on the same landings and in the same
+windows. The papers leave the cutoff of the low-pass filter (fourth order, zero lag) to
+the user. Each of `CUTOFFS_HZ` is tried and the one with the least `sd_ms` is reported,
+so that the filter puts no peer at a disadvantage.
 
-- printed: the frame of least vertical velocity (the dissertation, Sec. 2.2.3), and a parabola
-  through it.
-- foot velocity algorithm: trough of the vertical velocity while the foot is in the lowest 35 % of
-  its rise; for the runner, of the point between heel and metatarsals; O'Connor et al. 2007, Gait &
-  Posture 25:469, doi 10.1016/j.gaitpost.2006.05.016.
-- vertical acceleration peak, where the jerk is zero, linearly interpolated between frames; Hreljac
-  and Marshall 2000, J. Biomech. 33:783, doi 10.1016/S0021-9290(00)00014-2.
+- printed: the frame of least vertical velocity (the dissertation, Sec. 2.2.3), and a
+  parabola through it.
+- foot velocity algorithm: trough of the vertical velocity while the foot is in the
+  lowest 35 % of its rise; for the runner, of the point between heel and metatarsals;
+  O'Connor et al. 2007, Gait & Posture 25:469, doi 10.1016/j.gaitpost.2006.05.016.
+- vertical acceleration peak, where the jerk is zero, linearly interpolated between
+  frames; Hreljac and Marshall 2000, J. Biomech. 33:783, doi
+  10.1016/S0021-9290(00)00014-2.
 - farthest ahead of the sacrum; Zeni et al. 2008, Gait & Posture 27:710, doi
   10.1016/j.gaitpost.2007.07.007. Feet that fall straight down have no such place.
-- change of the vertical velocity from down to up; Fellin et al. 2010, J. Sci. Med. Sport 13:646,
-  doi 10.1016/j.jsams.2010.03.006.
+- change of the vertical velocity from down to up; Fellin et al. 2010, J. Sci. Med.
+  Sport 13:646, doi 10.1016/j.jsams.2010.03.006.
 
-Simulated feet are those of `contact_instants.py`: medians over the seeds, and the worst seed. For
-the runner, the first contact of a foot's three markers is compared with the onset of force (the
-papers use the heel's contact, which is the last in this runner). `sd_ms` comes from the median
-absolute deviation. `sd_own_ms` is the same without the error of the onsets, `sd_force_ms`, which is
-measured from the two halves of the force samples.
+Simulated feet are those of `contact_instants.py`: medians over the seeds, and the worst
+seed. For the runner, the first contact of a foot's three markers is compared with the
+onset of force (the papers use the heel's contact, which is the last in this runner).
+`sd_ms` comes from the median absolute deviation. `sd_own_ms` is the same without the
+error of the onsets, `sd_force_ms`, which is measured from the two halves of the force
+samples.
 """
 
 from __future__ import annotations
@@ -58,9 +61,16 @@ CUTOFFS_HZ = (7.0, 12.0, 20.0, 35.0)
 SAME_S = 0.15  # instants farther apart do not belong to the same contact, s
 LOW = 0.35  # "low" is this fraction of a foot's rise
 AROUND_S = 0.1  # frames before and after a landing that a detector sees, s
-EARLY_S = 0.25  # before a runner's landing, s: a foot is farthest ahead long before it lands
-SIMULATED = ("hard, N(0, 10 ms)", "soft and creep", "three frames missing at each contact")
-#: Detects instants, s, in windows (..., W) of heights and of positions ahead of the sacrum, m.
+EARLY_S = (
+    0.25  # before a runner's landing, s: a foot is farthest ahead long before it lands
+)
+SIMULATED = (
+    "hard, N(0, 10 ms)",
+    "soft and creep",
+    "three frames missing at each contact",
+)
+#: Detects instants, s, in windows (..., W) of heights and of positions ahead of the
+#: sacrum, m.
 Detector = Callable[[FloatArray, FloatArray, FloatArray | None], FloatArray]
 
 
@@ -86,7 +96,9 @@ def foot_velocity(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> Flo
     return _at(t, np.argmin(np.where(low, _slope(z, t), np.inf), axis=-1))
 
 
-def acceleration_peak(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
+def acceleration_peak(
+    t: FloatArray, z: FloatArray, ahead: FloatArray | None
+) -> FloatArray:
     """Return the instant of greatest vertical acceleration, where the jerk is zero."""
     del ahead
     acceleration = _slope(_slope(z, t), t)
@@ -95,12 +107,20 @@ def acceleration_peak(t: FloatArray, z: FloatArray, ahead: FloatArray | None) ->
     return _zero(t, jerk, np.where(_at(jerk, peak) > 0, peak, peak - 1))
 
 
-def farthest_ahead(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
+def farthest_ahead(
+    t: FloatArray, z: FloatArray, ahead: FloatArray | None
+) -> FloatArray:
     """Return the frame in which the foot is farthest ahead of the sacrum."""
-    return np.full(z.shape[:-1], np.nan) if ahead is None else _at(t, np.argmax(ahead, axis=-1))
+    return (
+        np.full(z.shape[:-1], np.nan)
+        if ahead is None
+        else _at(t, np.argmax(ahead, axis=-1))
+    )
 
 
-def velocity_crossing(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
+def velocity_crossing(
+    t: FloatArray, z: FloatArray, ahead: FloatArray | None
+) -> FloatArray:
     """Return the first change of the vertical velocity from down to up after its trough."""
     del ahead
     velocity = _slope(z, t)
@@ -124,7 +144,9 @@ OURS = {
 }
 
 
-def smooth(values: FloatArray, rate_hz: float, cutoff_hz: float, axis: int) -> FloatArray:
+def smooth(
+    values: FloatArray, rate_hz: float, cutoff_hz: float, axis: int
+) -> FloatArray:
     """Apply the papers' low-pass filter: Butterworth, forward and backward, fourth order in all."""
     return np.asarray(
         sosfiltfilt(butter(2, cutoff_hz, fs=rate_hz, output="sos"), values, axis=axis)
@@ -136,20 +158,31 @@ def simulated_rows(name: str, arguments: argparse.Namespace) -> list[dict[str, A
     runs: dict[tuple[str, float], list[dict[str, float]]] = {}
     seeds = np.random.SeedSequence([arguments.seed, 26, SIMULATED.index(name)])
     for seed in seeds.spawn(arguments.seeds):
-        landings = make(arguments.landings, CONDITIONS[name], np.random.default_rng(seed))
+        landings = make(
+            arguments.landings, CONDITIONS[name], np.random.default_rng(seed)
+        )
         whole = landings.filled() if CONDITIONS[name].missing_frames else landings
         for label, method in OURS.items():
             instant, _ = ours(landings if method == "kink" else whole, method=method)
-            runs.setdefault((label, np.nan), []).append(_scored(instant, landings.contacts))
+            runs.setdefault((label, np.nan), []).append(
+                _scored(instant, landings.contacts)
+            )
         count, feet = landings.contacts.shape
         z = whole.heights.reshape(count, -1, feet).transpose(0, 2, 1)
         t = np.broadcast_to(whole.time.reshape(count, 1, -1), z.shape)
         rate_hz = 1.0 / (whole.time[1] - whole.time[0])
-        near = np.abs(t[:, 0] - landings.transitions.t_pre[:, None] - 0.035).argmin(axis=1)
-        frames = near[:, None] + np.arange(-round(AROUND_S * rate_hz), round(AROUND_S * rate_hz))
+        near = np.abs(t[:, 0] - landings.transitions.t_pre[:, None] - 0.035).argmin(
+            axis=1
+        )
+        frames = near[:, None] + np.arange(
+            -round(AROUND_S * rate_hz), round(AROUND_S * rate_hz)
+        )
         for cutoff_hz in CUTOFFS_HZ:
             smoothed = smooth(z, rate_hz, cutoff_hz, axis=-1)
-            seen = [np.take_along_axis(x, frames[:, None, :], axis=-1) for x in (t, smoothed)]
+            seen = [
+                np.take_along_axis(x, frames[:, None, :], axis=-1)
+                for x in (t, smoothed)
+            ]
             for label, detect in PUBLISHED.items():
                 found = _scored(detect(seen[0], seen[1], None), landings.contacts)
                 runs.setdefault((label, cutoff_hz), []).append(found)
@@ -188,16 +221,25 @@ def _scored(instant: FloatArray, truth: FloatArray) -> dict[str, float]:
 
 def runner_rows() -> list[dict[str, Any]]:
     """Return one row for each foot and method, or one that says the files are absent."""
-    folder = next((f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None)
+    folder = next(
+        (f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None
+    )
     if folder is None:
-        return [{"condition": "runner against force", "method": "absent: no files of the runner"}]
-    force = pd.read_csv(folder / FORCES, sep="\t")["Fy"].to_numpy(float)  # upwards in this file
+        return [
+            {
+                "condition": "runner against force",
+                "method": "absent: no files of the runner",
+            }
+        ]
+    force = pd.read_csv(folder / FORCES, sep="\t")["Fy"].to_numpy(
+        float
+    )  # upwards in this file
     clock = np.arange(len(force)) / FORCE_HZ
     onsets = force_onsets(clock, force)
     halves = [force_onsets(clock[k::2], force[k::2]) for k in (0, 1)]
     apart = halves[0] - halves[1][np.abs(halves[0][:, None] - halves[1]).argmin(axis=1)]
-    # The difference of the halves has sqrt(2) times the error of one half. All samples together are
-    # twice as dense, which halves the error again.
+    # The difference of the halves has sqrt(2) times the error of one half. All samples
+    # together are twice as dense, which halves the error again.
     own_ms = 1e3 * _scatter(apart[np.abs(apart) < SAME_S]) / np.sqrt(2) / 2
     rows = []
     for side, (turn, name) in SIDES.items():
@@ -205,21 +247,34 @@ def runner_rows() -> list[dict[str, Any]]:
         condition = {"condition": f"runner's {name} foot against force"}
         for label, method in OURS.items():
             table = touchdown_table(recording, **SECTIONS, method=method)
-            contacts = table[[column for column in table if column.startswith("contact_")]]
+            contacts = table[
+                [column for column in table if column.startswith("contact_")]
+            ]
             first = contacts.min(axis=1).to_numpy()
-            rows.append(condition | {"method": label} | _compared(first, onsets[turn::2], own_ms))
+            rows.append(
+                condition
+                | {"method": label}
+                | _compared(first, onsets[turn::2], own_ms)
+            )
         table = touchdown_table(recording, **SECTIONS)
-        spans = table.loc[table["reason"] != NO_FOOT_LANDED, ["t_pre_s", "t_post_s"]].dropna()
+        spans = table.loc[
+            table["reason"] != NO_FOOT_LANDED, ["t_pre_s", "t_post_s"]
+        ].dropna()
         middle = spans.mean(axis=1).to_numpy()
         for cutoff_hz in CUTOFFS_HZ:
             for label, detect in PUBLISHED.items():
                 early_s = EARLY_S if detect is farthest_ahead else AROUND_S
                 t, z, ahead = _runner_windows(recording, middle, cutoff_hz, early_s)
                 if detect is foot_velocity:  # uses the point between heel and toe
-                    t, z = t[:, :1], 0.5 * (z[:, :1] + z[:, 1:].mean(axis=1, keepdims=True))
+                    t, z = (
+                        t[:, :1],
+                        0.5 * (z[:, :1] + z[:, 1:].mean(axis=1, keepdims=True)),
+                    )
                 first = np.fmin.reduce(detect(t, z, ahead), axis=1)
                 found = _compared(first, onsets[turn::2], own_ms)
-                rows.append(condition | {"method": label, "cutoff_hz": cutoff_hz} | found)
+                rows.append(
+                    condition | {"method": label, "cutoff_hz": cutoff_hz} | found
+                )
     return rows
 
 
@@ -268,7 +323,16 @@ def _compared(first: FloatArray, onsets: FloatArray, own_ms: float) -> dict[str,
 
 
 COLUMNS = (
-    *("condition", "method", "cutoff_hz", "seeds", "landings", "found", "bias_ms", "sd_ms"),
+    *(
+        "condition",
+        "method",
+        "cutoff_hz",
+        "seeds",
+        "landings",
+        "found",
+        "bias_ms",
+        "sd_ms",
+    ),
     *("sd_ms_worst", "sd_force_ms", "sd_own_ms", "order_right", "order_right_worst"),
 )
 
@@ -276,15 +340,25 @@ COLUMNS = (
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--seeds", type=int, default=5, help="simulated recordings (default 5)")
+    parser.add_argument(
+        "--seeds", type=int, default=5, help="simulated recordings (default 5)"
+    )
     parser.add_argument("--landings", type=int, default=300, help="landings of each")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    rows = [row for name in SIMULATED for row in simulated_rows(name, arguments)] + runner_rows()
+    rows = [
+        row for name in SIMULATED for row in simulated_rows(name, arguments)
+    ] + runner_rows()
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
-    found = table["found"].fillna(0.0) >= 0.5 * table.groupby("condition")["found"].transform("max")
+    found = table["found"].fillna(0.0) >= 0.5 * table.groupby("condition")[
+        "found"
+    ].transform("max")
     order = table.assign(enough=~found).sort_values(["enough", "sd_ms"], kind="stable")
-    best = order.drop_duplicates(["condition", "method"]).drop(columns="enough").sort_index()
+    best = (
+        order.drop_duplicates(["condition", "method"])
+        .drop(columns="enough")
+        .sort_index()
+    )
     places = {label: place for place, label in enumerate((*OURS, *PUBLISHED))}
     best = best.sort_values("method", key=lambda x: x.map(places), kind="stable")
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

@@ -2,22 +2,23 @@
 
     python benchmarks/frame_change_models.py --out frame_change_models.csv
 
-The steered hopper is excited at random as printed (Algorithm 1) and observed by motion capture:
-markers with noise, poses and boom angles by `hopdata.steering.observation`. Each model learns from
-100 random hops of one recording, with one draw per recording. It is tested on the other hops of
-that recording ("rest"), on a recording with swings of any size ("any swing"), and on the true map
-of an undisturbed hopper ("true map").
+The steered hopper is excited at random as printed (Algorithm 1) and observed by motion
+capture: markers with noise, poses and boom angles by `hopdata.steering.observation`.
+Each model learns from 100 random hops of one recording, with one draw per recording. It
+is tested on the other hops of that recording ("rest"), on a recording with swings of
+any size ("any swing"), and on the true map of an undisturbed hopper ("true map").
 
 Beside `frame_change_models.csv`, it writes:
 
-- `frame_change_learning.csv`: the error by the number of hops, with all recordings pooled, tested
-  on the other hops.
-- `frame_change_kernels.csv`: four smoothnesses of the kernel in the readings of Section 3.4.2, on
-  the hopper and on analytic functions.
-- `frame_change_cost.csv`: time of a prediction and its gradient compared with scikit-learn's
-  `predict` and forward differences for the same hyper-parameters, and the largest difference.
-- `frame_change_map.csv`, `frame_change_points.csv`: the printed and the recommended model over
-  their inputs, and the hops that they have learned from (Figure 3.3).
+- `frame_change_learning.csv`: the error by the number of hops, with all recordings
+  pooled, tested on the other hops.
+- `frame_change_kernels.csv`: four smoothnesses of the kernel in the readings of Section
+  3.4.2, on the hopper and on analytic functions.
+- `frame_change_cost.csv`: time of a prediction and its gradient compared with
+  scikit-learn's `predict` and forward differences for the same hyper-parameters, and
+  the largest difference.
+- `frame_change_map.csv`, `frame_change_points.csv`: the printed and the recommended
+  model over their inputs, and the hops that they have learned from (Figure 3.3).
 """
 
 from __future__ import annotations
@@ -37,7 +38,13 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
-from hopdata.steering.frame_changes import USED, FrameChanges, StanceStates, frame_changes, joined
+from hopdata.steering.frame_changes import (
+    USED,
+    FrameChanges,
+    StanceStates,
+    frame_changes,
+    joined,
+)
 from hopdata.steering.models.learning import (
     IN_UNITS,
     UNITS,
@@ -89,8 +96,8 @@ SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
 STEP = 1.5e-8  # step of forward differences, SciPy's default
 
 
-# Printed frame changes, errors against the true ones, closed-form derivatives of models, and
-# scikit-learn's regressor.
+# Printed frame changes, errors against the true ones, closed-form derivatives of
+# models, and scikit-learn's regressor.
 
 
 # Closed-form derivatives of models, and scikit-learn's regressor.
@@ -114,7 +121,8 @@ def change_and_gradient(
 def correlation_slope(squared: FloatArray, smoothness: float) -> FloatArray:
     """Return the derivative of the kernel with respect to the squared distance.
 
-    At distance zero, the kernel of smoothness 1/2 has a kink; its derivative is set to 0 there.
+    At distance zero, the kernel of smoothness 1/2 has a kink; its derivative is set to
+    0 there.
     """
     if smoothness == np.inf:
         return np.asarray(-0.5 * np.exp(-0.5 * squared))
@@ -134,8 +142,12 @@ def mean_slopes(process: FrameChangeProcess, points: FloatArray) -> FloatArray:
         square[..., 0] = 2 * (1 - np.cos(apart[..., 0]))
         slope[..., 0] = 2 * np.sin(apart[..., 0])
     inverse = 1 / process.length_scales**2
-    kernel = correlation_slope(np.einsum("nmd,jd->jnm", square, inverse), process.smoothness)
-    return np.einsum("jm,jnm,nmd,jd->njd", process.weights, kernel, slope, inverse, optimize=True)
+    kernel = correlation_slope(
+        np.einsum("nmd,jd->jnm", square, inverse), process.smoothness
+    )
+    return np.einsum(
+        "jm,jnm,nmd,jd->njd", process.weights, kernel, slope, inverse, optimize=True
+    )
 
 
 def regressor_of(process: FrameChangeProcess, component: int) -> Any:
@@ -149,7 +161,9 @@ def regressor_of(process: FrameChangeProcess, component: int) -> Any:
     j = component
     lengths = embedded_scales(process.length_scales[j], process.periodic)
     matern = Matern(lengths, nu=process.smoothness)
-    kernel = ConstantKernel(process.variance[j]) * matern + WhiteKernel(process.noise[j])
+    kernel = ConstantKernel(process.variance[j]) * matern + WhiteKernel(
+        process.noise[j]
+    )
     target = (process.outputs[:, j] - process.offset[j]) / process.unit[j]
     regressor = GaussianProcessRegressor(kernel, alpha=0.0, optimizer=None)
     return regressor.fit(embedded(process.inputs, process.periodic), target)
@@ -192,11 +206,13 @@ def true_pairs(stances: pd.DataFrame) -> IntArray:
     return np.column_stack([frame[second - 1], frame[second]])
 
 
-def stance_boom_angles(booms_rad: ArrayLike, frames: ArrayLike, window: int) -> FloatArray:
+def stance_boom_angles(
+    booms_rad: ArrayLike, frames: ArrayLike, window: int
+) -> FloatArray:
     """Return the median boom angle of the frames that follow each stance, (S,), rad.
 
-    Angles are taken relative to their mean direction, so that they may pass a full turn. The result
-    is NaN if fewer than half of the frames have an angle.
+    Angles are taken relative to their mean direction, so that they may pass a full
+    turn. The result is NaN if fewer than half of the frames have an angle.
     """
     booms, frames = np.asarray(booms_rad, dtype=float), np.asarray(frames)
     padded = np.append(booms, np.full(window, np.nan))
@@ -236,17 +252,21 @@ class FrameChangeErrors:
             "swing_rad": self.swing_rad,
             **dict(zip(("dx_m", "dy_m", "dtheta_rad"), self.change.T, strict=True)),
         }
-        return {name: float(np.sqrt(np.mean(error**2))) for name, error in columns.items()}
+        return {
+            name: float(np.sqrt(np.mean(error**2))) for name, error in columns.items()
+        }
 
 
-def frame_change_errors(measured: FrameChanges, true: FrameChanges) -> FrameChangeErrors:
+def frame_change_errors(
+    measured: FrameChanges, true: FrameChanges
+) -> FrameChangeErrors:
     """Compare the used hops of a recording with the true ones.
 
     Parameters
     ----------
     measured, true : FrameChanges
-        Hops of one recording in order of time. Two hops are the same if their first stances are
-        within `SAME_STANCE_S` of each other.
+        Hops of one recording in order of time. Two hops are the same if their first
+        stances are within `SAME_STANCE_S` of each other.
     """
     seen, real = measured.used(), true.used()
     if not len(seen) or not len(real):
@@ -299,16 +319,22 @@ def excited(seed: int, recordings: int) -> Iterator[SteeredTrial]:
 def any_swing(seed: int, hops: int) -> FrameChanges:
     """Record the hopper with swings of any size."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
-    return observed(record_trial(ROBOT, rng.uniform(-LIMIT, LIMIT, hops), seed=[seed, 2]), "any")
+    return observed(
+        record_trial(ROBOT, rng.uniform(-LIMIT, LIMIT, hops), seed=[seed, 2]), "any"
+    )
 
 
-def measurement_rows(trials: list[SteeredTrial], seen: list[FrameChanges]) -> list[dict[str, Any]]:
+def measurement_rows(
+    trials: list[SteeredTrial], seen: list[FrameChanges]
+) -> list[dict[str, Any]]:
     """Return errors of the measured frame changes themselves."""
     found = [
         frame_change_errors(hops, true_hops(trial, ""))
         for trial, hops in zip(trials, seen, strict=True)
     ]
-    rms = np.array([[e.rms()[name] for name in ("dx_m", "dy_m", "dtheta_rad")] for e in found])
+    rms = np.array(
+        [[e.rms()[name] for name in ("dx_m", "dy_m", "dtheta_rad")] for e in found]
+    )
     print("missed, invented:", [(e.missed, e.invented) for e in found])
     return [
         {
@@ -320,7 +346,9 @@ def measurement_rows(trials: list[SteeredTrial], seen: list[FrameChanges]) -> li
             "rmse": value,
         }
         for draw, row in enumerate(rms * IN_UNITS)
-        for component, unit, value in zip(("dx", "dy", "dtheta"), UNITS, row, strict=True)
+        for component, unit, value in zip(
+            ("dx", "dy", "dtheta"), UNITS, row, strict=True
+        )
     ]
 
 
@@ -352,7 +380,10 @@ def model_rows(
         train, rest = random_split(len(usable), TRAIN, rng)
         for name, options in MODELS.items():
             process = trained_process(usable.rows(train), options, seed=draw)
-            for test, data in (("rest", usable.rows(rest)), ("any swing", other.used())):
+            for test, data in (
+                ("rest", usable.rows(rest)),
+                ("any swing", other.used()),
+            ):
                 score = prediction_score(process, data)
                 labels = {"model": name, "test": test, "draw": draw}
                 yield from pd.DataFrame({**labels, **score}).to_dict("records")
@@ -363,8 +394,8 @@ def model_rows(
 def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
     """Return frame changes by analytic functions of boom angle and swing, with a little noise.
 
-    They are as large as the hopper's: a few cm and about five degrees. The noise is that of poses
-    from motion capture (`SMOOTH_NOISE`).
+    They are as large as the hopper's: a few cm and about five degrees. The noise is
+    that of poses from motion capture (`SMOOTH_NOISE`).
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     angle = rng.uniform(0, 2 * np.pi, hops)
@@ -390,27 +421,36 @@ def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
 def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
     """Compare the smoothnesses on the hopper and on analytic functions."""
     parts = []
-    for name, data in (("hopper", hops), ("smooth truth", smooth_truth(400, LIMIT, seed))):
+    for name, data in (
+        ("hopper", hops),
+        ("smooth truth", smooth_truth(400, LIMIT, seed)),
+    ):
         scores = smoothness_scores(data, draws=draws, seed=seed, train=TRAIN)
         parts.append(scores.assign(data=name))
     by = ["data", "reading", "smoothness", "component", "unit"]
     return with_intervals(pd.concat(parts), by, SCORES)
 
 
-def sklearn_change(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
+def sklearn_change(
+    regressors: list[Any], process: FrameChangeProcess, points: FloatArray
+) -> Any:
     """Predict with three regressors, as printed."""
     asked = embedded(points, process.periodic)
     found = np.column_stack([one.predict(asked) for one in regressors])
     return found * process.unit + process.offset
 
 
-def sklearn_sd(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
+def sklearn_sd(
+    regressors: list[Any], process: FrameChangeProcess, points: FloatArray
+) -> Any:
     """Predict with standard deviations."""
     asked = embedded(points, process.periodic)
     return [one.predict(asked, return_std=True) for one in regressors]
 
 
-def sklearn_gradient(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
+def sklearn_gradient(
+    regressors: list[Any], process: FrameChangeProcess, points: FloatArray
+) -> Any:
     """Predict, and differentiate by forward differences."""
     here = sklearn_change(regressors, process, points)
     slopes = []
@@ -429,7 +469,8 @@ def tabulation_errors(
     Returns
     -------
     value, gradient : (3,) arrays
-        Largest error of each component, m, m, rad, and of its derivatives by any input, per rad.
+        Largest error of each component, m, m, rad, and of its derivatives by any input,
+        per rad.
     """
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     angle = rng.uniform(0, 2 * np.pi, points)
@@ -439,7 +480,9 @@ def tabulation_errors(
     return value.max(axis=0), gradient.max(axis=(0, 2))
 
 
-def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[dict[str, Any]]:
+def cost_rows(
+    hops: FrameChanges, other: FrameChanges, seed: int
+) -> Iterator[dict[str, Any]]:
     """Yield times and differences for each way to query a model."""
     for name in ("printed", "recommended"):
         process = trained_process(hops, MODELS[name], seed=seed)
@@ -454,10 +497,12 @@ def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[di
                 "closed form": lambda p=process, c=columns: change_and_gradient(p, *c),
                 "table": lambda t=table, c=columns: change_and_gradient(t, *c),
                 "closed form, sd": lambda p=process, c=columns: p.sd(*c),
-                "scikit-learn, mean": lambda r=regressors, p=process, x=points: sklearn_change(
-                    r, p, x
+                "scikit-learn, mean": lambda r=regressors, p=process, x=points: (
+                    sklearn_change(r, p, x)
                 ),
-                "scikit-learn, sd": lambda r=regressors, p=process, x=points: sklearn_sd(r, p, x),
+                "scikit-learn, sd": lambda r=regressors, p=process, x=points: (
+                    sklearn_sd(r, p, x)
+                ),
                 "scikit-learn, differences": lambda r=regressors, p=process, x=points: (
                     sklearn_gradient(r, p, x)
                 ),
@@ -480,9 +525,16 @@ def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[di
 
 
 def table_errors(value: FloatArray, gradient: FloatArray) -> dict[str, float]:
-    names = ("table_error_mm", "table_error_mrad", "table_slope_error_mm", "table_slope_error_mrad")
+    names = (
+        "table_error_mm",
+        "table_error_mrad",
+        "table_slope_error_mm",
+        "table_slope_error_mrad",
+    )
     largest = (value[:2].max(), value[2], gradient[:2].max(), gradient[2])
-    return {name: float(1e3 * error) for name, error in zip(names, largest, strict=True)}
+    return {
+        name: float(1e3 * error) for name, error in zip(names, largest, strict=True)
+    }
 
 
 def disagreement(
@@ -511,7 +563,9 @@ def map_tables(hops: FrameChanges, seed: int) -> tuple[pd.DataFrame, pd.DataFram
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True, help="CSV to write, others beside it")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="CSV to write, others beside it"
+    )
     parser.add_argument("--recordings", type=int, default=12)
     parser.add_argument("--draws", type=int, default=8, help="random sets of each size")
     parser.add_argument("--seed", type=int, default=20261121)
@@ -524,15 +578,23 @@ def main() -> None:
 
     trials = list(excited(seed, arguments.recordings))
     seen = [observed(trial, f"trial {k}") for k, trial in enumerate(trials)]
-    other, true = any_swing(seed, 600), true_frame_changes(ROBOT, boom_angles=24, swings=9)
+    other, true = (
+        any_swing(seed, 600),
+        true_frame_changes(ROBOT, boom_angles=24, swings=9),
+    )
     rows = [*measurement_rows(trials, seen), *model_rows(seen, other, true, seed)]
     by = ["model", "test", "component", "unit"]
     write(arguments.out.name, with_intervals(pd.DataFrame(rows), by, SCORES))
     pool = joined(seen)
     first = seen[0].used()
     chosen, _ = random_split(len(first), TRAIN, np.random.default_rng(seed))
-    write("frame_change_cost.csv", pd.DataFrame(cost_rows(first.rows(chosen), other, seed)))
-    for name, table in zip(("map", "points"), map_tables(first.rows(chosen), seed), strict=True):
+    write(
+        "frame_change_cost.csv",
+        pd.DataFrame(cost_rows(first.rows(chosen), other, seed)),
+    )
+    for name, table in zip(
+        ("map", "points"), map_tables(first.rows(chosen), seed), strict=True
+    ):
         write(f"frame_change_{name}.csv", table)
     models = {name: MODELS[name] for name in CURVES}
     scores = learning_scores(pool, models, SIZES, draws=draws, seed=seed)

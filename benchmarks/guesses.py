@@ -2,23 +2,26 @@
 
     python benchmarks/guesses.py --out guesses.csv [--recordings FOLDER] [--seeds 5]
 
-The recordings are the two bundled ones, made-up hoppers and, if they have been fetched, the runners
-and OpenSim's test files below FOLDER; their units, vertical axes and parts are known. Each is cut
-into pieces of several lengths at seeded places. There is one row for each guess and kind of change
-to the pieces:
+The recordings are the two bundled ones, made-up hoppers and, if they have been fetched,
+the runners and OpenSim's test files below FOLDER; their units, vertical axes and parts
+are known. Each is cut into pieces of several lengths at seeded places. There is one row
+for each guess and kind of change to the pieces:
 
 - `up`: turned so that each of the six directions points up; the file does not state it.
-- `unit`: scaled to mm, cm, m or inches; the file states the unit (`stated`), states nothing
-  (`silent`), or wrongly states mm or m (`misstated`).
-- `rate`: stated correctly, or as half or twice its value, with or without a column of time.
-  `removed`: not stated at all; right then means that one of the two candidates is within a tenth.
-- `roles`: which markers are feet and body, with the original names, and with the names `m1`, `m2`
+- `unit`: scaled to mm, cm, m or inches; the file states the unit (`stated`), states
+  nothing (`silent`), or wrongly states mm or m (`misstated`).
+- `rate`: stated correctly, or as half or twice its value, with or without a column of
+  time. `removed`: not stated at all; right then means that one of the two candidates is
+  within a tenth.
+- `roles`: which markers are feet and body, with the original names, and with the names
+  `m1`, `m2`
   ... in another order. Right is a choice of markers that are all on feet, or all on one of pelvis,
   trunk and head.
 
-A stated rate is sure only where free fall confirms it: `right_unsure` is the price of this. For
-unsure guesses, `init` asks by the name of the key and offers two candidates; `asked` are questions
-without candidates. `wrong_sure` is the share that matters; it should be at most 3 %.
+A stated rate is sure only where free fall confirms it: `right_unsure` is the price of
+this. For unsure guesses, `init` asks by the name of the key and offers two candidates;
+`asked` are questions without candidates. `wrong_sure` is the share that matters; it
+should be at most 3 %.
 """
 
 from __future__ import annotations
@@ -51,7 +54,8 @@ from made_up_hopper import MARKERS, hopping  # noqa: E402
 
 SEED = 20261124
 LENGTHS_S = (2.0, 5.0, 15.0, 60.0)
-KNOWN = {  # vertical direction of the files where it is known; the unit is the one they state
+# Vertical direction of the files where it is known; the unit is the one they state
+KNOWN = {
     "hopper.h5": "z", "control.h5": "z", "RBDS001runT25markers.tsv": "z", "RBDS001runT35.c3d": "y",
     "RBDS032runT35markers.txt": "y", "dataWithBlanksForMissingMarkers.trc": "z", "init100.trc": "z",
     "dataWithNaNsOfDifferentCases.trc": "y", "std_walking2_markers.trc": "z",
@@ -82,11 +86,15 @@ def pieces(folder: Path, seed: int, n_seeds: int) -> Iterator[Piece]:
     files = [*(ROOT / "data/sample").glob("*.h5"), *folder.rglob("*.*")]
     for path in sorted(path for path in files if path.name in KNOWN):
         raw, up = read_raw(path), KNOWN[path.name]
-        if path.name == "std_walking2_markers.trc":  # states 250 Hz, time stamps have 25 Hz
+        if (
+            path.name == "std_walking2_markers.trc"
+        ):  # states 250 Hz, time stamps have 25 Hz
             raw = replace(raw, rate_hz=25.0)
         metres = rotate_up(raw.positions * METRES_PER_UNIT[raw.unit], up or "z")
         whole = replace(raw, positions=metres, unit="m", stated_up="")
-        yield from (Piece(path.name, part, bool(up)) for part in _cut(whole, seed, n_seeds))
+        yield from (
+            Piece(path.name, part, bool(up)) for part in _cut(whole, seed, n_seeds)
+        )
     for k in range(n_seeds):
         time, positions = hopping(seed % 100_000 + k)
         raw = RawRecording(MARKERS, time, positions, 100.0, "m")
@@ -102,7 +110,9 @@ def _cut(raw: RawRecording, seed: int, n_seeds: int) -> Iterator[RawRecording]:
             return
         for start in rng.integers(0, len(raw.time) - n, n_seeds):
             part = slice(int(start), int(start) + n)
-            yield replace(raw, time=raw.time[part], positions=raw.positions[part], events=())
+            yield replace(
+                raw, time=raw.time[part], positions=raw.positions[part], events=()
+            )
 
 
 def turned(positions: np.ndarray, up: str) -> np.ndarray:
@@ -116,7 +126,9 @@ def outcome(right: bool, sure: bool) -> str:
 
 def _up(piece: Piece, _rng: np.random.Generator) -> Iterator[tuple[str, str]]:
     for up in DIRECTIONS if piece.up else ():
-        _, guess = guess_unit_and_up(replace(piece.raw, positions=turned(piece.raw.positions, up)))
+        _, guess = guess_unit_and_up(
+            replace(piece.raw, positions=turned(piece.raw.positions, up))
+        )
         yield up, outcome(guess.value == up, guess.is_sure)
 
 
@@ -161,11 +173,19 @@ def _roles(piece: Piece, rng: np.random.Generator) -> Iterator[tuple[str, str]]:
         own = dict(zip(names, np.array(raw.markers)[places].tolist(), strict=True))
         asked = replace(raw, markers=names, positions=raw.positions[:, places])
         found = guess_roles(inspect_recording(asked, unit="m", up="z"))
-        feet, body = ([own[name] for name in chosen] for chosen in (found.feet, found.body))
+        feet, body = (
+            [own[name] for name in chosen] for chosen in (found.feet, found.body)
+        )
         right = bool(feet) and all(FEET.search(name) for name in feet)
-        yield f"feet, {change}", outcome(right, "feet" not in found.unsure) if feet else "asked"
+        yield (
+            f"feet, {change}",
+            outcome(right, "feet" not in found.unsure) if feet else "asked",
+        )
         right = any(all(part.search(name) for name in body) for part in BODIES)
-        yield f"body, {change}", outcome(right, "body" not in found.unsure) if body else "asked"
+        yield (
+            f"body, {change}",
+            outcome(right, "body" not in found.unsure) if body else "asked",
+        )
 
 
 GUESSES = {"up": _up, "unit": _unit, "rate": _rate, "roles": _roles}
@@ -174,14 +194,22 @@ GUESSES = {"up": _up, "unit": _unit, "rate": _rate, "roles": _roles}
 def main() -> None:
     parser = argparse.ArgumentParser(description="Honesty of guesses.")
     parser.add_argument("--out", type=Path, help="CSV file to write")
-    parser.add_argument("--recordings", type=Path, default=ROOT.parent / "shared/recordings")
+    parser.add_argument(
+        "--recordings", type=Path, default=ROOT.parent / "shared/recordings"
+    )
     parser.add_argument("--seeds", type=int, default=5, help="pieces of each length")
-    parser.add_argument("--seed", type=int, default=SEED, help="seed of pieces and hoppers")
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help="seed of pieces and hoppers"
+    )
     parser.add_argument("--only", choices=GUESSES, nargs="*", default=list(GUESSES))
-    parser.add_argument("--verbose", action="store_true", help="name wrong and sure guesses")
+    parser.add_argument(
+        "--verbose", action="store_true", help="name wrong and sure guesses"
+    )
     options = parser.parse_args()
     rows = []
-    for number, piece in enumerate(pieces(options.recordings, options.seed, options.seeds)):
+    for number, piece in enumerate(
+        pieces(options.recordings, options.seed, options.seeds)
+    ):
         for guess in options.only:
             rng = np.random.default_rng(np.random.SeedSequence([options.seed, number]))
             for change, what in GUESSES[guess](piece, rng):

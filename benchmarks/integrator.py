@@ -2,26 +2,29 @@
 
     python benchmarks/integrator.py --out integrator.csv
 
-There is one row for each scene, solver and tolerance. `error_max` is the largest deviation of the
-final state from the exact one, in the scene's own units. Times are those of one call from Python
-(the mean of consecutive calls, after an untimed one): median and quartiles over the repeats.
-Everything runs in one process on one thread, and the solvers and their parts take turns. `field_ns`
-is the time of one evaluation of the field alone, called by its address in a loop along the
-trajectory, and `over_evaluations` is the time of a call over that of its evaluations.
-`bare_step_ns` and `bare_over_evaluations` are those of the method's steps alone, in one loop with
-the field compiled into it (`step_timer`): no driver can be faster than its method. `over_bare` is
-the time of a call over that of as many bare steps as its evaluations make.
+There is one row for each scene, solver and tolerance. `error_max` is the largest
+deviation of the final state from the exact one, in the scene's own units. Times are
+those of one call from Python (the mean of consecutive calls, after an untimed one):
+median and quartiles over the repeats. Everything runs in one process on one thread, and
+the solvers and their parts take turns. `field_ns` is the time of one evaluation of the
+field alone, called by its address in a loop along the trajectory, and
+`over_evaluations` is the time of a call over that of its evaluations. `bare_step_ns`
+and `bare_over_evaluations` are those of the method's steps alone, in one loop with the
+field compiled into it (`step_timer`): no driver can be faster than its method.
+`over_bare` is the time of a call over that of as many bare steps as its evaluations
+make.
 
-Three numbers are not timed in turn; each is the least of its repeats. `empty_call_us` is a call of
-our solver for an empty time span. For the one-dimensional hopper, `hand_written_step_ns` is a step
-written by hand for its two states (`hopper_times_ns`), and `inlined_field_ns` an evaluation
-compiled into its loop, without a call.
+Three numbers are not timed in turn; each is the least of its repeats. `empty_call_us`
+is a call of our solver for an empty time span. For the one-dimensional hopper,
+`hand_written_step_ns` is a step written by hand for its two states (`hopper_times_ns`),
+and `inlined_field_ns` an evaluation compiled into its loop, without a call.
 
-Both solvers use the same methods and call the same Numba-compiled field and guards. scipy stops at
-each event (one terminal event per guard, in the direction that its lock allows) and is restarted in
-the new mode. In two scenes with a costlier field, only our solver runs, and its own end at the
-tightest tolerance counts as exact: `plate_4`, with four contacts, some tens of ns and 26 events in
-2 s, and `hopper`, three hops on three legs (where a handler decides which legs push on), 100 ns.
+Both solvers use the same methods and call the same Numba-compiled field and guards.
+scipy stops at each event (one terminal event per guard, in the direction that its lock
+allows) and is restarted in the new mode. In two scenes with a costlier field, only our
+solver runs, and its own end at the tightest tolerance counts as exact: `plate_4`, with
+four contacts, some tens of ns and 26 events in 2 s, and `hopper`, three hops on three
+legs (where a handler decides which legs push on), 100 ns.
 """
 
 from __future__ import annotations
@@ -61,13 +64,14 @@ from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.hops import level_state
 
-# Cost of a method by itself: its steps in one loop, without events, step control or a driver.
+# Cost of a method by itself: its steps in one loop, without events, step control or a
+# driver.
 #
-# Two things are timed along a path (states and modes of a solution), in machine code: the field
-# alone, called by its address as the driver does, and whole steps of an explicit method with the
-# field compiled into it, including only the sums of its stages and its error norm. Each step
-# continues from the last, as in an integration; a processor would execute independent steps in
-# parallel.
+# Two things are timed along a path (states and modes of a solution), in machine code:
+# the field alone, called by its address as the driver does, and whole steps of an
+# explicit method with the field compiled into it, including only the sums of its stages
+# and its error norm. Each step continues from the last, as in an integration; a
+# processor would execute independent steps in parallel.
 
 EVALUATIONS = 20_000  # least number in a row
 IN_A_ROW = 8  # evaluations at one state, as a step makes them in one mode
@@ -119,7 +123,9 @@ def _evaluate(
     table, p, out = view(states), view(params), view(np.empty((1, states.shape[1])))
     for _ in range(rounds):
         for i in range(len(states)):
-            mode = int_vector(address_of(view(modes)) + 8 * i * modes.shape[1], modes.shape[1])
+            mode = int_vector(
+                address_of(view(modes)) + 8 * i * modes.shape[1], modes.shape[1]
+            )
             for _ in range(IN_A_ROW):
                 call_field(address, 0.0, table, i, mode, p, out, 0)
 
@@ -132,7 +138,9 @@ def _take_steps(
     s, allowed, total, n_modes = view(room), view(atol), 0.0, modes.shape[1]
     for _ in range(rounds):
         for i in range(len(states)):
-            mode = array_of(int_vector(address_of(view(modes)) + 8 * i * n_modes, n_modes))
+            mode = array_of(
+                int_vector(address_of(view(modes)) + 8 * i * n_modes, n_modes)
+            )
             for j in range(states.shape[1]):
                 s[Y, j], s[K1, j] = states[i, j], 1.0
             for _ in range(IN_A_ROW):
@@ -162,19 +170,26 @@ def field_timer(path: Route) -> Callable[[], float]:
     """Return a function that measures the mean time of a field evaluation along the path, ns."""
     address = path.system.field.address
     arguments = (address, path.states, path.modes, path.params, path.rounds)
-    return once(lambda: _evaluate(*arguments), path.rounds * len(path.states) * IN_A_ROW)
+    return once(
+        lambda: _evaluate(*arguments), path.rounds * len(path.states) * IN_A_ROW
+    )
 
 
 def step_timer(path: Route, tableau: Tableau) -> Callable[[], float]:
     """Return a function that measures the time of a bare step of an explicit method, ns."""
     n = path.system.n_states
-    step = njit(error_model="numpy")(explicit_method(tableau, Scene(path.system.field, n)).step)
+    step = njit(error_model="numpy")(
+        explicit_method(tableau, Scene(path.system.field, n)).step
+    )
     room, atol = np.zeros((W1 + tableau.work_rows, n)), np.full(n, 1e-9)
     arguments = (step, path.states, path.modes, path.params, room, atol, path.rounds)
-    return once(lambda: _take_steps(*arguments), path.rounds * len(path.states) * IN_A_ROW)
+    return once(
+        lambda: _take_steps(*arguments), path.rounds * len(path.states) * IN_A_ROW
+    )
 
 
-# The least possible cost of a step: DOPRI5 for one scene, written by hand for its two states.
+# The least possible cost of a step: DOPRI5 for one scene, written by hand for its two
+# states.
 
 
 STEPS = 20_000  # consecutive steps in a timing
@@ -193,7 +208,9 @@ def _rate(z: float, v: float, lock: int, p: NDArray[np.float64]) -> tuple[float,
 
 
 @njit(error_model="numpy")
-def _steps(count: int, z: float, v: float, lock: int, p: NDArray[np.float64], dt: float) -> float:
+def _steps(
+    count: int, z: float, v: float, lock: int, p: NDArray[np.float64], dt: float
+) -> float:
     """Take `count` steps; return the sum of their errors, so that nothing is optimised away."""
     tolerance, total = 1e-9, 0.0
     k1, m1 = _rate(z, v, lock, p)
@@ -227,7 +244,9 @@ def _steps(count: int, z: float, v: float, lock: int, p: NDArray[np.float64], dt
 
 
 @njit(error_model="numpy")
-def _rates(states: NDArray[np.float64], lock: int, p: NDArray[np.float64], rounds: int) -> float:
+def _rates(
+    states: NDArray[np.float64], lock: int, p: NDArray[np.float64], rounds: int
+) -> float:
     """Evaluate the field along states in a bare loop."""
     total = 0.0
     for _ in range(rounds):
@@ -257,7 +276,9 @@ def hopper_times_ns(params: tuple[float, ...], repeats: int) -> tuple[float, flo
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 EQUAL_ERROR = 1e-9
 EMPTY_CALLS = 1000  # consecutive calls in a timing
-TURN_S = 5e-3  # duration of consecutive calls for each timing, or five calls if longer, s
+TURN_S = (
+    5e-3  # duration of consecutive calls for each timing, or five calls if longer, s
+)
 LEAST_CALLS = 5
 EXACT = {"rtol": 1e-14, "atol": 1e-16, "method": "dop853"}
 HOPPER, BY_HAND, FIELD = "vertical_hopper", "hopdata DOPRI5", "field"
@@ -300,7 +321,12 @@ class Case:
 
 @on_event
 def keep_hopping(
-    t: float, y: FloatArray, mode: NDArray[np.int64], p: FloatArray, guard: int, direction: int
+    t: float,
+    y: FloatArray,
+    mode: NDArray[np.int64],
+    p: FloatArray,
+    guard: int,
+    direction: int,
 ) -> int:
     _hop(t, y, mode, p, guard, direction)
     return 0  # the event does not end the integration, not even at an apex
@@ -325,7 +351,9 @@ def plate_on_four() -> Case:
     start = (0.0, 2.2, 0.07, 0.0, 0.0, 0.0)
     system, params = plate.system(), tuple(plate.params)
     return ending_by_itself(
-        Case("plate_4", system, params, (0.0, 2.0), start, np.empty(0), with_peers=False)
+        Case(
+            "plate_4", system, params, (0.0, 2.0), start, np.empty(0), with_peers=False
+        )
     )
 
 
@@ -392,7 +420,9 @@ def solvers(case: Case) -> dict[str, Callable[[float], tuple[FloatArray, int]]]:
     ours = {name: with_hopdata(case, method) for name, method in METHODS.items()}
     if not case.with_peers:
         return ours
-    peers = {f"scipy {method}": with_scipy(case, method) for method in ("RK45", "DOP853")}
+    peers = {
+        f"scipy {method}": with_scipy(case, method) for method in ("RK45", "DOP853")
+    }
     return {**ours, **peers}
 
 
@@ -413,7 +443,9 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
         calls = {name: calls_in_a_turn(run, tolerance) for name, run in runs.items()}
         for _ in range(repeats):
             for name, run in runs.items():
-                run(tolerance)  # restores the caches, which the previous solver has used
+                run(
+                    tolerance
+                )  # restores the caches, which the previous solver has used
                 start = time.perf_counter()
                 for _ in range(calls[name]):
                     run(tolerance)
@@ -425,7 +457,10 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
             low, median, high = np.percentile(times[name], [25, 50, 75])
             row = (case.name, name, tolerance, float(np.abs(end - case.exact).max()))
             ratio = 1e3 * median / (part[FIELD] * evaluations)
-            step, count = part.get(name, np.nan), len(TABLEAUS[name].weights) if name in part else 1
+            step, count = (
+                part.get(name, np.nan),
+                len(TABLEAUS[name].weights) if name in part else 1,
+            )
             timed = (median, low, high, evaluations, part[FIELD], ratio, empty_us)
             timed += (step, step / (part[FIELD] * count))
             timed += (1e3 * median / (step * evaluations / count),)
@@ -434,7 +469,9 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
     return rows
 
 
-def calls_in_a_turn(run: Callable[[float], tuple[FloatArray, int]], tolerance: float) -> int:
+def calls_in_a_turn(
+    run: Callable[[float], tuple[FloatArray, int]], tolerance: float
+) -> int:
     """Return how many calls fill one turn."""
     start = time.perf_counter()
     run(tolerance)
@@ -445,15 +482,23 @@ def time_at(rows: pd.DataFrame, error: float) -> float:
     """Interpolate the time at an error, us, on logarithmic axes along the lowest times so far."""
     by_error = rows.sort_values("error_max")
     envelope = np.minimum.accumulate(by_error["time_median_us"])
-    return float(np.exp(np.interp(np.log(error), np.log(by_error["error_max"]), np.log(envelope))))
+    return float(
+        np.exp(
+            np.interp(np.log(error), np.log(by_error["error_max"]), np.log(envelope))
+        )
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--repeats", type=int, default=15, help="timed runs of each case")
+    parser.add_argument(
+        "--repeats", type=int, default=15, help="timed runs of each case"
+    )
     arguments = parser.parse_args()
-    table = pd.DataFrame([row for case in cases() for row in measure(case, arguments.repeats)])
+    table = pd.DataFrame(
+        [row for case in cases() for row in measure(case, arguments.repeats)]
+    )
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(arguments.out, index=False)
     for (scene, solver), rows in table.groupby(["scene", "solver"]):
@@ -466,7 +511,9 @@ def main() -> None:
         )
     for scene, rows in table.groupby("scene"):
         field_ns, empty_us = rows["field_ns"].median(), rows["empty_call_us"].iloc[0]
-        print(f"{scene:16} field {field_ns:.1f} ns, empty call of solve {empty_us:.1f} us")
+        print(
+            f"{scene:16} field {field_ns:.1f} ns, empty call of solve {empty_us:.1f} us"
+        )
 
 
 if __name__ == "__main__":

@@ -2,19 +2,20 @@
 
     python benchmarks/jumps.py --out jumps.csv [--seeds 5] [--only KIND ...] [--run]
 
-The files are made up and hold 22 landings: eleven trials of a jump from a box and a rebound, or two
-series of eleven counter-movement jumps with seconds of standing between. Body and feet fall freely.
-A foot is rigid; its toes touch first and its heel 30 to 80 ms later, and the right foot lands up to
-25 ms before or after the left. A contact stops at once or within some milliseconds. Rates of 100 to
-250 Hz and noise of 0.3 to 1 mm change from seed to seed, as do unit, vertical axis and format. A
-foot marker is hidden for some frames at one contact in twenty.
+The files are made up and hold 22 landings: eleven trials of a jump from a box and a
+rebound, or two series of eleven counter-movement jumps with seconds of standing
+between. Body and feet fall freely. A foot is rigid; its toes touch first and its heel
+30 to 80 ms later, and the right foot lands up to 25 ms before or after the left. A
+contact stops at once or within some milliseconds. Rates of 100 to 250 Hz and noise of
+0.3 to 1 mm change from seed to seed, as do unit, vertical axis and format. A foot
+marker is hidden for some frames at one contact in twenty.
 
-Each row is one study, as a user makes it: `hopdata init` on the first file, the others added to it,
-`hopdata check`, and the study's stages in this process (with `--run`, `hopdata run`). `feet` says
-whether the feet are those that init chose, or heel and toe are joined into one (`sides`, if init
-chose otherwise). `found` counts landings with all feet timed within 30 ms; `used` those that the
-study keeps; `right` is the share of right orders among the `sure` ones, `likely_right` among all
-that are found.
+Each row is one study, as a user makes it: `hopdata init` on the first file, the others
+added to it, `hopdata check`, and the study's stages in this process (with `--run`,
+`hopdata run`). `feet` says whether the feet are those that init chose, or heel and toe
+are joined into one (`sides`, if init chose otherwise). `found` counts landings with all
+feet timed within 30 ms; `used` those that the study keeps; `right` is the share of
+right orders among the `sure` ones, `likely_right` among all that are found.
 """
 
 from __future__ import annotations
@@ -121,7 +122,9 @@ class Foot:
     flights: list[tuple[float, float, float, float, float, FloatArray]]
 
 
-def make(kind: Kind, jumps: int, rng: np.random.Generator, rate: float, noise: float) -> Any:
+def make(
+    kind: Kind, jumps: int, rng: np.random.Generator, rate: float, noise: float
+) -> Any:
     """Return positions (N, M, 3), m, z up, and true contacts {marker: (jumps,)}, s."""
     body, t, feet = Path1D(), 0.0, (Foot([]), Foot([]))
     drop = rng.uniform(0.3, 0.45) if kind.trials else 0.0
@@ -134,7 +137,11 @@ def make(kind: Kind, jumps: int, rng: np.random.Generator, rate: float, noise: f
             body.add(t, fall(t, level, 0.0))
             leave, speed, top = t, 0.0, level
         else:
-            depth, sink, push = rng.uniform(0.2, 0.3), rng.uniform(0.35, 0.5), rng.uniform(0.2, 0.3)
+            depth, sink, push = (
+                rng.uniform(0.2, 0.3),
+                rng.uniform(0.35, 0.5),
+                rng.uniform(0.2, 0.3),
+            )
             speed, top = 0.5 * G * rng.uniform(0.38, 0.55), TIPTOE_M
             if jump and kind.trials:  # rebounds from the end of the landing
                 sink = 0.0
@@ -195,7 +202,9 @@ def make(kind: Kind, jumps: int, rng: np.random.Generator, rate: float, noise: f
         tip, pitch = _tip(foot, body, time, drop, kind.soft_s)
         for k, (name, (back, up)) in enumerate(PLACES.items()):
             m = NAMES.index("LR"[side] + name)
-            positions[:, m, 0] = 0.16 - back * np.cos(pitch) - up * np.sin(pitch) + forward
+            positions[:, m, 0] = (
+                0.16 - back * np.cos(pitch) - up * np.sin(pitch) + forward
+            )
             positions[:, m, 1] = (0.12 + 0.01 * k) * (1 - 2 * side)
             positions[:, m, 2] = tip + back * np.sin(pitch) + up * np.cos(pitch)
         truth["LR"[side] + "TOE"] = [flight[2] for flight in foot.flights]
@@ -218,21 +227,29 @@ def _tip(
         share = (time[fly] - leaves) / (contact - leaves)
         follow = body(time[fly]) - ends[0] - (ends[1] - ends[0]) * share
         s = time[fly] - contact
-        own_way = (wobble[0] * s + 0.5 * wobble[1] * s**2) * (1 - np.clip(-s / 0.2, 0, 1) ** 2) ** 2
+        own_way = (wobble[0] * s + 0.5 * wobble[1] * s**2) * (
+            1 - np.clip(-s / 0.2, 0, 1) ** 2
+        ) ** 2
         tip[fly] = np.maximum(level * (1 - share) + follow + own_way, 0.0)
         # Speed just before the contact, which a soft contact absorbs.
         step = 1e-5
         around = body(contact - step * np.array([2.0, 1.0]))
-        speed = (around[1] - around[0]) / step - (ends[1] - ends[0] + level) / (contact - leaves)
+        speed = (around[1] - around[0]) / step - (ends[1] - ends[0] + level) / (
+            contact - leaves
+        )
         speed += wobble[0]
         after = time >= contact
         s = time[after] - contact
         if soft_s:
             back = np.clip((0.25 - s) / 0.1, 0, 1)
             tip[after] += speed * soft_s * (1 - np.exp(-s / soft_s)) * back
-        # The pitch rises in the push-off, changes to its landing value in flight, and ends at the
-        # heel's contact.
-        push = (time >= leaves - 0.12) & (time < leaves) if not level else np.zeros(len(time), bool)
+        # The pitch rises in the push-off, changes to its landing value in flight, and
+        # ends at the heel's contact.
+        push = (
+            (time >= leaves - 0.12) & (time < leaves)
+            if not level
+            else np.zeros(len(time), bool)
+        )
         pitch[push] = 0.6 * np.clip((time[push] - leaves + 0.12) / 0.12, 0, 1) ** 2
         begin = 0.0 if level else 0.6
         bend = 3 * share**2 - 2 * share**3
@@ -251,22 +268,29 @@ def _tip(
 
 
 def _hide(
-    positions: FloatArray, time: FloatArray, truth: dict[str, list[float]], rng: np.random.Generator
+    positions: FloatArray,
+    time: FloatArray,
+    truth: dict[str, list[float]],
+    rng: np.random.Generator,
 ) -> None:
     """Hide a foot's marker at one contact in twenty, and a marker of the pelvis now and then."""
     for name, contacts in truth.items():
         for contact in contacts:
             if rng.random() < 1 / 20:
                 first = int(np.searchsorted(time, contact)) + int(rng.integers(-6, 3))
-                positions[max(first, 0) : first + int(rng.integers(1, 5)), NAMES.index(name)] = (
-                    np.nan
-                )
+                positions[
+                    max(first, 0) : first + int(rng.integers(1, 5)), NAMES.index(name)
+                ] = np.nan
     for _ in range(int(rng.poisson(len(time) / 2000 + 0.3))):
         first = int(rng.integers(0, len(time)))
-        positions[first : first + int(rng.integers(3, 12)), int(rng.integers(0, 4))] = np.nan
+        positions[first : first + int(rng.integers(3, 12)), int(rng.integers(0, 4))] = (
+            np.nan
+        )
 
 
-def write(folder: Path, kind: Kind, seed: int, number: int) -> tuple[list[Path], list[Any]]:
+def write(
+    folder: Path, kind: Kind, seed: int, number: int
+) -> tuple[list[Path], list[Any]]:
     """Write the files of one study, and return them with the truth of each."""
     rng = np.random.default_rng(np.random.SeedSequence([20261125, seed, number]))
     rate = (100.0, 120.0, 200.0, 250.0)[seed % 4]
@@ -276,7 +300,9 @@ def write(folder: Path, kind: Kind, seed: int, number: int) -> tuple[list[Path],
         seen, truth = make(kind, 2 if kind.trials else 11, rng, rate, noise)
         file = folder / f"trial{trial + 1:02d}.{('tsv', 'trc', 'trc')[style]}"
         if style == 0:
-            text = qtm_text(1e3 * seen, names=NAMES, frequency=f"{rate:g}", counters=False)
+            text = qtm_text(
+                1e3 * seen, names=NAMES, frequency=f"{rate:g}", counters=False
+            )
             text = "\n".join(
                 "\t".join("" if field == "nan" else field for field in line.split("\t"))
                 for line in text.split("\r\n")
@@ -304,28 +330,37 @@ def table_of(config: str, run: bool) -> pd.DataFrame:
     if run:
         said("run", config, "--cores", "1")
         name = yaml.safe_load(Path(config).read_text())["study"]
-        return pd.read_csv(f"results/{name}/tables/touchdowns.csv", keep_default_na=True)
+        return pd.read_csv(
+            f"results/{name}/tables/touchdowns.csv", keep_default_na=True
+        )
     return Study(load_config(config)).candidates
 
 
-def compare(table: pd.DataFrame, truths: list[Any], feet: dict[str, list[str]]) -> dict[str, Any]:
+def compare(
+    table: pd.DataFrame, truths: list[Any], feet: dict[str, list[str]]
+) -> dict[str, Any]:
     """Count what was found; feet are given by name, each with its markers."""
     rows = {"used": 0, "found": 0, "sure": 0, "right": 0, "likely_right": 0}
     errors: list[float] = []
     reasons: Counter[str] = Counter()
     for number, truth in enumerate(truths):
         own = table[table["recording"] == f"trial{number + 1:02d}"]
-        true = np.array([np.min([truth[m] for m in markers], axis=0) for markers in feet.values()])
+        true = np.array(
+            [np.min([truth[m] for m in markers], axis=0) for markers in feet.values()]
+        )
         near = own[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
         se, common = (
-            own[[f"{what}_{foot}_s" for foot in feet]].to_numpy(float) for what in ("se", "common")
+            own[[f"{what}_{foot}_s" for foot in feet]].to_numpy(float)
+            for what in ("se", "common")
         )
         for landing in true.T:
             away = np.abs(near - landing).max(axis=1)
             hit = np.flatnonzero(away < SAME_S)
             if not len(hit):
                 spans = own[["t_pre_s", "t_post_s"]].to_numpy(float)
-                here = (spans[:, 0] < landing.max() + 0.1) & ~(spans[:, 1] < landing.min() - 0.1)
+                here = (spans[:, 0] < landing.max() + 0.1) & ~(
+                    spans[:, 1] < landing.min() - 0.1
+                )
                 why = own.loc[here, "reason"]
                 reasons[str(why.iloc[0]) if len(why) else "no descent"] += 1
                 continue
@@ -370,17 +405,25 @@ def measure(name: str, seed: int, *, run: bool, check: bool) -> list[dict[str, A
                 config["markers"]["body"] = list(PELVIS)
                 config.pop("feet", None)
             joined = {one["name"]: one["markers"] for one in config.get("feet", ())}
-            names = feet_of({"feet": config.get("feet", []), "markers": config["markers"]})
+            names = feet_of(
+                {"feet": config.get("feet", []), "markers": config["markers"]}
+            )
             feet = {name: joined.get(name, [name]) for name in names}
             sides = {"left": ["LTOE", "LHEE"], "right": ["RTOE", "RHEE"]}
             for label in ("init", "sides")[: 2 - (feet == sides)]:
                 if label == "sides":
                     feet = sides
-                    config["feet"] = [{"name": k, "markers": v} for k, v in feet.items()]
+                    config["feet"] = [
+                        {"name": k, "markers": v} for k, v in feet.items()
+                    ]
                     order = [m for k in feet for m in feet[k]]
                     config["markers"]["feet"] = order
                 Path("config.yaml").write_text(yaml.safe_dump(config))
-                code, told = said("check", "config.yaml") if check and label == "init" else (-1, "")
+                code, told = (
+                    said("check", "config.yaml")
+                    if check and label == "init"
+                    else (-1, "")
+                )
                 row = {
                     "kind": name,
                     "feet": label,
@@ -397,7 +440,8 @@ def measure(name: str, seed: int, *, run: bool, check: bool) -> list[dict[str, A
                     if "error" in x or "will be used" in x or "sound" in x
                 ]
                 rows.append(
-                    row | {"check": f"{code} {' | '.join(last)}"[:300] if code >= 0 else ""}
+                    row
+                    | {"check": f"{code} {' | '.join(last)}"[:300] if code >= 0 else ""}
                 )
         finally:
             os.chdir(before)
@@ -419,7 +463,10 @@ def main() -> None:
             rows += found
             for row in found:
                 print(
-                    {k: round(v, 2) if isinstance(v, float) else v for k, v in row.items()},
+                    {
+                        k: round(v, 2) if isinstance(v, float) else v
+                        for k, v in row.items()
+                    },
                     flush=True,
                 )
     table = pd.DataFrame(rows)

@@ -2,49 +2,52 @@
 
     python benchmarks/live_loop.py --out live_loop.csv [--seconds 600] [--hops 10000]
 
-A separate process simulates the hopper and streams its markers by Qualisys' real-time protocol at
-100 Hz, with faults. This process reads the stream with the unmodified client, detects stances,
-plans, and sends each swing back. The planner has learned the hopper's frame changes from 100 hops
-of a recording, and goes round a square. The first case lasts `--seconds`, the others at most 60 s
-each. If the system allows it, all processes are scheduled before the other work of the machine
-(`scheduling` "round robin", as by `chrt --rr 10`), except in the last case.
+A separate process simulates the hopper and streams its markers by Qualisys' real-time
+protocol at 100 Hz, with faults. This process reads the stream with the unmodified
+client, detects stances, plans, and sends each swing back. The planner has learned the
+hopper's frame changes from 100 hops of a recording, and goes round a square. The first
+case lasts `--seconds`, the others at most 60 s each. If the system allows it, all
+processes are scheduled before the other work of the machine (`scheduling` "round
+robin", as by `chrt --rr 10`), except in the last case.
 
-There is one row per case. `stances_true` counts stances of the simulated hopper during a
-connection; `stances_told` those of them reported within 50 ms of their true time, `stances_lost`
-the others, and `stances_invented` reported stances that did not happen. `stances_unconnected`
-happened without a connection, or so soon after its return that the preceding fall was not seen;
-they count for nothing else. `reconnected_ms` is the longest time from the return of the server to
-the next frame. `crashes` counts frames and decisions that raised an exception (if a thread had
-ended, all later stances would be lost). `latency_*` is the time from the arrival of the frame that
-established the stance to the command; `since_stance_*` starts at the stance itself, on the hopper's
-own clock. `commands_executed` counts sent swings that the hopper executed in the next flight.
-`planned_with_stale_pose` must be 0. `machine_*` shows the delay due to the machine and its other
-work alone: a separate process sleeps for 10 ms and then computes for 0.2 ms, and is timed from its
-scheduled wake-up. Times are in ms.
+There is one row per case. `stances_true` counts stances of the simulated hopper during
+a connection; `stances_told` those of them reported within 50 ms of their true time,
+`stances_lost` the others, and `stances_invented` reported stances that did not happen.
+`stances_unconnected` happened without a connection, or so soon after its return that
+the preceding fall was not seen; they count for nothing else. `reconnected_ms` is the
+longest time from the return of the server to the next frame. `crashes` counts frames
+and decisions that raised an exception (if a thread had ended, all later stances would
+be lost). `latency_*` is the time from the arrival of the frame that established the
+stance to the command; `since_stance_*` starts at the stance itself, on the hopper's own
+clock. `commands_executed` counts sent swings that the hopper executed in the next
+flight. `planned_with_stale_pose` must be 0. `machine_*` shows the delay due to the
+machine and its other work alone: a separate process sleeps for 10 ms and then computes
+for 0.2 ms, and is timed from its scheduled wake-up. Times are in ms.
 
-`live_faults.csv`, beside it, holds ten thousand hops under faults, on a simulated clock, and
-whether the boom rests in time.
+`live_faults.csv`, beside it, holds ten thousand hops under faults, on a simulated
+clock, and whether the boom rests in time.
 
-This part runs the loop that drives a robot (`hopdata.steering.live`), its watch, the stream's
-checks of frames, and the simulated hopper at 500 Hz, without threads. Time is a number that this
-program advances, so a night passes in minutes and each seed gives the same result. As on a busy
-machine, the loop pauses (40 ms at most) and so does the watch (20 ms). One fault after another
-affects what the loop sees, plans or sends. This program knows the time of each fault and the
-hopper's position, and records each swing that reaches the boom. The loop learns nothing of these
-records.
+This part runs the loop that drives a robot (`hopdata.steering.live`), its watch, the
+stream's checks of frames, and the simulated hopper at 500 Hz, without threads. Time is
+a number that this program advances, so a night passes in minutes and each seed gives
+the same result. As on a busy machine, the loop pauses (40 ms at most) and so does the
+watch (20 ms). One fault after another affects what the loop sees, plans or sends. This
+program knows the time of each fault and the hopper's position, and records each swing
+that reaches the boom. The loop learns nothing of these records.
 
-There is one row per kind of fault: how often it occurred; `rest_ms_p50` and `rest_ms_max`, the time
-from the cause to the boom's rest, for faults that must bring it to rest; and `moved`, swings other
-than 0 that were sent while the cause lasted, from 50 ms on. A cause is the end of 100 ms without a
-frame or without a marker that is needed, the third frame of exchanged markers, 200 ms without a
-plan, or otherwise the first frame that shows the fault. The row `all` counts stances: `seen`
-stances have at most single frames missing about them; `lost` of these were not reported, and
-`invented` ones did not happen. Each sent swing is judged by the true stance at its own time:
-`off_m` and `off_rad` are the largest deviations from that stance of the pose (and boom angle) used
-for planning. `unsafe` counts swings beyond the limit, swings with no true stance within 50 ms,
-swings that were off by more than 0.1 m or 0.2 rad, and all that `moved`. `wrong_ends` counts drives
-that ended though no fault required it: the boom of this part moves as it is told, so it must never
-be said not to follow.
+There is one row per kind of fault: how often it occurred; `rest_ms_p50` and
+`rest_ms_max`, the time from the cause to the boom's rest, for faults that must bring it
+to rest; and `moved`, swings other than 0 that were sent while the cause lasted, from 50
+ms on. A cause is the end of 100 ms without a frame or without a marker that is needed,
+the third frame of exchanged markers, 200 ms without a plan, or otherwise the first
+frame that shows the fault. The row `all` counts stances: `seen` stances have at most
+single frames missing about them; `lost` of these were not reported, and `invented` ones
+did not happen. Each sent swing is judged by the true stance at its own time: `off_m`
+and `off_rad` are the largest deviations from that stance of the pose (and boom angle)
+used for planning. `unsafe` counts swings beyond the limit, swings with no true stance
+within 50 ms, swings that were off by more than 0.1 m or 0.2 rad, and all that `moved`.
+`wrong_ends` counts drives that ended though no fault required it: the boom of this part
+moves as it is told, so it must never be said not to follow.
 """
 
 from __future__ import annotations
@@ -70,7 +73,12 @@ from numpy.typing import ArrayLike
 from hopdata.jobs import write_table
 from hopdata.recording import Recording
 from hopdata.rigid import wrapped
-from hopdata.steering.control.objectives import Plan, ToPoint, checked_state, errors_left
+from hopdata.steering.control.objectives import (
+    Plan,
+    ToPoint,
+    checked_state,
+    errors_left,
+)
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.frame_changes import frame_changes
 from hopdata.steering.live.buffer import Status
@@ -130,7 +138,11 @@ class WayPointFollower:
         self.visited = 0
 
     def plan(
-        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
+        self,
+        pose: ArrayLike,
+        boom_angle_rad: float,
+        previous_swing_rad: float | None = None,
+        /,
     ) -> Plan:
         """Plan towards the current way-point; one within reach counts as visited."""
         here, boom = checked_state(pose, boom_angle_rad)
@@ -140,7 +152,9 @@ class WayPointFollower:
         return self._controllers[leg].plan(here, boom, previous_swing_rad)
 
     def _arrived(self, pose: ArrayLike) -> bool:
-        return bool(np.all(errors_left(self._legs[self.visited], pose) <= self._arrival_m))
+        return bool(
+            np.all(errors_left(self._legs[self.visited], pose) <= self._arrival_m)
+        )
 
 
 # The cases, and the quantities counted in each.
@@ -148,7 +162,9 @@ class WayPointFollower:
 SEED = 20261121
 RATE_HZ = 100.0
 NEAR_S = 0.05  # a reported stance farther from any true one is invented, s
-FALL_S = 0.45  # from high in flight to the stance: only partly seen if frames begin in it
+FALL_S = (
+    0.45  # from high in flight to the stance: only partly seen if frames begin in it
+)
 LIMITS = Limits()
 CORNERS = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
 SQUARE = WayPoints(points_m=CORNERS * 100, arrival_m=0.2)
@@ -178,14 +194,27 @@ def cases(seconds: float) -> list[Case]:
             Faults(dropped=0.01, burst_frames=5, hidden=0.05),
         ),
         Case("2 % of frames garbled", short, Faults(garbled=0.02)),
-        Case("server vanishes for 1 s", short, singly, tuple(Outage(t, 1.0) for t in every)),
         Case(
-            "stream stalls for 0.4 s", short, singly, tuple(Outage(t, 0.4, "stall") for t in every)
+            "server vanishes for 1 s",
+            short,
+            singly,
+            tuple(Outage(t, 1.0) for t in every),
         ),
         Case(
-            "garbage between packets", short, singly, tuple(Outage(t, 0, "garbage") for t in every)
+            "stream stalls for 0.4 s",
+            short,
+            singly,
+            tuple(Outage(t, 0.4, "stall") for t in every),
         ),
-        Case("1 % of frames dropped, 1 % of markers hidden", short, singly, first=False),
+        Case(
+            "garbage between packets",
+            short,
+            singly,
+            tuple(Outage(t, 0, "garbage") for t in every),
+        ),
+        Case(
+            "1 % of frames dropped, 1 % of markers hidden", short, singly, first=False
+        ),
     ]
 
 
@@ -237,7 +266,9 @@ def pauses(pipe: Connection) -> None:
     pipe.send(took)
 
 
-def run(case: Case, geometry: HopperGeometry, controller: WayPointFollower) -> dict[str, object]:
+def run(
+    case: Case, geometry: HopperGeometry, controller: WayPointFollower
+) -> dict[str, object]:
     """Drive the hopper of another process, and compare with its report."""
     (here, there), (clock, idle) = mp.Pipe(), mp.Pipe()
     fresh = mp.get_context("spawn")
@@ -246,7 +277,9 @@ def run(case: Case, geometry: HopperGeometry, controller: WayPointFollower) -> d
     schedule(first=case.first)
     robot.start()
     sleeper.start()
-    clocks: list[float] = []  # this machine's clock minus the hopper's, at each decision
+    clocks: list[
+        float
+    ] = []  # this machine's clock minus the hopper's, at each decision
 
     def compare_clocks(decision: Decision) -> None:
         clocks.append(time.monotonic() - decision.stance_s - decision.since_stance_s)
@@ -273,7 +306,12 @@ def run(case: Case, geometry: HopperGeometry, controller: WayPointFollower) -> d
             process.kill()
     print(f"{case.name}: {served}\n{done.stream}", flush=True)
     gaps = unconnected(done.states, min(clocks))
-    back = [gap[1] - end for gap in gaps for begin, end in spans if gap[0] - 1 < begin < gap[1]]
+    back = [
+        gap[1] - end
+        for gap in gaps
+        for begin, end in spans
+        if gap[0] - 1 < begin < gap[1]
+    ]
     return {
         "case": case.name,
         "seconds": case.seconds,
@@ -299,7 +337,9 @@ def scheduling() -> str:
     return "round robin" if policy else "shared"
 
 
-def unconnected(states: tuple[Status, ...], clock_s: float) -> list[tuple[float, float]]:
+def unconnected(
+    states: tuple[Status, ...], clock_s: float
+) -> list[tuple[float, float]]:
     """Return the spans without a connection, on the hopper's clock, s."""
     gaps, begun = [], None
     for status in states[3:]:  # after idle, connecting, streaming
@@ -313,16 +353,23 @@ def unconnected(states: tuple[Status, ...], clock_s: float) -> list[tuple[float,
 
 def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object]:
     decisions = pd.DataFrame([vars(d) for d in done.decisions])
-    true, told = np.array([h.stance.time_s for h in hops]), decisions.stance_s.to_numpy()
+    true, told = (
+        np.array([h.stance.time_s for h in hops]),
+        decisions.stance_s.to_numpy(),
+    )
     # Do not count the first hop, nor a last one whose end may not have been seen.
-    counted = np.isfinite(true) & (true > FALL_S) & (true < served.frames / RATE_HZ - FALL_S)
+    counted = (
+        np.isfinite(true) & (true > FALL_S) & (true < served.frames / RATE_HZ - FALL_S)
+    )
     away = np.zeros(len(true), dtype=bool)
     for begin, end in gaps:
         away |= (true > begin - NEAR_S) & (true < end + FALL_S)
     found = np.array([np.abs(told - t).min() < NEAR_S for t in true])
     invented = sum(np.nanmin(np.abs(true - t)) >= NEAR_S for t in told)
     sent = decisions[decisions.outcome.isin(["planned", "cut"])]
-    stale = sent[(sent.pose_age_s > LIMITS.pose_age_s) | (sent.boom_age_s > LIMITS.pose_age_s)]
+    stale = sent[
+        (sent.pose_age_s > LIMITS.pose_age_s) | (sent.boom_age_s > LIMITS.pose_age_s)
+    ]
     return {
         "frames_made": served.frames,
         "frames_dropped": served.dropped,
@@ -332,7 +379,8 @@ def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object
         "packets_garbled": done.stream.garbled,
         "connections": done.stream.connections,
         "losses": done.stream.losses,
-        "crashes": done.loop.failed + int(decisions.reason.str.contains("failed").sum()),
+        "crashes": done.loop.failed
+        + int(decisions.reason.str.contains("failed").sum()),
         "stances_true": int((counted & ~away).sum()),
         "stances_told": int((counted & ~away & found).sum()),
         "stances_lost": int((counted & ~away & ~found).sum()),
@@ -372,8 +420,8 @@ ALLOWED_S, ANEW_S = 0.05, 1.0
 AWAY_M, TURNED_RAD = 0.1, 0.2  # a plan farther from its stance is unsafe
 BEFORE_S, AFTER_S = 0.5, 0.1  # span about a stance in which it must be seen
 
-# Each kind: shortest and longest span, s, and the required reaction: none, rest, or the end of the
-# drive.
+# Each kind: shortest and longest span, s, and the required reaction: none, rest, or the
+# end of the drive.
 KINDS = {
     "frames dropped": (1.0, 3.0, ""),
     "marker hidden": (0.15, 0.45, "rest"),
@@ -418,9 +466,13 @@ class Rehearsal:
     now_s: float = 0.0
     faults: list[Fault] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
-    told_s: list[float] = field(default_factory=list)  # reported stances, hopper's clock
+    told_s: list[float] = field(
+        default_factory=list
+    )  # reported stances, hopper's clock
     begun_s: list[float] = field(default_factory=list)  # start of each drive
-    off: list[tuple[float, float]] = field(default_factory=list)  # errors of sent swings, m and rad
+    off: list[tuple[float, float]] = field(
+        default_factory=list
+    )  # errors of sent swings, m and rad
     unsafe: int = 0
     wrong_ends: int = 0  # drives that ended though no fault required it
 
@@ -435,7 +487,11 @@ class Rehearsal:
         self.names = (*self.geometry.body_names, str(self.geometry.boom_name))
         self.stream = MarkerStream(self.names, rate_hz=FAULTS_HZ, capacity=4096)
         self.stream._begin_epoch(StreamParameters(self.names, FAULTS_HZ, "+Z"))
-        self.fault, self.arrivals, self.shift_s = Fault("", 0.0, 2.0), self._arrivals(), 0.0
+        self.fault, self.arrivals, self.shift_s = (
+            Fault("", 0.0, 2.0),
+            self._arrivals(),
+            0.0,
+        )
         self.next, self.look_s = next(self.arrivals), 0.0
         self.begin_drive()
 
@@ -459,7 +515,9 @@ class Rehearsal:
     def run(self, hops: int) -> None:
         """Let the hopper make `hops` hops."""
         while len(self.hopper.hops) < hops:
-            pause = self.pauses.exponential(0.01) if self.pauses.random() < 0.002 else 0.0
+            pause = (
+                self.pauses.exponential(0.01) if self.pauses.random() < 0.002 else 0.0
+            )
             self.advance(max(self.next[0], self.now_s) + min(pause, 0.04))
             frames = self.stream.buffer.since(self.taken)
             if frames:
@@ -478,7 +536,11 @@ class Rehearsal:
             else:
                 self.now_s = max(self.now_s, self.look_s)
                 self.loop.watch.look()
-                late = self.pauses.exponential(0.01) if self.pauses.random() < 0.02 else 0.0
+                late = (
+                    self.pauses.exponential(0.01)
+                    if self.pauses.random() < 0.02
+                    else 0.0
+                )
                 self.look_s = self.now_s + LOOK_S + min(late, 0.02)
         self.now_s = max(self.now_s, to_s)
 
@@ -507,7 +569,9 @@ class Rehearsal:
             last, shown_s = (number, true_s + self.shift_s, markers), arrival_s
             yield arrival_s, *last
 
-    def _shown(self, kind: str, fault: Fault, markers: np.ndarray, now_s: float) -> np.ndarray:
+    def _shown(
+        self, kind: str, fault: Fault, markers: np.ndarray, now_s: float
+    ) -> np.ndarray:
         """Return the markers as the fault shows them."""
         if kind == "marker hidden":
             markers[1] = np.nan
@@ -524,7 +588,9 @@ class Rehearsal:
             self._caused(fault, now_s)
         if kind == "tips over":
             middle, c, s = markers[:3].mean(axis=0), 0.5, np.sqrt(0.75)
-            markers = middle + (markers - middle) @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+            markers = middle + (markers - middle) @ np.array(
+                [[1, 0, 0], [0, c, s], [0, -s, c]]
+            )
             self._caused(fault, now_s)
         return markers
 
@@ -535,7 +601,10 @@ class Rehearsal:
 
     def _lost(self) -> str:
         fault = self.fault
-        gone = fault.kind == "server gone" and fault.begin_s < self.now_s - DELAY_S < fault.end_s
+        gone = (
+            fault.kind == "server gone"
+            and fault.begin_s < self.now_s - DELAY_S < fault.end_s
+        )
         return "the stream is lost: the server has hung up" if gone else ""
 
     def _plan(self, pose: np.ndarray, boom: float, swung: float | None, /) -> object:
@@ -564,9 +633,12 @@ class Rehearsal:
         if must and caused and self.now_s >= fault.cause_s - 1e-9:
             if rad == 0.0 and np.isnan(fault.rest_s):
                 fault.rest_s = self.now_s
-            # A frame shown in time requires rest; the frame that ends the fault has yet to arrive.
+            # A frame shown in time requires rest; the frame that ends the fault has yet
+            # to arrive.
             lasting = must == "over" or self.now_s <= fault.end_s
-            fault.moved += rad != 0.0 and lasting and self.now_s > fault.cause_s + ALLOWED_S
+            fault.moved += (
+                rad != 0.0 and lasting and self.now_s > fault.cause_s + ALLOWED_S
+            )
         self.unsafe += abs(rad) > LIMITS.swing_rad
 
     def _told(self, decision: Decision) -> None:
@@ -599,7 +671,9 @@ class Rehearsal:
         self.fault = Fault(kind, begin_s, begin_s + long)
 
 
-def off_by(decision: Decision, told_s: float, hops: list[TrueHop]) -> tuple[float, float]:
+def off_by(
+    decision: Decision, told_s: float, hops: list[TrueHop]
+) -> tuple[float, float]:
     """Return the errors of a plan's pose and angles relative to its stance, reported at `told_s`.
 
     They are infinite if there was no stance at that time.
@@ -608,7 +682,9 @@ def off_by(decision: Decision, told_s: float, hops: list[TrueHop]) -> tuple[floa
     if not abs(hop.stance.time_s - told_s) < NEAR_S:
         return np.inf, np.inf
     x, y, turned = np.subtract(decision.pose, hop.stance.pose)
-    angles = wrapped(np.array([turned, decision.boom_angle_rad - hop.stance.boom_angle_rad]))
+    angles = wrapped(
+        np.array([turned, decision.boom_angle_rad - hop.stance.boom_angle_rad])
+    )
     return float(np.hypot(x, y)), float(np.abs(angles).max())
 
 
@@ -617,7 +693,9 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
         those = [f for f in done.faults if f.kind == kind]
         caused = [f for f in those if must and not np.isnan(f.cause_s)]
         # If the boom already rests, no command is sent and none is needed.
-        delays = [1e3 * (f.rest_s - f.cause_s) for f in caused if not np.isnan(f.rest_s)]
+        delays = [
+            1e3 * (f.rest_s - f.cause_s) for f in caused if not np.isnan(f.rest_s)
+        ]
         yield {
             "fault": kind, "must": must or "go on", "number": len(those),
             "rest_ms_p50": np.median(delays) if delays else np.nan,
@@ -645,7 +723,9 @@ def fault_rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
     }  # fmt: skip
 
 
-def live_faults(geometry: HopperGeometry, learned: Planner, given: argparse.Namespace) -> None:
+def live_faults(
+    geometry: HopperGeometry, learned: Planner, given: argparse.Namespace
+) -> None:
     """Write the table of faults after each thousand hops."""
     logging.disable(logging.WARNING)  # the watch logs each rest
     done = Rehearsal(geometry, learned, given.seed)
@@ -662,7 +742,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--only", type=int, help="run only this case, from 0")
-    parser.add_argument("--faults", action="store_true", help="write only live_faults.csv")
+    parser.add_argument(
+        "--faults", action="store_true", help="write only live_faults.csv"
+    )
     parser.add_argument("--hops", type=int, default=10_000, help="hops under faults")
     parser.add_argument("--seed", type=int, default=20261125, help="seed of the faults")
     arguments = parser.parse_args()
@@ -672,7 +754,9 @@ def main() -> None:
     if not arguments.faults:
         chosen = cases(arguments.seconds)
         chosen = chosen if arguments.only is None else [chosen[arguments.only]]
-        rows = [run(case, geometry, WayPointFollower(learned, SQUARE)) for case in chosen]
+        rows = [
+            run(case, geometry, WayPointFollower(learned, SQUARE)) for case in chosen
+        ]
         write_table(arguments.out, pd.DataFrame(rows))
         print(pd.DataFrame(rows).T.to_string(), f"\n{time.monotonic() - begun:.0f} s")
     if arguments.only is None:

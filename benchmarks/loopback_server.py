@@ -38,8 +38,9 @@ GREETING = "QTM RT Interface connected"
 NO_MORE_DATA = 4
 EVENT_CAPTURE_STARTED = 3
 
-# Packets that the server writes; `hopdata.steering.live.packets` reads them. A data packet holds a
-# frame's stamp and number, then components: size, type, and here markers.
+# Packets that the server writes; `hopdata.steering.live.packets` reads them. A data
+# packet holds a frame's stamp and number, then components: size, type, and here
+# markers.
 
 COMPONENT_3D, COMPONENT_3D_RESIDUAL = 1, 9
 FRAME = struct.Struct("<qII")
@@ -84,7 +85,9 @@ def frame_3d(frame: StreamFrame, *, residuals: bool = False) -> bytes:
     return packet(DATA, stamp + component)
 
 
-def parameters_xml(labels: Sequence[str], rate_hz: float, *, parts: Sequence[str]) -> str:
+def parameters_xml(
+    labels: Sequence[str], rate_hz: float, *, parts: Sequence[str]
+) -> str:
     """Return the answer to `getparameters` for the parts "general", "3d" or "all"."""
     root = ET.Element(f"QTM_Parameters_Ver_{VERSION}")
     if {"general", "all"} & set(parts):
@@ -109,9 +112,9 @@ OutageKind = Literal["stall", "vanish", "garbage"]
 class Faults:
     """Rates of faults that affect single frames.
 
-    `dropped` is the share of frames that are not sent, in bursts of `burst_frames` on average (1:
-    single frames); `hidden` is the share of unseen markers; `garbled` is the share of frames with
-    `garbled_bytes` random bytes after the packet's header.
+    `dropped` is the share of frames that are not sent, in bursts of `burst_frames` on
+    average (1: single frames); `hidden` is the share of unseen markers; `garbled` is
+    the share of frames with `garbled_bytes` random bytes after the packet's header.
     """
 
     dropped: float = 0.0
@@ -124,17 +127,21 @@ class Faults:
         for name in ("dropped", "hidden", "garbled"):
             share = getattr(self, name)
             if not 0 <= share < 1:
-                raise ValueError(f"{name}: expected a share from 0 to below 1, found {share}")
+                raise ValueError(
+                    f"{name}: expected a share from 0 to below 1, found {share}"
+                )
         if self.burst_frames < 1:
-            raise ValueError(f"burst_frames: expected at least 1, found {self.burst_frames}")
+            raise ValueError(
+                f"burst_frames: expected at least 1, found {self.burst_frames}"
+            )
 
 
 @dataclass(frozen=True)
 class Outage:
     """A fault of the whole server, `at_s` after the first frame, for `for_s`.
 
-    "stall": nothing is sent, and then everything at once. "vanish": the server hangs up, refuses
-    connections and comes back. "garbage": random bytes between two packets.
+    "stall": nothing is sent, and then everything at once. "vanish": the server hangs
+    up, refuses connections and comes back. "garbage": random bytes between two packets.
     """
 
     at_s: float
@@ -160,19 +167,25 @@ class FaultSource:
     def __init__(self, faults: Faults, n_markers: int, seed: int) -> None:
         frames, garbage = np.random.SeedSequence(seed).spawn(2)
         self._faults, self._n_markers = faults, n_markers
-        self._rng, self._bytes = np.random.default_rng(frames), np.random.default_rng(garbage)
+        self._rng, self._bytes = (
+            np.random.default_rng(frames),
+            np.random.default_rng(garbage),
+        )
         self._in_burst = False
 
     def next_fate(self) -> Fate:
         """Return the fate of the next frame.
 
-        Every frame uses the same number of random draws, so its fate depends on other frames only
-        through the bursts: a two-state chain with the given share and mean length.
+        Every frame uses the same number of random draws, so its fate depends on other
+        frames only through the bursts: a two-state chain with the given share and mean
+        length.
         """
         faults = self._faults
         drop, garble, *hide = self._rng.random(2 + self._n_markers)
         begin = faults.dropped / (1 - faults.dropped) / faults.burst_frames
-        self._in_burst = drop < (1 - 1 / faults.burst_frames if self._in_burst else begin)
+        self._in_burst = drop < (
+            1 - 1 / faults.burst_frames if self._in_burst else begin
+        )
         if faults.burst_frames == 1:
             self._in_burst = drop < faults.dropped
         hidden = np.asarray(hide) < faults.hidden
@@ -182,7 +195,9 @@ class FaultSource:
         """Return the packet with some bytes after its header replaced."""
         damaged = np.frombuffer(packet, dtype=np.uint8).copy()
         count = min(self._faults.garbled_bytes, len(damaged) - HEADER.size)
-        places = self._bytes.choice(np.arange(HEADER.size, len(damaged)), count, replace=False)
+        places = self._bytes.choice(
+            np.arange(HEADER.size, len(damaged)), count, replace=False
+        )
         damaged[places] ^= self._bytes.integers(1, 256, count, dtype=np.uint8)
         return damaged.tobytes()
 
@@ -257,9 +272,10 @@ LONGEST_LINE = 200
 class UdpSwings:
     """Receives the lines of `UdpBoom`, on the loopback address by default.
 
-    Each readable line is answered to where it came from with `heard <number>`. Unreadable lines are
-    left out and counted in `garbled`. Lines that are late, repeated or out of order, whose number
-    does not exceed all earlier ones, are counted in `outdated`.
+    Each readable line is answered to where it came from with `heard <number>`.
+    Unreadable lines are left out and counted in `garbled`. Lines that are late,
+    repeated or out of order, whose number does not exceed all earlier ones, are counted
+    in `outdated`.
 
     Raises
     ------
@@ -315,7 +331,8 @@ def _swing(line: bytes) -> tuple[int, float] | None:
     return (int(words[1]), rad) if math.isfinite(rad) else None
 
 
-# The server's answers to commands of a client, as version 1.25 of the client expects them.
+# The server's answers to commands of a client, as version 1.25 of the client expects
+# them.
 
 COMPONENTS = ("3d", "3dres")
 
@@ -400,14 +417,15 @@ TRY_AGAIN_S = 0.05
 class LoopbackServer:
     """Streams frames of a source to any number of clients, from a thread of its own.
 
-    Use it as a context manager, or with `start` and `close`. The first frame is sent when the first
-    client asks for the stream. From then on time runs for all, whether or not anybody listens.
+    Use it as a context manager, or with `start` and `close`. The first frame is sent
+    when the first client asks for the stream. From then on time runs for all, whether
+    or not anybody listens.
 
     Parameters
     ----------
     source : iterable of (time_s, markers)
-        Camera time, s, and markers (M, 3), m, NaN if unseen. Each frame is requested when it is
-        due.
+        Camera time, s, and markers (M, 3), m, NaN if unseen. Each frame is requested
+        when it is due.
     labels : sequence of M str
         Names of the markers.
     rate_hz : float
@@ -415,7 +433,8 @@ class LoopbackServer:
     speed : float
         Multiple of real time; infinite means as fast as the clients read.
     host, port : str, int
-        Address to listen on, the loopback address by default. Port 0 means any free port.
+        Address to listen on, the loopback address by default. Port 0 means any free
+        port.
     faults, outages
         Faults of frames, and of the whole server.
     seed : int
@@ -444,7 +463,12 @@ class LoopbackServer:
             raise ConfigError(f"rate_hz: expected more than 0 Hz, found {rate_hz}")
         if not speed > 0:
             raise ConfigError(f"speed: expected more than 0, found {speed}")
-        self.labels, self.rate_hz, self.host, self.port = tuple(labels), rate_hz, host, port
+        self.labels, self.rate_hz, self.host, self.port = (
+            tuple(labels),
+            rate_hz,
+            host,
+            port,
+        )
         self.counts = ServerCounts()
         self.ended = threading.Event()  # set when the source has no more frames
         self.outage_spans: list[tuple[float, float]] = []  # spans in camera time, s
@@ -481,13 +505,18 @@ class LoopbackServer:
         """
         self._thread.close()
         if self._thread.failure is not None:
-            raise LiveError(f"server: {self._thread.failure!r}") from self._thread.failure
+            raise LiveError(
+                f"server: {self._thread.failure!r}"
+            ) from self._thread.failure
 
     def __enter__(self) -> Self:
         return self.start()
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        _: TracebackType | None,
     ) -> None:
         self.close()
 
@@ -543,7 +572,9 @@ class LoopbackServer:
             return
         self.counts.hidden_markers += int(fate.hidden.sum())
         self.counts.garbled += fate.garbled
-        frame = StreamFrame(frame.time_s, frame.number, hide(frame.markers, fate.hidden))
+        frame = StreamFrame(
+            frame.time_s, frame.number, hide(frame.markers, fate.hidden)
+        )
         if self._held is not None:
             self._held.append(frame)
             return
@@ -563,7 +594,11 @@ class LoopbackServer:
             for client in self._clients:
                 client.send(self._fates.garbage())
             return
-        work = self._stall(outage.for_s) if outage.kind == "stall" else self._vanish(outage.for_s)
+        work = (
+            self._stall(outage.for_s)
+            if outage.kind == "stall"
+            else self._vanish(outage.for_s)
+        )
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -592,7 +627,9 @@ class LoopbackServer:
         for client in self._clients:
             client.writer.transport.abort()
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
         client, handler = ServedClient(writer), asyncio.current_task()
         assert handler is not None
         self._clients.add(client)

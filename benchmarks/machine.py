@@ -33,9 +33,9 @@ import numpy as np
 
 # Times of several functions in turn, as medians with quartiles.
 #
-# Time is the processor time of this thread. On an idle machine it equals the time on the clock, and
-# on a shared machine other work disturbs it less. The measured function must run in this thread
-# alone.
+# Time is the processor time of this thread. On an idle machine it equals the time on
+# the clock, and on a shared machine other work disturbs it less. The measured function
+# must run in this thread alone.
 
 
 Result = TypeVar("Result")
@@ -55,7 +55,10 @@ def quartiles(
 ) -> dict[str, tuple[float, float, float]]:
     """Return quartile, median and quartile of each function's time, s; see `in_turn`."""
     times = in_turn(runs, fewest=fewest, most=most)
-    return {name: tuple(np.percentile(sample, [25, 50, 75])) for name, sample in times.items()}
+    return {
+        name: tuple(np.percentile(sample, [25, 50, 75]))
+        for name, sample in times.items()
+    }
 
 
 def in_turn(
@@ -63,8 +66,8 @@ def in_turn(
 ) -> dict[str, list[float]]:
     """Return the times of each function, s, turn by turn.
 
-    All functions run equally often: `most` times if the slowest is quick enough, but at least
-    `fewest` times. The first run is a warm-up and does not count.
+    All functions run equally often: `most` times if the slowest is quick enough, but at
+    least `fewest` times. The first run is a warm-up and does not count.
     """
     slowest = max(timed(run)[0] for run in runs.values())
     times: dict[str, list[float]] = {name: [] for name in runs}
@@ -83,7 +86,9 @@ def processor() -> str:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         lines = []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    names = [
+        line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")
+    ]
     return names[0] if names else platform.processor() or platform.machine()
 
 
@@ -97,7 +102,9 @@ def installed(package: str) -> str:
 
 def this_machine(*packages: str) -> dict[str, str | int]:
     """Return platform, processor and versions of Python, numpy, numba and further packages."""
-    versions = {f"{name}_version": installed(name) for name in ("numpy", "numba", *packages)}
+    versions = {
+        f"{name}_version": installed(name) for name in ("numpy", "numba", *packages)
+    }
     return {
         "platform": platform.platform(),
         "processor": processor(),
@@ -115,7 +122,9 @@ def main() -> None:
     with out.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(("what", "value"))
-        rows.writerows((what, value or "absent") for what, value in this_machine(*PEERS).items())
+        rows.writerows(
+            (what, value or "absent") for what, value in this_machine(*PEERS).items()
+        )
     print(out.read_text())
 
 

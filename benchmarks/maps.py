@@ -2,17 +2,18 @@
 
     python benchmarks/maps.py --out maps.csv
 
-Each row is one method on one problem. `size` counts fits or pairs. `each_us` is the median time for
-one of them, between its quartiles, over runs taken in turn with the peers. `error` is the largest
-relative error of a mean squared error (regressions), or the largest absolute error in rad (arc
-lengths). The reference has more digits than a double; for arc lengths this holds for the first
-five, and the others are compared with singular values, which are good to 1e-14. `times_faster` is
-the method's time over ours. Everything runs in one thread and times are processor times, except for
-all pairs of a study, which use every core: there `each_us` is wall-clock time.
+Each row is one method on one problem. `size` counts fits or pairs. `each_us` is the
+median time for one of them, between its quartiles, over runs taken in turn with the
+peers. `error` is the largest relative error of a mean squared error (regressions), or
+the largest absolute error in rad (arc lengths). The reference has more digits than a
+double; for arc lengths this holds for the first five, and the others are compared with
+singular values, which are good to 1e-14. `times_faster` is the method's time over ours.
+Everything runs in one thread and times are processor times, except for all pairs of a
+study, which use every core: there `each_us` is wall-clock time.
 
-Beside it are `<table>_noise.csv`, the response of six distances between equal subspaces to noise,
-and `<table>_readings.csv`, the arc lengths of noised identities in every reading of a
-"signal-to-noise ratio of 10".
+Beside it are `<table>_noise.csv`, the response of six distances between equal subspaces
+to noise, and `<table>_readings.csv`, the arc lengths of noised identities in every
+reading of a "signal-to-noise ratio of 10".
 """
 
 from __future__ import annotations
@@ -56,14 +57,20 @@ COLUMNS = (
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", help="CSV file to write; standard output by default")
-    parser.add_argument("--bootstraps", type=int, default=1000, help="fits of each of nine models")
+    parser.add_argument(
+        "--bootstraps", type=int, default=1000, help="fits of each of nine models"
+    )
     parser.add_argument("--pairs", type=int, default=20_000, help="pairs of subspaces")
     options = parser.parse_args()
     rows = [*regressions(options.bootstraps), *lengths(options.pairs)]
     if options.out:
         out = Path(options.out)
-        noise_sensitivity(SHAPE, seed=1).to_csv(out.with_name("maps_noise.csv"), index=False)
-        snr_readings(SHAPE, seed=1).to_csv(out.with_name("maps_readings.csv"), index=False)
+        noise_sensitivity(SHAPE, seed=1).to_csv(
+            out.with_name("maps_noise.csv"), index=False
+        )
+        snr_readings(SHAPE, seed=1).to_csv(
+            out.with_name("maps_readings.csv"), index=False
+        )
         with open(options.out, "w", newline="", encoding="utf-8") as file:
             write(rows, file)
     else:
@@ -89,7 +96,9 @@ def regressions(bootstraps: int) -> Iterator[dict[str, Any]]:
     for condition in (1e2, 1e6):
         data = [regression_problem(n, bootstraps, condition) for n in POPULATIONS]
         exact = exact_errors(*data[0])
-        errors = {name: relative_error(exact, fit(*data[0])) for name, fit in fits.items()}
+        errors = {
+            name: relative_error(exact, fit(*data[0])) for name, fit in fits.items()
+        }
         runs = {name: partial(on_each, fit, data) for name, fit in fits.items()}
         name = f"nine affine models, condition {condition:.0e}"
         yield from race(name, runs, errors, dict.fromkeys(runs, bootstraps * len(data)))
@@ -99,8 +108,12 @@ def regressions(bootstraps: int) -> Iterator[dict[str, Any]]:
     }
     runs = {name: partial(on_each, fit, data) for name, fit in of_means.items()}
     loop = mean_loop(*data[0][1:])
-    errors = {name: relative_error(loop, fit(*data[0])) for name, fit in of_means.items()}
-    yield from race("nine mean models", runs, errors, dict.fromkeys(runs, bootstraps * len(data)))
+    errors = {
+        name: relative_error(loop, fit(*data[0])) for name, fit in of_means.items()
+    }
+    yield from race(
+        "nine mean models", runs, errors, dict.fromkeys(runs, bootstraps * len(data))
+    )
 
 
 def lengths(pairs: int) -> Iterator[dict[str, Any]]:
@@ -156,14 +169,22 @@ def regression_problem(landings: int, bootstraps: int, condition: float) -> Spli
     """Return landings of 18 inputs and outputs, and their splits into 120 to fit and 41 to test."""
     rng = np.random.default_rng(1)
     twist = orthonormalised(rng.normal(size=(18, 18)))
-    x = rng.normal(size=(landings, 18)) @ (np.geomspace(1, 1 / condition, 18)[:, None] * twist)
+    x = rng.normal(size=(landings, 18)) @ (
+        np.geomspace(1, 1 / condition, 18)[:, None] * twist
+    )
     y = x @ rng.normal(size=(18, 18)) + 0.05 * rng.normal(size=(landings, 18))
-    return x, y, *distinct_draws(named_generator(1, "splits"), landings, (120, 41), bootstraps)
+    return (
+        x,
+        y,
+        *distinct_draws(named_generator(1, "splits"), landings, (120, 41), bootstraps),
+    )
 
 
 def mean_loop(y: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
     splits = zip(train, test, strict=True)
-    return np.array([np.mean((y[held] - y[fit].mean(0)) ** 2, axis=0) for fit, held in splits])
+    return np.array(
+        [np.mean((y[held] - y[fit].mean(0)) ** 2, axis=0) for fit, held in splits]
+    )
 
 
 def statsmodels_loop(
@@ -179,7 +200,9 @@ def statsmodels_loop(
     return np.array(errors)
 
 
-def sklearn_loop(x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+def sklearn_loop(
+    x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray
+) -> np.ndarray:
     from sklearn.linear_model import LinearRegression
 
     errors = []
@@ -189,16 +212,23 @@ def sklearn_loop(x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarr
     return np.array(errors)
 
 
-def exact_errors(x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+def exact_errors(
+    x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray
+) -> np.ndarray:
     """Return the errors of the first fits in extended precision (if the machine has it)."""
-    x, y = (part.astype(np.longdouble) for part in (np.column_stack([np.ones(len(x)), x]), y))
+    x, y = (
+        part.astype(np.longdouble)
+        for part in (np.column_stack([np.ones(len(x)), x]), y)
+    )
     errors = []
     for fitted, held in zip(train[:EXACT_FITS], test[:EXACT_FITS], strict=True):
         basis, upper = gram_schmidt(x[fitted])
         right = basis.T @ y[fitted]
         slopes = np.zeros_like(right)
         for row in reversed(range(len(upper))):
-            slopes[row] = (right[row] - upper[row, row + 1 :] @ slopes[row + 1 :]) / upper[row, row]
+            slopes[row] = (
+                right[row] - upper[row, row + 1 :] @ slopes[row + 1 :]
+            ) / upper[row, row]
         errors.append(np.mean((y[held] - x[held] @ slopes) ** 2, axis=0))
     return np.array(errors)
 
@@ -219,7 +249,9 @@ def gram_schmidt(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def far_pairs(count: int) -> tuple[np.ndarray, ...]:
     """Return random pairs of 17-dimensional subspaces of 34 dimensions."""
-    return tuple(orthonormalised(np.random.default_rng(2).normal(size=(2, count, 34, 17))))
+    return tuple(
+        orthonormalised(np.random.default_rng(2).normal(size=(2, count, 34, 17)))
+    )
 
 
 def mixed_pairs(count: int) -> tuple[np.ndarray, ...]:
@@ -236,7 +268,9 @@ def mixed_pairs(count: int) -> tuple[np.ndarray, ...]:
 def scipy_loop(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     from scipy.linalg import subspace_angles
 
-    return np.array([np.linalg.norm(subspace_angles(*pair)) for pair in zip(a, b, strict=True)])
+    return np.array(
+        [np.linalg.norm(subspace_angles(*pair)) for pair in zip(a, b, strict=True)]
+    )
 
 
 def exact_arc_lengths(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -246,7 +280,9 @@ def exact_arc_lengths(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     lengths = []
     with mpmath.workdps(40):
         for pair in zip(a[:EXACT_PAIRS], b[:EXACT_PAIRS], strict=True):
-            p, q = (mpmath.qr(mpmath.matrix(m.tolist()), mode="skinny")[0] for m in pair)
+            p, q = (
+                mpmath.qr(mpmath.matrix(m.tolist()), mode="skinny")[0] for m in pair
+            )
             sines = sorted(mpmath.svd_r(q - p * (p.T * q), compute_uv=False))
             cosines = sorted(mpmath.svd_r(p.T * q, compute_uv=False), reverse=True)
             angles = [mpmath.atan2(s, c) for s, c in zip(sines, cosines, strict=True)]
@@ -254,20 +290,22 @@ def exact_arc_lengths(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array(lengths)
 
 
-# Response of distances between subspaces to noise, and the meaning of "a signal-to-noise ratio of
-# 10".
+# Response of distances between subspaces to noise, and the meaning of "a
+# signal-to-noise ratio of 10".
 #
-# The dissertation uses the arc length because it is the most sensitive to noise of the distances
-# collated by Edelman, Arias and Smith (1998) (Sec. 2.2.4): if a distance makes equal but noisy
-# subspaces look far apart, its finding that two schedules are alike carries more weight. Here equal
-# subspaces get more and more noise, and two things are measured for each distance: its size, and
-# how well a single value distinguishes one level of noise from twice that level.
+# The dissertation uses the arc length because it is the most sensitive to noise of the
+# distances collated by Edelman, Arias and Smith (1998) (Sec. 2.2.4): if a distance
+# makes equal but noisy subspaces look far apart, its finding that two schedules are
+# alike carries more weight. Here equal subspaces get more and more noise, and two
+# things are measured for each distance: its size, and how well a single value
+# distinguishes one level of noise from twice that level.
 
-# The dissertation does not explain that ratio (Sec. 2.3): neither what receives noise, nor how the
-# ratio is counted. `READINGS` lists every reading; the one taken for Fig. 2.5 gives distances like
-# the printed ones.
+# The dissertation does not explain that ratio (Sec. 2.3): neither what receives noise,
+# nor how the ratio is counted. `READINGS` lists every reading; the one taken for Fig.
+# 2.5 gives distances like the printed ones.
 
-# Powers of the ratio and of the number of rows to which the noise of an entry is proportional.
+# Powers of the ratio and of the number of rows to which the noise of an entry is
+# proportional.
 RATIOS = {"amplitude": -1.0, "power": -0.5}
 SIGNALS = {"entry": 0.0, "matrix": -0.5}
 #: The printed signal-to-noise ratio.
@@ -281,10 +319,12 @@ class Reading:
     Attributes
     ----------
     ratio
-        ``amplitude``: the noise is 1/10 of the signal; ``power``: 1/10 of its power, or 10 dB.
+        ``amplitude``: the noise is 1/10 of the signal; ``power``: 1/10 of its power, or
+        10 dB.
     signal
-        ``entry``: the ones of the identity; ``matrix``: the rms of all its entries, zeros
-        included, so that the ratio is that of Frobenius norms (or of the norms of columns).
+        ``entry``: the ones of the identity; ``matrix``: the rms of all its entries,
+        zeros included, so that the ratio is that of Frobenius norms (or of the norms of
+        columns).
     noised
         Number of noisy matrices in a pair, one or two.
     """
@@ -300,7 +340,10 @@ class Reading:
 
 
 READINGS = tuple(
-    Reading(ratio, signal, noised) for ratio in RATIOS for signal in SIGNALS for noised in (2, 1)
+    Reading(ratio, signal, noised)
+    for ratio in RATIOS
+    for signal in SIGNALS
+    for noised in (2, 1)
 )
 #: Noise of sd 0.1 on every entry of both matrices, the reading of Fig. 2.5.
 PRINTED_READING = READINGS[0]
@@ -323,11 +366,12 @@ def noised_identities(
     return a, b
 
 
-# The distances between subspaces that Edelman, Arias and Smith (1998, Sec. 4.3) collate.
+# The distances between subspaces that Edelman, Arias and Smith (1998, Sec. 4.3)
+# collate.
 #
-# All are functions of the principal angles, under the names of that paper. Others call the chordal
-# F-norm the Procrustes distance (the least ``norm(a q - b)`` over rotations q), the projection
-# F-norm the chordal distance, and the projection 2-norm the gap.
+# All are functions of the principal angles, under the names of that paper. Others call
+# the chordal F-norm the Procrustes distance (the least ``norm(a q - b)`` over rotations
+# q), the projection F-norm the chordal distance, and the projection 2-norm the gap.
 
 
 def arc_length_of(angles: np.ndarray) -> np.ndarray:
@@ -338,9 +382,12 @@ def arc_length_of(angles: np.ndarray) -> np.ndarray:
 def fubini_study(angles: np.ndarray) -> np.ndarray:
     """Return the angle between the subspaces' exterior products, acos of the product of cosines.
 
-    Computed from ``1 - prod(cos^2)`` by logarithms, so that small angles keep their digits.
+    Computed from ``1 - prod(cos^2)`` by logarithms, so that small angles keep their
+    digits.
     """
-    with np.errstate(divide="ignore"):  # a right angle gives minus infinity, whose exp is zero
+    with np.errstate(
+        divide="ignore"
+    ):  # a right angle gives minus infinity, whose exp is zero
         logarithm = np.sum(np.log1p(-(np.sin(angles) ** 2)), axis=-1)
     return np.arctan2(np.sqrt(-np.expm1(logarithm)), np.exp(logarithm / 2))
 
@@ -365,7 +412,8 @@ def projection_f(angles: np.ndarray) -> np.ndarray:
     return _norm(np.sin(angles))
 
 
-#: Name -> function of (..., k) principal angles in rad, as returned by `principal_angles`.
+#: Name -> function of (..., k) principal angles in rad, as returned by
+#: `principal_angles`.
 DISTANCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "arc_length": arc_length_of,
     "chordal_f": chordal_f,
@@ -409,9 +457,9 @@ def noise_sensitivity(
     -------
     DataFrame
         One row per distance and level: ``distance, noise_sd, mean, sd, q05, q95``;
-        ``share_of_random``, the mean divided by that of random subspaces; and ``doubling``, the
-        change of the mean when the noise doubles, in units of the sd (root mean square of both),
-        NaN if the doubled noise is not among the levels.
+        ``share_of_random``, the mean divided by that of random subspaces; and
+        ``doubling``, the change of the mean when the noise doubles, in units of the sd
+        (root mean square of both), NaN if the doubled noise is not among the levels.
     """
     generator = named_generator(seed, "sensitivity", "random")
     a, b = orthonormalised(generator.standard_normal((2, pairs, *shape)))
@@ -422,41 +470,68 @@ def noise_sensitivity(
         found = {sd: distance(part) for sd, part in angles.items()}
         scale = distance(unrelated).mean()
         for sd, values in found.items():
-            twice = next((part for other, part in found.items() if np.isclose(other, 2 * sd)), None)
+            twice = next(
+                (part for other, part in found.items() if np.isclose(other, 2 * sd)),
+                None,
+            )
             spread = np.quantile(values, [0.05, 0.95])
             level = (values.mean(), values.std(ddof=1), *spread, values.mean() / scale)
-            rows.append((name, sd, *level, np.nan if twice is None else _separation(values, twice)))
-    columns = ("distance", "noise_sd", "mean", "sd", "q05", "q95", "share_of_random", "doubling")
+            rows.append(
+                (
+                    name,
+                    sd,
+                    *level,
+                    np.nan if twice is None else _separation(values, twice),
+                )
+            )
+    columns = (
+        "distance",
+        "noise_sd",
+        "mean",
+        "sd",
+        "q05",
+        "q95",
+        "share_of_random",
+        "doubling",
+    )
     return pd.DataFrame(rows, columns=list(columns))
 
 
-def snr_readings(shape: tuple[int, int], *, seed: int, pairs: int = 1000) -> pd.DataFrame:
+def snr_readings(
+    shape: tuple[int, int], *, seed: int, pairs: int = 1000
+) -> pd.DataFrame:
     """Measure the arc lengths of both baselines: random, and noised identity in every reading.
 
     Returns
     -------
     DataFrame
-        One row per reading, and one for random subspaces: ``kind, ratio, signal, noised, noise_sd,
-        printed, mean, mean_se, sd, q05, q25, median, q75, q95``, lengths in rad; ``printed`` marks
-        the reading of Fig. 2.5.
+        One row per reading, and one for random subspaces: ``kind, ratio, signal,
+        noised, noise_sd, printed, mean, mean_se, sd, q05, q25, median, q75, q95``,
+        lengths in rad; ``printed`` marks the reading of Fig. 2.5.
     """
     rows = []
     for reading in READINGS:
         names = (reading.ratio, reading.signal, str(reading.noised))
         sd = reading.noise_sd(shape)
         generator = named_generator(seed, "snr", *names)
-        lengths = arc_length(*noised_identities(generator, shape, pairs, sd, reading.noised))
+        lengths = arc_length(
+            *noised_identities(generator, shape, pairs, sd, reading.noised)
+        )
         known = ("noised_identity", *names, sd, reading == PRINTED_READING)
         rows.append((*known, *_summary(lengths)))
     generator = named_generator(seed, "snr", "random")
-    lengths = arc_length(*orthonormalised(generator.standard_normal((2, pairs, *shape))))
+    lengths = arc_length(
+        *orthonormalised(generator.standard_normal((2, pairs, *shape)))
+    )
     rows.append(("random", "", "", "", np.nan, False, *_summary(lengths)))
     columns = ("kind", "ratio", "signal", "noised", "noise_sd", "printed")
     levels = ("mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95")
     return pd.DataFrame(rows, columns=[*columns, *levels])
 
 
-def _noised_angles(seed: int, shape: tuple[int, int], pairs: int, noise_sd: float) -> np.ndarray:
+def _noised_angles(
+    seed: int, shape: tuple[int, int], pairs: int, noise_sd: float
+) -> np.ndarray:
     generator = named_generator(seed, "sensitivity", f"{noise_sd:.9g}")
     return principal_angles(*noised_identities(generator, shape, pairs, noise_sd))
 
@@ -468,7 +543,12 @@ def _separation(values: np.ndarray, twice: np.ndarray) -> float:
 
 def _summary(values: np.ndarray) -> tuple[float, ...]:
     spread = values.std(ddof=1)
-    return (values.mean(), spread / len(values) ** 0.5, spread, *np.quantile(values, _LEVELS))
+    return (
+        values.mean(),
+        spread / len(values) ** 0.5,
+        spread,
+        *np.quantile(values, _LEVELS),
+    )
 
 
 if __name__ == "__main__":

@@ -3,27 +3,29 @@
 
     python benchmarks/order.py --out order.csv
 
-`order.csv` has one row per method and longest step. All methods take steps of one length (the
-tolerances are so loose that they never shorten a step). `error_rms` is the root mean square
-deviation of the final state from the exact one, over its components and over runs. The runs shorten
-the first step by different fractions, so that the events fall anywhere within their steps. `in_fit`
-marks the straight part of the curve, chosen by the rule of `fit_order`; `fitted_order` and
-`fitted_error` describe the line through it. "slopes kept" is Algorithm 5 to the letter.
+`order.csv` has one row per method and longest step. All methods take steps of one
+length (the tolerances are so loose that they never shorten a step). `error_rms` is the
+root mean square deviation of the final state from the exact one, over its components
+and over runs. The runs shorten the first step by different fractions, so that the
+events fall anywhere within their steps. `in_fit` marks the straight part of the curve,
+chosen by the rule of `fit_order`; `fitted_order` and `fitted_error` describe the line
+through it. "slopes kept" is Algorithm 5 to the letter.
 
-The slope of a line is a mean over its steps, whereas an order is a limit. Here Dormand-Prince
-approaches its order from below: at a rate r = 10 its error goes as (r dt)^5 (1 - 5/7 r dt).
-Therefore `limit_order` comes from a fit of error = factor dt^order exp(bend dt) over all steps that
-fit at least four times into the shortest piece between events and whose errors are above 1e-12
-(`fit_limit`); this rule is the same for all methods. `local_order` is the slope between a step and
-the next shorter one. Columns ending in `_se` are standard errors from the scatter about line or
-curve.
+The slope of a line is a mean over its steps, whereas an order is a limit. Here
+Dormand-Prince approaches its order from below: at a rate r = 10 its error goes as (r
+dt)^5 (1 - 5/7 r dt). Therefore `limit_order` comes from a fit of error = factor
+dt^order exp(bend dt) over all steps that fit at least four times into the shortest
+piece between events and whose errors are above 1e-12 (`fit_limit`); this rule is the
+same for all methods. `local_order` is the slope between a step and the next shorter
+one. Columns ending in `_se` are standard errors from the scatter about line or curve.
 
-`theorem.csv`, beside it, has one row per mesh, place of the event in its step, and step: measured
-errors and proven bounds, their constants (error over dt^4), and the constants of table 4.1.
+`theorem.csv`, beside it, has one row per mesh, place of the event in its step, and
+step: measured errors and proven bounds, their constants (error over dt^4), and the
+constants of table 4.1.
 
-`dense.csv`, beside it, has one row per method and longest step. `error_end` is the largest
-deviation of the final state, `error_between` that of `solution(t)` at 2,001 times through all
-events, and `order_between` the slope from the row before.
+`dense.csv`, beside it, has one row per method and longest step. `error_end` is the
+largest deviation of the final state, `error_between` that of `solution(t)` at 2,001
+times through all events, and `order_between` the slope from the row before.
 """
 
 from __future__ import annotations
@@ -54,11 +56,13 @@ from scipy.integrate import RK45
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import System, field, solve
 
-# Order of a method from errors at many step sizes: a line through the straight part, and its limit.
+# Order of a method from errors at many step sizes: a line through the straight part,
+# and its limit.
 #
-# The slope of the line is a mean over its steps. The order is the slope in the limit of short
-# steps, where the next term of the error's expansion vanishes. The limit fit therefore includes
-# that term, over steps that fit several times into the shortest smooth piece of the trajectory.
+# The slope of the line is a mean over its steps. The order is the slope in the limit of
+# short steps, where the next term of the error's expansion vanishes. The limit fit
+# therefore includes that term, over steps that fit several times into the shortest
+# smooth piece of the trajectory.
 
 LEAST_ERROR, MOST_ERROR = 1e-12, 1e-3
 DEVIATION = 0.1  # largest distance of an error from the line, decades
@@ -100,9 +104,9 @@ def fit_order(
 ) -> OrderFit:
     """Fit the order of a method over the straight part of its curve, chosen by a fixed rule.
 
-    Candidates are steps with errors between `least` (well above rounding) and `most`. The fit uses
-    the finest of them and as many consecutive coarser ones as leave every error within `deviation`
-    decades of the line through them.
+    Candidates are steps with errors between `least` (well above rounding) and `most`.
+    The fit uses the finest of them and as many consecutive coarser ones as leave every
+    error within `deviation` decades of the line through them.
 
     Parameters
     ----------
@@ -118,7 +122,9 @@ def fit_order(
     for count in range(len(inside), FEWEST - 1, -1):
         chosen = inside[:count]
         x, y = np.log10(step[chosen]), np.log10(error[chosen])
-        (slope, shift), (slope_error, _), residual = _regression(np.stack([x, np.ones(count)]), y)
+        (slope, shift), (slope_error, _), residual = _regression(
+            np.stack([x, np.ones(count)]), y
+        )
         if np.abs(residual).max() <= deviation:
             used = np.zeros(len(step), dtype=bool)
             used[chosen] = True
@@ -145,7 +151,11 @@ class LimitFit:
 
 
 def fit_limit(
-    step: FloatArray, error: FloatArray, shortest_piece: float, *, least: float = LEAST_ERROR
+    step: FloatArray,
+    error: FloatArray,
+    shortest_piece: float,
+    *,
+    least: float = LEAST_ERROR,
 ) -> LimitFit:
     """Fit order and next term over all short steps with errors well above rounding.
 
@@ -154,7 +164,8 @@ def fit_limit(
     step, error : (N,) array
         Step sizes in any order, and the error at each.
     shortest_piece : float
-        Shortest time between two events, or between an event and an end of the trajectory.
+        Shortest time between two events, or between an event and an end of the
+        trajectory.
     least : float
         Least error that is used.
     """
@@ -167,9 +178,13 @@ def fit_limit(
     return LimitFit(float(order), float(errors[0]), float(bend), count)
 
 
-def _regression(rows: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _regression(
+    rows: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return least-squares coefficients of the rows, their standard errors, and the residual."""
-    coefficients = np.asarray(np.linalg.lstsq(rows.T, y, rcond=None)[0], dtype=np.float64)
+    coefficients = np.asarray(
+        np.linalg.lstsq(rows.T, y, rcond=None)[0], dtype=np.float64
+    )
     residual: FloatArray = y - coefficients @ rows
     variance = residual @ residual / max(len(y) - len(rows), 1)
     errors: FloatArray = np.sqrt(np.diag(np.linalg.inv(rows @ rows.T)) * variance)
@@ -178,16 +193,17 @@ def _regression(rows: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray
 
 # Theorem 4.2.1 in numbers: the error of one localised event, and its proven bound.
 #
-# On a step of length dt with one event at t*, let p be the Hermite cubic through states and slopes
-# at its ends, and t' the root of the Hermite cubic of the event function. Then
+# On a step of length dt with one event at t*, let p be the Hermite cubic through states
+# and slopes at its ends, and t' the root of the Hermite cubic of the event function.
+# Then
 #
 #     |t' - t*| <= (L / 24 + L_h K) / c dt^4,
 #     |p(t') - y(t*)| <= ((L / 24 + L_h K) / c L_p + K) dt^4
 #
-# in the largest component, with the constants of table 4.1. They are suprema or infima over the
-# step; here they are computed for polynomials and for the known solution on a fine grid that
-# includes both ends. The table defines L with the true solution, but the proof needs h along p,
-# which is used here.
+# in the largest component, with the constants of table 4.1. They are suprema or infima
+# over the step; here they are computed for polynomials and for the known solution on a
+# fine grid that includes both ends. The table defines L with the true solution, but the
+# proof needs h along p, which is used here.
 
 # An event on a trajectory in closed form, against which errors are measured.
 
@@ -201,7 +217,8 @@ class KnownEvent:
     slope : callable
         Field ``slope(t, y) -> (n,)``.
     derivative : callable
-        ``derivative(k, t) -> (n, ...)``: k-th derivative of the solution at times t (...).
+        ``derivative(k, t) -> (n, ...)``: k-th derivative of the solution at times t
+        (...).
     hessian : (n, n) array
         Symmetric H of h(y) = y H y / 2 + gradient y + offset.
     gradient : (n,) array
@@ -235,7 +252,9 @@ def turning_point() -> KnownEvent:
     gradient = np.array([-0.3, 1.5, -0.4])
     y = turning_derivative(0, instant)
     offset = -float(0.5 * y @ hessian @ y + gradient @ y)
-    return KnownEvent(turning_slope, turning_derivative, hessian, gradient, offset, time)
+    return KnownEvent(
+        turning_slope, turning_derivative, hessian, gradient, offset, time
+    )
 
 
 def turning_slope(_: float, y: FloatArray) -> FloatArray:
@@ -312,8 +331,9 @@ def localise(
     part : float
         Position of the event in the step, 0 to 1.
     mesh : str
-        ``"exact"``: both ends lie on the solution; ``"dopri5"``, ``"heun3"``: the second is reached
-        from the first by one step of Dormand-Prince, or of Heun's third-order method.
+        ``"exact"``: both ends lie on the solution; ``"dopri5"``, ``"heun3"``: the
+        second is reached from the first by one step of Dormand-Prince, or of Heun's
+        third-order method.
     """
     start = event.time - part * dt
     ends = mesh_ends(event, start, dt, mesh)
@@ -341,7 +361,9 @@ def mesh_ends(event: KnownEvent, start: float, dt: float, mesh: str) -> Ends:
     return y0, y1, f0, event.slope(start + dt, y1)
 
 
-def dopri5_end(slope: Slope, t: float, y: FloatArray, f: FloatArray, dt: float) -> FloatArray:
+def dopri5_end(
+    slope: Slope, t: float, y: FloatArray, f: FloatArray, dt: float
+) -> FloatArray:
     """Return the state after one step of Dormand-Prince."""
     k = [f]
     for row, node in zip(RK45.A[1:], RK45.C[1:], strict=True):
@@ -371,7 +393,9 @@ def constants(event: KnownEvent, start: float, dt: float, ends: Ends) -> Constan
 def spline_polynomials(ends: Ends, dt: float) -> list[Polynomial]:
     """Return the Hermite cubic of each component as a polynomial in theta."""
     y0, y1, f0, f1 = ends
-    return [Polynomial(row) for row in np.transpose(coefficients(y0, y1, dt * f0, dt * f1))]
+    return [
+        Polynomial(row) for row in np.transpose(coefficients(y0, y1, dt * f0, dt * f1))
+    ]
 
 
 def _root(event: KnownEvent, ends: Ends, dt: float) -> float:
@@ -382,9 +406,13 @@ def _root(event: KnownEvent, ends: Ends, dt: float) -> float:
 
 def _height_along(event: KnownEvent, p: list[Polynomial]) -> Polynomial:
     """Return h along the spline, g = h(p), a polynomial of degree six in theta."""
-    linear = sum((q * one for q, one in zip(event.gradient, p, strict=True)), Polynomial([0.0]))
+    linear = sum(
+        (q * one for q, one in zip(event.gradient, p, strict=True)), Polynomial([0.0])
+    )
     products = (
-        0.5 * event.hessian[i, j] * p[i] * p[j] for i in range(len(p)) for j in range(len(p))
+        0.5 * event.hessian[i, j] * p[i] * p[j]
+        for i in range(len(p))
+        for j in range(len(p))
     )
     return linear + sum(products, Polynomial([event.offset]))
 
@@ -405,14 +433,20 @@ def _spline_constant(
     off = np.abs(y1 - event.derivative(0, end)).max()
     slope_off = np.abs(f1 - event.derivative(1, end)).max()
     fourth = np.abs(event.derivative(4, times)).max()
-    return float(LARGEST_FOURTH * fourth + (off + LARGEST_SLOPE_BASIS * dt * slope_off) / dt**4)
+    return float(
+        LARGEST_FOURTH * fourth + (off + LARGEST_SLOPE_BASIS * dt * slope_off) / dt**4
+    )
 
 
-TAYLOR = "taylor"  # the default here; it chooses its order at each step, so no order is fitted
+# The default here; it chooses its order at each step, so no order is fitted
+TAYLOR = "taylor"
 Run = Callable[[float, float], FloatArray]  # longest step, first step: final state
 
 LONGEST, SHORTEST = 0.5, 5e-4
-PRINTED_STEPS, OUR_STEPS = 31, 61  # plain Python is slow; higher orders need a finer grid
+PRINTED_STEPS, OUR_STEPS = (
+    31,
+    61,
+)  # plain Python is slow; higher orders need a finer grid
 LOOSE = {"rtol": 0.9, "atol": 1e9}
 THEOREM_STEPS = 0.5 / 2.0 ** np.arange(8)
 PLACES = (0.1, 0.4, 0.5, 0.9)
@@ -423,8 +457,12 @@ def printed(kind: Callable[..., object], options: PrintedOptions | None = None) 
     region = region_of(octant())
 
     def run(max_step: float, first_step: float) -> FloatArray:
-        solver = Stepping(kind, {**LOOSE, "max_step": max_step, "first_step": first_step})
-        return integrate(region, T_SPAN, INITIAL_STATE, solver=solver, options=options).y_end
+        solver = Stepping(
+            kind, {**LOOSE, "max_step": max_step, "first_step": first_step}
+        )
+        return integrate(
+            region, T_SPAN, INITIAL_STATE, solver=solver, options=options
+        ).y_end
 
     return run
 
@@ -474,7 +512,9 @@ def methods() -> dict[str, tuple[Run, int]]:
 def error_rms(run: Run, step: float, exact: FloatArray, runs: int) -> float:
     """Return the rms error of the final state over components and first steps."""
     parts = (np.arange(runs) + 0.5) / runs
-    return float(np.sqrt(np.mean([(run(step, part * step) - exact) ** 2 for part in parts])))
+    return float(
+        np.sqrt(np.mean([(run(step, part * step) - exact) ** 2 for part in parts]))
+    )
 
 
 def shortest_piece() -> float:
@@ -493,13 +533,19 @@ def growth(
 def report_without_events(runs: int) -> None:
     """Print the order of DOPRI5 on the last piece alone, from x = 0 on, without guards."""
     system = System(growth, n_states=1)
-    span = (0.0, T_SPAN[1] - float(solve(octant(), T_SPAN, INITIAL_STATE).events.time[-1]))
+    span = (
+        0.0,
+        T_SPAN[1] - float(solve(octant(), T_SPAN, INITIAL_STATE).events.time[-1]),
+    )
 
     def run(max_step: float, first_step: float) -> FloatArray:
         steps = {"max_step": max_step, "first_step": first_step}
         return solve(system, span, [0.0], method="dopri5", **LOOSE, **steps).y_end
 
-    steps, exact = np.geomspace(LONGEST, SHORTEST, OUR_STEPS), np.expm1([10.0 * span[1]]) / 10.0
+    steps, exact = (
+        np.geomspace(LONGEST, SHORTEST, OUR_STEPS),
+        np.expm1([10.0 * span[1]]) / 10.0,
+    )
     errors = np.array([error_rms(run, step, exact, runs) for step in steps])
     fit, limit = fit_order(steps, errors), fit_limit(steps, errors, span[1])
     print(
@@ -508,7 +554,9 @@ def report_without_events(runs: int) -> None:
     )
 
 
-def order_rows(name: str, run: Run, count: int, exact: FloatArray, runs: int) -> pd.DataFrame:
+def order_rows(
+    name: str, run: Run, count: int, exact: FloatArray, runs: int
+) -> pd.DataFrame:
     """Measure one method at all step sizes, and fit its order."""
     steps = np.geomspace(LONGEST, SHORTEST, count)
     errors = np.array([error_rms(run, step, exact, runs) for step in steps])
@@ -530,7 +578,9 @@ def order_rows(name: str, run: Run, count: int, exact: FloatArray, runs: int) ->
             "fitted_order": fit.order,
             "fitted_order_se": fit.standard_error,
             "fitted_error": fit.error(steps),
-            "local_order": np.append(np.diff(np.log(errors)) / np.diff(np.log(steps)), np.nan),
+            "local_order": np.append(
+                np.diff(np.log(errors)) / np.diff(np.log(steps)), np.nan
+            ),
             "limit_order": limit.order,
             "limit_order_se": limit.standard_error,
             "limit_steps": limit.n_steps,
@@ -618,7 +668,9 @@ def dense_table() -> pd.DataFrame:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True, help="CSV file of the orders")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="CSV file of the orders"
+    )
     parser.add_argument("--runs", type=int, default=32, help="runs of each step size")
     arguments = parser.parse_args()
     exact = octant_end()

@@ -2,22 +2,24 @@
 
     python benchmarks/plate.py --out results/benchmarks/plate.csv
 
-All numbers of contacts use the same random starts, for 2 s each; all solvers take turns on one
-thread in one process. A time is that of one whole run without output in between, the faster of two
-in a row (a single run if it is long), given per simulated second. Errors are the largest deviation
-of the final state (m, rad, and these per s) from our solver at its tightest tolerance, which is
-checked against `plate_reference` for some. The springs of MuJoCo's contacts cannot pull, and push
-along the normal, so their error has two parts; `own_law_error_median` is the error against the
-limit of their own law. Beside the table, it writes two more:
+All numbers of contacts use the same random starts, for 2 s each; all solvers take turns
+on one thread in one process. A time is that of one whole run without output in between,
+the faster of two in a row (a single run if it is long), given per simulated second.
+Errors are the largest deviation of the final state (m, rad, and these per s) from our
+solver at its tightest tolerance, which is checked against `plate_reference` for some.
+The springs of MuJoCo's contacts cannot pull, and push along the normal, so their error
+has two parts; `own_law_error_median` is the error against the limit of their own law.
+Beside the table, it writes two more:
 
-- ``plate_marginal.csv``: run time per further contact, as the least-squares slope of the median run
-  time against the number of contacts, over all numbers and within a moving window; 95 % bands by
-  bootstrap of the starts. `over_hopdata` is the median over the starts of each start's own slope
-  over that of "hopdata", because the runs of one start are within about a second, in which the
-  machine's speed is constant;
-- ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the scene, and
-  from a start that is flat except for 1e-6 rad. All sizes take turns; `per_contact_over_300` is the
-  median over the turns of the time per contact over that with 300.
+- ``plate_marginal.csv``: run time per further contact, as the least-squares slope of
+  the median run time against the number of contacts, over all numbers and within a
+  moving window; 95 % bands by bootstrap of the starts. `over_hopdata` is the median
+  over the starts of each start's own slope over that of "hopdata", because the runs of
+  one start are within about a second, in which the machine's speed is constant;
+- ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the
+  scene, and from a start that is flat except for 1e-6 rad. All sizes take turns;
+  `per_contact_over_300` is the median over the turns of the time per contact over that
+  with 300.
 
 Without MuJoCo, a row says "absent".
 """
@@ -44,8 +46,9 @@ from hopdata.hybrid import Solution, solve
 
 # True end of the plate: DOP853 at its tightest tolerance, restarted at each event.
 #
-# It uses no part of the integrator under test: numpy evaluates the field, scipy makes the steps and
-# finds the roots. A step that meets an event is repeated up to the event's instant.
+# It uses no part of the integrator under test: numpy evaluates the field, scipy makes
+# the steps and finds the roots. A step that meets an event is repeated up to the
+# event's instant.
 
 RTOL, ATOL = 3e-14, 1e-15
 LOOKS = 16  # samples of each guard within a step
@@ -64,14 +67,18 @@ def reference_end(plate: Plate, start: FloatArray, until_s: float) -> FloatArray
             solver.step()
             instant, flips = first_flips(plate, touching, solver)
         if flips.any():
-            state = taken_to(plate, touching, solver.t_old, solver_start(solver), instant)
+            state = taken_to(
+                plate, touching, solver.t_old, solver_start(solver), instant
+            )
         else:
             state = solver.y
         now, touching = instant, touching ^ flips
     return state
 
 
-def begin(plate: Plate, touching: Any, now: float, state: FloatArray, until_s: float) -> DOP853:
+def begin(
+    plate: Plate, touching: Any, now: float, state: FloatArray, until_s: float
+) -> DOP853:
     """Return a solver in this mode."""
     arms = plate.spring_places_m[touching]
     sums = np.array([len(arms), arms.sum(), (arms**2).sum()])
@@ -81,14 +88,25 @@ def begin(plate: Plate, touching: Any, now: float, state: FloatArray, until_s: f
         x, z, angle, vx, vz, spin = y
         slope, grow = np.tan(angle), 1 + np.tan(angle) ** 2
         along = np.array(
-            [sums[0], x * sums[0] - sums[1], x * x * sums[0] - 2 * x * sums[1] + sums[2]]
+            [
+                sums[0],
+                x * sums[0] - sums[1],
+                x * x * sums[0] - 2 * x * sums[1] + sums[2],
+            ]
         )
         at_centre = stiffness * (rest - z) + damping * (slope * vx - vz)
         per_arm = stiffness * slope + damping * grow * spin
         force = at_centre * along[0] + per_arm * along[1]
         moment = at_centre * along[1] + per_arm * along[2]
         return np.array(
-            [vx, vz, spin, -slope * force / mass, force / mass - gravity, -grow * moment / inertia]
+            [
+                vx,
+                vz,
+                spin,
+                -slope * force / mass,
+                force / mass - gravity,
+                -grow * moment / inertia,
+            ]
         )
 
     return DOP853(
@@ -171,9 +189,19 @@ SCALING = (*SCALING_PLAIN, 3000, 10_000)
 SCALING_S, N_SCALING = 1.0, 5  # the plate lands once and flies off again
 LARGE_FORMS = ("hopdata", "hopdata sums", "hopdata sparse", "hopdata sparse flat")
 UNIT = 300  # number of contacts to whose cost others are compared
-N_TURNS, TURN_S = 25, 0.05  # at least, per size: the machine's speed may change within a second
+N_TURNS, TURN_S = (
+    25,
+    0.05,
+)  # at least, per size: the machine's speed may change within a second
 Case = tuple[str, int]  # form of the scene and number of contacts
-FLAT = (0.0, 2.4, 1e-6, 0.0, 0.0, 0.0)  # a start that touches all springs within microseconds
+FLAT = (
+    0.0,
+    2.4,
+    1e-6,
+    0.0,
+    0.0,
+    0.0,
+)  # a start that touches all springs within microseconds
 
 
 def with_hopdata(
@@ -215,7 +243,9 @@ def with_mujoco(plate: Plate, setting: Setting) -> Solver:
 def solvers(plate: Plate) -> dict[str, Solver]:
     """Return the solvers that run at every number of contacts."""
     ours = {name: end(with_hopdata(plate, *options)) for name, options in OURS.items()}
-    return ours | {name: with_mujoco(plate, setting) for name, setting in MUJOCO.items()}
+    return ours | {
+        name: with_mujoco(plate, setting) for name, setting in MUJOCO.items()
+    }
 
 
 def in_turn(
@@ -231,11 +261,16 @@ def in_turn(
                 best = min(best, timed(partial(run, start))[0])
             times[name].append(best)
             ends[name].append(last)
-    return {k: np.array(v) for k, v in times.items()}, {k: np.array(v) for k, v in ends.items()}
+    return {k: np.array(v) for k, v in times.items()}, {
+        k: np.array(v) for k, v in ends.items()
+    }
 
 
 def rows_of(
-    n: int, times_s: dict[str, FloatArray], ends: dict[str, FloatArray], exact: FloatArray
+    n: int,
+    times_s: dict[str, FloatArray],
+    ends: dict[str, FloatArray],
+    exact: FloatArray,
 ) -> list[dict[str, Any]]:
     """Return the rows of all solvers at one number of contacts, n."""
     rows = []
@@ -257,7 +292,9 @@ def rows_of(
     return rows
 
 
-def checked(plate: Plate, starts: FloatArray, exact: FloatArray) -> list[dict[str, Any]]:
+def checked(
+    plate: Plate, starts: FloatArray, exact: FloatArray
+) -> list[dict[str, Any]]:
     """Return rows of the slow solvers, and of our tightest against the independent reference."""
     n, starts, exact = plate.n_contacts, starts[:N_CHECKED], exact[:N_CHECKED]
     fine = {name: with_mujoco(plate, setting) for name, setting in MUJOCO_MORE.items()}
@@ -276,9 +313,15 @@ def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
     limit = with_mujoco(plate, LIMIT)
     few = starts[:N_CHECKED]
     ends = np.array([limit(start) for start in few])
-    contacts = {k: v for k, v in (MUJOCO | MUJOCO_MORE).items() if v.spring == "contact"}
+    contacts = {
+        k: v for k, v in (MUJOCO | MUJOCO_MORE).items() if v.spring == "contact"
+    }
     return {
-        name: float(np.median([np.abs(run(s) - e).max() for s, e in zip(few, ends, strict=True)]))
+        name: float(
+            np.median(
+                [np.abs(run(s) - e).max() for s, e in zip(few, ends, strict=True)]
+            )
+        )
         for name, run in ((k, with_mujoco(plate, v)) for k, v in contacts.items())
     }
 
@@ -295,7 +338,9 @@ def measure(n_starts: int) -> tuple[pd.DataFrame, dict[str, FloatArray]]:
         plate = Plate(n)
         tightest = end(with_hopdata(plate, TIGHTEST, {}))
         exact = np.array([tightest(start) for start in starts])
-        own_times, own_ends = ({k: x[n, k] for k in (*OURS, *MUJOCO)} for x in (times, ends))
+        own_times, own_ends = (
+            {k: x[n, k] for k in (*OURS, *MUJOCO)} for x in (times, ends)
+        )
         rows += rows_of(n, own_times, own_ends, exact)
         if n in CHECKED:
             rows += checked(plate, starts, exact)
@@ -303,7 +348,9 @@ def measure(n_starts: int) -> tuple[pd.DataFrame, dict[str, FloatArray]]:
             for one in rows:
                 if one["n_contacts"] == n:
                     one["own_law_error_median"] = law.get(one["solver"], np.nan)
-    by_solver = {name: np.array([times[n, name] for n in CONTACTS]) for name in (*OURS, *MUJOCO)}
+    by_solver = {
+        name: np.array([times[n, name] for n in CONTACTS]) for name in (*OURS, *MUJOCO)
+    }
     if ABSENT:
         rows.append({"solver": f"MuJoCo {ABSENT}"})
     return pd.DataFrame(rows), by_solver
@@ -330,10 +377,16 @@ def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
     rng, rows, counts = np.random.default_rng(SEED), [], np.array(CONTACTS, dtype=float)
     n_starts = next(iter(times.values())).shape[1]
     draws = rng.integers(0, n_starts, (N_BOOTSTRAP, n_starts))
-    ours = slopes(counts, times["hopdata"].T)  # for each start, measured within about a second
+    ours = slopes(
+        counts, times["hopdata"].T
+    )  # for each start, measured within about a second
     for name, sample in times.items():
         medians = 1e6 / UNTIL_S * np.median(sample, axis=1)
-        drawn = 1e6 / UNTIL_S * np.array([np.median(sample[:, draw], axis=1) for draw in draws])
+        drawn = (
+            1e6
+            / UNTIL_S
+            * np.array([np.median(sample[:, draw], axis=1) for draw in draws])
+        )
         over_ours = median_with_band(slopes(counts, sample.T) / ours, draws)
         windows = [("all", slice(None))] + [
             ("local", slice(at - WINDOW, at + WINDOW + 1))
@@ -346,7 +399,9 @@ def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
                     "solver": name,
                     "window": kind,
                     "n_contacts": counts[part].mean(),
-                    "marginal_us_per_contact_s": float(slopes(counts[part], medians[part])),
+                    "marginal_us_per_contact_s": float(
+                        slopes(counts[part], medians[part])
+                    ),
                     "low95_us_per_contact_s": low,
                     "high95_us_per_contact_s": high,
                     **(over_ours if kind == "all" else {}),
@@ -380,7 +435,10 @@ def median_ms(run: Callable[[], Solution]) -> float:
 def scaling() -> pd.DataFrame:
     """Time our solver for many contacts; all sizes take turns, one start after another."""
     runs = large_cases()
-    events = {case: np.median([len(run().events) for run in own]) for case, own in runs.items()}
+    events = {
+        case: np.median([len(run().events) for run in own])
+        for case, own in runs.items()
+    }
     times: dict[Case, list[float]] = {case: [] for case in runs}
     for turn in range(N_TURNS):
         for case, own in runs.items():
@@ -401,7 +459,9 @@ def scaling() -> pd.DataFrame:
                 "time_q75_ms": high,
                 "time_us_per_event": 1e3 * median / events[name, n],
                 "time_us_per_contact_s": 1e3 * median / n / SCALING_S,
-                f"per_contact_over_{UNIT}": float(np.median(np.array(sample) / n / unit)),
+                f"per_contact_over_{UNIT}": float(
+                    np.median(np.array(sample) / n / unit)
+                ),
             }
         )
     return pd.DataFrame(rows)
@@ -410,7 +470,9 @@ def scaling() -> pd.DataFrame:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--starts", type=int, default=N_STARTS, help="for each number of contacts")
+    parser.add_argument(
+        "--starts", type=int, default=N_STARTS, help="for each number of contacts"
+    )
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -2,20 +2,22 @@
 
     python benchmarks/pose.py --out pose.csv
 
-`pose.csv` holds errors of heading, boom angle and place (mean body marker), rms over frames, by
-estimator. In the scenes "tilted by", the body is tilted by a constant angle in 24 directions;
-`bias` is the rms over these of the mean error, after subtracting the best constant for all of them.
-The scenes "hopper" simulate the hopper with its boom swinging through 67.5 degrees from eight
-angles. The recommended estimator is given nothing but a recording. The phasors' heading and the
-printed boom angle have an arbitrary zero, and the latter an arbitrary sense of rotation; both are
-removed. `unknown` is the share of frames without a value.
+`pose.csv` holds errors of heading, boom angle and place (mean body marker), rms over
+frames, by estimator. In the scenes "tilted by", the body is tilted by a constant angle
+in 24 directions; `bias` is the rms over these of the mean error, after subtracting the
+best constant for all of them. The scenes "hopper" simulate the hopper with its boom
+swinging through 67.5 degrees from eight angles. The recommended estimator is given
+nothing but a recording. The phasors' heading and the printed boom angle have an
+arbitrary zero, and the latter an arbitrary sense of rotation; both are removed.
+`unknown` is the share of frames without a value.
 
-`pose_stances.csv` holds consecutive stance pairs over all hops, compared with the true landings.
-Pairs in which the hopper stumbles (not all feet stand at once, or it comes from less than half the
-usual height) are counted separately. `instant_sd_ms` is the error of the instants of the lowest
-points.
+`pose_stances.csv` holds consecutive stance pairs over all hops, compared with the true
+landings. Pairs in which the hopper stumbles (not all feet stand at once, or it comes
+from less than half the usual height) are counted separately. `instant_sd_ms` is the
+error of the instants of the lowest points.
 
-`pose_live.csv` holds stances detected frame by frame, with their delay after the true lowest point.
+`pose_live.csv` holds stances detected frame by frame, with their delay after the true
+lowest point.
 
 `pose_time.csv` holds the processor time per frame.
 """
@@ -46,9 +48,24 @@ from hopdata.steering.observation.observe import (
     printed_stance_pairs,
 )
 from hopdata.steering.observation.stances import StanceDetector, find_stances
-from hopdata.steering.observation.tracking import HopperTracker, hopper_motion, observe_frame
-from hopdata.synthesis.camera import MarkerTracks, MotionCapture, draw_floor, track_markers
-from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Trial, run_trial
+from hopdata.steering.observation.tracking import (
+    HopperTracker,
+    hopper_motion,
+    observe_frame,
+)
+from hopdata.synthesis.camera import (
+    MarkerTracks,
+    MotionCapture,
+    draw_floor,
+    track_markers,
+)
+from hopdata.synthesis.trial import (
+    FloorOptions,
+    GapOptions,
+    MarkerOptions,
+    Trial,
+    run_trial,
+)
 
 # The steered hopper with its boom swinging to and fro, with true poses and landings.
 
@@ -103,15 +120,17 @@ def swinging(number: int, hops: int, rate_hz: float, seed: int) -> Swinging:
 def landings(number: int, hops: int, seed: int) -> Landings:
     """Return the true landings, read at a high frame rate.
 
-    A landing stumbles if not all feet stood at once, or if it came from less than half the usual
-    height.
+    A landing stumbles if not all feet stood at once, or if it came from less than half
+    the usual height.
     """
     fine = swinging(number, hops, FINE_HZ, seed)
     height = fine.tracks.positions[:, :3, 2].mean(axis=1)
     begins = fine.trial.hop_start_s
     ends = begins + [hop.end_time_s for hop in fine.trial.hops]
     first, last = np.ceil(begins * FINE_HZ).astype(int), (ends * FINE_HZ).astype(int)
-    lowest = np.array([i + np.argmin(height[i:j]) for i, j in zip(first, last, strict=True)])
+    lowest = np.array(
+        [i + np.argmin(height[i:j]) for i, j in zip(first, last, strict=True)]
+    )
     rise = height[first] - np.median(height[lowest])
     stood = np.array([hop.all_stood() and not hop.fell for hop in fine.trial.hops])
     goes_on = np.append(np.abs(ends[:-1] - begins[1:]) < 1e-6, False)
@@ -133,12 +152,16 @@ def filmed(
     if rest_first:
         true = np.concatenate([np.repeat(true[:1], REST_FRAMES, axis=0), true])
     gaps = GapOptions(rate_per_min=gaps_per_min)
-    camera = MotionCapture(rate_hz=rate_hz, noise_m=noise_m, resolution_m=0.0, gaps=gaps)
+    camera = MotionCapture(
+        rate_hz=rate_hz, noise_m=noise_m, resolution_m=0.0, gaps=gaps
+    )
     hidden = camera.draw_gaps(len(true), true.shape[1], streams[1])
     floor = draw_floor(FloorOptions() if curved else FLAT, streams[0])
     seen = camera.observe(true, floor, hidden, streams[2])
     time = np.arange(len(true)) / rate_hz
-    return Recording("swinging", time, seen, scene.tracks.names, scene.tracks.roles, rate_hz)
+    return Recording(
+        "swinging", time, seen, scene.tracks.names, scene.tracks.roles, rate_hz
+    )
 
 
 Row = dict[str, object]
@@ -164,7 +187,9 @@ def about_constant(error: FloatArray) -> FloatArray:
 # Heading of a tilted body
 
 
-def tilted(tilt_rad: float, frames: int, noise_m: float, seed: int) -> tuple[FloatArray, ...]:
+def tilted(
+    tilt_rad: float, frames: int, noise_m: float, seed: int
+) -> tuple[FloatArray, ...]:
     """Return markers (N, B, 3), true yaw (N,) and the number of the tilt's direction (N,)."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, int(1000 * tilt_rad)]))
     direction = np.arange(frames) % DIRECTIONS
@@ -178,7 +203,9 @@ def tilted(tilt_rad: float, frames: int, noise_m: float, seed: int) -> tuple[Flo
     return markers + noise_m * rng.standard_normal(markers.shape), yaw, direction
 
 
-def heading_estimates(body: FloatArray, geometry: HopperGeometry) -> dict[str, FloatArray]:
+def heading_estimates(
+    body: FloatArray, geometry: HopperGeometry
+) -> dict[str, FloatArray]:
     rotation = rigid_fit(body, geometry.body_m).rotation
     return {
         "phasors (printed)": phasor_poses(body)[:, 2],
@@ -203,7 +230,9 @@ def heading_rows(geometry: HopperGeometry, frames: int, seed: int) -> Iterator[R
 # The hopper
 
 
-def scored(what: str, method: str, scene: str, noise_mm: float, error: FloatArray) -> Row:
+def scored(
+    what: str, method: str, scene: str, noise_mm: float, error: FloatArray
+) -> Row:
     return {
         "what": what, "method": method, "scene": scene, "noise_mm": noise_mm,
         "rms": 1e3 * rms(error), "worst": 1e3 * float(np.nanmax(np.abs(error))),
@@ -220,7 +249,9 @@ HOPPER_SCENES: dict[str, dict[str, object]] = {
 }
 
 
-def hopper_errors(scene: Swinging, seed: int, options: dict[str, object]) -> dict[str, FloatArray]:
+def hopper_errors(
+    scene: Swinging, seed: int, options: dict[str, object]
+) -> dict[str, FloatArray]:
     """Return errors of all estimators in all frames, rad and m, by "what; method"."""
     seen = filmed(scene, seed, **options)
     geometry = calibrate(seen)
@@ -235,10 +266,14 @@ def hopper_errors(scene: Swinging, seed: int, options: dict[str, object]) -> dic
     heading = wrapped(motion.pose[:, 2] - scene.yaw)
     recommended = "rigid body, yaw of x (recommended)"
     return {
-        "heading_mrad; phasors (printed)": about_constant(wrapped(phasors[:, 2] - scene.yaw)),
+        "heading_mrad; phasors (printed)": about_constant(
+            wrapped(phasors[:, 2] - scene.yaw)
+        ),
         f"heading_mrad; {recommended}": heading,
         "heading_mrad; two markers and a frame near in time": heading[leaned],
-        "place_mm; mean marker (printed)": np.linalg.norm(phasors[:, :2] - middle[:, :2], axis=1),
+        "place_mm; mean marker (printed)": np.linalg.norm(
+            phasors[:, :2] - middle[:, :2], axis=1
+        ),
         "place_mm; rigid body (recommended)": np.linalg.norm(
             motion.pose[:, :2] - middle[:, :2], axis=1
         ),
@@ -265,7 +300,9 @@ def algebraic_boom(seen: Recording, geometry: HopperGeometry) -> FloatArray:
 
 def hopper_rows(scenes: list[Swinging], seed: int) -> Iterator[Row]:
     for name, options in HOPPER_SCENES.items():
-        parts = [hopper_errors(scene, seed + k, options) for k, scene in enumerate(scenes)]
+        parts = [
+            hopper_errors(scene, seed + k, options) for k, scene in enumerate(scenes)
+        ]
         noise_mm = 1e3 * float(options.get("noise_m", 0.0006))
         for key in parts[0]:
             what, method = key.split("; ")
@@ -274,7 +311,9 @@ def hopper_rows(scenes: list[Swinging], seed: int) -> Iterator[Row]:
                 yield scored(what, method, name, noise_mm, error)
             if what == "boom_mrad":
                 worst = max((part[key] for part in parts), key=rms)
-                yield scored(what, method, f"{name}: worst of {N_ANGLES} arcs", noise_mm, worst)
+                yield scored(
+                    what, method, f"{name}: worst of {N_ANGLES} arcs", noise_mm, worst
+                )
 
 
 # Stances
@@ -314,7 +353,9 @@ STANCE_METHODS: dict[str, Callable[[Recording], FloatArray]] = {
 }
 
 
-def pair_counts(instants: FloatArray, true: Landings) -> tuple[dict[str, int], FloatArray]:
+def pair_counts(
+    instants: FloatArray, true: Landings
+) -> tuple[dict[str, int], FloatArray]:
     """Compare pairs (P, 2) of instants with the landings; return counts and errors, s."""
     near = np.abs(instants[..., None] - true.lowest_s).argmin(axis=-1).reshape(-1, 2)
     error = instants - true.lowest_s[near]
@@ -340,7 +381,10 @@ def stance_rows(truths: list[Landings], hops: int, seed: int) -> Iterator[Row]:
     for name, options in STANCE_SCENES.items():
         films = [film(k, hops, seed, options) for k in range(len(truths))]
         for method, find in STANCE_METHODS.items():
-            both = [pair_counts(find(one), true) for one, true in zip(films, truths, strict=True)]
+            both = [
+                pair_counts(find(one), true)
+                for one, true in zip(films, truths, strict=True)
+            ]
             total = pd.DataFrame([counts for counts, _ in both]).sum().to_dict()
             error = 1e3 * np.concatenate([errors for _, errors in both])
             yield {
@@ -371,7 +415,9 @@ def told(seen: Recording, *, dropped: float, jumping: float, seed: int) -> Float
     geometry = calibrate(seen)
     tracker = HopperTracker(geometry, seen.markers)
     detector = StanceDetector(geometry, rate_hz=seen.rate_hz)
-    off = np.where(rng.random(len(seen.time)) < jumping, rng.choice([-0.2, 0.2], len(seen.time)), 0)
+    off = np.where(
+        rng.random(len(seen.time)) < jumping, rng.choice([-0.2, 0.2], len(seen.time)), 0
+    )
     stances = []
     for k in np.flatnonzero(rng.random(len(seen.time)) >= dropped):
         height = tracker.feed(seen.time[k], seen.positions[k]).height_m + off[k]
@@ -385,7 +431,9 @@ def live_rows(truths: list[Landings], hops: int, seed: int) -> Iterator[Row]:
     for name, options in LIVE_SCENES.items():
         faults = {key: float(options.get(key, 0.0)) for key in ("dropped", "jumping")}
         camera = {key: value for key, value in options.items() if key not in faults}
-        counts = dict.fromkeys(("landings", "missed", "double", "invented", "stumbles", "told"), 0)
+        counts = dict.fromkeys(
+            ("landings", "missed", "double", "invented", "stumbles", "told"), 0
+        )
         delays, errors = [], []
         for k, true in enumerate(truths):
             stances = told(film(k, hops, seed, camera), seed=seed + k, **faults)
@@ -435,7 +483,9 @@ def time_rows(seen: Recording, frames: int = 300) -> Iterator[Row]:
 
     def detect() -> None:
         detector = StanceDetector(geometry)
-        for time, height in zip(seen.time[:frames], body[:, :, 2].mean(axis=1), strict=True):
+        for time, height in zip(
+            seen.time[:frames], body[:, :, 2].mean(axis=1), strict=True
+        ):
             detector.feed(time, height)
 
     runs = {
@@ -454,7 +504,9 @@ def time_rows(seen: Recording, frames: int = 300) -> Iterator[Row]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV to write")
-    parser.add_argument("--hops", type=int, default=375, help=f"hops of each of {N_ANGLES} trials")
+    parser.add_argument(
+        "--hops", type=int, default=375, help=f"hops of each of {N_ANGLES} trials"
+    )
     parser.add_argument("--frames", type=int, default=48000, help="frames of each tilt")
     parser.add_argument("--seed", type=int, default=20261121)
     arguments = parser.parse_args()
@@ -465,7 +517,9 @@ def main() -> None:
     geometry = calibrate(first)
     out: Path = arguments.out
     tables = {
-        out: chain(heading_rows(geometry, arguments.frames, seed), hopper_rows(scenes, seed)),
+        out: chain(
+            heading_rows(geometry, arguments.frames, seed), hopper_rows(scenes, seed)
+        ),
         out.with_name(f"{out.stem}_stances.csv"): stance_rows(truths, hops, seed),
         out.with_name(f"{out.stem}_live.csv"): live_rows(truths, hops, seed),
         out.with_name(f"{out.stem}_time.csv"): time_rows(first.part(slice(20000))),

@@ -2,29 +2,32 @@
 
     python benchmarks/reading.py --out reading.csv
 
-A recording with 182,611 frames of 6 markers, as many as in the dissertation, is written in every
-format (TSV as QTM writes it, with 3 decimals). There is one row per format and reader. `time_s` is
-the shortest of `--rounds` readings, with the readers of a format taking turns. `ratio` is that time
-over the peer's (below 1 the row is faster). `memory_mb` is the growth of the process beyond its
-memory after reading one small file, and `memory_over_array` is the growth over the size of the
-position array (N x M x 3 doubles, 26.3 MB). `frames` is the number of frames returned, of 182,611.
-pandas only parses TSV into columns and checks nothing.
+A recording with 182,611 frames of 6 markers, as many as in the dissertation, is written
+in every format (TSV as QTM writes it, with 3 decimals). There is one row per format and
+reader. `time_s` is the shortest of `--rounds` readings, with the readers of a format
+taking turns. `ratio` is that time over the peer's (below 1 the row is faster).
+`memory_mb` is the growth of the process beyond its memory after reading one small file,
+and `memory_over_array` is the growth over the size of the position array (N x M x 3
+doubles, 26.3 MB). `frames` is the number of frames returned, of 182,611. pandas only
+parses TSV into columns and checks nothing.
 
-Beside it, `reading_agreement.csv` compares the C3D and the text file of the 3.5 m/s treadmill run:
-largest differences of positions and time stamps, and coordinates that only one file has. It says
-"absent" if the files are missing (see the README of this repository).
+Beside it, `reading_agreement.csv` compares the C3D and the text file of the 3.5 m/s
+treadmill run: largest differences of positions and time stamps, and coordinates that
+only one file has. It says "absent" if the files are missing (see the README of this
+repository).
 
-`damaged_files.csv` tests that each damaged recording ends in a recording or in a message that a
-user can act on. Small sound files of all formats (`tests/recordings/damage.py`) are damaged in
-seeded ways: bytes flipped; pieces cut off, doubled or removed; counts and sizes falsified; fields
-of text replaced. Each is read like a user's file, from import to the plausibility checks, in a
-process that may use 1 GB more memory than it starts with and 10 s per file. There is one row per
-sound file: how many of its damaged copies were read (`recordings`), how many were refused with a
-`RecordingError` that names the file, what was expected and what was found (`refused`), and the
-outcomes that must not occur: `other_exceptions`, `crashes`, `hangs`. `slowest_ms` is the longest
-time of one file, `peak_mb` the largest memory of the reading process, including Python and
-libraries. `failing` lists the numbers of files with such outcomes; `--only NUMBER` makes one of
-them again.
+`damaged_files.csv` tests that each damaged recording ends in a recording or in a
+message that a user can act on. Small sound files of all formats
+(`tests/recordings/damage.py`) are damaged in seeded ways: bytes flipped; pieces cut
+off, doubled or removed; counts and sizes falsified; fields of text replaced. Each is
+read like a user's file, from import to the plausibility checks, in a process that may
+use 1 GB more memory than it starts with and 10 s per file. There is one row per sound
+file: how many of its damaged copies were read (`recordings`), how many were refused
+with a `RecordingError` that names the file, what was expected and what was found
+(`refused`), and the outcomes that must not occur: `other_exceptions`, `crashes`,
+`hangs`. `slowest_ms` is the longest time of one file, `peak_mb` the largest memory of
+the reading process, including Python and libraries. `failing` lists the numbers of
+files with such outcomes; `--only NUMBER` makes one of them again.
 """
 
 from __future__ import annotations
@@ -72,7 +75,9 @@ def made_up(n_frames: int) -> RawRecording:
     positions = 500 + np.cumsum(rng.normal(0, 0.5, (n_frames, len(MARKERS), 3)), axis=0)
     positions[rng.random(positions.shape[:2]) < 0.01] = np.nan
     positions = np.round(positions, 3)
-    return RawRecording(MARKERS, np.arange(n_frames) / RATE_HZ, positions, RATE_HZ, "mm")
+    return RawRecording(
+        MARKERS, np.arange(n_frames) / RATE_HZ, positions, RATE_HZ, "mm"
+    )
 
 
 def write_all(folder: Path, raw: RawRecording) -> dict[str, Path]:
@@ -100,7 +105,11 @@ def by_pandas(path: Path) -> int:
 def by_scipy(path: Path) -> int:
     from scipy.io import loadmat
 
-    return int(loadmat(path)["trial"]["Trajectories"][0, 0]["Labeled"][0, 0]["Data"][0, 0].shape[2])
+    return int(
+        loadmat(path)["trial"]["Trajectories"][0, 0]["Labeled"][0, 0]["Data"][
+            0, 0
+        ].shape[2]
+    )
 
 
 def by_ezc3d(path: Path) -> int:
@@ -126,7 +135,9 @@ FORMATS = {
 def grown_mb(reader: str, small: Path, path: Path) -> float:
     """Return how much a fresh process grows when it reads a file after a small one, MB."""
     command = [sys.executable, __file__, "--measure", reader, str(small), str(path)]
-    return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return float(
+        subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    )
 
 
 def most_memory_mb() -> float:
@@ -145,7 +156,9 @@ def measure(reader: str, small: Path, path: Path) -> None:
     print(most_memory_mb() - before)
 
 
-def shortest(readers: dict[str, Reader], path: Path, rounds: int) -> dict[str, tuple[float, int]]:
+def shortest(
+    readers: dict[str, Reader], path: Path, rounds: int
+) -> dict[str, tuple[float, int]]:
     """Return the shortest time, s, and the number of frames of each reader; they take turns."""
     best = dict.fromkeys(readers, (np.inf, 0))
     for _ in range(rounds):
@@ -194,7 +207,9 @@ def agreement() -> pd.DataFrame:
     names = read_raw(folder / C3D).markers
     markers = {"body": names[:3], "feet": names[3:9], "boom": names[9:]}
     a, b = (
-        import_recording(folder / file, name="run", markers=markers, vertical_axis="y")[0]
+        import_recording(folder / file, name="run", markers=markers, vertical_axis="y")[
+            0
+        ]
         for file in (C3D, TEXT)
     )
     apart = np.abs(a.positions - b.positions)
@@ -220,7 +235,11 @@ def read_damaged(first: int, files: int, folder: Path) -> None:
     """Read the files from `first` on, and report each outcome on stdout."""
     sound = corpus()
     names = list(sound)
-    pages = int(Path("/proc/self/statm").read_text().split()[0]) if sys.platform == "linux" else 0
+    pages = (
+        int(Path("/proc/self/statm").read_text().split()[0])
+        if sys.platform == "linux"
+        else 0
+    )
     if pages:
         used = pages * os.sysconf("SC_PAGE_SIZE")
         resource.setrlimit(resource.RLIMIT_AS, (used + LIMIT_BYTES, used + LIMIT_BYTES))
@@ -231,7 +250,10 @@ def read_damaged(first: int, files: int, folder: Path) -> None:
         signal.alarm(LIMIT_S)
         start = time.perf_counter()
         try:
-            outcome, note = ("refused" if isinstance(read(path), str) else "recordings"), ""
+            outcome, note = (
+                ("refused" if isinstance(read(path), str) else "recordings"),
+                "",
+            )
         except Exception as error:
             outcome, note = "other_exceptions", f"{type(error).__name__}: {error}"
         signal.alarm(0)
@@ -248,7 +270,9 @@ def fates(files: int) -> list[dict[str, object]]:
         while len(found) < files:
             command = [sys.executable, __file__, "--damaged", folder]
             command += [str(len(found)), "--files", str(files)]
-            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            with subprocess.Popen(
+                command, stdout=subprocess.PIPE, text=True
+            ) as process:
                 assert process.stdout is not None
                 begun = False
                 for line in process.stdout:
@@ -262,7 +286,9 @@ def fates(files: int) -> list[dict[str, object]]:
                 found.append({"number": len(found), "outcome": outcome, "note": "",
                               "ms": 1e3 * LIMIT_S if hung else 0.0, "peak": 0.0})  # fmt: skip
             elif process.returncode:
-                raise RuntimeError(f"the reading process ended with {process.returncode}")
+                raise RuntimeError(
+                    f"the reading process ended with {process.returncode}"
+                )
     return found
 
 
@@ -287,7 +313,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="CSV file to write")
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--files", type=int, default=21_000, help="damaged files")
-    parser.add_argument("--only", type=int, help="write this damaged file here, and read it")
+    parser.add_argument(
+        "--only", type=int, help="write this damaged file here, and read it"
+    )
     parser.add_argument("--measure", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--damaged", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()

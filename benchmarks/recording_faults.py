@@ -2,55 +2,60 @@
 
     python benchmarks/recording_faults.py --out recording_faults.csv
 
-The recordings are of the simulated hopper, each with one fault in known markers and frames. There
-is one row per camera (rate and noise) and kind of fault. `found` is the share of recordings in
-which the fault is reported with its markers and frames (a swap that ends in a gap may end anywhere
-in it); `named` is the share in which nothing else is reported. The rows "clean" and "gaps" have no
-fault: `false_alarms` is the number of faults reported in all their recordings, `hours` their total
-length, and `guessed` the share of them in which unit, vertical axis and the roles of all markers
-are guessed right.
+The recordings are of the simulated hopper, each with one fault in known markers and
+frames. There is one row per camera (rate and noise) and kind of fault. `found` is the
+share of recordings in which the fault is reported with its markers and frames (a swap
+that ends in a gap may end anywhere in it); `named` is the share in which nothing else
+is reported. The rows "clean" and "gaps" have no fault: `false_alarms` is the number of
+faults reported in all their recordings, `hours` their total length, and `guessed` the
+share of them in which unit, vertical axis and the roles of all markers are guessed
+right.
 
-`floor_faults.csv`, beside it, compares the fitted floor with the true one where a foot hangs low,
-drags, or stands on something.
+`floor_faults.csv`, beside it, compares the fitted floor with the true one where a foot
+hangs low, drags, or stands on something.
 
-The hopper is simulated with the default curved floor, and then its feet are moved according to the
-fault. There is one row per fault, height and estimator: `ours` is
-`hopdata.landings.floor.fit_floor`; `tukey`, `huber` and `least squares` are single regressions of
-the same rest points by statsmodels (RLM, RLM, OLS), with the same polynomial and mount heights.
-Errors are taken at the true contacts, as root mean square over the seeds: `floor_mm` of the floor,
-minus its mean; `mounts_mm` of the worst foot's mount height relative to the other feet; `level_mm`
-of the mean of floor and mount together over the feet; and `rms_mm` of their root mean square, which
-says how far from zero a foot on the floor is afterwards. `efficiency`, for the clean recordings
-only, is the square of `floor_mm` of least squares over that of the row.
+The hopper is simulated with the default curved floor, and then its feet are moved
+according to the fault. There is one row per fault, height and estimator: `ours` is
+`hopdata.landings.floor.fit_floor`; `tukey`, `huber` and `least squares` are single
+regressions of the same rest points by statsmodels (RLM, RLM, OLS), with the same
+polynomial and mount heights. Errors are taken at the true contacts, as root mean square
+over the seeds: `floor_mm` of the floor, minus its mean; `mounts_mm` of the worst foot's
+mount height relative to the other feet; `level_mm` of the mean of floor and mount
+together over the feet; and `rms_mm` of their root mean square, which says how far from
+zero a foot on the floor is afterwards. `efficiency`, for the clean recordings only, is
+the square of `floor_mm` of least squares over that of the row.
 
-The faults are: `hangs`, one foot's rests are too high by that height in the given share of the run;
-`drags`, the foot slides in flight at that height, with slow waves of half the height, in the given
-share; `obstacle`, all feet rest that much higher within a disc that holds about the given share of
-the steps.
+The faults are: `hangs`, one foot's rests are too high by that height in the given share
+of the run; `drags`, the foot slides in flight at that height, with slow waves of half
+the height, in the given share; `obstacle`, all feet rest that much higher within a disc
+that holds about the given share of the steps.
 
-`filling.csv`, beside it, shows for gaps of the body markers what filling gains, and how far the
-filled positions are from the truth.
+`filling.csv`, beside it, shows for gaps of the body markers what filling gains, and how
+far the filled positions are from the truth.
 
-The hopper is simulated once for each number of body markers and observed with and without drop-outs
-of all markers, including the feet. There is one row for each kind of gaps and each way to fill
-them: `none`, the methods of `hopdata.landings.filling`, and scipy's `CubicSpline` through all seen
-positions of each marker, which ignores contacts and bodies. Gaps of up to `longest_s` are filled;
-the default of the configuration is `rigid` up to 0.1 s.
+The hopper is simulated once for each number of body markers and observed with and
+without drop-outs of all markers, including the feet. There is one row for each kind of
+gaps and each way to fill them: `none`, the methods of `hopdata.landings.filling`, and
+scipy's `CubicSpline` through all seen positions of each marker, which ignores contacts
+and bodies. Gaps of up to `longest_s` are filled; the default of the configuration is
+`rigid` up to 0.1 s.
 
-`error_mm` is the rms distance of filled positions from the true ones, per coordinate; `worst_mm` is
-its 99 % quantile, and `seen_mm` the same rms of the seen positions, which is their noise. Used
-touchdowns are compared with those of the same recording without any gap; `won` counts those gained
-over `none`. Errors of the states at the sections are relative to the integrated landings,
-separately for touchdowns that depend on filled positions (from 0.22 s before the pre section to
-0.22 s after the post section) and for those that do not.
+`error_mm` is the rms distance of filled positions from the true ones, per coordinate;
+`worst_mm` is its 99 % quantile, and `seen_mm` the same rms of the seen positions, which
+is their noise. Used touchdowns are compared with those of the same recording without
+any gap; `won` counts those gained over `none`. Errors of the states at the sections are
+relative to the integrated landings, separately for touchdowns that depend on filled
+positions (from 0.22 s before the pre section to 0.22 s after the post section) and for
+those that do not.
 
-`moved_floors.csv`, beside it (alone with `--moved`), has floors that rise over the recording, sway
-in 20 s or drop once half-way, under the hopper and the quadruped, with 120 landings. It also has
-the same bodies on a fixed floor, larger and smaller: lengths times `size`, times times its square
-root, noise in proportion. There is one row for each, worst and median over the seeds: `refused`
-recordings; `moving`, recordings reported to have a moving floor; the share `used` of the true
-landings; `right`, the share of right orders among the sure ones; the rms error of the instants,
-over the square root of the size; rms error over stated error; and the rms residual of the best
+`moved_floors.csv`, beside it (alone with `--moved`), has floors that rise over the
+recording, sway in 20 s or drop once half-way, under the hopper and the quadruped, with
+120 landings. It also has the same bodies on a fixed floor, larger and smaller: lengths
+times `size`, times times its square root, noise in proportion. There is one row for
+each, worst and median over the seeds: `refused` recordings; `moving`, recordings
+reported to have a moving floor; the share `used` of the true landings; `right`, the
+share of right orders among the sure ones; the rms error of the instants, over the
+square root of the size; rms error over stated error; and the rms residual of the best
 affine map from one section to the other, in standard deviations of the coordinates.
 """
 
@@ -136,7 +141,9 @@ def swap(length: int, gap: int) -> Callable[[Recording, np.random.Generator], Pl
     return plant
 
 
-def spike(size_m: float, length: int) -> Callable[[Recording, np.random.Generator], Planted]:
+def spike(
+    size_m: float, length: int
+) -> Callable[[Recording, np.random.Generator], Planted]:
     """Move a marker aside for a few frames."""
 
     def plant(recording: Recording, rng: np.random.Generator) -> Planted:
@@ -209,7 +216,10 @@ def is_guessed(inspection: Inspection, recording: Recording) -> bool:
     right = tuple(recording.names(role) for role in ROLES)
     check_fall(recording)
     check_rigid(recording)
-    return found == right and (inspection.unit.value, inspection.up.value) == ("mm", "z")
+    return found == right and (inspection.unit.value, inspection.up.value) == (
+        "mm",
+        "z",
+    )
 
 
 def without_fault(rate_hz: float, noise_m: float, n: int) -> Iterator[dict[str, Any]]:
@@ -237,7 +247,9 @@ def with_fault(rate_hz: float, noise_m: float, n: int) -> Iterator[dict[str, Any
         found = named = 0
         for seed in range(n):
             recording = simulated(1000 + seed, rate_hz, noise_m)
-            rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
+            rng = np.random.default_rng(
+                np.random.SeedSequence(seed, spawn_key=(number,))
+            )
             planted = plant(recording, rng)
             faults = inspected(recording, planted.positions).faults
             is_found = planted.is_found(faults)
@@ -274,7 +286,9 @@ def spoilt(
         noise = np.random.default_rng(0).normal(0, truth.noise_m, len(wave))
         positions[moved, feet[0], 2] = (floor + wave + noise)[moved]
     elif fault == "obstacle":
-        stands = np.concatenate([positions[down[:, k], f, :2] for k, f in enumerate(feet)])
+        stands = np.concatenate(
+            [positions[down[:, k], f, :2] for k, f in enumerate(feet)]
+        )
         centre = np.median(stands, axis=0) + np.array([0.2, 0.1])
         radius = np.quantile(np.hypot(*(stands - centre).T), share)
         for k, foot in enumerate(feet):
@@ -288,11 +302,15 @@ def _true_floor(recording: Recording, truth: Truth, foot: int) -> FloatArray:
     from scipy.spatial import cKDTree
 
     seen = np.isfinite(truth.contact_times)
-    _, nearest = cKDTree(truth.contact_points[seen]).query(recording.positions[:, foot, :2])
+    _, nearest = cKDTree(truth.contact_points[seen]).query(
+        recording.positions[:, foot, :2]
+    )
     return truth.floor_at_contacts[seen][nearest]
 
 
-def peer(recording: Recording, name: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
+def peer(
+    recording: Recording, name: str
+) -> Callable[[FloatArray, FloatArray], FloatArray]:
     """Regress the same rest points by statsmodels; return floor and mounts by place."""
     import statsmodels.api as sm
 
@@ -303,8 +321,13 @@ def peer(recording: Recording, name: str) -> Callable[[FloatArray, FloatArray], 
     terms = polynomial_terms(DEGREE)
     n = len(rest.start_m)
     contrasts = np.vstack([np.eye(n - 1), -np.ones((1, n - 1))])
-    columns = np.hstack([design(rest.points[:, :2] / scale, terms), contrasts[rest.foot]])
-    norms = {"tukey": sm.robust.norms.TukeyBiweight(), "huber": sm.robust.norms.HuberT()}
+    columns = np.hstack(
+        [design(rest.points[:, :2] / scale, terms), contrasts[rest.foot]]
+    )
+    norms = {
+        "tukey": sm.robust.norms.TukeyBiweight(),
+        "huber": sm.robust.norms.HuberT(),
+    }
     heights = rest.points[:, 2]
     if name == "least squares":
         found = sm.OLS(heights, columns).fit().params
@@ -338,7 +361,9 @@ def measure(
     """Return errors at the true contacts; the true mount heights are all zero."""
     seen = np.isfinite(truth.contact_times)
     floor = (height(truth.contact_points, np.zeros(1)) - truth.floor_at_contacts)[seen]
-    both = np.where(seen, height(truth.contact_points, np.ones(1)) - truth.floor_at_contacts, 0)
+    both = np.where(
+        seen, height(truth.contact_points, np.ones(1)) - truth.floor_at_contacts, 0
+    )
     zero = np.zeros((1, truth.contact_points.shape[1], 2))
     mounts = (height(zero, np.ones(1)) - height(zero, np.zeros(1)))[0]
     return {
@@ -349,7 +374,9 @@ def measure(
     }
 
 
-ESTIMATORS: dict[str, Callable[[Recording], Callable[[FloatArray, FloatArray], FloatArray]]] = {
+ESTIMATORS: dict[
+    str, Callable[[Recording], Callable[[FloatArray, FloatArray], FloatArray]]
+] = {
     "ours": ours,
     "tukey": lambda r: peer(r, "tukey"),
     "huber": lambda r: peer(r, "huber"),
@@ -370,12 +397,19 @@ def floor_table(hops: int, seeds: int) -> pd.DataFrame:
             bad = spoilt(recording, truth, fault, share, 1e-3 * mm)
             for name, estimator in ESTIMATORS.items():
                 found = measure(estimator(bad), truth)
-                where = {"fault": fault, "share": share, "height_mm": mm, "estimator": name}
+                where = {
+                    "fault": fault,
+                    "share": share,
+                    "height_mm": mm,
+                    "estimator": name,
+                }
                 rows.append({**where, **found})
     keys = ["fault", "share", "height_mm", "estimator"]
     table = pd.DataFrame(rows).groupby(keys, sort=False).agg(_rms_of).reset_index()
     clean = table["fault"] == "clean"
-    best = table.loc[clean & (table["estimator"] == "least squares"), "floor_mm"].iloc[0]
+    best = table.loc[clean & (table["estimator"] == "least squares"), "floor_mm"].iloc[
+        0
+    ]
     table["efficiency"] = np.where(clean, (best / table["floor_mm"]) ** 2, np.nan)
     return table
 
@@ -386,7 +420,10 @@ MARKERS = (
     *((0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055)),
     *((0.02, -0.05, 0.1), (-0.12, 0.0, 0.03)),
 )
-FILLED_GAPS = {"short": (60.0, 0.03), "long": (60.0, 0.15)}  # 1/min per marker, length in s
+FILLED_GAPS = {
+    "short": (60.0, 0.03),
+    "long": (60.0, 0.15),
+}  # 1/min per marker, length in s
 METHODS = ("none", "rigid", "CubicSpline")
 DEFAULT_S, LONGEST_S = 0.1, 0.5
 WAYS = (("none", 0.0), ("rigid", DEFAULT_S), ("CubicSpline", LONGEST_S))
@@ -404,7 +441,9 @@ class Case:
     true: Pairs
 
 
-def observed(hops: int, n_body: int, seed: int, **capture: Any) -> tuple[Recording, Truth]:
+def observed(
+    hops: int, n_body: int, seed: int, **capture: Any
+) -> tuple[Recording, Truth]:
     """Simulate the hopper with its first `n_body` markers."""
     capture = {**CAPTURE, "markers": {"body_m": MARKERS[:n_body]}, **capture}
     return simulate_recording({"hops": hops}, capture, seed=seed)
@@ -417,7 +456,9 @@ def make_case(hops: int, n_body: int, seed: int) -> Case:
     flat = level(whole, fit_floor(whole))
     found = select_sections([flat])
     scene = known_scene(truth)
-    sections = SectionHeights(found.pre_height_m, found.post_height_m, scene.body_points_m)
+    sections = SectionHeights(
+        found.pre_height_m, found.post_height_m, scene.body_points_m
+    )
     states = true_states(truth, scene, sections)
     names = np.full(len(states.index), whole.name)
     true = Pairs(
@@ -429,11 +470,16 @@ def make_case(hops: int, n_body: int, seed: int) -> Case:
 
 def splined(recording: Recording, *, longest_s: float) -> Recording:
     """Fill the gaps of each body marker by scipy's spline through all its seen positions."""
-    positions, filled = recording.positions.copy(), np.zeros(recording.positions.shape[:2], bool)
+    positions, filled = (
+        recording.positions.copy(),
+        np.zeros(recording.positions.shape[:2], bool),
+    )
     short = short_gaps(recording, longest_s)
     for m in recording.indices("body"):
         is_seen = np.isfinite(positions[:, m, 0])
-        spline = CubicSpline(recording.time[is_seen], positions[is_seen, m], extrapolate=False)
+        spline = CubicSpline(
+            recording.time[is_seen], positions[is_seen, m], extrapolate=False
+        )
         positions[short[:, m], m] = spline(recording.time[short[:, m]])
         filled[:, m] = short[:, m] & np.isfinite(positions[:, m, 0])
     return replace(recording, positions=positions, filled=filled)
@@ -486,14 +532,18 @@ def state_row(case: Case, recording: Recording) -> dict[str, float]:
     return out
 
 
-def rows_of(case: Case, n_body: int, kind: str, gappy: Recording) -> list[dict[str, Any]]:
+def rows_of(
+    case: Case, n_body: int, kind: str, gappy: Recording
+) -> list[dict[str, Any]]:
     """Return one row per method for one recording with gaps."""
     floor = fit_floor(gappy)
     flat, perfect = level(gappy, floor), level(case.perfect, floor)
     bodies = flat.indices("body")
     missing = ~np.isfinite(flat.positions[:, bodies]).all(axis=2)
     noise = (flat.positions - perfect.positions)[:, bodies][~missing]
-    whole = replace(level(case.whole, floor), filled=np.zeros(flat.positions.shape[:2], bool))
+    whole = replace(
+        level(case.whole, floor), filled=np.zeros(flat.positions.shape[:2], bool)
+    )
     used_whole = int((~touchdowns(whole, case)[1]["excluded"]).sum())
     rows = []
     for method, longest_s in WAYS:
@@ -556,7 +606,9 @@ def moved_table(seeds: range, hops: int) -> pd.DataFrame:
     """Return one row for each body and movement of its floor, and for each size of the body."""
     rows = []
     for body, scene in SCENES.items():
-        seen = [simulate_recording({"hops": hops, **scene}, {}, seed=[s, 26]) for s in seeds]
+        seen = [
+            simulate_recording({"hops": hops, **scene}, {}, seed=[s, 26]) for s in seeds
+        ]
         cases = [("still", 0.0, 1.0), *(("still", 0.0, size) for size in SIZES)]
         cases += [(move, far, 1.0) for move in MOVES for far in MOVED_BY_M]
         for move, far, size in cases:
@@ -564,7 +616,11 @@ def moved_table(seeds: range, hops: int) -> pd.DataFrame:
             row = {"body": body, "size": size, "floor": move, "by_mm": 1e3 * far}
             row |= {name: int(found.pop(name).sum()) for name in ("refused", "moving")}
             for name in found:
-                worst = found[name].min() if name in ("used", "right") else found[name].max()
+                worst = (
+                    found[name].min()
+                    if name in ("used", "right")
+                    else found[name].max()
+                )
                 row |= {name: found[name].median(), f"{name}_worst": worst}
             rows.append(row)
             print(row, flush=True)
@@ -584,18 +640,24 @@ def _on_moved(
         floor = fit_floor(recording)
         flat = level(recording, floor)
         sections = select_sections([flat])
-        heights = {name: getattr(sections, name) for name in ("pre_height_m", "post_height_m")}
+        heights = {
+            name: getattr(sections, name) for name in ("pre_height_m", "post_height_m")
+        }
         table = touchdown_table(flat, **heights)
         pairs = assemble_pairs([flat], table, **heights)
     except AnalysisError:
         return {"refused": True, "moving": False}
     used = table[~table["excluded"]].set_index("index").loc[pairs.index]
     kinds = ("contact", "se", "common")
-    instant, own, common = (used.filter(regex=f"^{k}_.*_s$").to_numpy() / root for k in kinds)
+    instant, own, common = (
+        used.filter(regex=f"^{k}_.*_s$").to_numpy() / root for k in kinds
+    )
     landing = match_landings(instant, truth.contact_times)
     error = (instant - truth.contact_times[landing])[landing >= 0]
     stated = np.hypot(own, common)[landing >= 0]
-    order = np.argsort(instant, axis=1) == np.argsort(truth.contact_times[landing], axis=1)
+    order = np.argsort(instant, axis=1) == np.argsort(
+        truth.contact_times[landing], axis=1
+    )
     sure = (used["probability"].to_numpy() >= SURE) & (landing >= 0)
     x, y = ((z - z.mean(axis=0)) / z.std(axis=0) for z in (pairs.x, pairs.y))
     left = y - x @ np.linalg.lstsq(x, y, rcond=1e-6)[0]
@@ -617,8 +679,12 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=RECORDINGS)
     parser.add_argument("--floor-seeds", type=int, default=5)
     parser.add_argument("--filled-hops", type=int, default=500)
-    parser.add_argument("--moved", action="store_true", help="only moved_floors.csv, into --out")
-    parser.add_argument("--moved-seeds", type=int, nargs=2, default=(61, 65), help="first, last")
+    parser.add_argument(
+        "--moved", action="store_true", help="only moved_floors.csv, into --out"
+    )
+    parser.add_argument(
+        "--moved-seeds", type=int, nargs=2, default=(61, 65), help="first, last"
+    )
     options = parser.parse_args()
     out: Path = options.out
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -2,19 +2,21 @@
 
     python benchmarks/stress.py --out stress.csv
 
-There is one row for each case of `tests/hybrid/stress` (whose modules are imported from there), the
-long run of `--hops` hops at a tight and at the tightest tolerance, and blocks of 100 of the
-`--systems` random systems of each kind (`back`: from the end to the start). `missed` and `spurious`
-count events relative to the exact answer. `error_max` is the largest deviation of the final state
-in the case's own units, and `error_over_tolerance` the same in units of the case's tolerance.
-`status` and `right_status` say how the integration ended and how it should have. The rows of
-`scipy` show one call of `solve_ivp` (RK45, same tolerances), which has no locks, so its field sees
-the sign of h. There, `right` applies the same criteria as to our solver; read its `missed`,
-`spurious` and `error_max` instead. The rows of `quick` are `--systems` / 5 random members of each
-family of guards that bend or move quickly, at each of four tolerances, with all methods in turn.
-SciPy's DOP853 and heyoka (if the guard is an expression) integrate the same systems, which no event
-changes, and only watch for events. `--seed` draws other systems in every random family; the peers
-run only with the usual ones.
+There is one row for each case of `tests/hybrid/stress` (whose modules are imported from
+there), the long run of `--hops` hops at a tight and at the tightest tolerance, and
+blocks of 100 of the `--systems` random systems of each kind (`back`: from the end to
+the start). `missed` and `spurious` count events relative to the exact answer.
+`error_max` is the largest deviation of the final state in the case's own units, and
+`error_over_tolerance` the same in units of the case's tolerance. `status` and
+`right_status` say how the integration ended and how it should have. The rows of `scipy`
+show one call of `solve_ivp` (RK45, same tolerances), which has no locks, so its field
+sees the sign of h. There, `right` applies the same criteria as to our solver; read its
+`missed`, `spurious` and `error_max` instead. The rows of `quick` are `--systems` / 5
+random members of each family of guards that bend or move quickly, at each of four
+tolerances, with all methods in turn. SciPy's DOP853 and heyoka (if the guard is an
+expression) integrate the same systems, which no event changes, and only watch for
+events. `--seed` draws other systems in every random family; the peers run only with the
+usual ones.
 """
 
 from __future__ import annotations
@@ -64,7 +66,12 @@ from hopdata.hybrid import solve  # noqa: E402
 from hopdata.hybrid.arguments import SMALLEST_RTOL  # noqa: E402
 
 BLOCK = 100
-KINKED = ("abs", "max", "table", "after an event")  # families without expressions in heyoka
+KINKED = (
+    "abs",
+    "max",
+    "table",
+    "after an event",
+)  # families without expressions in heyoka
 Row = dict[str, object]
 
 
@@ -106,7 +113,9 @@ def block_rows(first: int, count: int, *, affine: bool) -> Iterator[Row]:
     cases = [random_case(seed, affine=affine) for seed in range(first, first + count)]
     seeds = f"seeds {first} to {first + count - 1}"
     yield summed_row(cases[0].name, seeds, cases)
-    yield summed_row(f"{cases[0].name} back", seeds, [turned_back(case) for case in cases])
+    yield summed_row(
+        f"{cases[0].name} back", seeds, [turned_back(case) for case in cases]
+    )
 
 
 def swing_rows(count: int, seed: int) -> Iterator[Row]:
@@ -128,22 +137,33 @@ def quick_rows(count: int, seed: int) -> Iterator[Row]:
                 continue
             cases = [quick_member(family, rng, rtol) for _ in range(count)]
             methods = [
-                {"method": method} for _, method in zip(cases, cycle(QUICK_METHODS), strict=False)
+                {"method": method}
+                for _, method in zip(cases, cycle(QUICK_METHODS), strict=False)
             ]
             ours = [
-                replace(case, system=quick(m["method"] == "taylor"), options=case.options | m)
+                replace(
+                    case,
+                    system=quick(m["method"] == "taylor"),
+                    options=case.options | m,
+                )
                 for case, m in zip(cases, methods, strict=True)
             ]
             yield summed_row("quick", f"{family}, {rtol:g}", ours)
             if family == "after an event":  # peers without locks cannot represent it
                 continue
-            yield summed_row("quick back", f"{family}, {rtol:g}", [turned_back(c) for c in ours])
+            yield summed_row(
+                "quick back", f"{family}, {rtol:g}", [turned_back(c) for c in ours]
+            )
             if seed > 0:
                 continue
-            yield peer_row("scipy", f"{family}, {rtol:g}", [watched_by_scipy(c) for c in cases])
+            yield peer_row(
+                "scipy", f"{family}, {rtol:g}", [watched_by_scipy(c) for c in cases]
+            )
             if family not in KINKED:
                 watch = heyoka_watcher(family, rtol)
-                yield peer_row("heyoka", f"{family}, {rtol:g}", [watch(case) for case in cases])
+                yield peer_row(
+                    "heyoka", f"{family}, {rtol:g}", [watch(case) for case in cases]
+                )
 
 
 def counted(case: Case, found: list[tuple[float, int]], time_us: float) -> Verdict:
@@ -155,7 +175,9 @@ def counted(case: Case, found: list[tuple[float, int]], time_us: float) -> Verdi
         seen = sorted(t for t, guard in found if guard == k)
         pairs += matched(seen, [t for t, guard, _ in expected if guard == k], tolerance)
     missed, spurious = len(expected) - pairs, len(found) - pairs
-    return Verdict(len(expected), missed, spurious, np.nan, np.nan, 0, True, True, time_us)
+    return Verdict(
+        len(expected), missed, spurious, np.nan, np.nan, 0, True, True, time_us
+    )
 
 
 def peer_row(solver: str, parameter: str, verdicts: list[Verdict]) -> Row:
@@ -166,7 +188,9 @@ def peer_row(solver: str, parameter: str, verdicts: list[Verdict]) -> Row:
         sum(v.spurious for v in verdicts), np.nan, np.nan, 0, True, wrong == 0,
         float(np.median([v.time_us for v in verdicts])),
     )  # fmt: skip
-    return row_of(solver, "quick", f"{parameter}, {wrong} wrong", total) | {"right": wrong == 0}
+    return row_of(solver, "quick", f"{parameter}, {wrong} wrong", total) | {
+        "right": wrong == 0
+    }
 
 
 def watched_by_scipy(case: Case) -> Verdict:
@@ -224,7 +248,10 @@ def heyoka_watcher(family: str, rtol: float) -> Callable[[Case], Verdict]:
 
     rates = [(x, v), (v, -fall), (c, growth * c - turn * s), (s, turn * c + growth * s)]
     integrator = hy.taylor_adaptive(
-        rates, [0.0] * 4, tol=rtol, nt_events=[hy.nt_event(height(k), note(k)) for k in range(2)]
+        rates,
+        [0.0] * 4,
+        tol=rtol,
+        nt_events=[hy.nt_event(height(k), note(k)) for k in range(2)],
     )
 
     def watch(case: Case) -> Verdict:
@@ -251,9 +278,13 @@ def long_row(hops: int, rtol: float) -> Row:
     solution = solve(case.system, case.t_span, case.y0, **case.options)
     elapsed = 1e6 * (time.perf_counter() - start)
     stiffness = case.options["params"][1]
-    drift = energy(stiffness, solution.y_end) / energy(stiffness, np.array(case.y0)) - 1.0
+    drift = (
+        energy(stiffness, solution.y_end) / energy(stiffness, np.array(case.y0)) - 1.0
+    )
     verdict = replace(compare(solution, case.answers[0]), time_us=elapsed)
-    return row_of("hopdata", case.name, f"{case.parameter}, energy {drift:+.2g}", verdict)
+    return row_of(
+        "hopdata", case.name, f"{case.parameter}, energy {drift:+.2g}", verdict
+    )
 
 
 def by_scipy(case: Case) -> Verdict:
@@ -281,7 +312,8 @@ def by_scipy(case: Case) -> Verdict:
     )  # fmt: skip
     elapsed = 1e6 * (time.perf_counter() - start)
     answer = case.answers[0]
-    # Its event times are accurate only to its tolerance, so a thousandth of the span is allowed.
+    # Its event times are accurate only to its tolerance, so a thousandth of the span is
+    # allowed.
     tolerance = 1e-3 * (case.t_span[1] - case.t_span[0])
     pairs = sum(
         matched(sorted(times), [t for t, g, _ in answer.events if g == k], tolerance)
@@ -299,7 +331,12 @@ def by_scipy(case: Case) -> Verdict:
 def scipy_rows(cases: list[Case]) -> Iterator[Row]:
     """Yield scipy's results for a few of the cases."""
     shown = {
-        "contact_gap": ("0.001 mixed at 1", "1e-12 mixed at 1", "1e-16 mixed at 1", "0 mixed at 1"),
+        "contact_gap": (
+            "0.001 mixed at 1",
+            "1e-12 mixed at 1",
+            "1e-16 mixed at 1",
+            "0 mixed at 1",
+        ),
         "grazing": ("-0.001, 2 m/s", "-1e-06, 2 m/s", "-1e-10, 2 m/s"),
         "on_guard_at_start": ("rate 1, bend -2, h 1", "rate -1, bend -2, h 1"),
         "recrossing": ("1e-12 turned 0",),
@@ -313,9 +350,15 @@ def scipy_rows(cases: list[Case]) -> Iterator[Row]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--hops", type=int, default=100_000, help="hops of the long run")
-    parser.add_argument("--systems", type=int, default=1000, help="random systems of each kind")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the random systems")
+    parser.add_argument(
+        "--hops", type=int, default=100_000, help="hops of the long run"
+    )
+    parser.add_argument(
+        "--systems", type=int, default=1000, help="random systems of each kind"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the random systems"
+    )
     arguments = parser.parse_args()
     seed, drawn_before = arguments.seed, arguments.seed * arguments.systems
     cases = [*gap_cases(), *root_cases(), *edge_cases(), *mass_cases()]

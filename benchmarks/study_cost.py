@@ -2,14 +2,16 @@
 
     python benchmarks/study_cost.py --out study_cost.csv
 
-All stages of the study of config/thesis.yaml run in a separate folder on two cores, and then again
-with recordings ten times as long. `study_cost.csv` has a row for each: frames, hops used, wall and
-processor time, the peak memory of one stage, and the times per hop relative to the first row.
-`study_cost_stages.csv`, beside it, has the processor time of each stage, summed over recordings,
-and the memory of its largest job according to Snakemake, which samples it at intervals.
+All stages of the study of config/thesis.yaml run in a separate folder on two cores, and
+then again with recordings ten times as long. `study_cost.csv` has a row for each:
+frames, hops used, wall and processor time, the peak memory of one stage, and the times
+per hop relative to the first row. `study_cost_stages.csv`, beside it, has the processor
+time of each stage, summed over recordings, and the memory of its largest job according
+to Snakemake, which samples it at intervals.
 
-With `--frames 1e6 1e7` the study has a single recording of that many frames instead: the bundled
-one repeated, with fresh noise and after a pause, like files of one day that were joined.
+With `--frames 1e6 1e7` the study has a single recording of that many frames instead:
+the bundled one repeated, with fresh noise and after a pause, like files of one day that
+were joined.
 """
 
 from __future__ import annotations
@@ -47,10 +49,15 @@ def scaled_config(factor: float, base: float = 1.0) -> dict[str, Any]:
 
 def long_config(frames: int, folder: Path) -> dict[str, Any]:
     """Return the study of one recording of `frames` frames, which is written into the folder."""
-    config: dict[str, Any] = yaml.safe_load((ROOT / "config/config.yaml").read_text("utf-8"))
+    config: dict[str, Any] = yaml.safe_load(
+        (ROOT / "config/config.yaml").read_text("utf-8")
+    )
     one = read_recording(ROOT / "data/sample/hopper.h5")
     rng, n = np.random.default_rng(config["seed"]), len(one.time)
-    time_s, positions = np.empty(frames), np.empty((frames, *one.positions.shape[1:]), np.float32)
+    time_s, positions = (
+        np.empty(frames),
+        np.empty((frames, *one.positions.shape[1:]), np.float32),
+    )
     for number, first in enumerate(range(0, frames, n)):
         part = slice(0, min(n, frames - first))
         into = slice(first, first + part.stop)
@@ -89,7 +96,9 @@ def stage_costs(results: Path) -> pd.DataFrame:
     for file in sorted((results / "benchmarks").rglob("*.tsv")):
         noted = pd.read_csv(file, sep="\t").iloc[0]
         stage = file.stem.split("_trial")[0]
-        rows.append((stage, float(noted["cpu_time"]), float(noted["max_rss"]) * 2**20 / 1e6))
+        rows.append(
+            (stage, float(noted["cpu_time"]), float(noted["max_rss"]) * 2**20 / 1e6)
+        )
     return pd.DataFrame(rows, columns=["stage", "cpu_s", "peak_mb"])
 
 
@@ -105,7 +114,9 @@ def measure(
         jobs = stage_costs(results)
         touchdowns = pd.read_csv(results / "tables/touchdowns.csv")
         hops = int((~touchdowns["excluded"].astype(bool)).sum())
-        markers = pd.read_csv(results / "tables/markers.csv").drop_duplicates("recording")
+        markers = pd.read_csv(results / "tables/markers.csv").drop_duplicates(
+            "recording"
+        )
     row = {
         "times": factor,
         "frames": int(markers["frames"].sum()),
@@ -114,7 +125,9 @@ def measure(
         "cpu_s": jobs["cpu_s"].sum(),
         "peak_mb": peak,
     }
-    stages = jobs.groupby("stage", as_index=False).agg({"cpu_s": "sum", "peak_mb": "max"})
+    stages = jobs.groupby("stage", as_index=False).agg(
+        {"cpu_s": "sum", "peak_mb": "max"}
+    )
     return row, stages.assign(times=factor, hops=hops)
 
 
@@ -127,7 +140,9 @@ def write(table: pd.DataFrame, by_stage: pd.DataFrame, out: Path) -> None:
     table["cpu_us_per_frame"] = 1e6 * table["cpu_s"] / table["frames"]
     by_stage["cpu_ms_per_hop"] = 1e3 * by_stage["cpu_s"] / by_stage["hops"]
     table.to_csv(out, index=False, float_format="%.4g")
-    by_stage.to_csv(out.with_name("study_cost_stages.csv"), index=False, float_format="%.4g")
+    by_stage.to_csv(
+        out.with_name("study_cost_stages.csv"), index=False, float_format="%.4g"
+    )
     print(table.to_string(index=False), flush=True)
 
 
@@ -137,8 +152,12 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--base", type=float, default=1.0, help="length of the first, in studies")
-    parser.add_argument("--frames", type=float, nargs="+", help="lengths of one recording")
+    parser.add_argument(
+        "--base", type=float, default=1.0, help="length of the first, in studies"
+    )
+    parser.add_argument(
+        "--frames", type=float, nargs="+", help="lengths of one recording"
+    )
     parser.add_argument("--cores", type=int, default=2)
     args = parser.parse_args()
     sizes = [(int(n), n / args.frames[0]) for n in args.frames or ()]

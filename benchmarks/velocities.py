@@ -2,34 +2,38 @@
 
     python benchmarks/velocities.py --out velocities.csv
 
-One scene is the hopper (true states by integration; contacts as `touchdown_table` finds them) at
-three frame rates and three levels of noise, with a gap of three frames of one marker at each
-crossing, and with sections near the contacts. The other is a body that tumbles in free flight at 2,
-4 and 8 rad/s about random axes, with its centre of mass 50 mm away from the middle of the markers.
+One scene is the hopper (true states by integration; contacts as `touchdown_table` finds
+them) at three frame rates and three levels of noise, with a gap of three frames of one
+marker at each crossing, and with sections near the contacts. The other is a body that
+tumbles in free flight at 2, 4 and 8 rad/s about random axes, with its centre of mass 50
+mm away from the middle of the markers.
 
-Each row is one side of one scene by one method, in world coordinates: `split_fit` with its
-defaults; with gravity `known` or `free`; `alone` (each landing fitted by itself, as for few
-landings); `rigid`, the default's states made those of a rigid body; and `savitzky_golay`.
-`contact_ms` is the median time between crossing and contact. `chi_square` is the mean square of
-velocity errors over their standard errors, `within_se` the share of errors below these (0.683 if
-normal), and `times_below_filter` the filter's rms error over that of the row. `lost` is the share
-of crossings without a state.
+Each row is one side of one scene by one method, in world coordinates: `split_fit` with
+its defaults; with gravity `known` or `free`; `alone` (each landing fitted by itself, as
+for few landings); `rigid`, the default's states made those of a rigid body; and
+`savitzky_golay`. `contact_ms` is the median time between crossing and contact.
+`chi_square` is the mean square of velocity errors over their standard errors,
+`within_se` the share of errors below these (0.683 if normal), and `times_below_filter`
+the filter's rms error over that of the row. `lost` is the share of crossings without a
+state.
 
-`map_error.csv`, beside it, holds the error of the estimated landing map against the exact one, by
-number of landings and noise.
+`map_error.csv`, beside it, holds the error of the estimated landing map against the
+exact one, by number of landings and noise.
 
-One recording of the C1 hopper on a flat floor, as long as the dissertation's four together, is seen
-with four levels of noise (the same draws, scaled), at the sections of the study `thesis`. States at
-the sections are fitted piecewise, split at the contacts (`split_fit`, our default), or by a cubic
-over seven frames (`savitzky_golay`), which is noisier. Each estimator of
-`hopdata.maps.corrected.estimates` is fitted to random landings; the last size uses all of them.
+One recording of the C1 hopper on a flat floor, as long as the dissertation's four
+together, is seen with four levels of noise (the same draws, scaled), at the sections of
+the study `thesis`. States at the sections are fitted piecewise, split at the contacts
+(`split_fit`, our default), or by a cubic over seven frames (`savitzky_golay`), which is
+noisier. Each estimator of `hopdata.maps.corrected.estimates` is fitted to random
+landings; the last size uses all of them.
 
-A third table, `map_error_spread.csv`, uses true states whose deviations from the simultaneous
-landing are scaled down. Without noise only curvature remains, which vanishes with the spread.
+A third table, `map_error_spread.csv`, uses true states whose deviations from the
+simultaneous landing are scaled down. Without noise only curvature remains, which
+vanishes with the spread.
 
-Errors are relative differences of predictions for the true inputs (`hopdata.maps.truth.maps`), with
-velocities weighted by the time unit that the study `thesis` finds, 13.7 ms: medians over the draws,
-with their 5 and 95 % quantiles.
+Errors are relative differences of predictions for the true inputs
+(`hopdata.maps.truth.maps`), with velocities weighted by the time unit that the study
+`thesis` finds, 13.7 ms: medians over the draws, with their 5 and 95 % quantiles.
 """
 
 from __future__ import annotations
@@ -58,7 +62,12 @@ from hopdata.recording import Recording, Truth
 from hopdata.rigid import body_shape
 from hopdata.scenes.scene import Control
 from hopdata.synthesis.landings import SectionHeights
-from hopdata.synthesis.scaling import exact_maps, known_scene, scaled_landings, true_states
+from hopdata.synthesis.scaling import (
+    exact_maps,
+    known_scene,
+    scaled_landings,
+    true_states,
+)
 from hopdata.synthesis.simulate import simulate_recording
 
 PRE_M, POST_M = 0.502, 0.2815  # sections of the study `thesis`
@@ -93,7 +102,9 @@ def by_section_states(seen: Crossings, **options: str) -> SectionStates:
 
 def each_alone(seen: Crossings) -> SectionStates:
     """Return the states with each landing fitted for itself."""
-    tracks = Tracks(seen.time, seen.body, seen.near, seen.contact, seen.side == "before")
+    tracks = Tracks(
+        seen.time, seen.body, seen.near, seen.contact, seen.side == "before"
+    )
     return cross(alone(tracks, None)(), seen.near, seen.height_m)
 
 
@@ -101,12 +112,17 @@ def made_rigid(seen: Crossings) -> SectionStates:
     """Return the default's states projected onto a rigid body, without errors."""
     found = by_section_states(seen)
     known = np.isfinite(found.velocity).all(axis=(1, 2))
-    flat = np.concatenate([found.position, found.velocity], axis=1)[known].reshape(known.sum(), -1)
+    flat = np.concatenate([found.position, found.velocity], axis=1)[known].reshape(
+        known.sum(), -1
+    )
     shape = body_shape(split_states(flat)[0])
     rigid = rigid_states(flat, shape)
     arms = np.einsum("nij,bj->nbi", rigid.rotation, shape)
     turning = np.einsum("nij,nj->ni", rigid.rotation, rigid.spin)
-    position, velocity = np.full_like(found.position, np.nan), np.full_like(found.velocity, np.nan)
+    position, velocity = (
+        np.full_like(found.position, np.nan),
+        np.full_like(found.velocity, np.nan),
+    )
     position[known] = rigid.centre[:, None] + arms
     velocity[known] = rigid.velocity[:, None] + np.cross(turning[:, None], arms)
     unknown = np.full_like(found.position_covariance, np.nan)
@@ -131,7 +147,9 @@ def hopper(
     true = true_states(truth, scene, SectionHeights(pre_m, post_m, scene.body_points_m))
     table = touchdown_table(recording, pre_height_m=pre_m, post_height_m=post_m)
     used = table[~table["excluded"].astype(bool)]
-    contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy(float)
+    contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy(
+        float
+    )
     landing = match_landings(contacts, truth.contact_times)
     place = {int(number): row for row, number in enumerate(true.index)}
     row = np.array([place.get(int(number), -1) for number in landing])
@@ -180,7 +198,10 @@ def tumbling(
     start = rng.normal(0, 0.3, (falls, 3)) * [1, 1, 0] + [0, 0, -1.5]
     arms = BODY_M - OFF_CENTRE_M
     turned = _turned(spin[:, None] * tau[..., None], arms)  # (L, W, B, 3)
-    fall = start[:, None] * tau[..., None] + [0, 0, -0.5 * GRAVITY_M_S2] * tau[..., None] ** 2
+    fall = (
+        start[:, None] * tau[..., None]
+        + [0, 0, -0.5 * GRAVITY_M_S2] * tau[..., None] ** 2
+    )
     tracks = 1.0 + fall[:, :, None] + turned
     tracks += 1e-3 * noise_mm * rng.standard_normal(tracks.shape)
     now = np.broadcast_to(arms, (falls, *arms.shape))
@@ -226,7 +247,9 @@ def measure(seen: Crossings) -> pd.DataFrame:
             "lost": float(np.mean(~np.isfinite(error).all(axis=(1, 2)))),
         })  # fmt: skip
     table = pd.DataFrame(rows)
-    filtered = table.loc[table["method"] == "savitzky_golay", "velocity_rms_mm_s"].iloc[0]
+    filtered = table.loc[table["method"] == "savitzky_golay", "velocity_rms_mm_s"].iloc[
+        0
+    ]
     return table.assign(times_below_filter=filtered / table["velocity_rms_mm_s"])
 
 
@@ -243,7 +266,11 @@ def within(score: FloatArray) -> float:
 
 def scenes(hops: int, seed: int) -> Iterator[tuple[dict[str, object], Crossings]]:
     """Yield every scene with its name, frame rate and noise."""
-    for rate_hz, noises_mm in ((100.0, (0.2, 0.6, 1.2)), (250.0, (0.6,)), (500.0, (0.6,))):
+    for rate_hz, noises_mm in (
+        (100.0, (0.2, 0.6, 1.2)),
+        (250.0, (0.6,)),
+        (500.0, (0.6,)),
+    ):
         clean, truth = simulated(hops, rate_hz, seed)
         for noise_mm in noises_mm:
             seen = noisy(clean, noise_mm, seed)
@@ -272,7 +299,9 @@ SIZES = (60, 120, 250, 500, 1000)
 SPREADS = (1.0, 0.5, 0.25, 0.1)
 
 
-def errors_of_draws(pairs: Any, instants: FloatArray, exact: Any, draws: int, seed: int) -> Any:
+def errors_of_draws(
+    pairs: Any, instants: FloatArray, exact: Any, draws: int, seed: int
+) -> Any:
     """Yield size, estimator and error for every draw."""
     for size in (*(s for s in SIZES if s < len(pairs)), len(pairs)):
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(size,)))
@@ -286,7 +315,9 @@ def errors_of_draws(pairs: Any, instants: FloatArray, exact: Any, draws: int, se
                 yield size, name, truth.error(one.coefficients)
 
 
-def noise_rows(recording: Recording, truth: Truth, draws: int, seed: int) -> Iterator[pd.DataFrame]:
+def noise_rows(
+    recording: Recording, truth: Truth, draws: int, seed: int
+) -> Iterator[pd.DataFrame]:
     """Yield the errors for each level of noise and method of fitting states."""
     scene = known_scene(truth)
     sections = SectionHeights(PRE_M, POST_M, scene.body_points_m)
@@ -295,14 +326,18 @@ def noise_rows(recording: Recording, truth: Truth, draws: int, seed: int) -> Ite
     heights = {"pre_height_m": PRE_M, "post_height_m": POST_M}
     noise = np.random.default_rng(seed).standard_normal(recording.positions.shape)
     for noise_mm in NOISES_MM:
-        seen = replace(recording, positions=recording.positions + 1e-3 * noise_mm * noise)
+        seen = replace(
+            recording, positions=recording.positions + 1e-3 * noise_mm * noise
+        )
         table = touchdown_table(seen, **heights)
         for method in ("split_fit", "savitzky_golay"):
             pairs = assemble_pairs([seen], table, method=method, **heights)
             rows = errors_of_draws(
                 pairs,
                 pairs.instants,
-                lambda shape: exact_map(maps, states, shape=shape, time_unit_s=TIME_UNIT_S),
+                lambda shape: exact_map(
+                    maps, states, shape=shape, time_unit_s=TIME_UNIT_S
+                ),
                 draws,
                 seed,
             )
@@ -356,7 +391,9 @@ def map_error(out: Path, hops: int, draws: int, seed: int) -> None:
     table = summary(pd.concat(noise_rows(recording, truth, draws, seed)))
     table.to_csv(out.with_name("map_error.csv"), index=False, float_format="%.6g")
     spreads = pd.DataFrame(spread_rows(truth))
-    spreads.to_csv(out.with_name("map_error_spread.csv"), index=False, float_format="%.6g")
+    spreads.to_csv(
+        out.with_name("map_error_spread.csv"), index=False, float_format="%.6g"
+    )
     print(table.to_string(index=False), spreads.to_string(index=False), sep="\n")
 
 
@@ -364,8 +401,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV to write")
     parser.add_argument("--hops", type=int, default=400, help="landings of each scene")
-    parser.add_argument("--map-hops", type=int, default=2860, help="landings of the map's errors")
-    parser.add_argument("--draws", type=int, default=20, help="random subsets of each size")
+    parser.add_argument(
+        "--map-hops", type=int, default=2860, help="landings of the map's errors"
+    )
+    parser.add_argument(
+        "--draws", type=int, default=20, help="random subsets of each size"
+    )
     parser.add_argument("--seed", type=int, default=20261121)
     arguments = parser.parse_args()
     parts = []

@@ -1,30 +1,35 @@
 """Size, power, coverage and stated detectable difference of the verdict, over whole studies.
 
-    python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--first 9100]
+    python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--first
+    9100]
         [--only kappa] [--simulated]
-    python benchmarks/verdict_power.py --out verdict_bodies.csv --only body --studies 1 --first 9500
+    python benchmarks/verdict_power.py --out verdict_bodies.csv --only body --studies 1
+    --first 9500
 
-The landings are C1 landings of two systems, observed in many ways, and three kinds of control. A
-study draws the apexes of its landings from a long gait, with its own kicks and preloads. Its
-landings are integrated, observed frame by frame with noise, and judged: all together, in groups of
-500 and of 1,000, and joined with those of other studies, five or ten at a time. Kinds that differ
-only in how they are observed share the landings of a seed, so they are not independent of one
-another. Hoppers of other shapes are judged only on request; each is a kind of its own, and one row
-holds them all. docs/verdict.md says what was chosen on which seeds.
+The landings are C1 landings of two systems, observed in many ways, and three kinds of
+control. A study draws the apexes of its landings from a long gait, with its own kicks
+and preloads. Its landings are integrated, observed frame by frame with noise, and
+judged: all together, in groups of 500 and of 1,000, and joined with those of other
+studies, five or ten at a time. Kinds that differ only in how they are observed share
+the landings of a seed, so they are not independent of one another. Hoppers of other
+shapes are judged only on request; each is a kind of its own, and one row holds them
+all. docs/verdict.md says what was chosen on which seeds.
 
-Simulated studies and verdicts are kept beside the table in ``verdict_studies/`` (0.7 MB per study)
-and are not repeated; remove its JSON files to judge the same studies anew. There is one row per
-kind and number of landings; ``verdict_studies.csv``, beside it, has one row per verdict.
-`found_share` is the share of studies with a difference, with its 95 % interval (Wilson).
-`interval_covers` and `bound_covers` are the shares whose interval or one-sided bound contains the
-true difference, and `detectable` is the median size that they claim to find in 80 % of studies.
-`jumps_share` is the share in which the outcome is said to jump, `jump_worst` the largest estimated
-jump. ``verdict_promise.csv`` gives the share found of kinks of the size `detectable`, added to C1
-landings along those of a control or against them. ``group_power.csv`` is about groups: each subject
-is 400 or 1,000 landings of a study, drawn with replacement from those of one kind. `mixed` takes
-half of them from C1 and half from a control; `paired` is the difference of the squares between the
-two as conditions, with the share in which it is found and covered. `true_rms` is the rms of the
-exact differences, `shown_rms` the average of it that their studies show.
+Simulated studies and verdicts are kept beside the table in ``verdict_studies/`` (0.7 MB
+per study) and are not repeated; remove its JSON files to judge the same studies anew.
+There is one row per kind and number of landings; ``verdict_studies.csv``, beside it,
+has one row per verdict. `found_share` is the share of studies with a difference, with
+its 95 % interval (Wilson). `interval_covers` and `bound_covers` are the shares whose
+interval or one-sided bound contains the true difference, and `detectable` is the median
+size that they claim to find in 80 % of studies. `jumps_share` is the share in which the
+outcome is said to jump, `jump_worst` the largest estimated jump.
+``verdict_promise.csv`` gives the share found of kinks of the size `detectable`, added
+to C1 landings along those of a control or against them. ``group_power.csv`` is about
+groups: each subject is 400 or 1,000 landings of a study, drawn with replacement from
+those of one kind. `mixed` takes half of them from C1 and half from a control; `paired`
+is the difference of the squares between the two as conditions, with the share in which
+it is found and covered. `true_rms` is the rms of the exact differences, `shown_rms` the
+average of it that their studies show.
 """
 
 from __future__ import annotations
@@ -92,10 +97,10 @@ from hopdata.synthesis.trial import Kicks, MarkerOptions, Trial, run_trial
 
 # Landings as motion capture would see them, without the rest of the recordings.
 #
-# The robot's true motion about each landing is sampled at random phases of the frames, with noise,
-# and goes through the same fits as a recording. As in a recording, frames beyond the measured
-# contacts are left out. Thus errors of the states have the size and correlations that they have in
-# the pipeline, at a small part of its cost.
+# The robot's true motion about each landing is sampled at random phases of the frames,
+# with noise, and goes through the same fits as a recording. As in a recording, frames
+# beyond the measured contacts are left out. Thus errors of the states have the size and
+# correlations that they have in the pipeline, at a small part of its cost.
 
 APART_S = 1.0
 
@@ -126,9 +131,10 @@ def see_landings(
 ) -> SeenLandings:
     """Observe L whole landings as those of one recording, frame by frame.
 
-    Landings whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12)
-    come from `true_states` and extend beyond the post section (`landings.states.fits.WINDOWS_S`).
-    `spoil` is a further disturbance of the tracks (L, W, B, 3).
+    Landings whose states cannot be fitted are left out. `times` (L, W), s, and `motion`
+    (L, W, 12) come from `true_states` and extend beyond the post section
+    (`landings.states.fits.WINDOWS_S`). `spoil` is a further disturbance of the tracks
+    (L, W, B, 3).
     """
     tracks = tracks_of(motion, sections.points_m)
     tracks += noise_m * rng.standard_normal(tracks.shape)
@@ -137,7 +143,9 @@ def see_landings(
     seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
     start = APART_S * np.arange(len(times))
 
-    def states(side: str, at_s: np.ndarray, contact_s: np.ndarray, height_m: float) -> np.ndarray:
+    def states(
+        side: str, at_s: np.ndarray, contact_s: np.ndarray, height_m: float
+    ) -> np.ndarray:
         found = section_states(
             (start[:, None] + times).ravel(),
             tracks.reshape(-1, *tracks.shape[2:]),
@@ -157,16 +165,19 @@ def see_landings(
 
 # States of a simulated body about each landing, frame by frame.
 #
-# The robot itself is integrated from an apex through the landing and beyond. Before the apex, where
-# a recording shows the robot without that apex's kick, it is integrated backwards: a flight
-# reversed in time is a flight. (A control is led to the apexes of the hopper's gait, so this is the
-# gait's own flight.)
+# The robot itself is integrated from an apex through the landing and beyond. Before the
+# apex, where a recording shows the robot without that apex's kick, it is integrated
+# backwards: a flight reversed in time is a flight. (A control is led to the apexes of
+# the hopper's gait, so this is the gait's own flight.)
 
 PHASES = 16  # of the frames; each landing has one of them
 BACK_S = 0.14  # before the apex; the flight lasts about 0.15 s there
 RTOL, ATOL = 1e-6, 1e-9
 NO_HEIGHT_M = -1e3  # of a section that is never reached
-SECTION_HOPS, SECTION_MS = 300, 700  # hops and duration, ms, from which sections are found
+SECTION_HOPS, SECTION_MS = (
+    300,
+    700,
+)  # hops and duration, ms, from which sections are found
 
 
 @dataclass(frozen=True)
@@ -230,19 +241,25 @@ def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
     return flat.reshape(*states.shape[:2], *points_m.shape)
 
 
-def states_at(scene: Scene, control: Control, apexes: Apexes, times_s: np.ndarray) -> np.ndarray:
+def states_at(
+    scene: Scene, control: Control, apexes: Apexes, times_s: np.ndarray
+) -> np.ndarray:
     """Return states (L, W, 12) at increasing times (W,) relative to the apex, s."""
     vectors = landing_vectors(
         scene, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
     )
     own = scene.system(control)
     early = times_s < 0
-    back = _turned_round(_flown(own, _turned_round(apexes.before), vectors, -times_s[early][::-1]))
+    back = _turned_round(
+        _flown(own, _turned_round(apexes.before), vectors, -times_s[early][::-1])
+    )
     ahead = _flown(own, apexes.after, vectors, times_s[~early])
     return np.concatenate([back[:, ::-1], ahead], axis=1)
 
 
-def _flown(own: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray) -> np.ndarray:
+def _flown(
+    own: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray
+) -> np.ndarray:
     system = landing_system(own)
     unknown = np.full((len(states), system.n_states - own.n_states), NOT_YET)
     solution = solve_batch(
@@ -272,7 +289,14 @@ JOINED = (5, 10)  # numbers of studies joined into larger ones, 2,000 landings e
 BODIES = range(9500, 9532)  # numbers from which hoppers of other shapes are drawn
 GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16, 30), 400
 GROUP_KINDS = (
-    *("C1", "C1 larger kicks", "C1 stiffer legs", "C1 drifting", "C1 quadruped", "kappa 0.05"),
+    *(
+        "C1",
+        "C1 larger kicks",
+        "C1 stiffer legs",
+        "C1 drifting",
+        "C1 quadruped",
+        "kappa 0.05",
+    ),
     *("kappa 0.1", "eps 0.2", "tau 10 ms", "quadruped kappa 0.1"),
 )
 MIXED = ("C1", "kappa 0.1")
@@ -280,10 +304,17 @@ PROMISED = ("kappa 0.1", "eps 0.2", "tau 10 ms")
 OBSERVED = ("before", "after", "instants")
 
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
-FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
+FOUR_MARKERS = [
+    [0.2, 0.03, 0.05],
+    [-0.05, 0.12, 0.075],
+    [-0.2, -0.07, 0.055],
+    [0.06, -0.1, 0.09],
+]
 QUADRUPED_SECTIONS = SectionHeights(0.511, 0.2935, np.array(FOUR_MARKERS))
 TWO = HopperParameters(n_legs=2)
-STIFF_TWO = HopperParameters(n_legs=2, stiffness_n_m=135.0, damping_n_s_m=7.2, preload_n=33.0)
+STIFF_TWO = HopperParameters(
+    n_legs=2, stiffness_n_m=135.0, damping_n_s_m=7.2, preload_n=33.0
+)
 SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, damping_n_s_m=2.4, preload_n=11.0)
 
 
@@ -292,7 +323,9 @@ class Kind:
     """A body with its disturbances and control, and how it is observed."""
 
     scene: Scene = field(default_factory=HopperParameters)
-    sections: SectionHeights | None = field(default=HOPPER_SECTIONS)  # None: found from its gait
+    sections: SectionHeights | None = field(
+        default=HOPPER_SECTIONS
+    )  # None: found from its gait
     kicks: Kicks = field(default_factory=Kicks)
     control: Control = field(default_factory=Control)
     noise_m: float = 0.0006
@@ -302,15 +335,21 @@ class Kind:
     relabel: Callable[[np.ndarray, np.random.Generator], np.ndarray] | None = None
     thinned: bool = False
     moves_as: str = ""  # the kind with the same true motions, observed in another way
-    led_by: Scene | None = None  # a body that supplies the apexes, if this one falls over
+    led_by: Scene | None = (
+        None  # a body that supplies the apexes, if this one falls over
+    )
 
     @property
     def strength(self) -> float:
         """The one strength that is not zero, or zero; a delay in ms."""
-        return self.control.coupling or self.control.impulse or 1e3 * self.control.delay_s
+        return (
+            self.control.coupling or self.control.impulse or 1e3 * self.control.delay_s
+        )
 
 
-def low_passed(tracks: np.ndarray, _rng: np.random.Generator, rate_hz: float) -> np.ndarray:
+def low_passed(
+    tracks: np.ndarray, _rng: np.random.Generator, rate_hz: float
+) -> np.ndarray:
     """Filter as gait laboratories do: Butterworth, 20 Hz, forward and backward."""
     sos = butter(2, 20.0, fs=rate_hz, output="sos")
     whole = np.isfinite(tracks).all(axis=(0, 2, 3))
@@ -319,13 +358,19 @@ def low_passed(tracks: np.ndarray, _rng: np.random.Generator, rate_hz: float) ->
     return tracks
 
 
-def drifted(tracks: np.ndarray, _rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
+def drifted(
+    tracks: np.ndarray, _rng: np.random.Generator, _rate_hz: float
+) -> np.ndarray:
     """Let the cameras' height drift by 4 mm, once up and down over the study."""
     phase = 2 * np.pi * np.arange(len(tracks)) / len(tracks)
-    return tracks + 0.004 * np.sin(phase)[:, None, None, None] * np.array([0.0, 0.0, 1.0])
+    return tracks + 0.004 * np.sin(phase)[:, None, None, None] * np.array(
+        [0.0, 0.0, 1.0]
+    )
 
 
-def correlated(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
+def correlated(
+    tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float
+) -> np.ndarray:
     """Add noise of 0.6 mm with a correlation of 0.6 from frame to frame."""
     steps = rng.standard_normal(tracks.shape)
     for frame in range(1, tracks.shape[1]):
@@ -333,7 +378,9 @@ def correlated(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) ->
     return tracks + 0.0006 * steps
 
 
-def heavy_tailed(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
+def heavy_tailed(
+    tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float
+) -> np.ndarray:
     """Add noise of 0.6 mm from Student's t distribution with three degrees of freedom."""
     return tracks + 0.0006 / np.sqrt(3) * rng.standard_t(3, tracks.shape)
 
@@ -352,7 +399,10 @@ def other_body(number: int) -> HopperParameters:
     legs, mass = int(draw.integers(3, 5)), draw.uniform(1.8, 4.6)
     share = mass / 2.3 * 3 / legs  # scales the legs to carry this body
     inertia = 0.08 * mass / 2.3 * draw.uniform(0.4, 1.1)
-    stiffness, extension = 90.0 * share * draw.uniform(0.7, 1.2), draw.uniform(0.105, 0.13)
+    stiffness, extension = (
+        90.0 * share * draw.uniform(0.7, 1.2),
+        draw.uniform(0.105, 0.13),
+    )
     weight = (mass + HopperParameters().counterweight_mass_kg) * 9.81 / legs
     return HopperParameters(
         n_legs=legs, mass_kg=mass, foot_radius_m=draw.uniform(0.3, 0.5),
@@ -379,14 +429,20 @@ def kinds() -> dict[str, Kind]:
         "C1 a rare class": replace(seen, thinned=True),
         "C1 at 60 Hz": Kind(rate_hz=60.0),
         "C1 at 250 Hz": Kind(rate_hz=250.0),
-        "C1 softer legs": Kind(scene=replace(hopper, stiffness_n_m=60.0, preload_n=19.0)),
-        "C1 stiffer legs": Kind(scene=replace(hopper, stiffness_n_m=120.0, preload_n=25.0)),
+        "C1 softer legs": Kind(
+            scene=replace(hopper, stiffness_n_m=60.0, preload_n=19.0)
+        ),
+        "C1 stiffer legs": Kind(
+            scene=replace(hopper, stiffness_n_m=120.0, preload_n=25.0)
+        ),
         "C1 larger kicks": Kind(kicks=larger),
         "C1 uneven preloads": Kind(kicks=replace(kicks, preload_fraction=0.1)),
         "C1 quadruped": quadruped,
         "C1 two feet": Kind(scene=TWO, led_by=hopper),
         "C1 two feet larger kicks": Kind(scene=TWO, led_by=hopper, kicks=larger),
-        "C1 two stiff feet": Kind(scene=STIFF_TWO, led_by=hopper),  # the feet of config/biped.yaml
+        "C1 two stiff feet": Kind(
+            scene=STIFF_TWO, led_by=hopper
+        ),  # the feet of config/biped.yaml
         "C1 six feet": Kind(scene=SIX),
     }
     controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.1, 0.2, 0.4)}
@@ -439,7 +495,9 @@ def gait(kind: Kind, folder: Path) -> np.ndarray:
         )  # fmt: skip
 
     def before() -> dict[str, Any]:
-        return {"before": np.concatenate([trial(number).before for number in range(TRIALS)])}
+        return {
+            "before": np.concatenate([trial(number).before for number in range(TRIALS)])
+        }
 
     return kept(gait_file(kind, folder), before)["before"]
 
@@ -447,8 +505,9 @@ def gait(kind: Kind, folder: Path) -> np.ndarray:
 def sections_of(kind: Kind, folder: Path) -> SectionHeights:
     """Return the sections of a kind, or find them from its landings.
 
-    Of the landings that start above the median apex, the upper section lies at the highest first
-    contacts and the lower one at the lowest last contacts, except for 1 in 100.
+    Of the landings that start above the median apex, the upper section lies at the
+    highest first contacts and the lower one at the lowest last contacts, except for 1
+    in 100.
     """
     if kind.sections is not None:
         return kind.sections
@@ -462,7 +521,13 @@ def sections_of(kind: Kind, folder: Path) -> SectionHeights:
         heights = heights[..., 2].mean(axis=2)
         asked = SectionHeights(float(np.median(heights[:, 1])), NO_HEIGHT_M, points_m)
         contact = true_landings(
-            kind.scene, Control(), apexes.after, apexes.preloads_n, asked, rtol=1e-6, workers=1
+            kind.scene,
+            Control(),
+            apexes.after,
+            apexes.preloads_n,
+            asked,
+            rtol=1e-6,
+            workers=1,
         ).contact_s
         rows = np.flatnonzero((contact < times[-1]).all(axis=1))
         first, last = (
@@ -481,13 +546,19 @@ def starts(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> Apexes:
     before = before[rng.integers(0, len(before), kind.hops)]
     kick = np.zeros_like(before)
     kick[:, 6:9] = kind.kicks.velocity_m_s * rng.standard_normal((kind.hops, 3))
-    kick[:, 9:] = kind.kicks.angular_velocity_rad_s * rng.standard_normal((kind.hops, 3))
-    uneven = kind.kicks.preload_fraction * rng.standard_normal((kind.hops, kind.scene.n_legs))
+    kick[:, 9:] = kind.kicks.angular_velocity_rad_s * rng.standard_normal(
+        (kind.hops, 3)
+    )
+    uneven = kind.kicks.preload_fraction * rng.standard_normal(
+        (kind.hops, kind.scene.n_legs)
+    )
     return Apexes(before, before + kick, kind.scene.preload_n * (1.0 + uneven))
 
 
 @lru_cache(maxsize=1)
-def moved(name: str, seed: int, folder: Path) -> tuple[TrueLandings, np.ndarray, np.ndarray]:
+def moved(
+    name: str, seed: int, folder: Path
+) -> tuple[TrueLandings, np.ndarray, np.ndarray]:
     """Return an unobserved study: whole landings, and times and states about them."""
     kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
     apexes = starts(kind, gait(kind, folder), rng)
@@ -523,19 +594,26 @@ def observed(name: str, seed: int, folder: Path) -> dict[str, Any]:
         instant_noise_s=INSTANT_NOISE_S,
         spoil=None if spoil is None else lambda tracks: spoil(tracks, rng, kind.rate_hz),
     )  # fmt: skip
-    instants = seen.instants if kind.relabel is None else kind.relabel(seen.instants, rng)
+    instants = (
+        seen.instants if kind.relabel is None else kind.relabel(seen.instants, rng)
+    )
     true, part = 0.0, some(part, seen.rows)
     if kind.control.active:
         root = input_root(input_coordinates(part.pre_state, sections.centre_m))
         true = true_size(name, root, part.contact_s, folder)
-    return {"before": seen.before, "after": seen.after, "instants": instants, "true_effect": true}
+    return {
+        "before": seen.before,
+        "after": seen.after,
+        "instants": instants,
+        "true_effect": true,
+    }
 
 
 def exact_maps(name: str, folder: Path) -> dict[str, Any]:
     """Return `schedules` and `maps` of a kind's exact Jacobians, which its studies share.
 
-    They are taken at the simultaneous contact nearest to the mean of the landings that count. The
-    result is empty if the body does not sink from there to the post section.
+    They are taken at the simultaneous contact nearest to the mean of the landings that
+    count. The result is empty if the body does not sink from there to the post section.
     """
     kind = kinds()[name]
 
@@ -559,8 +637,13 @@ def exact_maps(name: str, folder: Path) -> dict[str, Any]:
 
 def true_size(name: str, root: np.ndarray, instants: np.ndarray, folder: Path) -> float:
     """Return the relative difference of the exact Jacobians as the verdict measures it, or NaN."""
-    exact, points_m = exact_maps(name, folder), sections_of(kinds()[name], folder).points_m
-    orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]])
+    exact, points_m = (
+        exact_maps(name, folder),
+        sections_of(kinds()[name], folder).points_m,
+    )
+    orders = np.array(
+        [[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]]
+    )
     seen, counts = contact_orders(instants, LEAST_CLASS)
     often = {tuple(order): n for order, n in zip(seen.tolist(), counts, strict=True)}
     counts = np.array([often.get(tuple(order), 0) for order in orders.tolist()])
@@ -621,8 +704,16 @@ def judged(name: str, study: Any, seed: int, first: int, asked: int) -> dict[str
     """Return the verdict on some landings of a study as one row."""
     parts = (study[part][first : first + asked] for part in OBSERVED)
     answer = judge(*parts, seed=seed + first, flips=999)
-    row: dict[str, Any] = {"condition": name, "strength": kinds()[name].strength, "seed": seed}
-    row |= {"asked": asked, "landings": answer.n_landings, "conclusion": answer.conclusion}
+    row: dict[str, Any] = {
+        "condition": name,
+        "strength": kinds()[name].strength,
+        "seed": seed,
+    }
+    row |= {
+        "asked": asked,
+        "landings": answer.n_landings,
+        "conclusion": answer.conclusion,
+    }
     row["true_effect"] = float(study["true_effect"])
     if answer.jump:
         row |= {"jump": answer.jump.estimate, "jump_low": answer.jump.low}
@@ -671,8 +762,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
 def promise(seeds: range, folder: Path) -> pd.DataFrame:
     """Return one row per control, number of landings and sign: the share found of what is promised.
 
-    Kinks as shown by all studies of a control together, scaled to `detectable`, are added to C1
-    landings: in the control's direction (`sign` 1) and opposite to it (-1).
+    Kinks as shown by all studies of a control together, scaled to `detectable`, are
+    added to C1 landings: in the control's direction (`sign` 1) and opposite to it (-1).
     """
     found = []
     for name in PROMISED:
@@ -683,15 +774,26 @@ def promise(seeds: range, folder: Path) -> pd.DataFrame:
         for seed, asked in product(seeds, (FEWEST, FEW, WHOLE)):
             study = simulate("C1", seed, folder)
             for first in range(0, max(1, len(study["before"]) - asked + 1), asked):
-                landings = section_landings(*(study[k][first : first + asked] for k in OBSERVED))
+                landings = section_landings(
+                    *(study[k][first : first + asked] for k in OBSERVED)
+                )
                 fit, root, effect = judged_kinks(landings, seed + first)
-                ratio = effect.detectable / np.linalg.norm(root @ (fit.seen.T @ shown).ravel())
+                ratio = effect.detectable / np.linalg.norm(
+                    root @ (fit.seen.T @ shown).ravel()
+                )
                 added = ratio * kinks(landings.expected) @ shown
                 for sign in (1, -1):
                     outputs = landings.outputs + sign * (added - added.mean(axis=0))
-                    more = judged_kinks(replace(landings, outputs=outputs), seed + first)[2]
+                    more = judged_kinks(
+                        replace(landings, outputs=outputs), seed + first
+                    )[2]
                     found.append(
-                        {"control": name, "asked": asked, "sign": sign, "found": more.low > 0}
+                        {
+                            "control": name,
+                            "asked": asked,
+                            "sign": sign,
+                            "found": more.low > 0,
+                        }
                         | {"detectable": effect.detectable, "shown": more.estimate}
                     )
     rows = pd.DataFrame(found).groupby(["control", "asked", "sign"], sort=False)
@@ -701,12 +803,18 @@ def promise(seeds: range, folder: Path) -> pd.DataFrame:
     ).reset_index()  # fmt: skip
 
 
-def judged_kinks(landings: SectionLandings, seed: int) -> tuple[KinkFit, np.ndarray, EffectSize]:
+def judged_kinks(
+    landings: SectionLandings, seed: int
+) -> tuple[KinkFit, np.ndarray, EffectSize]:
     """Return the kinks, the root of their squared size, and the effect size that follows."""
     fit = fit_kinks(landings)
     root = squared_size(fit, landings, *compared(landings)[:2])
     rng = named_generator(seed, "verdict", "signs")
-    return fit, root, effect_size(fit, root, generator=rng, confidence=0.95, power=0.8, flips=999)
+    return (
+        fit,
+        root,
+        effect_size(fit, root, generator=rng, confidence=0.95, power=0.8, flips=999),
+    )
 
 
 def subjects(name: str, seed: int, folder: Path) -> list[dict[str, Any]]:
@@ -722,20 +830,33 @@ def groups(studies: pd.DataFrame) -> pd.DataFrame:
     for asked, of_size in studies.groupby("asked"):
         by_kind = dict(list(of_size.groupby("condition", sort=False)))
         for name, count in product([*by_kind, "mixed", "paired"], SUBJECTS):
-            parts = [by_kind[one] for one in (MIXED if name in ("mixed", "paired") else [name])]
+            parts = [
+                by_kind[one]
+                for one in (MIXED if name in ("mixed", "paired") else [name])
+            ]
             pool = pd.concat(parts)
             true = (pool["true_effect"] ** 2).mean()
-            row = {"kind": name, "landings": asked, "subjects": count, "studies": len(pool)}
+            row = {
+                "kind": name,
+                "landings": asked,
+                "subjects": count,
+                "studies": len(pool),
+            }
             row |= {"groups": GROUPS, "found_alone": float(np.mean(pool["low"] > 0))}
             if name == "paired":
                 rows.append(row | _paired(parts, count, rng))
                 continue
-            found = [judge_group(_drawn(parts, count // len(parts), rng)) for _ in range(GROUPS)]
+            found = [
+                judge_group(_drawn(parts, count // len(parts), rng))
+                for _ in range(GROUPS)
+            ]
             rows.append(row | _summed(found, np.sqrt(true), pool["squared"].mean()))
     return pd.DataFrame(rows)
 
 
-def _drawn(parts: list[pd.DataFrame], each: int, rng: np.random.Generator) -> pd.DataFrame:
+def _drawn(
+    parts: list[pd.DataFrame], each: int, rng: np.random.Generator
+) -> pd.DataFrame:
     drawn = pd.concat(part.iloc[rng.integers(0, len(part), each)] for part in parts)
     return drawn.assign(subject=[f"s{one}" for one in range(len(drawn))])
 
@@ -756,7 +877,9 @@ def _summed(found: list[GroupVerdict], true: float, shown: float) -> dict[str, f
     }
 
 
-def _paired(parts: list[pd.DataFrame], subjects: int, rng: np.random.Generator) -> dict[str, float]:
+def _paired(
+    parts: list[pd.DataFrame], subjects: int, rng: np.random.Generator
+) -> dict[str, float]:
     true = np.subtract(*((part["true_effect"] ** 2).mean() for part in parts))
     tables = []
     for _ in range(GROUPS):
@@ -778,22 +901,32 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--studies", type=int, default=40, help="studies of each kind")
-    parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first study")
     parser.add_argument(
-        "--only", default=r"^(?!.*body)", help="kinds whose name matches this expression"
+        "--first", type=int, default=FIRST_SEED, help="seed of the first study"
     )
-    parser.add_argument("--simulated", action="store_true", help="judge only existing simulations")
+    parser.add_argument(
+        "--only",
+        default=r"^(?!.*body)",
+        help="kinds whose name matches this expression",
+    )
+    parser.add_argument(
+        "--simulated", action="store_true", help="judge only existing simulations"
+    )
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     args = parser.parse_args()
     folder = args.out.parent / "verdict_studies"
     folder.mkdir(parents=True, exist_ok=True)
     names = [name for name in kinds() if re.search(args.only, name)]
     seeds = range(args.first, args.first + args.studies)
-    tasks = [(name, seed, folder, args.simulated) for seed, name in product(seeds, names)]
+    tasks = [
+        (name, seed, folder, args.simulated) for seed, name in product(seeds, names)
+    ]
     with ProcessPoolExecutor(args.workers) as pool:
         if not args.simulated:
             gaits = {
-                gait_file(kind, folder): kind for name, kind in kinds().items() if name in names
+                gait_file(kind, folder): kind
+                for name, kind in kinds().items()
+                if name in names
             }
             list(pool.map(gait, gaits.values(), [folder] * len(gaits)))
             controlled = [name for name in names if kinds()[name].control.active]
@@ -809,13 +942,21 @@ def main() -> None:
         if set(GROUP_KINDS) <= set(names) and not args.simulated:
             drawn = [(name, seed, folder) for name in GROUP_KINDS for seed in seeds]
             small = pool.map(subjects, *zip(*drawn, strict=True))
-            larger = [r for r in rows if r["asked"] == FEW and r["condition"] in GROUP_KINDS]
-            found = groups(pd.DataFrame([*larger, *(row for study in small for row in study)]))
-            found.to_csv(args.out.with_name("group_power.csv"), index=False, float_format="%.4g")
+            larger = [
+                r for r in rows if r["asked"] == FEW and r["condition"] in GROUP_KINDS
+            ]
+            found = groups(
+                pd.DataFrame([*larger, *(row for study in small for row in study)])
+            )
+            found.to_csv(
+                args.out.with_name("group_power.csv"), index=False, float_format="%.4g"
+            )
     table = pd.DataFrame(rows)
     order = {name: number for number, name in enumerate(names)}
     table = table.sort_values(
-        ["condition", "asked"], key=lambda c: c.map(lambda v: order.get(v, v)), ignore_index=True
+        ["condition", "asked"],
+        key=lambda c: c.map(lambda v: order.get(v, v)),
+        ignore_index=True,
     )
     beside = args.out.with_name
     table.to_csv(beside("verdict_studies.csv"), index=False, float_format="%.6g")

@@ -4,30 +4,32 @@
     python benchmarks/work_precision.py --out work_precision.csv
 
 It writes the table and, beside it, `ratios.csv` (times at an error of 1e-9 over ours),
-`head_to_head.csv` and `batches.csv`, in one process on one thread. At each tolerance all solvers
-take turns. Times are those of one trajectory, in CPU time of the process (which other programs
-hardly affect), as median and quartiles over the turns. They exclude compilation and setup, which
-are in `compile_s`: the wall-clock time of the first call and all preparation for it, beyond that of
-the second call. `setting` is the relative and absolute tolerance, or MuJoCo's time step, s.
-`error_max` is the largest deviation of the final state from the exact one. `events_lost` is the
-number of events that were not found (negative: too many), empty if a solver does not report it. A
-solver that fails or is not installed has a row that says so.
+`head_to_head.csv` and `batches.csv`, in one process on one thread. At each tolerance
+all solvers take turns. Times are those of one trajectory, in CPU time of the process
+(which other programs hardly affect), as median and quartiles over the turns. They
+exclude compilation and setup, which are in `compile_s`: the wall-clock time of the
+first call and all preparation for it, beyond that of the second call. `setting` is the
+relative and absolute tolerance, or MuJoCo's time step, s. `error_max` is the largest
+deviation of the final state from the exact one. `events_lost` is the number of events
+that were not found (negative: too many), empty if a solver does not report it. A solver
+that fails or is not installed has a row that says so.
 
-`head_to_head.csv` has each package's fastest solver and tolerance, from tolerances a decade apart,
-among those whose final state errs by at most 1e-9; ours enters once in single calls and once in a
-batch. They are timed in turn, and each turn gives a ratio, because a temporary slowdown of the
-machine then affects both.
+`head_to_head.csv` has each package's fastest solver and tolerance, from tolerances a
+decade apart, among those whose final state errs by at most 1e-9; ours enters once in
+single calls and once in a batch. They are timed in turn, and each turn gives a ratio,
+because a temporary slowdown of the machine then affects both.
 
-`batches.csv` has ten thousand systems at a tolerance of 1e-9, with random starts (seed 0):
-pendulums, x'' = -sin x from rest at x0 in [-2, 2] for 10 s, with the guard x = 0, which is crossed
-about three times; and, by our solver alone, one-dimensional hoppers and plates on 35 springs. Times
-are CPU time of the process for one system (wall-clock time with two threads, then with that of the
-process in `cpu_us_per_system`), as the median of the repeats, which all solvers take in turn; they
-exclude earlier compilation. Errors are those of the final state relative to our driver's at the
-tightest tolerance; `events_lost` counts systems whose number of events differs from the driver's.
-heyoka's batch steps eight systems together, with an event callback in Python, or without events;
-diffrax runs under `vmap`, with fewer systems. `lanes` is the number of systems that run in a lane
-each.
+`batches.csv` has ten thousand systems at a tolerance of 1e-9, with random starts (seed
+0): pendulums, x'' = -sin x from rest at x0 in [-2, 2] for 10 s, with the guard x = 0,
+which is crossed about three times; and, by our solver alone, one-dimensional hoppers
+and plates on 35 springs. Times are CPU time of the process for one system (wall-clock
+time with two threads, then with that of the process in `cpu_us_per_system`), as the
+median of the repeats, which all solvers take in turn; they exclude earlier compilation.
+Errors are those of the final state relative to our driver's at the tightest tolerance;
+`events_lost` counts systems whose number of events differs from the driver's. heyoka's
+batch steps eight systems together, with an event callback in Python, or without events;
+diffrax runs under `vmap`, with fewer systems. `lanes` is the number of systems that run
+in a lane each.
 """
 
 from __future__ import annotations
@@ -66,8 +68,8 @@ OURS, OUR_CALL, OUR_BATCH = "hopdata", "hopdata, call", "hopdata, batch"
 def time_at(rows: pd.DataFrame, error: float) -> float:
     """Interpolate the time at an error, us, on logarithmic axes along the least times so far.
 
-    The result is NaN if the error is not reached. If even the loosest tolerance is more accurate,
-    its time is returned.
+    The result is NaN if the error is not reached. If even the loosest tolerance is more
+    accurate, its time is returned.
     """
     done = rows[rows["time_median_us"].notna() & rows["error_max"].notna()]
     if done.empty or done["error_max"].min() > error:
@@ -81,9 +83,9 @@ def time_at(rows: pd.DataFrame, error: float) -> float:
 def ratios(table: pd.DataFrame, error: float = EQUAL_ERROR) -> pd.DataFrame:
     """Return one row per scene and solver: its time at an error over ours.
 
-    Ours is our fastest method, in single calls (``ratio``) and in a batch (``ratio_to_batch``). A
-    ratio above 1 means that ours is faster. ``best_of_package`` marks the fastest solver of each
-    package.
+    Ours is our fastest method, in single calls (``ratio``) and in a batch
+    (``ratio_to_batch``). A ratio above 1 means that ours is faster. ``best_of_package``
+    marks the fastest solver of each package.
     """
     parts = []
     keys = ["scene", "package", "way", "method"]
@@ -161,7 +163,10 @@ def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Ent
         first = time.perf_counter() - start
         warm = least_time(entry.run)
     except Exception as error:  # any exception of a peer is its result
-        entry.run, entry.status = None, f"failed: {type(error).__name__}: {error}".splitlines()[0]
+        entry.run, entry.status = (
+            None,
+            f"failed: {type(error).__name__}: {error}".splitlines()[0],
+        )
         return entry
     entry.compile_s = max(first - warm, 0.0)
     entry.calls = max(1, round(BLOCK_S / warm))
@@ -205,7 +210,16 @@ def measured(problem: Problem, solvers: list[Solver], turns: int) -> list[Entry]
 
 def absent_row(problem: Problem, package: str, reason: str) -> tuple[object, ...]:
     """Return the row of a package that is not installed."""
-    return (problem.name, package, package, "", *[np.nan] * 6, 0, np.nan, f"absent: {reason}")
+    return (
+        problem.name,
+        package,
+        package,
+        "",
+        *[np.nan] * 6,
+        0,
+        np.nan,
+        f"absent: {reason}",
+    )
 
 
 def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
@@ -240,7 +254,10 @@ def race_row(problem: Problem, name: str, best: dict[str, Entry]) -> dict[str, o
     """Return the row of a contender: its time, and its ratios to our two ways."""
     entry = best[name]
     s, times = entry.solver, np.array(entry.times)
-    ratios = {"call": times / best[OUR_CALL].times, "batch": times / best[OUR_BATCH].times}
+    ratios = {
+        "call": times / best[OUR_CALL].times,
+        "batch": times / best[OUR_BATCH].times,
+    }
     return {
         "scene": problem.name, "package": s.package, "way": s.way, "method": s.method,
         "setting": entry.setting, "error_max": entry.error, "turns": len(times),
@@ -261,17 +278,22 @@ def race(
     for _ in range(turns):
         for entry in best.values():
             entry.time_block()
-    late = {one.solver.package for one in entries} - {one.solver.package for one in best.values()}
+    late = {one.solver.package for one in entries} - {
+        one.solver.package for one in best.values()
+    }
     notes = dict.fromkeys(sorted(late), f"does not reach {EQUAL_ERROR:g}")
     notes |= {package: f"absent: {reason}" for package, reason in absent.items()}
     return [race_row(problem, name, best) for name in best] + [
-        {"scene": problem.name, "package": package, "note": note} for package, note in notes.items()
+        {"scene": problem.name, "package": package, "note": note}
+        for package, note in notes.items()
     ]
 
 
 def print_ratios(at_equal_error: pd.DataFrame) -> None:
     """Print the best of each package and scene."""
-    chosen: Any = at_equal_error[at_equal_error["best_of_package"] | (at_equal_error["note"] != "")]
+    chosen: Any = at_equal_error[
+        at_equal_error["best_of_package"] | (at_equal_error["note"] != "")
+    ]
     for one in chosen.itertuples():
         print(
             f"{one.scene:16}{one.way:22}{one.method:8}{one.time_us:10.1f} us at {EQUAL_ERROR:g}, "
@@ -279,7 +301,8 @@ def print_ratios(at_equal_error: pd.DataFrame) -> None:
         )
 
 
-# Batches of ten thousand systems and their events, in lanes, by the driver, and by peers.
+# Batches of ten thousand systems and their events, in lanes, by the driver, and by
+# peers.
 
 SPAN, TOLERANCE, EIGHT = (0.0, 10.0), 1e-9, 8
 BATCH_REPEATS = 7
@@ -316,7 +339,10 @@ def scenes_of_batches(count: int) -> dict[str, Many]:
     """Return `count` pendulums, hoppers and plates each."""
     rng = np.random.default_rng(0)
     swings, drops = np.zeros((count, 2)), np.zeros((count, 2))
-    swings[:, 0], drops[:, 0] = rng.uniform(-2.0, 2.0, count), rng.uniform(1.5, 2.5, count)
+    swings[:, 0], drops[:, 0] = (
+        rng.uniform(-2.0, 2.0, count),
+        rng.uniform(1.5, 2.5, count),
+    )
     hopper, plate = VerticalHopper(), Plate()
     falls = plate.initial_states(count, 0)
     return {
@@ -326,7 +352,9 @@ def scenes_of_batches(count: int) -> dict[str, Many]:
     }
 
 
-def batch_by_us(many: Many, lanes: bool, workers: int, tolerance: float = TOLERANCE) -> Several:
+def batch_by_us(
+    many: Many, lanes: bool, workers: int, tolerance: float = TOLERANCE
+) -> Several:
     batch = solve_batch(
         many.system, many.span, many.y0, params=many.params, rtol=tolerance, atol=tolerance,
         lanes=lanes, workers=workers,
@@ -345,7 +373,9 @@ def batch_by_heyoka(y0: FloatArray, together: int, events: bool) -> Run:
     equations, counts = [(x, v), (v, -hy.sin(x))], np.zeros(len(y0), dtype=np.int64)
     first = [0]
 
-    def count(*given: object) -> None:  # integrator, time, sign and, in a batch, the index
+    def count(
+        *given: object,
+    ) -> None:  # integrator, time, sign and, in a batch, the index
         counts[first[0] + (given[3] if together > 1 else 0)] += 1
 
     if together == 1:
@@ -385,9 +415,15 @@ def batch_by_diffrax(y0: FloatArray) -> Run:
     )  # fmt: skip
 
     def one(start):
-        signed = jax.numpy.where(start[0] > 0, 1.0, -1.0)  # x to -x, so that all begin on one side
+        signed = jax.numpy.where(
+            start[0] > 0, 1.0, -1.0
+        )  # x to -x, so that all begin on one side
         _, y, count = trajectory(
-            problem, METHODS["Dopri8"](), FINDERS["bisection"], signed * start, TOLERANCE
+            problem,
+            METHODS["Dopri8"](),
+            FINDERS["bisection"],
+            signed * start,
+            TOLERANCE,
         )
         return signed * y, count
 
@@ -416,7 +452,9 @@ def batch_solvers(many: Many) -> dict[tuple[str, int, int, int], Callable[[], Ru
     return ours | {
         ("heyoka", 1, 1, n): lambda: batch_by_heyoka(y0, 1, True),
         ("heyoka, batch", EIGHT, 1, n): lambda: batch_by_heyoka(y0, EIGHT, True),
-        ("heyoka, batch, no events", EIGHT, 1, n): lambda: batch_by_heyoka(y0, EIGHT, False),
+        ("heyoka, batch, no events", EIGHT, 1, n): lambda: batch_by_heyoka(
+            y0, EIGHT, False
+        ),
         ("diffrax, vmap", FEW, 1, FEW): lambda: batch_by_diffrax(some),
     }
 
@@ -435,9 +473,13 @@ def batches(scene: str, many: Many) -> list[dict[str, object]]:
             ends, counts = runs[key]()
         except Exception as error:  # any exception of a peer is its result
             runs.pop(key, None)
-            rows[key] = row | {"status": f"{type(error).__name__}: {error}".splitlines()[0]}
+            rows[key] = row | {
+                "status": f"{type(error).__name__}: {error}".splitlines()[0]
+            }
             continue
-        few = np.flatnonzero(many.y0[:, 0] > 0)[: len(ends)]  # the systems that diffrax has
+        few = np.flatnonzero(many.y0[:, 0] > 0)[
+            : len(ends)
+        ]  # the systems that diffrax has
         chosen = slice(None) if len(ends) == len(right) else few
         off = np.abs(ends - right[chosen]).max(axis=1)
         lost = np.nan if counts is None else int((counts != events[chosen]).sum())
@@ -463,10 +505,16 @@ def batches(scene: str, many: Many) -> list[dict[str, object]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--turns", type=int, default=15, help="maximum timings of each solver")
-    parser.add_argument("--race-turns", type=int, default=60, help="timings of the best of each")
+    parser.add_argument(
+        "--turns", type=int, default=15, help="maximum timings of each solver"
+    )
+    parser.add_argument(
+        "--race-turns", type=int, default=60, help="timings of the best of each"
+    )
     parser.add_argument("--scenes", nargs="*", help="names of scenes; all by default")
-    parser.add_argument("--systems", type=int, default=10_000, help="batch size, a multiple of 8")
+    parser.add_argument(
+        "--systems", type=int, default=10_000, help="batch size, a multiple of 8"
+    )
     given = parser.parse_args()
     out: Path = given.out
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -489,10 +537,20 @@ def main() -> None:
     races = pd.DataFrame(racing)
     races.to_csv(out.with_name("head_to_head.csv"), index=False)
     many = scenes_of_batches(given.systems)
-    together = pd.DataFrame([row for name, one in many.items() for row in batches(name, one)])
+    together = pd.DataFrame(
+        [row for name, one in many.items() for row in batches(name, one)]
+    )
     together.to_csv(out.with_name("batches.csv"), index=False)
     print(together.to_string(index=False))
-    shown = ["scene", "package", "way", "method", "error_max", "time_median_us", "over_call_median"]
+    shown = [
+        "scene",
+        "package",
+        "way",
+        "method",
+        "error_max",
+        "time_median_us",
+        "over_call_median",
+    ]
     print(races[[*shown, "over_batch_median", "note"]].to_string(index=False))
 
 

@@ -1,6 +1,7 @@
 """The site: the pages that stand in docs/ and beside it, and those of them whose code is run.
 
-Its root is the checkout, so that README, docs and benchmarks link to each other as they do there.
+Its root is the checkout, so that README, docs and benchmarks link to each other as they
+do there.
 """
 
 import re
@@ -28,7 +29,12 @@ PAGES = {
 project, author = "hopdata", "The hopdata developers"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 root_doc = "README"
-include_patterns = ["*.md", "docs/*.md", "benchmarks/README.md", "benchmarks/last_run/README.md"]
+include_patterns = [
+    "*.md",
+    "docs/*.md",
+    "benchmarks/README.md",
+    "benchmarks/last_run/README.md",
+]
 exclude_patterns = [".*", "src", "tests", "results", "workflow", "data", "dist"]
 
 nb_custom_formats = {".md": ["executed_pages.notebook", {}, False]}
@@ -55,17 +61,24 @@ def _contents(_app, page, source):
     """Put the contents, which GitHub would show as they stand, below the first page."""
     if page == root_doc:
         for title, pages in PAGES.items():
-            rows = "\n".join(f"/docs/{one}" if one[0] != "." else one[2:] for one in pages)
-            source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{rows}\n```\n"
+            rows = "\n".join(
+                f"/docs/{one}" if one[0] != "." else one[2:] for one in pages
+            )
+            source[0] += (
+                f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{rows}\n```\n"
+            )
 
 
 def _first_page(app, failed):
     if not failed:
         to = f'<meta http-equiv="refresh" content="0; url={root_doc}.html">'
-        Path(app.outdir, "index.html").write_text(f"<!doctype html>{to}\n", encoding="utf-8")
+        Path(app.outdir, "index.html").write_text(
+            f"<!doctype html>{to}\n", encoding="utf-8"
+        )
 
 
-#: A line that a command of the first page prints; a broken one would show a broken page.
+#: A line that a command of the first page prints; a broken one would show a broken
+#: page.
 WHOLE_LINE = "markers  7: body1, body2, body3, foot1, foot2, foot3, boom"
 
 

@@ -14,7 +14,8 @@ CHECKED = "<!-- Checked when the site is built:"
 BLOCK = re.compile(
     rf"^(?:```(python|console)|{CHECKED})\n(.*?)^(?:```|-->)$", re.MULTILINE | re.DOTALL
 )
-# Each page works in a folder of its own, with the checkout's recordings and configurations.
+# Each page works in a folder of its own, with the checkout's recordings and
+# configurations.
 BEGIN = """
 import os, shutil, sys, tempfile
 from pathlib import Path

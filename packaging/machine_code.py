@@ -4,11 +4,11 @@
 
     python packaging/machine_code.py src/hopdata/_machine_code
 
-It compiles the driver, the code that carries Jacobians, the generic steps of explicit methods, and
-the loop in lanes (as wide as this level has them; processors of level v4 compile wider ones), for
-processors of level x86-64-v3 (2013 and later) and for the running Python, Numba and llvmlite. A
-machine that differs in one of these compiles as if the wheel had no machine code.
-`hopdata.code_cache.brought_code` reads the files.
+It compiles the driver, the code that carries Jacobians, the generic steps of explicit
+methods, and the loop in lanes (as wide as this level has them; processors of level v4
+compile wider ones), for processors of level x86-64-v3 (2013 and later) and for the
+running Python, Numba and llvmlite. A machine that differs in one of these compiles as
+if the wheel had no machine code. `hopdata.code_cache.brought_code` reads the files.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ FEATURES = [
     "avx", "avx2", "bmi", "bmi2", "cx16", "f16c", "fma", "lzcnt", "movbe", "popcnt", "xsave",
 ]  # fmt: skip
 SWITCHES = ",".join(f"+{feature}" for feature in FEATURES)
-os.environ |= {"NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": SWITCHES}  # read by Numba at import
+os.environ |= {
+    "NUMBA_CPU_NAME": LEVEL,
+    "NUMBA_CPU_FEATURES": SWITCHES,
+}  # read by Numba at import
 
 import llvmlite.binding as llvm  # noqa: E402
 
@@ -41,15 +44,21 @@ def main() -> None:
     """Write a file for each function."""
     target = llvm.Target.from_default_triple()
     if not target.triple.startswith("x86_64"):
-        print(f"the wheel is built without machine code: it is for x86_64, this is {target.triple}")
+        print(
+            f"the wheel is built without machine code: it is for x86_64, this is {target.triple}"
+        )
         return
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True)
 
-    def keep(function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]) -> Any:
+    def keep(
+        function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]
+    ) -> Any:
         """Compile as `compiled_in_cache` would, and write the machine code to a file."""
         compiled = compile_it(False)
-        needed = re.findall(r"^declare .*?@(\w+)\(", compiled.inspect_llvm(), re.MULTILINE)
+        needed = re.findall(
+            r"^declare .*?@(\w+)\(", compiled.inspect_llvm(), re.MULTILINE
+        )
         line = json.dumps([made_with(), compiled.native_name, FEATURES, needed])
         code = compiled._library._get_compiled_object()
         file = folder / f"{function.__name__}-{digest}"

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
-# One test process runs per core. If each had a BLAS thread per core, they would only wait for one
-# another. This is set before anything imports NumPy, and inherited by processes that tests start.
+# One test process runs per core. If each had a BLAS thread per core, they would only
+# wait for one another. This is set before anything imports NumPy, and inherited by
+# processes that tests start.
 for library in ("OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
-# Processes that tests start fail at NumPy's warnings too, as tests do (`pyproject.toml`).
+# Processes that tests start fail at NumPy's warnings too, as tests do
+# (`pyproject.toml`).
 os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
 
 
@@ -35,7 +37,10 @@ ROOT = Path(__file__).parents[1]
 EXTERNAL = "RBDS001runT25markers.tsv"
 EXTERNAL_FORCES = "RBDS001runT25forces.txt"
 SAME_RUN = ("RBDS001runT35.c3d", "RBDS001runT35_markers.txt")
-EXTERNAL_FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
+EXTERNAL_FOLDERS = (
+    ROOT / "data/external",
+    ROOT.parent / "shared/recordings/treadmill_running",
+)
 
 
 def external(name):

@@ -3,12 +3,12 @@
     python tests/frozen_studies.py keep FOLDER       # run the studies, copy tables and numbers
     python tests/frozen_studies.py compare FOLDER    # run them again, compare
 
-The workflow runs every study of `STUDIES` in the current checkout (only what is out of date), with
-one seed for steering. It keeps the CSV and JSON files except provenance, which holds times and
-versions. A comparison writes one line per file: `same bytes`, or the largest relative difference
-among its numbers and its place, or the columns, keys or rows that were added or removed. The exit
-code is 1 if anything differs by more than ``--digits`` allows. A study whose recording is missing
-is named and skipped.
+The workflow runs every study of `STUDIES` in the current checkout (only what is out of
+date), with one seed for steering. It keeps the CSV and JSON files except provenance,
+which holds times and versions. A comparison writes one line per file: `same bytes`, or
+the largest relative difference among its numbers and its place, or the columns, keys or
+rows that were added or removed. The exit code is 1 if anything differs by more than
+``--digits`` allows. A study whose recording is missing is named and skipped.
 """
 
 from __future__ import annotations
@@ -123,7 +123,9 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES))
     parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--digits", type=float, default=0.0, help="relative difference allowed")
+    parser.add_argument(
+        "--digits", type=float, default=0.0, help="relative difference allowed"
+    )
     options = parser.parse_args()
     wrong = 0
     for results in make_studies(options.studies, options.cores):
@@ -132,7 +134,9 @@ def main() -> int:
             for name in kept_files(results):
                 (kept / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(results / name, kept / name)
-            print(f"{results.name}: {sum(1 for _ in kept_files(kept))} files kept in {kept}")
+            print(
+                f"{results.name}: {sum(1 for _ in kept_files(kept))} files kept in {kept}"
+            )
             continue
         names = sorted({*kept_files(kept), *kept_files(results)})
         told = {name: compared(kept / name, results / name) for name in names}

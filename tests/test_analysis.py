@@ -24,7 +24,10 @@ def study(sample_path):
     """Return two minutes of the sample, from arrays, with names that no simulation gives."""
     whole = read_recording(sample_path).part(slice(12_000))
     markers = [f"my {name}" for name in whole.markers]
-    roles = {"feet": [f"my {name}" for name in FEET], "body": [f"my {name}" for name in BODY]}
+    roles = {
+        "feet": [f"my {name}" for name in FEET],
+        "body": [f"my {name}" for name in BODY],
+    }
     recording = hd.Recording.from_arrays(
         whole.time, whole.positions, markers, **roles, name="monday"
     )
@@ -47,20 +50,28 @@ def test_what_is_found_does_not_depend_on_the_size_of_the_animal(short_study, si
     assert copy.scale == pytest.approx(size * seen.scale, rel=1e-12)
     assert 0.5 < seen.scale < 2
     other = hd.study(copy)
-    np.testing.assert_allclose(other.floors["hopper"].moved_m, one.floors["hopper"].moved_m)
+    np.testing.assert_allclose(
+        other.floors["hopper"].moved_m, one.floors["hopper"].moved_m
+    )
     table, same = other.touchdowns, one.touchdowns
     assert (~same["excluded"]).sum() > 30
     for name in table:
         if name.endswith("_s"):
-            np.testing.assert_allclose(table[name] / root, same[name], atol=2e-7)  # rounded
+            np.testing.assert_allclose(
+                table[name] / root, same[name], atol=2e-7
+            )  # rounded
         elif name.endswith("probability"):
             np.testing.assert_allclose(table[name], same[name], atol=1e-3)
         else:
             assert table[name].equals(same[name]), name
     places = one.pairs.x.shape[1] // 2
     for found, expected in ((other.pairs.x, one.pairs.x), (other.pairs.y, one.pairs.y)):
-        np.testing.assert_allclose(found[:, :places] / size, expected[:, :places], atol=1e-5)
-        np.testing.assert_allclose(found[:, places:] / root, expected[:, places:], atol=1e-5)
+        np.testing.assert_allclose(
+            found[:, :places] / size, expected[:, :places], atol=1e-5
+        )
+        np.testing.assert_allclose(
+            found[:, places:] / root, expected[:, places:], atol=1e-5
+        )
 
 
 def test_stages_are_told_in_their_order(study):
@@ -78,14 +89,23 @@ def test_what_a_notebook_looks_at(study):
     assert study.figures.schedule().axes
     assert "verdict" in dir(study.figures)
     recording = study.recordings[0]
-    for one in (study, study.figures, study.verdict, study.verdict.effect, study.pairs, recording):
+    for one in (
+        study,
+        study.figures,
+        study.verdict,
+        study.verdict.effect,
+        study.pairs,
+        recording,
+    ):
         name = next(name for name in dir(one) if not name.startswith("_"))
         with pytest.raises(hd.HopdataError, match=f"did you mean '{name}'") as told:
             _ = getattr(one, f"{name}s")
         assert isinstance(told.value, AttributeError)
         assert len(repr(one)) < 200
         assert not hasattr(one, "_repr_latex_")
-    with pytest.raises(AttributeError, match=r"has no attribute 'xyz'; it has verdict, plan$"):
+    with pytest.raises(
+        AttributeError, match=r"has no attribute 'xyz'; it has verdict, plan$"
+    ):
         raise absent("it", "xyz", ["verdict", "_hidden", "plan"])
     assert study.tables["drift"].columns[0]
 
@@ -99,10 +119,14 @@ def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
 
 def test_the_name_of_a_file_is_no_folder(study, tmp_path):
     for name in ("results.h5", "results.CSV", "page.html"):
-        with pytest.raises(ArgumentError, match="folder: expected the name of a folder, found"):
+        with pytest.raises(
+            ArgumentError, match="folder: expected the name of a folder, found"
+        ):
             study[0].save(tmp_path / name)
     (tmp_path / "written").write_text("before")
-    with pytest.raises(ArgumentError, match="folder: expected the name of a folder, found"):
+    with pytest.raises(
+        ArgumentError, match="folder: expected the name of a folder, found"
+    ):
         study[0].save(tmp_path / "written")
     assert [path.name for path in tmp_path.iterdir()] == ["written"]
     assert study[0].save(tmp_path / "version 1.2").is_dir()
@@ -120,26 +144,47 @@ def test_nothing_is_imported_before_it_is_used():
         "assert not {'numpy', 'pandas', 'numba'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
-    with pytest.raises(AttributeError, match="no attribute 'analyze'; did you mean 'analyse'"):
+    with pytest.raises(
+        AttributeError, match="no attribute 'analyze'; did you mean 'analyse'"
+    ):
         _ = hd.analyze
 
 
-ARRAYS = {"time": np.arange(5) / 100, "positions": np.zeros((5, 2, 3)), "markers": ["toe", "hip"]}
+ARRAYS = {
+    "time": np.arange(5) / 100,
+    "positions": np.zeros((5, 2, 3)),
+    "markers": ["toe", "hip"],
+}
 
 
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"time": [0.0, 0.1, 0.1, 0.2, 0.3]}, "each later than the one before by at most 0.5 s"),
+        (
+            {"time": [0.0, 0.1, 0.1, 0.2, 0.3]},
+            "each later than the one before by at most 0.5 s",
+        ),
         ({"time": 10 * np.arange(5)}, "found shape (5,), [ 0. 10.] at frame 1"),
         ({"time": [0, 1e-3, np.nan, 3e-3, 4e-3]}, "[0.001   nan] at frame 2"),
         ({"positions": np.zeros((5, 3, 2))}, "positions: expected shape (5, 2, 3)"),
         ({"markers": ["toe"]}, "positions: expected shape (5, 1, 3)"),
-        ({"markers": ["toe", "toe"]}, "markers: expected each name once, found toe, toe"),
-        ({"positions": [[1], [1, 2]]}, "positions: expected an array of numbers, found setting"),
-        ({"time": ["noon"]}, "time: expected an array of numbers, found could not convert"),
+        (
+            {"markers": ["toe", "toe"]},
+            "markers: expected each name once, found toe, toe",
+        ),
+        (
+            {"positions": [[1], [1, 2]]},
+            "positions: expected an array of numbers, found setting",
+        ),
+        (
+            {"time": ["noon"]},
+            "time: expected an array of numbers, found could not convert",
+        ),
         ({"body": 3}, "body: expected a list of marker names, found 3"),
-        ({"feet": ["to"]}, "feet: expected one of toe, hip, found 'to'; did you mean 'toe'"),
+        (
+            {"feet": ["to"]},
+            "feet: expected one of toe, hip, found 'to'; did you mean 'toe'",
+        ),
     ],
 )
 def test_wrong_arrays_are_told_by_name(changed, told):
@@ -150,7 +195,9 @@ def test_wrong_arrays_are_told_by_name(changed, told):
 
 def test_recordings_in_a_list_are_one_study(sample_path):
     whole = hd.read(sample_path, feet=FEET, body=BODY)
-    monday = replace(whole.part(slice(4000)), name="monday", source="", source_sha256="")
+    monday = replace(
+        whole.part(slice(4000)), name="monday", source="", source_sha256=""
+    )
     friday = replace(monday, name="friday", positions=whole.positions[4000:8000])
     both = hd.study([monday, friday], study="week")
     counts = both.touchdowns.groupby("recording").size()
@@ -170,23 +217,34 @@ def test_recordings_in_a_list_are_one_study(sample_path):
 def test_millimetres_for_metres_and_a_text_for_a_list_are_told(sample_path):
     whole = hd.read(sample_path, feet=FEET, body=BODY).part(slice(3000))
     roles = {"feet": FEET, "body": BODY}
-    large = hd.Recording.from_arrays(whole.time, 1e3 * whole.positions, whole.markers, **roles)
-    with pytest.raises(hd.HopdataError, match=r"scale.*multiply the positions by 0.001"):
+    large = hd.Recording.from_arrays(
+        whole.time, 1e3 * whole.positions, whole.markers, **roles
+    )
+    with pytest.raises(
+        hd.HopdataError, match=r"scale.*multiply the positions by 0.001"
+    ):
         hd.analyse(large)
     lying = hd.Recording.from_arrays(
         whole.time, whole.positions[:, :, [0, 2, 1]], whole.markers, **roles
     )
-    with pytest.raises(hd.HopdataError, match=r"vertical axis.*z up: reorder yours to match"):
+    with pytest.raises(
+        hd.HopdataError, match=r"vertical axis.*z up: reorder yours to match"
+    ):
         hd.analyse(lying)
     for wrong, told in (
         ({"feet": FEET}, "feet, body: expected names of markers of .*boom.*body=.."),
-        ({"body": BODY, "feet": ["foot9", "foot1"]}, "expected a marker of the file.*'foot9'"),
+        (
+            {"body": BODY, "feet": ["foot9", "foot1"]},
+            "expected a marker of the file.*'foot9'",
+        ),
         ({**roles, "input": {"rate": 3}}, "input.rate"),
         ({"body": BODY, "foot": FEET}, "foot: expected a known key, found 'foot'"),
     ):
         with pytest.raises(hd.HopdataError, match=told):
             hd.analyse(sample_path, **wrong)
-    with pytest.raises(hd.HopdataError, match=r"hd\.read or hd\.Recording\.from_arrays"):
+    with pytest.raises(
+        hd.HopdataError, match=r"hd\.read or hd\.Recording\.from_arrays"
+    ):
         hd.analyse(whole.positions)
     with pytest.raises(hd.HopdataError, match="feet: expected a list of marker names"):
         hd.analyse(sample_path, feet="foot1", body=BODY)
@@ -199,34 +257,73 @@ STATES = np.zeros((20, 18))
     ("wrong", "told"),
     [
         (lambda: hd.judge(STATES, STATES, STATES), "judge: expected .* 'seed'"),
-        (lambda: hd.Study.judge(None, seed=1), "Study.judge: expected no arguments, .* 'seed'"),
+        (
+            lambda: hd.Study.judge(None, seed=1),
+            "Study.judge: expected no arguments, .* 'seed'",
+        ),
         (lambda: hd.Study.report(None, None), "file: expected a path .*, found None"),
-        (lambda: hd.Study.save(None, 3), "folder: expected a path to write to, found 3"),
-        (lambda: hd.judge(STATES, STATES, STATES, seed=1, flip=9), "did you mean 'flips'"),
-        (lambda: hd.judge("a", STATES, STATES, seed=1), "x: expected an array of numbers"),
-        (lambda: hd.judge(*2 * [STATES[:, :17]], STATES, seed=1), r"\(n, 6B\).*\(20, 17\)"),
-        (lambda: hd.judge(STATES, STATES, STATES, seed=1, confidence=95), "confidence: .* 95"),
+        (
+            lambda: hd.Study.save(None, 3),
+            "folder: expected a path to write to, found 3",
+        ),
+        (
+            lambda: hd.judge(STATES, STATES, STATES, seed=1, flip=9),
+            "did you mean 'flips'",
+        ),
+        (
+            lambda: hd.judge("a", STATES, STATES, seed=1),
+            "x: expected an array of numbers",
+        ),
+        (
+            lambda: hd.judge(*2 * [STATES[:, :17]], STATES, seed=1),
+            r"\(n, 6B\).*\(20, 17\)",
+        ),
+        (
+            lambda: hd.judge(STATES, STATES, STATES, seed=1, confidence=95),
+            "confidence: .* 95",
+        ),
         (
             lambda: hd.judge(STATES, STATES, STATES, seed=1, power="80 %"),
             "power: .* between .* 80 %",
         ),
-        (lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=None), r"margin: .* \(0, 1\]"),
-        (lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=20), r"margin: .* found 20"),
-        (lambda: hd.judge(STATES, STATES, STATES, seed=None), "seed: .* whole number, 0 or more"),
+        (
+            lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=None),
+            r"margin: .* \(0, 1\]",
+        ),
+        (
+            lambda: hd.judge(STATES, STATES, STATES, seed=1, margin=20),
+            r"margin: .* found 20",
+        ),
+        (
+            lambda: hd.judge(STATES, STATES, STATES, seed=None),
+            "seed: .* whole number, 0 or more",
+        ),
         (
             lambda: hd.judge(STATES, STATES, STATES, seed=1, flips=9),
             "flips: .* 20 or more, found 9",
         ),
-        (lambda: hd.judge(STATES[:, :0], STATES[:, :0], STATES, seed=1), r"6B.*\(20, 0\)"),
+        (
+            lambda: hd.judge(STATES[:, :0], STATES[:, :0], STATES, seed=1),
+            r"6B.*\(20, 0\)",
+        ),
         (lambda: hd.plan("x"), "pilot: expected a study or its verdict, found 'x'"),
         (lambda: hd.read("a.c3d", units="mm"), "input.units: .* did you mean 'unit'"),
         (lambda: hd.read("a.c3d", rate_hz="fast"), "input.rate_hz: expected a number"),
         (lambda: hd.read([], feet=FEET), "file: expected a path or a list of paths"),
         (lambda: hd.analyse("a.c3d", input="mm"), "input: expected keys with values"),
         (lambda: hd.analyse("a.c3d", progress=True), "progress: expected a function"),
-        (lambda: hd.synthesize("hopper", simulation=20), "simulation: expected keys with values"),
-        (lambda: hd.Recording.from_arrays([0, 1], STATES, FEET), "from_arrays: .*'feet'"),
-        (lambda: hd.Recording("a", [0, 1], STATES, (), (), 1.0), "time: expected an array of"),
+        (
+            lambda: hd.synthesize("hopper", simulation=20),
+            "simulation: expected keys with values",
+        ),
+        (
+            lambda: hd.Recording.from_arrays([0, 1], STATES, FEET),
+            "from_arrays: .*'feet'",
+        ),
+        (
+            lambda: hd.Recording("a", [0, 1], STATES, (), (), 1.0),
+            "time: expected an array of",
+        ),
     ],
 )
 def test_wrong_calls_are_told_by_name_in_a_line(wrong, told):
@@ -237,7 +334,13 @@ def test_wrong_calls_are_told_by_name_in_a_line(wrong, told):
 
 def test_results_are_shown_in_a_line_and_a_small_table(study):
     study = study[0]
-    shown = (study.recordings[0], study.pairs, study.sections, study.verdict, study.figures)
+    shown = (
+        study.recordings[0],
+        study.pairs,
+        study.sections,
+        study.verdict,
+        study.figures,
+    )
     for result in shown:
         assert len(repr(result)) < 250
         assert "array(" not in repr(result)
@@ -281,7 +384,9 @@ def test_distances_that_are_not_asked_for_are_not_made(monkeypatch, tmp_path):
 
     monkeypatch.setattr(subspaces, "bootstrap_subspaces", made)
     recording, _ = hd.synthesize(simulation={"hops": 60})
-    study = hd.study(recording, distances={"enabled": False}, prediction={"bootstraps": 2})
+    study = hd.study(
+        recording, distances={"enabled": False}, prediction={"bootstraps": 2}
+    )
     assert {"distances", "distance_summary"}.isdisjoint(study.tables)
     assert "distances" not in study.figures.names
     assert "fig2_5_distances" not in study.figures.names.values()
@@ -347,7 +452,9 @@ def test_a_plan_halves_the_difference_for_four_times_the_landings(study):
 def test_a_plan_asks_for_no_difference_that_smooth_terms_may_leave(study):
     """Contacts far apart leave more than a tenth."""
     verdict = study[0].verdict
-    wide = replace(verdict, effect=replace(verdict.effect, detectable=0.6, allowed=0.55))
+    wide = replace(
+        verdict, effect=replace(verdict.effect, detectable=0.6, allowed=0.55)
+    )
     assert hd.plan(wide)["difference"].between(0.57, 1).all()
 
 

@@ -30,7 +30,16 @@ MAY_USE = {
         *("analysis", "group", "provenance"),  # modules beside the rooms
     },
 }
-HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
+HEAVY = {
+    "pandas",
+    "scipy",
+    "matplotlib",
+    "statsmodels",
+    "sklearn",
+    "h5py",
+    "jsonschema",
+    "jinja2",
+}
 
 
 def modules(room):
@@ -71,7 +80,9 @@ def test_rooms_import_only_what_they_may(room):
 
 
 def test_every_room_is_listed():
-    rooms = {p.name for p in PACKAGE.iterdir() if p.is_dir() and not p.name.startswith("_")}
+    rooms = {
+        p.name for p in PACKAGE.iterdir() if p.is_dir() and not p.name.startswith("_")
+    }
     assert rooms == set(MAY_USE)
 
 
@@ -86,7 +97,9 @@ def test_heavy_libraries_are_imported_where_they_are_used():
         if path.parent.name == "figures":
             continue
         heavy = {n.split(".")[0] for n in imported(path, top_level_only=True)} & HEAVY
-        assert not heavy, f"{path.relative_to(PACKAGE)} imports {sorted(heavy)} at the top"
+        assert not heavy, (
+            f"{path.relative_to(PACKAGE)} imports {sorted(heavy)} at the top"
+        )
 
 
 def test_annotations_that_would_load_pandas_are_deferred():
@@ -96,7 +109,8 @@ def test_annotations_that_would_load_pandas_are_deferred():
             continue
         nodes = walked(path)[1]
         told = [
-            getattr(node, "annotation", None) or getattr(node, "returns", None) for node in nodes
+            getattr(node, "annotation", None) or getattr(node, "returns", None)
+            for node in nodes
         ]
         if any("pd." in ast.unparse(one) for one in told if one is not None):
             assert "from __future__ import annotations" in path.read_text(), path

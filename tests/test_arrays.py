@@ -23,9 +23,29 @@ TABLES = {
     "join_feet",
     *("read_recording", "write_recording", "read_truth", "read_pairs", "write_pairs"),
     *("read_bases", "write_subspaces", "save_process", "load_process", "load_geometry"),
-    *("from_table", "to_table", "true_map_of", "true_map_table", "training_table", "filled_table"),
-    *("robot_and_camera", "common_scene", "require_distinct", "notes", "blurred", "taking_part"),
-    *("check_plausible", "check_study", "contact_instants", "example_touchdown", "error_ratios"),
+    *(
+        "from_table",
+        "to_table",
+        "true_map_of",
+        "true_map_table",
+        "training_table",
+        "filled_table",
+    ),
+    *(
+        "robot_and_camera",
+        "common_scene",
+        "require_distinct",
+        "notes",
+        "blurred",
+        "taking_part",
+    ),
+    *(
+        "check_plausible",
+        "check_study",
+        "contact_instants",
+        "example_touchdown",
+        "error_ratios",
+    ),
     *(
         "exclude_stateless",
         "left_out",
@@ -51,7 +71,9 @@ def called_by_stages():
 
 
 def blas_threads():
-    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+    return {
+        one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"
+    }
 
 
 @pytest.mark.parametrize(("module", "name"), sorted(set(called_by_stages())))
@@ -59,7 +81,9 @@ def test_what_a_stage_calls_works_with_one_thread(module, name):
     function = getattr(importlib.import_module(module), name)
     if inspect.isclass(function) or not callable(function):
         return
-    assert not (hasattr(function, "__wrapped__") and inspect.isgeneratorfunction(function))
+    assert not (
+        hasattr(function, "__wrapped__") and inspect.isgeneratorfunction(function)
+    )
     assert hasattr(function, "__wrapped__") != (name in TABLES)
 
 
@@ -70,7 +94,9 @@ def test_judge_works_with_one_thread_and_gives_the_others_back(monkeypatch):
         seen.append(blas_threads())
         raise AnalysisError("seen enough")
 
-    monkeypatch.setattr(sys.modules["hopdata.maps.verdict.inputs"], "section_landings", look)
+    monkeypatch.setattr(
+        sys.modules["hopdata.maps.verdict.inputs"], "section_landings", look
+    )
     with threadpool_limits(2, user_api="blas"):
         judge([[0.0] * 6], [[0.0] * 6], [[0.0, 0.0]], seed=1)
         assert blas_threads() == {2}
@@ -110,4 +136,6 @@ def test_a_library_that_is_loaded_inside_is_limited_at_the_next_entry():
         "assert set(threads()) == set(before), threads()\n"
     )
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "MKL_NUM_THREADS": "2"}
-    subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=120)
+    subprocess.run(
+        [sys.executable, "-c", program], env=environment, check=True, timeout=120
+    )

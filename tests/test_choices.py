@@ -37,7 +37,9 @@ from hopdata.steering import OBSERVATIONS
 from hopdata.steering.experiments import tasks
 from hopdata.steering.models import process as models
 
-answer = import_module("hopdata.maps.verdict.judge")  # the package exports a function of that name
+answer = import_module(
+    "hopdata.maps.verdict.judge"
+)  # the package exports a function of that name
 ANY = SimpleNamespace()  # stands for arguments that are read only after the name
 FORCES = {"unit": "lbf", "inverted": False}
 NONE = np.empty((0, 3))
@@ -45,13 +47,18 @@ NONE = np.empty((0, 3))
 
 def heights(name="kink", gravity="learned"):
     """Look for contacts where there are none."""
-    return contacts.find_contacts(NONE, NONE, ANY, down_height_m=0.0, method=name, gravity=gravity)
+    return contacts.find_contacts(
+        NONE, NONE, ANY, down_height_m=0.0, method=name, gravity=gravity
+    )
 
 
 # For each table, a call with a name that it may not know.
 ASKED = {
     "touchdowns.method": (contacts.METHODS, heights),
-    "touchdowns.gravity": (kink_recording.GRAVITIES, lambda name: heights(gravity=name)),
+    "touchdowns.gravity": (
+        kink_recording.GRAVITIES,
+        lambda name: heights(gravity=name),
+    ),
     "gravity of the priors": (
         kink_recording.GRAVITIES,
         lambda name: kink_recording.weak_priors(3, name),
@@ -82,7 +89,8 @@ ASKED = {
     "true frames": (
         sections.FRAMES,
         lambda name: landing_scores._true_frames(
-            SimpleNamespace(body_height=np.zeros(2), foot_down=np.zeros((2, 3), bool)), name
+            SimpleNamespace(body_height=np.zeros(2), foot_down=np.zeros((2, 3), bool)),
+            name,
         ),
     ),
     "figures.formats": (
@@ -100,9 +108,9 @@ ASKED = {
     ),
     "role": (
         recording.ROLES,
-        lambda name: recording.Recording("a", np.empty(0), np.empty((0, 0, 3)), (), (), 1.0).names(
-            name
-        ),
+        lambda name: recording.Recording(
+            "a", np.empty(0), np.empty((0, 0, 3)), (), (), 1.0
+        ).names(name),
     ),
     "markers": (
         importing.ROLE_OF_KEY,
@@ -110,18 +118,27 @@ ASKED = {
     ),
     "contacts.unit": (
         external_contacts.SECONDS_PER_UNIT,
-        lambda name: external_contacts.read_contact_times({"file": "a", "unit": name}, feet=[]),
+        lambda name: external_contacts.read_contact_times(
+            {"file": "a", "unit": name}, feet=[]
+        ),
     ),
     "forces.unit": (
         force_signals.NEWTONS_PER_UNIT,
-        lambda name: force_signals._signal(ANY, ANY, NONE, NONE, {**FORCES, "unit": name}),
+        lambda name: force_signals._signal(
+            ANY, ANY, NONE, NONE, {**FORCES, "unit": name}
+        ),
     ),
     "model.kernel": (models.KERNELS, lambda name: models.process_of({"kernel": name})),
     "experiment": (
         tasks.EXPERIMENTS,
-        lambda name: tasks.draw_starts(name, 1, distance_m=1.0, seed=np.random.SeedSequence(0)),
+        lambda name: tasks.draw_starts(
+            name, 1, distance_m=1.0, seed=np.random.SeedSequence(0)
+        ),
     ),
-    "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, "", 0.95, 0.1)),
+    "conclusion": (
+        answer.CONCLUSIONS,
+        lambda name: answer.sentence(name, ANY, "", 0.95, 0.1),
+    ),
     "integrator": (
         integrators.CHOICES,
         lambda name: integrators.check_method(name, ANY, jacobian=False),
@@ -152,7 +169,14 @@ CONFIGURED = {
 def section(method="split_fit", gravity="auto", side="before"):
     """Fit states where there are none."""
     return states.section_states(
-        NONE, NONE, NONE, height_m=0.0, side=side, contact=NONE, method=method, gravity=gravity
+        NONE,
+        NONE,
+        NONE,
+        height_m=0.0,
+        side=side,
+        contact=NONE,
+        method=method,
+        gravity=gravity,
     )
 
 

@@ -72,7 +72,9 @@ def test_second_process_loads_and_an_edited_helper_is_noticed(tmp_path):
     assert second[:2] == pytest.approx((3.0, 1), abs=1e-12)
     (tmp_path / "speeds.py").write_text(SPEEDS.format(speed="4.0"))
     assert run_scene(tmp_path)[:2] == pytest.approx((4.0, 0), abs=1e-12)
-    print(f"new scene {first[2]:.2f} s, known scene {second[2]:.2f} s, imports included")
+    print(
+        f"new scene {first[2]:.2f} s, known scene {second[2]:.2f} s, imports included"
+    )
 
 
 @pytest.fixture
@@ -104,8 +106,12 @@ def test_where_the_user_says(source_function, monkeypatch, tmp_path):
     assert not (tmp_path / "sources" / "__pycache__").exists()
 
 
-def test_in_the_users_cache_if_the_source_is_not_writable(source_function, monkeypatch, tmp_path):
-    (tmp_path / "sources" / "__pycache__").write_text("a file where the folder should be")
+def test_in_the_users_cache_if_the_source_is_not_writable(
+    source_function, monkeypatch, tmp_path
+):
+    (tmp_path / "sources" / "__pycache__").write_text(
+        "a file where the folder should be"
+    )
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
@@ -119,7 +125,9 @@ def test_in_the_users_cache_if_the_source_is_not_writable(source_function, monke
 @pytest.fixture
 def no_home(source_function, monkeypatch, tmp_path):
     """Return a function whose cache can be neither beside it nor in its user's home."""
-    (tmp_path / "sources" / "__pycache__").write_text("a file where the folder should be")
+    (tmp_path / "sources" / "__pycache__").write_text(
+        "a file where the folder should be"
+    )
     for name in ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA"):
         monkeypatch.setenv(name, str(tmp_path / "sources" / "module.py"))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
@@ -153,7 +161,9 @@ def test_not_where_the_process_happens_to_be(no_home, monkeypatch, tmp_path, hom
 
 
 def test_where_the_users_folder_cannot_be_written(no_home, monkeypatch, tmp_path):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "sources" / "module.py" / "x"))
+    monkeypatch.setattr(
+        numba.config, "CACHE_DIR", str(tmp_path / "sources" / "module.py" / "x")
+    )
     with cache_directory(no_home, "abc") as folder:
         assert folder.parent.parent == tmp_path
 
@@ -216,7 +226,9 @@ def test_compiling_the_driver_is_said_once(monkeypatch, capsys, tmp_path):
 def test_what_to_do_where_the_driver_cannot_be_kept(monkeypatch, capsys, no_home):
     monkeypatch.setattr(entry, "_run", no_home)
     monkeypatch.setattr(tempfile, "tempdir", "/dev/null")
-    no_home.__code__ = tiny_driver.__code__.replace(co_filename=no_home.__code__.co_filename)
+    no_home.__code__ = tiny_driver.__code__.replace(
+        co_filename=no_home.__code__.co_filename
+    )
     entry.compiled_run.__wrapped__()
     assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err.splitlines()[-1]
 
@@ -264,12 +276,16 @@ def run_own_system(folder, command=("own.py",), **options):
     """Run a user's script in a separate process; return its output and all files in its folder."""
     source = str(Path(hopdata.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": source}
-    environment.pop("NUMBA_CACHE_DIR", None)  # keeps the driver's cache in its usual place
+    environment.pop(
+        "NUMBA_CACHE_DIR", None
+    )  # keeps the driver's cache in its usual place
     done = subprocess.run(
         [sys.executable, *command], cwd=folder, capture_output=True, text=True, check=True,
         env=environment, **options,
     )  # fmt: skip
-    files = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
+    files = {
+        path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()
+    }
     return done.stdout.splitlines(), files
 
 
@@ -338,7 +354,9 @@ def test_only_the_process_that_compiles_the_driver_says_so(tmp_path):
         fcntl = pytest.importorskip("fcntl")
         fcntl.flock(lock, fcntl.LOCK_EX)
         both = [subprocess.Popen(command, env=environment, **pipes) for _ in range(2)]
-        time.sleep(3.0)  # now both wait, or one waits and the other will find it compiled
+        time.sleep(
+            3.0
+        )  # now both wait, or one waits and the other will find it compiled
     said = [process.communicate(timeout=120) for process in both]
     assert [out for out, _ in said] == ["42\n", "42\n"]
     assert sum("compiling" in error for _, error in said) == 1
@@ -351,11 +369,15 @@ def brought(monkeypatch, tmp_path):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "kept"))
     compiler = numba.cfunc(entry.RUN_NATIVE, error_model="numpy")
     compiled = compiler(tiny_driver)
-    machine = llvm.Target.from_default_triple().create_target_machine(jit=True, reloc="static")
+    machine = llvm.Target.from_default_triple().create_target_machine(
+        jit=True, reloc="static"
+    )
     code = machine.emit_object(llvm.parse_assembly(compiled.inspect_llvm()))
 
     def write(versions=None, features=(), needed=()):
-        line = json.dumps([versions or made_with(), compiled.native_name, features, needed])
+        line = json.dumps(
+            [versions or made_with(), compiled.native_name, features, needed]
+        )
         (tmp_path / "tiny_driver-0123").write_bytes(line.encode() + b"\n" + code)
         return compiled_in_cache(tiny_driver, "0123", lambda _: None)
 
@@ -366,18 +388,28 @@ def test_machine_code_that_a_wheel_brought_is_taken(brought):
     features = [name for name, there in llvm.get_host_cpu_features().items() if there]
     code = brought(features=features, needed=["pow"])
     assert (
-        ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(code.address)(40, 2) == 42
+        ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(code.address)(
+            40, 2
+        )
+        == 42
     )
 
 
 @pytest.mark.parametrize(
-    "what", [{"versions": ["0.1", "0.1", "vax"]}, {"features": ["fma9"]}, {"needed": ["no_such"]}]
+    "what",
+    [
+        {"versions": ["0.1", "0.1", "vax"]},
+        {"features": ["fma9"]},
+        {"needed": ["no_such"]},
+    ],
 )
 def test_what_does_not_fit_is_compiled_here(brought, what):
     assert brought(**what) is None
 
 
-@pytest.mark.parametrize("setting", [("CPU_NAME", "generic"), ("CPU_FEATURES", "-avx2")])
+@pytest.mark.parametrize(
+    "setting", [("CPU_NAME", "generic"), ("CPU_FEATURES", "-avx2")]
+)
 def test_a_processor_that_the_user_names_is_compiled_for(brought, monkeypatch, setting):
     monkeypatch.setattr(numba.config, *setting)
     assert brought() is None
@@ -413,7 +445,9 @@ def cached(tmp_path):
 
     def run():
         command = [sys.executable, "-c", "import callers"]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        return subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=False
+        )
 
     assert run().stdout.split()[:2] == ["4.0", "2.0"]
     return run, place
@@ -440,7 +474,9 @@ def test_damaged_files_are_told_removed_and_compiled_anew(cached, pattern):
     damages = list(DAMAGES)
     for first in (0, 2):  # of five damages, each is done to one of three files
         files = sorted(place.rglob(pattern))
-        assert len({file.name.split("-")[0] for file in files}) == 3  # two callers and a callee
+        assert (
+            len({file.name.split("-")[0] for file in files}) == 3
+        )  # two callers and a callee
         for file, damage in zip(files, damages[first:], strict=False):
             file.write_bytes(DAMAGES[damage](file.read_bytes()))
         ended = run()

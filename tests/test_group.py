@@ -28,7 +28,10 @@ ROOT = Path(__file__).parents[1]
 CONFIG = {
     "study": "jumps",
     "samples": "samples.tsv",
-    "markers": {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2", "foot3"]},
+    "markers": {
+        "body": ["body1", "body2", "body3"],
+        "feet": ["foot1", "foot2", "foot3"],
+    },
 }
 
 
@@ -104,8 +107,14 @@ def test_names_are_shown_as_written_and_made_safe_for_folders(group):
             "line 2: expected the 2 columns subject, file, separated by tabs",
         ),
         ("subject\tfile\nanna\ta.h5\tb.h5\n", "separated by tabs, found 3"),
-        ("subject\tfile\nanna\ta.h5\nben\t./a.h5\n", "line 3: file: expected each file once"),
-        ("subject\tfile\nanna\ta.h5\nben\t\n", "line 3: file: expected a value in each row"),
+        (
+            "subject\tfile\nanna\ta.h5\nben\t./a.h5\n",
+            "line 3: file: expected each file once",
+        ),
+        (
+            "subject\tfile\nanna\ta.h5\nben\t\n",
+            "line 3: file: expected a value in each row",
+        ),
         (
             "subject\tcondition\tfile\nanna\t\ta.h5\nben\tshod\tb.h5\n",
             "line 2: condition: expected a value in each row",
@@ -134,14 +143,23 @@ def row(subject, squared, reason="", conclusion="cannot tell"):
         "left": 0.1,
         "along_error": 0.1,
     }
-    return {"subject": subject, "condition": "", "further": {}, "reason": reason, **sizes}
+    return {
+        "subject": subject,
+        "condition": "",
+        "further": {},
+        "reason": reason,
+        **sizes,
+    }
 
 
 GROUP = {"study": "jumps", "seed": 1, "verdict": {"margin": 0.2, "confidence": 0.95}}
 
 
 def test_those_without_an_answer_are_listed_and_not_counted():
-    rows = [*(row(f"s{n}", 0.1 + 0.001 * n) for n in range(5)), row("s9", 9.0, "no feet")]
+    rows = [
+        *(row(f"s{n}", 0.1 + 0.001 * n) for n in range(5)),
+        row("s9", 9.0, "no feet"),
+    ]
     found = put_together(rows, GROUP)
     assert found["effect"]["combined"]["n"] == 5
     assert found["conclusion"] == "different"
@@ -151,7 +169,13 @@ def test_those_without_an_answer_are_listed_and_not_counted():
 
 
 def test_the_page_says_how_many_landings_a_subject_lacks():
-    sizes = {"estimate": 0.1, "low": 0.0, "high": 0.4, "conclusion": "cannot tell", "landings": 300}
+    sizes = {
+        "estimate": 0.1,
+        "low": 0.0,
+        "high": 0.4,
+        "conclusion": "cannot tell",
+        "landings": 300,
+    }
     sizes["name"] = "a"
     rows = [
         row("a", 0.1 + k) | sizes | {"landings_needed": needed}
@@ -177,9 +201,15 @@ def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     rows = [row(n, 0.01 * k) | sizes | jumps | {"name": n} for k, n in enumerate("abc")]
     group = put_together(rows, GROUP)
     assert group["conclusion"] == "different"
-    assert "more than false alarms explain. The outcome jumps in 3 of" in group["sentence"]
+    assert (
+        "more than false alarms explain. The outcome jumps in 3 of" in group["sentence"]
+    )
     page = build_group_page(group, [])
-    assert page.count(">a jump of 12\u00a0%<") == page.count(">5.4\u00a0% to 17\u00a0%<") == 3
+    assert (
+        page.count(">a jump of 12\u00a0%<")
+        == page.count(">5.4\u00a0% to 17\u00a0%<")
+        == 3
+    )
     assert "38\u00a0%" not in page
     (axes,) = group_figure(group).axes
     assert [text.get_text() for text in axes.texts] == [
@@ -237,7 +267,11 @@ def started(folder, *options):
 def bytes_of_all(folder):
     """Return all files of a run, including hidden ones; logs record when and how long it ran."""
     files = [path for path in (folder / "results").rglob("*") if path.is_file()]
-    names = {path: str(path.relative_to(folder)) for path in files if path.parent.name != "logs"}
+    names = {
+        path: str(path.relative_to(folder))
+        for path in files
+        if path.parent.name != "logs"
+    }
     return {name: path.read_bytes() for path, name in names.items()}
 
 
@@ -256,15 +290,21 @@ def test_a_locked_folder_is_told_with_the_command_that_unlocks_it(group, capfd):
 
 
 @pytest.mark.workflow
-@pytest.mark.skipif("KILLS" not in os.environ, reason="takes minutes: KILLS=2, or KILLS=30")
+@pytest.mark.skipif(
+    "KILLS" not in os.environ, reason="takes minutes: KILLS=2, or KILLS=30"
+)
 def test_a_group_killed_at_any_time_ends_in_the_same_bytes(tmp_path):
     """KILLS=30 kills a group of eight 30 times: the whole run, or one of its processes."""
-    kills, seed = (int(os.environ.get(*one)) for one in (("KILLS", "2"), ("KILLS_SEED", "29")))
+    kills, seed = (
+        int(os.environ.get(*one)) for one in (("KILLS", "2"), ("KILLS_SEED", "29"))
+    )
     names = [f"s{number}" for number in range(8 if kills > 2 else 2)]
     folders = tmp_path / "whole", tmp_path / "killed"
     for folder in folders:
         folder.mkdir()
-        (folder / "samples.tsv").write_text("subject\tfile\n" + "".join(f"{n}\t\n" for n in names))
+        (folder / "samples.tsv").write_text(
+            "subject\tfile\n" + "".join(f"{n}\t\n" for n in names)
+        )
         config = CONFIG | {"simulation": {"hops": 100}}
         (folder / "group.yaml").write_text(yaml.safe_dump(config))
     whole, killed = folders
@@ -304,7 +344,9 @@ def test_a_group_killed_at_any_time_ends_in_the_same_bytes(tmp_path):
 def test_a_cell_that_is_too_long_is_refused_with_its_line(group, n_characters):
     table = f"subject\tfile\nanna\ta.h5\nben\t{'x' * n_characters}\n"
     if n_characters > 131_072:
-        with pytest.raises(ConfigError, match=r"samples.tsv, line 3: expected cells of at most"):
+        with pytest.raises(
+            ConfigError, match=r"samples.tsv, line 3: expected cells of at most"
+        ):
             group(table)
     else:
         assert list(group(table)["members"]) == ["anna", "ben"]

@@ -15,13 +15,16 @@ import yaml
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
-SOURCE_ONLY = "connection-pool"  # a requirement of Snakemake without a wheel, which has to be built
+# a requirement of Snakemake without a wheel, which has to be built
+SOURCE_ONLY = "connection-pool"
 
 
 def entries(lock):
     """Return name -> its lines, version and hashes."""
     entry = (ROOT / lock).read_text().replace("\\\n", " ").splitlines()
-    return {line.split("==")[0]: line for line in entry if line and not line.startswith("#")}
+    return {
+        line.split("==")[0]: line for line in entry if line and not line.startswith("#")
+    }
 
 
 def test_every_requirement_is_pinned_with_hashes():
@@ -33,7 +36,9 @@ def test_every_requirement_is_pinned_with_hashes():
 
 def test_what_builds_hopdata_is_locked():
     locked = entries("requirements-build.lock")
-    for text in tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]:
+    for text in tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"][
+        "requires"
+    ]:
         needed = Requirement(text)
         version = locked[needed.name.replace("_", "-")].split("==")[1].split()[0]
         assert needed.specifier.contains(version)
@@ -41,7 +46,13 @@ def test_what_builds_hopdata_is_locked():
 
 def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
     """Pip follows the Makefile's steps, with the one dependency that has to be built."""
-    for name in ("Makefile", "pyproject.toml", "README.md", "LICENSE", "requirements-build.lock"):
+    for name in (
+        "Makefile",
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+        "requirements-build.lock",
+    ):
         shutil.copy(ROOT / name, tmp_path)
     (tmp_path / "src").symlink_to(ROOT / "src")
     built = entries("requirements.lock")[SOURCE_ONLY]
@@ -51,7 +62,12 @@ def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
     tools.mkdir()
     for name in ("sh", "touch", "echo", "test"):
         (tools / name).symlink_to(shutil.which(name))
-    environment = {**os.environ, "PATH": str(tools), "PIP_LOG": str(log), "PIP_NO_CACHE_DIR": "1"}
+    environment = {
+        **os.environ,
+        "PATH": str(tools),
+        "PIP_LOG": str(log),
+        "PIP_NO_CACHE_DIR": "1",
+    }
     run = subprocess.run(
         [shutil.which("make"), ".venv/.run", "VENV=.venv", f"PYTHON={sys.executable}"],
         cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=300,
@@ -86,7 +102,9 @@ def test_what_the_image_compiles_is_there():
     subprocess.run([sys.executable, *shlex.split(line)[1:]], check=True, timeout=300)
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / ".github/workflows").glob("*.yml")), ids=str)
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / ".github/workflows").glob("*.yml")), ids=str
+)
 def test_workflows_call_what_the_makefile_has(path):
     workflow = yaml.safe_load(path.read_text())
     targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)

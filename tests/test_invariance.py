@@ -1,7 +1,7 @@
 """What nobody chose changes nothing: frame and units of the laboratory, and the order of names.
 
-One small study of two simulated recordings is made once as it is, and once for each transformation
-of the data that leaves the animal and its landings as they were.
+One small study of two simulated recordings is made once as it is, and once for each
+transformation of the data that leaves the animal and its landings as they were.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,7 +21,8 @@ QUICK = {
     "distances": {"pairs": 20},
 }
 RELATIVE = 1e-6
-#: A place 100 km from the laboratory's origin has steps of 1e-11 m, which is all that is lost.
+#: A place 100 km from the laboratory's origin has steps of 1e-11 m, which is all that
+#: is lost.
 FAR_M = np.array([1e5, -2e5, 0.0])
 
 
@@ -82,7 +83,12 @@ def recordings():
         kept = [one.markers.index(marker) for marker in (*BODY, *FEET)]
         found.append(
             hd.Recording.from_arrays(
-                one.time, one.positions[:, kept], (*BODY, *FEET), feet=FEET, body=BODY, name=name
+                one.time,
+                one.positions[:, kept],
+                (*BODY, *FEET),
+                feet=FEET,
+                body=BODY,
+                name=name,
             )
         )
     return found
@@ -91,7 +97,9 @@ def recordings():
 def numbers(recordings, change=None):
     """Return the numbers of a study that have no unit, or in units of the change."""
     change = change or Change()
-    study = hd.study([change.of(one) for one in recordings][:: change.recordings], **QUICK)
+    study = hd.study(
+        [change.of(one) for one in recordings][:: change.recordings], **QUICK
+    )
     effect, sections, units = study.judge().effect, study.sections, study.units
     table = study.touchdowns.sort_values(["recording", "index"])
     contacts = table[[f"contact_{foot}_s" for foot in FEET]].to_numpy() - change.later_s
@@ -138,12 +146,16 @@ def test_a_change_of_the_data_changes_the_answer(recordings, plain):
     c, s = np.cos(np.deg2rad(0.1)), np.sin(np.deg2rad(0.1))
     tilt = Change(turn=np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]))
     changed = differing(plain, numbers(recordings, tilt))
-    # The floor's fit takes most of the tilt out of the heights, but not out of the motion.
+    # The floor's fit takes most of the tilt out of the heights, but not out of the
+    # motion.
     assert {"length unit", "time unit", "estimate", "upper bound"} <= changed
     assert plain["estimate"] > 0.1
     rng = np.random.default_rng(np.random.SeedSequence(1))
     noisier = [
-        replace(one, positions=one.positions + rng.normal(scale=2e-5, size=one.positions.shape))
+        replace(
+            one,
+            positions=one.positions + rng.normal(scale=2e-5, size=one.positions.shape),
+        )
         for one in recordings
     ]
     assert {"contacts", "estimate", "prediction"} <= differing(plain, numbers(noisier))

@@ -42,7 +42,11 @@ def test_a_defect_keeps_its_traceback(tmp_path):
 
 def test_names_that_look_like_numbers_or_nothing_come_back(tmp_path):
     table = pd.DataFrame(
-        {"recording": ["NA", "null", "nan"], "foot": ["01", "02", "NA"], "x": [1.5, np.nan, np.inf]}
+        {
+            "recording": ["NA", "null", "nan"],
+            "foot": ["01", "02", "NA"],
+            "x": [1.5, np.nan, np.inf],
+        }
     )
     write_table(tmp_path / "a.csv", table)
     pd.testing.assert_frame_equal(read_table(tmp_path / "a.csv"), table)
@@ -50,7 +54,9 @@ def test_names_that_look_like_numbers_or_nothing_come_back(tmp_path):
 
 def test_late_instants_keep_their_digits(tmp_path):
     times = [1_700_000_000.123456, np.nan, 12.5]
-    write_table(tmp_path / "a.csv", pd.DataFrame({"t_pre_s": times, "height_m": [1e4 / 3] * 3}))
+    write_table(
+        tmp_path / "a.csv", pd.DataFrame({"t_pre_s": times, "height_m": [1e4 / 3] * 3})
+    )
     back = read_table(tmp_path / "a.csv")
     np.testing.assert_allclose(back["t_pre_s"], times, rtol=0, atol=1e-6)
     assert (tmp_path / "a.csv").read_text().splitlines()[1].endswith(",3333.33333")
@@ -91,13 +97,17 @@ def of_a_recording(path):
     )
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # raised by h5py
+@pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnraisableExceptionWarning"
+)  # raised by h5py
 @pytest.mark.parametrize("write", [of_numbers, of_a_recording])
 def test_a_full_disk_is_told_in_a_line_and_nothing_is_left(tmp_path, write):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
     try:
-        with pytest.raises(StorageError, match=r"out: expected a writable file, found: File too"):
+        with pytest.raises(
+            StorageError, match=r"out: expected a writable file, found: File too"
+        ):
             write(tmp_path / "out")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -149,7 +159,9 @@ def test_tables_keep_empty_text_and_nine_digits(tmp_path):
 
 
 def test_tables_without_rows_leave_the_types_of_the_others_alone(tmp_path):
-    full = pd.DataFrame({"recording": ["a", "b"], "index": [0, 1], "excluded": [True, False]})
+    full = pd.DataFrame(
+        {"recording": ["a", "b"], "index": [0, 1], "excluded": [True, False]}
+    )
     write_table(tmp_path / "full.csv", full)
     write_table(tmp_path / "empty.csv", full[:0])
     paths = [tmp_path / name for name in ("empty.csv", "full.csv", "empty.csv")]

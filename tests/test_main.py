@@ -65,11 +65,16 @@ def test_check_sums_up_a_sound_study(config, capsys):
     assert err == ""
 
 
-def test_check_does_not_call_sound_what_it_has_a_note_on(config, short_sample, capsys, tmp_path):
+def test_check_does_not_call_sound_what_it_has_a_note_on(
+    config, short_sample, capsys, tmp_path
+):
     recording = read_recording(short_sample)
     recording.positions[::9, recording.markers.index("body3")] = np.nan
     write_recording(tmp_path / "gap.h5", recording, None)
-    assert main(["check", edited(config, str(short_sample), str(tmp_path / "gap.h5"))]) == 0
+    assert (
+        main(["check", edited(config, str(short_sample), str(tmp_path / "gap.h5"))])
+        == 0
+    )
     *told, last = capsys.readouterr().out.splitlines()
     note = f"note: {tmp_path / 'gap.h5'}: marker 'body3' is missing in 11.1 % of frames"
     assert note in told
@@ -85,10 +90,26 @@ def test_check_names_a_simulated_recording(config, capsys, short_sample):
 
 MISTAKES = {
     "misspelt key": ("study:", "stduy:", ["stduy: expected a known key", "'study'"]),
-    "missing file": ("hopper.h5", "hoper.h5", ["recordings[0].file", "did you mean 'hopper.h5'"]),
-    "unknown marker": ("body3", "bdy3", ["markers.body", "'bdy3'", "did you mean 'body3'"]),
-    "rate 0": ("markers:", "input: {rate_hz: 0}\nmarkers:", ["input.rate_hz", "found 0"]),
-    "m taken for mm": ("markers:", "input: {unit: mm}\nmarkers:", ["scale", "input.unit: m"]),
+    "missing file": (
+        "hopper.h5",
+        "hoper.h5",
+        ["recordings[0].file", "did you mean 'hopper.h5'"],
+    ),
+    "unknown marker": (
+        "body3",
+        "bdy3",
+        ["markers.body", "'bdy3'", "did you mean 'body3'"],
+    ),
+    "rate 0": (
+        "markers:",
+        "input: {rate_hz: 0}\nmarkers:",
+        ["input.rate_hz", "found 0"],
+    ),
+    "m taken for mm": (
+        "markers:",
+        "input: {unit: mm}\nmarkers:",
+        ["scale", "input.unit: m"],
+    ),
     "body and feet exchanged": (
         "body: [body1, body2, body3]\n  feet: [foot1, foot2, foot3]",
         "feet: [body1, body2, body3]\n  body: [foot1, foot2, foot3]",
@@ -126,7 +147,10 @@ def test_forces_and_contacts_are_read_too(config, capsys, tmp_path):
     assert main(["check", edited(config, "name: Fz", "name: Fy")]) == 1
     out, err = capsys.readouterr()
     assert err.count("\n") == 1
-    assert "plate.csv, line 1: column: expected 'Fy' once among Fx, Fz, found no 'Fy'" in err
+    assert (
+        "plate.csv, line 1: column: expected 'Fy' once among Fx, Fz, found no 'Fy'"
+        in err
+    )
     assert "is sound" not in out
 
 
@@ -134,7 +158,9 @@ def test_all_unsound_recordings_are_told(config, capsys, tmp_path):
     broken = [tmp_path / f"broken{i}.tsv" for i in range(2)]
     for file in broken:
         file.write_text("hello\n")
-    more = "".join(f"  - {{name: r{i}, file: {file}}}\n" for i, file in enumerate(broken))
+    more = "".join(
+        f"  - {{name: r{i}, file: {file}}}\n" for i, file in enumerate(broken)
+    )
     edited(config, "markers:", more + "markers:")
     assert main(["check", str(config)]) == 1
     out, err = capsys.readouterr()
@@ -171,7 +197,9 @@ def test_version_and_help():
     assert "CONFIG" in result.stdout
 
 
-@pytest.mark.parametrize("arguments", [[], ["chekc", "x"], ["check"], ["run", "--cores", "0"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["chekc", "x"], ["check"], ["run", "--cores", "0"]]
+)
 def test_a_wrong_command_line_is_exit_code_2(arguments):
     result = hopdata(*arguments)
     assert result.returncode == 2
@@ -186,7 +214,11 @@ def test_help_does_not_import_numpy():
     )
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
     result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
     )
     assert result.returncode == 0, result.stderr
 
@@ -200,7 +232,11 @@ def test_a_configuration_is_loaded_without_what_is_slow_to_load():
         "assert not heavy, heavy"
     )
     result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
     )
     assert result.returncode == 0, result.stderr
 
@@ -208,7 +244,8 @@ def test_a_configuration_is_loaded_without_what_is_slow_to_load():
 def test_an_interrupt_ends_without_a_traceback(tmp_path):
     pipe = tmp_path / "config.yaml"
     os.mkfifo(pipe)  # a reader waits for ever for a writer
-    # A shell's background jobs and their children ignore the signal, so this enables it again.
+    # A shell's background jobs and their children ignore the signal, so this enables it
+    # again.
     code = (
         "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"from hopdata.__main__ import main\nraise SystemExit(main(['check', {str(pipe)!r}]))"
@@ -252,7 +289,9 @@ def waiting_reader(pipe, *, seconds=20):
 
 
 def test_a_closed_pipe_is_no_error():
-    command = f"{sys.executable} -m hopdata config-docs | head -n 1; exit ${{PIPESTATUS[0]}}"
+    command = (
+        f"{sys.executable} -m hopdata config-docs | head -n 1; exit ${{PIPESTATUS[0]}}"
+    )
     result = subprocess.run(
         ["bash", "-c", command],
         capture_output=True,

@@ -25,8 +25,9 @@ from hopdata.recordings.quality.inspection import recording_tables
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 SAMPLE = Path(__file__).parents[1] / "data/sample/hopper.h5"
-#: Bytes per frame in addition to the 176 of seven markers: 10 million frames take 3.0 GB. The
-#: search for landings takes the most, 120: it holds times and heights in the animal's own scale.
+#: Bytes per frame in addition to the 176 of seven markers: 10 million frames take 3.0
+#: GB. The search for landings takes the most, 120: it holds times and heights in the
+#: animal's own scale.
 BESIDE = 125
 LENGTHS = (6_000, 15_000, 30_000)  # in frames
 
@@ -64,7 +65,10 @@ def studied(recording):
     landings = find_landings(ready)
     known = {ready.name: landings}
     sections = select_sections([ready], landings=known)
-    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
+    heights = {
+        "pre_height_m": sections.pre_height_m,
+        "post_height_m": sections.post_height_m,
+    }
     densities = section_densities([ready], sections, known)
     return (
         ready,
@@ -100,7 +104,10 @@ def test_states_fitted_in_blocks_of_any_size_are_the_same_bytes(
     whole, options, monkeypatch, request
 ):
     ready, _, sections, _, table = whole
-    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
+    heights = {
+        "pre_height_m": sections.pre_height_m,
+        "post_height_m": sections.post_height_m,
+    }
     monkeypatch.setattr(tracks, "LARGEST", 10**9)
     whole = assemble_pairs([ready], table, **heights, **options)
     request.getfixturevalue("small_blocks")
@@ -131,8 +138,13 @@ def levelled(sample):
 
 def pair(recording, landings):
     sections = select_sections([recording], landings={recording.name: landings})
-    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
-    assemble_pairs([recording], touchdown_table(recording, landings=landings, **heights), **heights)
+    heights = {
+        "pre_height_m": sections.pre_height_m,
+        "post_height_m": sections.post_height_m,
+    }
+    assemble_pairs(
+        [recording], touchdown_table(recording, landings=landings, **heights), **heights
+    )
 
 
 def choose(recording, landings):
@@ -148,7 +160,9 @@ STAGES = {
         recording_tables([read_recording(path)]),
     ),
     "check": lambda one, *_: (check_plausible(one), notes(one)),
-    "level": lambda one, *_: fill_gaps(level(one, fit_floor(one), overwrite=True), overwrite=True),
+    "level": lambda one, *_: fill_gaps(
+        level(one, fit_floor(one), overwrite=True), overwrite=True
+    ),
     "find": lambda one, *_: find_landings(one),
     "pair": lambda one, landings, _: pair(one, landings),
     "choose": lambda one, landings, _: choose(one, landings),
@@ -156,7 +170,9 @@ STAGES = {
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_memory_holds_a_recording_once(levelled, stage, small_blocks, small_samples, tmp_path):
+def test_memory_holds_a_recording_once(
+    levelled, stage, small_blocks, small_samples, tmp_path
+):
     """Memory is measured by its growth with the frames; all else is the same for any length."""
     ready, landings = levelled
     taken = []

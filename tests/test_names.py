@@ -20,7 +20,13 @@ from hopdata.errors import ConfigError, RecordingError
 from hopdata.figures.overlay import contact_overlay_figure
 from hopdata.figures.quality import recording_gaps_figure
 from hopdata.figures.schedule import schedule_figure
-from hopdata.figures.style import label_of, paper_figure, save_figure, style_context, styled
+from hopdata.figures.style import (
+    label_of,
+    paper_figure,
+    save_figure,
+    style_context,
+    styled,
+)
 from hopdata.jobs import read_table, write_table
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.floor import fit_floor, level
@@ -37,9 +43,49 @@ from hopdata.report.page import build_report
 FRAMES = 600
 FORMULA = tuple("=+-@\t\r")
 NASTY = (
-    *("{x}", "{0}", "$\\frac{$", "$x$", "<b>%s</b>", '"', "'", "&amp;", "%", "\\", "a,b", "a: b"),
-    *("=1+1", "'=1+1", "+a", "-a", "@a", "''@", "_a", "#", ".5", "1e3", "yes", "null", "NA", "~"),
-    *("Fuß", "鹿", "🦌", "a b", " a", "x" * 80, "{{ x }}", "</pre><script>", "--", "]]>", "a%sb"),
+    *(
+        "{x}",
+        "{0}",
+        "$\\frac{$",
+        "$x$",
+        "<b>%s</b>",
+        '"',
+        "'",
+        "&amp;",
+        "%",
+        "\\",
+        "a,b",
+        "a: b",
+    ),
+    *(
+        "=1+1",
+        "'=1+1",
+        "+a",
+        "-a",
+        "@a",
+        "''@",
+        "_a",
+        "#",
+        ".5",
+        "1e3",
+        "yes",
+        "null",
+        "NA",
+        "~",
+    ),
+    *(
+        "Fuß",
+        "鹿",
+        "🦌",
+        "a b",
+        " a",
+        "x" * 80,
+        "{{ x }}",
+        "</pre><script>",
+        "--",
+        "]]>",
+        "a%sb",
+    ),
 )
 names = st.one_of(
     st.sampled_from(NASTY),
@@ -70,9 +116,15 @@ def stages(recording, folder, home):
     known = table[[f"contact_{foot}_s" for foot in recording.names("foot")]]
     known.to_csv(folder / "known.csv", index=False, header=["a", "b", "c"])
     columns = [
-        {"name": n, "feet": [f]} for n, f in zip("abc", recording.names("foot"), strict=True)
+        {"name": n, "feet": [f]}
+        for n, f in zip("abc", recording.names("foot"), strict=True)
     ]
-    block = {"file": str(folder / "known.csv"), "columns": columns, "unit": "s", "offset_s": 0.0}
+    block = {
+        "file": str(folder / "known.csv"),
+        "columns": columns,
+        "unit": "s",
+        "offset_s": 0.0,
+    }
     block |= {"label_column": None, "time_column": None}
     configured = {recording.name: {"contacts": block, "forces": {"file": None}}}
     overlay = overlay_external_truth([floored], table, configured, window_s=0.05)
@@ -84,7 +136,10 @@ def stages(recording, folder, home):
         "summary": overlay.summary,
         "landing": overlay.example,
     }
-    return {name: through_a_file(folder / f"{name}.csv", one) for name, one in tables.items()}
+    return {
+        name: through_a_file(folder / f"{name}.csv", one)
+        for name, one in tables.items()
+    }
 
 
 def through_a_file(path, table):
@@ -92,7 +147,9 @@ def through_a_file(path, table):
     write_table(path, table)
     with path.open(newline="", encoding="utf-8") as file:
         cells = [cell for row in csv.reader(file) for cell in row]
-    assert not [cell for cell in cells if cell.startswith(FORMULA) and not is_number(cell)]
+    assert not [
+        cell for cell in cells if cell.startswith(FORMULA) and not is_number(cell)
+    ]
     back = read_table(path)
     assert list(back) == list(table)
     for column in table:
@@ -113,7 +170,9 @@ def is_number(cell):
 def figures(tables):
     yield schedule_figure(tables["example"], tables["touchdowns"])
     yield recording_gaps_figure(tables["markers"], tables["gaps"], tables["faults"])
-    yield contact_overlay_figure(tables["contacts"], tables["summary"], tables["landing"])
+    yield contact_overlay_figure(
+        tables["contacts"], tables["summary"], tables["landing"]
+    )
 
 
 class Texts(HTMLParser):
@@ -141,10 +200,14 @@ def imported(piece, folder, names):
     write_recording(folder / "file.h5", replace(piece, markers=tuple(names)))
     file = str(folder / "file.h5")
     draft = Draft("mine", file, [("monday", file)], markers, all_markers=names)
-    (folder / "study.yaml").write_text(draft_config(draft, path="x.yaml"), encoding="utf-8")
+    (folder / "study.yaml").write_text(
+        draft_config(draft, path="x.yaml"), encoding="utf-8"
+    )
     config = load_config(folder / "study.yaml")
     assert config["markers"] == markers
-    recording, _ = import_recording(folder / "file.h5", name="monday", markers=config["markers"])
+    recording, _ = import_recording(
+        folder / "file.h5", name="monday", markers=config["markers"]
+    )
     assert recording.markers == tuple(names)
     return recording, config
 
@@ -219,7 +282,9 @@ def test_no_text_of_a_figure_is_read_as_mathematics(name):
 
 
 @settings(deadline=None, derandomize=True)
-@given(st.lists(st.text(st.characters(exclude_categories=["C"]), max_size=9), min_size=1))
+@given(
+    st.lists(st.text(st.characters(exclude_categories=["C"]), max_size=9), min_size=1)
+)
 def test_texts_of_tables_come_back_and_are_no_formulas(tmp_path_factory, texts):
     table = pd.DataFrame({"name": texts, "x_m": range(len(texts))})
     through_a_file(tmp_path_factory.getbasetemp() / "texts.csv", table)
@@ -244,7 +309,9 @@ def test_a_draft_quotes_what_must_be_quoted(name):
 
 @pytest.mark.parametrize("name", ["a\nb", "a\x1b[2Jb", "a\u2028b"])
 def test_a_name_that_no_line_can_hold_is_told_in_one(piece, tmp_path, name):
-    write_recording(tmp_path / "a.h5", replace(piece, markers=(name, *piece.markers[1:])))
+    write_recording(
+        tmp_path / "a.h5", replace(piece, markers=(name, *piece.markers[1:]))
+    )
     with pytest.raises(RecordingError, match=r"a\.h5: .*marker 1, found") as caught:
         import_recording(tmp_path / "a.h5", name="a", markers={"body": [name]})
     assert str(caught.value).isprintable()
@@ -256,7 +323,10 @@ def test_names_of_paths_are_plain(key, name):
     config = {
         "study": "mine",
         "recordings": [{"name": "monday"}],
-        "markers": {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2", "foot3"]},
+        "markers": {
+            "body": ["body1", "body2", "body3"],
+            "feet": ["foot1", "foot2", "foot3"],
+        },
     }
     (config if key == "study" else config["recordings"][0])[key] = name
     with pytest.raises(ConfigError, match=r"expected text .letters, digits") as caught:

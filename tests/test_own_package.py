@@ -26,7 +26,11 @@ def test_the_example_is_installed_and_found(tmp_path):
     subprocess.run([*pip, *where], check=True)
     paths = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
     command = [sys.executable, "-c", USED]
-    subprocess.run(command, check=True, cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths})
+    subprocess.run(
+        command, check=True, cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths}
+    )
     command[-1] = "import hopdata as hd; hd.synthesize('stiff_quadruped')"
-    without = subprocess.run(command, check=False, cwd=tmp_path.parent, capture_output=True)
+    without = subprocess.run(
+        command, check=False, cwd=tmp_path.parent, capture_output=True
+    )
     assert b"simulation.scene" in without.stderr  # fails without the package

@@ -32,7 +32,9 @@ def imported_names(source):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names.update([node.module, *(f"{node.module}.{a.name}" for a in node.names)])
+            names.update(
+                [node.module, *(f"{node.module}.{a.name}" for a in node.names)]
+            )
     return names
 
 
@@ -41,7 +43,11 @@ def test_the_pattern_finds_every_import_of_the_package():
     sources = [*module.PACKAGE.rglob("*.py"), *(root / "workflow/scripts").glob("*.py")]
     assert len(sources) > 200
     for source in sources:
-        files = {path for name in imported_names(source) for path in module._module_files(name)}
+        files = {
+            path
+            for name in imported_names(source)
+            for path in module._module_files(name)
+        }
         assert files <= module._imports(source), source
 
 
@@ -61,12 +67,18 @@ def test_imports_are_found_however_they_are_written(tmp_path, text):
 
 def test_digest_follows_imports_and_only_those(tmp_path):
     lone = code_digest(copied_script(tmp_path, "import numpy\n"))
-    floor = code_digest(copied_script(tmp_path, "from hopdata.landings.floor import fit_floor\n"))
+    floor = code_digest(
+        copied_script(tmp_path, "from hopdata.landings.floor import fit_floor\n")
+    )
     inner = code_digest(
-        copied_script(tmp_path, "def f():\n    from hopdata.landings import floor\n    floor\n")
+        copied_script(
+            tmp_path, "def f():\n    from hopdata.landings import floor\n    floor\n"
+        )
     )
     assert len({lone, floor, inner}) == 3
-    again = code_digest(copied_script(tmp_path, "from hopdata.landings.floor import fit_floor\n"))
+    again = code_digest(
+        copied_script(tmp_path, "from hopdata.landings.floor import fit_floor\n")
+    )
     assert again == floor
 
 
@@ -76,7 +88,9 @@ def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
     (package / "landings").mkdir(parents=True)
     (package / "__init__.py").write_text("")
     (package / "landings" / "__init__.py").write_text("")
-    (package / "landings" / "floor.py").write_text("from hopdata.landings import density\n")
+    (package / "landings" / "floor.py").write_text(
+        "from hopdata.landings import density\n"
+    )
     (package / "landings" / "density.py").write_text("a = 1\n")
     (package / "landings" / "other.py").write_text("a = 1\n")
     monkeypatch.setattr(module, "PACKAGE", package)
@@ -90,7 +104,9 @@ def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
 
 def test_provenance_names_seed_inputs_versions_and_times(tmp_path):
     (tmp_path / "level.tsv").write_text("s\th:m:s\n1.25\t0:00:01\n")
-    record = provenance({"study": "s", "seed": 3}, {"a.h5": "ff"}, tmp_path.glob("*.tsv"))
+    record = provenance(
+        {"study": "s", "seed": 3}, {"a.h5": "ff"}, tmp_path.glob("*.tsv")
+    )
     assert record["seed"] == 3
     assert record["inputs"] == {"a.h5": "ff"}
     assert record["stage_seconds"] == {"level": 1.25}

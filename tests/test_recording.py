@@ -8,11 +8,15 @@ from hopdata.recording import Recording, require_distinct
 
 
 def source(name, *digests):
-    return SimpleNamespace(name=name, place=f"{name}.tsv", source_sha256=", ".join(digests))
+    return SimpleNamespace(
+        name=name, place=f"{name}.tsv", source_sha256=", ".join(digests)
+    )
 
 
 def test_different_files_and_those_without_a_file_are_distinct():
-    require_distinct([source("a", "1", "2"), source("b", "3"), source("c"), source("d")])
+    require_distinct(
+        [source("a", "1", "2"), source("b", "3"), source("c"), source("d")]
+    )
 
 
 @pytest.mark.parametrize(
@@ -23,18 +27,26 @@ def test_different_files_and_those_without_a_file_are_distinct():
     ],
 )
 def test_the_same_bytes_under_another_name_are_refused(recordings):
-    with pytest.raises(RecordingError, match=r"b\.tsv: .* file 2 of recording 'b' .* count twice"):
+    with pytest.raises(
+        RecordingError, match=r"b\.tsv: .* file 2 of recording 'b' .* count twice"
+    ):
         require_distinct(recordings)
 
 
-@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 119.88, 120.0, 200.0, 240.0, 250.0, 1000 / 3])
+@pytest.mark.parametrize(
+    "rate_hz", [50.0, 100.0, 119.88, 120.0, 200.0, 240.0, 250.0, 1000 / 3]
+)
 @pytest.mark.parametrize("written", [np.float32, np.float64, lambda t: np.round(t, 5)])
 def test_the_rate_of_arrays_is_that_of_stamps_that_were_not_rounded(rate_hz, written):
     time = np.delete(np.arange(12_000) / rate_hz, [5000, 5001])
     names = ["toe", "hip1", "hip2", "hip3"]
     still = np.zeros((len(time), 4, 3))
-    made = Recording.from_arrays(written(time), still, names, feet=names[:1], body=names[1:])
-    assert made.rate_hz == pytest.approx(rate_hz, rel=1e-12 if rate_hz % 1 == 0 else 1e-6)
+    made = Recording.from_arrays(
+        written(time), still, names, feet=names[:1], body=names[1:]
+    )
+    assert made.rate_hz == pytest.approx(
+        rate_hz, rel=1e-12 if rate_hz % 1 == 0 else 1e-6
+    )
     assert np.abs(made.time - time).max() < 2e-5
 
 
@@ -42,7 +54,9 @@ def test_what_an_array_masks_was_not_seen():
     names = ["toe", "hip1", "hip2", "hip3"]
     still = np.ma.masked_array(np.ones((20, 4, 3)), mask=False)
     still[5, 2] = np.ma.masked
-    made = Recording.from_arrays(np.arange(20) / 100, still, names, feet=names[:1], body=names[1:])
+    made = Recording.from_arrays(
+        np.arange(20) / 100, still, names, feet=names[:1], body=names[1:]
+    )
     assert np.isnan(made.positions[5, 2]).all()
     assert np.isnan(made.positions).sum() == 3
     assert type(made.positions) is np.ndarray

@@ -3,7 +3,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hopdata.rigid import LEAST_WIDTH, composed, headings, inverse, relative, rigid_fit, wrapped
+from hopdata.rigid import (
+    LEAST_WIDTH,
+    composed,
+    headings,
+    inverse,
+    relative,
+    rigid_fit,
+    wrapped,
+)
 from hopdata.scenes.body import rotation_matrices
 from hopdata.synthesis.trial import MarkerOptions
 
@@ -19,7 +27,12 @@ def moved(shape, n, seed, tilt=0.3):
     rng = generator(seed)
     angles = np.column_stack([rng.uniform(-3, 3, n), rng.uniform(-tilt, tilt, (n, 2))])
     rotation, centre = rotation_matrices(angles), rng.uniform(-1, 1, (n, 3))
-    return centre[:, None] + np.einsum("nij,bj->nbi", rotation, shape), rotation, centre, angles
+    return (
+        centre[:, None] + np.einsum("nij,bj->nbi", rotation, shape),
+        rotation,
+        centre,
+        angles,
+    )
 
 
 @settings(max_examples=30, deadline=None)
@@ -56,7 +69,9 @@ def test_three_of_four_markers_are_enough():
 
 
 def test_three_markers_on_a_line_are_not():
-    shape = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.1, 0.0]])
+    shape = np.array(
+        [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.1, 0.0]]
+    )
     markers, *_ = moved(shape, 1, 3)
     markers[0, 3] = np.nan
     assert not rigid_fit(markers, shape).known[0]
@@ -124,7 +139,9 @@ def poses(seed, n=50):
 
 def test_composition_is_that_of_the_matrices():
     for a, b in zip(poses(1), poses(2), strict=True):
-        np.testing.assert_allclose(matrix(composed(a, b)), matrix(a) @ matrix(b), atol=1e-14)
+        np.testing.assert_allclose(
+            matrix(composed(a, b)), matrix(a) @ matrix(b), atol=1e-14
+        )
 
 
 def test_inverse_undoes_a_motion():

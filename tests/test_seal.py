@@ -27,7 +27,10 @@ def test_a_sealed_file_is_whole_and_other_programs_read_it(file):
 def test_each_flipped_bit_breaks_the_seal_or_is_in_its_mark(file):
     whole = file.read_bytes()
     n_seal = len(seal_for(file))
-    for place in [*range(0, len(whole) - n_seal, 37), *range(len(whole) - n_seal, len(whole) - 1)]:
+    for place in [
+        *range(0, len(whole) - n_seal, 37),
+        *range(len(whole) - n_seal, len(whole) - 1),
+    ]:
         damaged = bytearray(whole)
         damaged[place] ^= 4
         file.write_bytes(damaged)

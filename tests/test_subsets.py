@@ -13,11 +13,20 @@ from test_page import Page
 
 from hopdata.config.loading import load_config
 from hopdata.config.schema import load_schema
-from hopdata.figures.steering import save_film, steering_outcomes_figure, steering_run_figure
+from hopdata.figures.steering import (
+    save_film,
+    steering_outcomes_figure,
+    steering_run_figure,
+)
 from hopdata.figures.style import message_figure, save_figure
 from hopdata.jobs import as_stored, stacked
 from hopdata.report.formatting import WORDS
-from hopdata.report.inputs import ReportFigure, ReportInputs, SteeringInputs, read_figures
+from hopdata.report.inputs import (
+    ReportFigure,
+    ReportInputs,
+    SteeringInputs,
+    read_figures,
+)
 from hopdata.report.page import build_report
 from hopdata.report.steering import RUN_BY, build_steering_report
 from hopdata.steering.experiments import study, tasks
@@ -51,9 +60,12 @@ STEERING = {
 }
 SEED = np.random.SeedSequence(5)
 TRUTH = TrueFrameChanges(*[np.arange(2.0)] * 3, np.zeros((2, 2, 2, 3)))
-NO_HORIZONS = study.horizons_of({**STEERING, "experiments": {"starts": 1, "horizons": []}}, {})
+NO_HORIZONS = study.horizons_of(
+    {**STEERING, "experiments": {"starts": 1, "horizons": []}}, {}
+)
 INPUTS = vars(full_steering())
-# Those that steer swing as told, since a planner takes seconds to prepare; the others are real.
+# Those that steer swing as told, since a planner takes seconds to prepare; the others
+# are real.
 POLICIES = {
     **dict.fromkeys((*tasks.LEARNED, tasks.CEILING), lambda _start: Swings(0.4, -0.3)),
     tasks.RANDOM: lambda start: tasks.Unheeding(1.0, start.streams()[3]),
@@ -65,9 +77,13 @@ POLICIES = {
 def quick(monkeypatch):
     """Let the experiments run with `POLICIES`, each from each start once for all tests."""
     monkeypatch.setattr(
-        tasks, "policies", lambda names, *_, **__: {name: POLICIES[name] for name in names}
+        tasks,
+        "policies",
+        lambda names, *_, **__: {name: POLICIES[name] for name in names},
     )
-    monkeypatch.setattr(study.Setting, "run", lambda _, policy, start: _run(policy, start))
+    monkeypatch.setattr(
+        study.Setting, "run", lambda _, policy, start: _run(policy, start)
+    )
 
 
 REAL_RUN = study.Setting.run
@@ -111,13 +127,17 @@ def steered(controllers, observations=("corrected",)):
             if number and "controller" in table:
                 table["controller"] += f", {observation} observation"
         made.append({name: as_stored(table) for name, table in tables.items()})
-    whole = {name: stacked([tables[name] for tables in made]) for name in ("runs", "stances")}
+    whole = {
+        name: stacked([tables[name] for tables in made]) for name in ("runs", "stances")
+    }
     return whole | {name: made[0][name] for name in ("example", "film")}
 
 
 def captions():
     return [
-        ReportFigure(name, b"", "", (CAPTIONS / f"{name}.md").read_text(encoding="utf-8"))
+        ReportFigure(
+            name, b"", "", (CAPTIONS / f"{name}.md").read_text(encoding="utf-8")
+        )
         for name in FIGURES
     ]
 
@@ -152,8 +172,16 @@ def run_observations(observations, _folder):
             tables = steered(controllers, order)
             _, page = page_of(tables)
             learned = [name for name in controllers if name in tasks.LEARNED]
-            later = {f"{name}, {other} observation" for name in learned for other in order[1:]}
-            assert set(tables["runs"]["controller"]) == {*controllers, tasks.CEILING, *later}
+            later = {
+                f"{name}, {other} observation"
+                for name in learned
+                for other in order[1:]
+            }
+            assert set(tables["runs"]["controller"]) == {
+                *controllers,
+                tasks.CEILING,
+                *later,
+            }
             assert page.open == []
 
 
@@ -195,7 +223,11 @@ def test_each_controller_can_be_the_example(controller, quick, tmp_path):
     assert text_faults(figure) == []
     told = {text.get_text() for text in figure.legends[0].get_texts()}
     foretells = controller in tasks.LEARNED
-    assert ("pure simulation" in told) == ("simulated control response" in told) == foretells
+    assert (
+        ("pure simulation" in told)
+        == ("simulated control response" in told)
+        == foretells
+    )
     save_film(tmp_path / "film.gif", tables["film"], tables["example"])
     assert (tmp_path / "film.gif").stat().st_size > 5_000
 
@@ -203,7 +235,9 @@ def test_each_controller_can_be_the_example(controller, quick, tmp_path):
 def test_a_study_in_which_nothing_is_seen_says_so(quick, tmp_path, monkeypatch):
     unseen = REAL_RUN(_setting(), POLICIES[tasks.NONE], _start())
     blank = unseen.stances.assign(**dict.fromkeys(study.MEASURED, np.nan))
-    made = type(unseen)(blank, unseen.blind, unseen.last_error, unseen.outcome, unseen.frames)
+    made = type(unseen)(
+        blank, unseen.blind, unseen.last_error, unseen.outcome, unseen.frames
+    )
     monkeypatch.setattr(study.Setting, "run", lambda *_: made)
     tables = steered([tasks.NONE])
     assert tables["example"].empty

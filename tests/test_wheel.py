@@ -32,7 +32,9 @@ def installed(wheel, tmp_path_factory):
 
 def pip(command, *arguments):
     options = ("--quiet", "--disable-pip-version-check", "--no-index", "--no-deps")
-    subprocess.run([sys.executable, "-m", "pip", command, *options, *arguments], check=True)
+    subprocess.run(
+        [sys.executable, "-m", "pip", command, *options, *arguments], check=True
+    )
 
 
 def hopdata_run(installed, folder, *arguments):
@@ -44,7 +46,9 @@ def hopdata_run(installed, folder, *arguments):
 
 
 def test_the_wheel_holds_the_workflow_of_the_checkout(wheel):
-    found = {file for pattern in BUNDLED for file in ROOT.glob(pattern) if file.is_file()}
+    found = {
+        file for pattern in BUNDLED for file in ROOT.glob(pattern) if file.is_file()
+    }
     asked = {
         f"hopdata/_workflow/{file.relative_to(ROOT)}": file.read_bytes()
         for file in found
@@ -52,22 +56,33 @@ def test_the_wheel_holds_the_workflow_of_the_checkout(wheel):
     }
     assert len(asked) > 50
     with zipfile.ZipFile(wheel) as archive:
-        held = {name for name in archive.namelist() if name.startswith("hopdata/_workflow/")}
+        held = {
+            name for name in archive.namelist() if name.startswith("hopdata/_workflow/")
+        }
         assert {name: archive.read(name) for name in held} == asked
 
 
 def test_the_sample_is_planned_from_the_wheel_in_an_empty_folder(installed, tmp_path):
-    result = hopdata_run(installed, tmp_path, "--", "-n")  # lets Snakemake say everything
+    result = hopdata_run(
+        installed, tmp_path, "--", "-n"
+    )  # lets Snakemake say everything
     assert result.returncode == 0, result.stdout + result.stderr
-    assert f"{installed.name}/hopdata/_workflow/workflow/captions/verdict.md" in result.stdout
+    assert (
+        f"{installed.name}/hopdata/_workflow/workflow/captions/verdict.md"
+        in result.stdout
+    )
     assert "This was a dry-run" in result.stdout
     assert not (tmp_path / "results").exists()
 
 
 def test_a_target_after_the_dashes_is_snakemakes(installed, tmp_path):
-    result = hopdata_run(installed, tmp_path, "--", "results/sample/verdict.json", "--dry-run")
+    result = hopdata_run(
+        installed, tmp_path, "--", "results/sample/verdict.json", "--dry-run"
+    )
     assert result.returncode == 0, result.stdout + result.stderr
-    stages = [line.split()[0] for line in result.stdout.splitlines() if line.startswith("  ")]
+    stages = [
+        line.split()[0] for line in result.stdout.splitlines() if line.startswith("  ")
+    ]
     assert stages == ["recording", "pairs", "verdict"]
 
 

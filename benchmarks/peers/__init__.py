@@ -1,14 +1,15 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
 """Peers of the integrator, and its scenes, written once for every peer.
 
-Each module offers ``solvers(problem) -> list[Solver]``, empty if it does not support the scene. Our
-solver is here: one call of `solve` from Python, and its share of a batch.
+Each module offers ``solvers(problem) -> list[Solver]``, empty if it does not support
+the scene. Our solver is here: one call of `solve` from Python, and its share of a
+batch.
 
-All scenes are smooth except for a few coefficients that change at events. `slope` and `height` use
-ordinary arithmetic on the entries of the state and receive the elementary functions to use. So they
-work with Python numbers, Numba, jax and heyoka's expressions alike. `coefficients` depends on the
-locks alone, so a peer evaluates it once per event instead of once per step; the springs of the
-plate enter as sums.
+All scenes are smooth except for a few coefficients that change at events. `slope` and
+`height` use ordinary arithmetic on the entries of the state and receive the elementary
+functions to use. So they work with Python numbers, Numba, jax and heyoka's expressions
+alike. `coefficients` depends on the locks alone, so a peer evaluates it once per event
+instead of once per step; the springs of the plate enter as sums.
 """
 
 from __future__ import annotations
@@ -37,15 +38,17 @@ from hopdata.hybrid import Solution, System, guards, solve, solve_batch
 from hopdata.hybrid import field as _field
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 
-# Interface of every peer: named solvers that take a tolerance and return something to run.
+# Interface of every peer: named solvers that take a tolerance and return something to
+# run.
 
 
 Found = tuple[FloatArray, int | None]  # final state and number of events
 Run = Callable[[], Found]
 
-# If only the nearest guard is watched, an event is placed this far behind the surface, so that the
-# guard that has just flipped starts on the right side of zero. It shifts the instant by this
-# distance over the crossing speed, which is negligible beside the compared errors.
+# If only the nearest guard is watched, an event is placed this far behind the surface,
+# so that the guard that has just flipped starts on the right side of zero. It shifts
+# the instant by this distance over the crossing speed, which is negligible beside the
+# compared errors.
 HYSTERESIS = 1e-14
 MOST_EVENTS = 10_000
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))
@@ -64,9 +67,9 @@ class Solver:
     method : str
         The integration method.
     prepare : callable
-        Takes the tolerance (relative and absolute), does all work that can be done beforehand, and
-        returns a function that integrates the scene once. That function returns the final state and
-        the number of events, None if unknown.
+        Takes the tolerance (relative and absolute), does all work that can be done
+        beforehand, and returns a function that integrates the scene once. That function
+        returns the final state and the number of events, None if unknown.
     trajectories : int
         Number of times one call of that function integrates the scene.
     settings : tuple of float
@@ -104,10 +107,11 @@ class Problem:
     y0 : tuple of float
         Initial state.
     n_guards : int
-        Number of event functions h_k; lock k is the sign of h_k, and flips where h_k crosses zero.
+        Number of event functions h_k; lock k is the sign of h_k, and flips where h_k
+        crosses zero.
     slope : callable
-        ``slope(m)(y, c)`` is the rate of the state, a tuple, for coefficients c; `m` is a module
-        with elementary functions (math, numpy, ...).
+        ``slope(m)(y, c)`` is the rate of the state, a tuple, for coefficients c; `m` is
+        a module with elementary functions (math, numpy, ...).
     height : callable
         ``height(m)(y, k)`` is h_k; k may be an array of numbers where y holds numbers.
     coefficients : callable
@@ -240,13 +244,19 @@ def plate_problem() -> Problem:
     def height(m: Any) -> Formula:
         def h(y: Any, k: Any) -> Any:
             tan = m.tan(y[2])
-            return rest - y[1] + tan * y[0] - tan * places[k]  # the first part is common to all
+            return (
+                rest - y[1] + tan * y[0] - tan * places[k]
+            )  # the first part is common to all
 
         return h
 
     def coefficients(locks: Any) -> Any:
         touching = (locks + 1) / 2
-        return touching.sum(), (touching * places).sum(), (touching * places * places).sum()
+        return (
+            touching.sum(),
+            (touching * places).sum(),
+            (touching * places * places).sum(),
+        )
 
     return Problem(
         "plate", PLATE_SPAN, PLATE_START, plate.n_contacts, slope, height, coefficients,
@@ -255,12 +265,29 @@ def plate_problem() -> Problem:
     )  # fmt: skip
 
 
-# Five systems from elsewhere, piecewise smooth, each with the lock of a guard in its field.
+# Five systems from elsewhere, piecewise smooth, each with the lock of a guard in its
+# field.
 
 TILT = 0.25  # angle of a rocking block, from its edge to its centre of mass, rad
-LOW, HIGH, CURRENT, SLOW = 0.125, 0.625, 0.5, 0.1  # McKean's neuron: its kinks, drive and rate
-INNER, OUTER, ALPHA, BETA = -8 / 7, -5 / 7, 15.6, 28.0  # Chua's circuit: its slopes and parameters
-SUPPLY, WANTED, GAIN, LOAD, CARRIER = 2.0, 0.9, 1.5, 0.8, 9.0  # a buck converter, scaled
+LOW, HIGH, CURRENT, SLOW = (
+    0.125,
+    0.625,
+    0.5,
+    0.1,
+)  # McKean's neuron: its kinks, drive and rate
+INNER, OUTER, ALPHA, BETA = (
+    -8 / 7,
+    -5 / 7,
+    15.6,
+    28.0,
+)  # Chua's circuit: its slopes and parameters
+SUPPLY, WANTED, GAIN, LOAD, CARRIER = (
+    2.0,
+    0.9,
+    1.5,
+    0.8,
+    9.0,
+)  # a buck converter, scaled
 BACKLASH, DAMPING, TORQUE, WOBBLE = 0.5, 0.1, 0.3, 0.7  # a pair of gears
 
 
@@ -272,14 +299,19 @@ def block_field(t, y, mode, params, dy):
 @_field
 def neuron_field(t, y, mode, params, dy):
     low, high = mode[0] > 0, mode[1] > 0
-    slope, offset = 2.0 * low - 2.0 * high - 1.0, (1.0 + 2.0 * LOW) * high - 2.0 * LOW * low
+    slope, offset = (
+        2.0 * low - 2.0 * high - 1.0,
+        (1.0 + 2.0 * LOW) * high - 2.0 * LOW * low,
+    )
     dy[0], dy[1] = slope * y[0] + offset - y[1] + CURRENT, SLOW * y[0]
 
 
 @_field
 def chua_field(t, y, mode, params, dy):
     low, high = 1.0 * (mode[0] > 0), 1.0 * (mode[1] > 0)
-    diode = (OUTER + (INNER - OUTER) * (low - high)) * y[0] + (INNER - OUTER) * (low + high - 1.0)
+    diode = (OUTER + (INNER - OUTER) * (low - high)) * y[0] + (INNER - OUTER) * (
+        low + high - 1.0
+    )
     dy[0] = ALPHA * (y[1] - y[0] - diode)
     dy[1], dy[2] = y[0] - y[1] + y[2], -BETA * y[1]
 
@@ -318,12 +350,12 @@ def two_guards(t, y, dy, mode, params, h, hdot):
 def others() -> list[Problem]:
     """Return a rocking block, a neuron, a circuit, a switched converter and a pair of gears.
 
-    Housner's block loses no energy. McKean's neuron and Chua's circuit have their usual form. The
-    buck converter is switched where its error meets a sine, and the gears have backlash and are
-    driven by a sine; each carries its sine as two states.
+    Housner's block loses no energy. McKean's neuron and Chua's circuit have their usual
+    form. The buck converter is switched where its error meets a sine, and the gears
+    have backlash and are driven by a sine; each carries its sine as two states.
 
-    Their exact ends are our own at the tightest tolerance, so no solver's error is reported below
-    1e-12.
+    Their exact ends are our own at the tightest tolerance, so no solver's error is
+    reported below 1e-12.
     """
 
     def block_slope(m: Any) -> Formula:
@@ -357,7 +389,9 @@ def others() -> list[Problem]:
 
     def chua_coefficients(locks: Any) -> Any:
         low, high = (locks[0] + 1) / 2, (locks[1] + 1) / 2
-        return OUTER + (INNER - OUTER) * (low - high), (INNER - OUTER) * (low + high - 1.0)
+        return OUTER + (INNER - OUTER) * (low - high), (INNER - OUTER) * (
+            low + high - 1.0
+        )
 
     return [
         _problem("rocking_block", 12.0, (0.15, 0.0), (0.0,), block_slope,
@@ -389,10 +423,15 @@ def _problem(
 
 
 def tight_solution(
-    system: System, span: tuple[float, float], y0: tuple[float, ...], params: tuple[float, ...]
+    system: System,
+    span: tuple[float, float],
+    y0: tuple[float, ...],
+    params: tuple[float, ...],
 ) -> Solution:
     """Return our solution at the tightest tolerance."""
-    return solve(system, span, y0, params=params, rtol=SMALLEST_RTOL, atol=1e-15, method="dop853")
+    return solve(
+        system, span, y0, params=params, rtol=SMALLEST_RTOL, atol=1e-15, method="dop853"
+    )
 
 
 def problems() -> list[Problem]:
@@ -427,10 +466,18 @@ BATCH = 200
 
 def our_solvers(problem: Problem) -> list[Solver]:
     """Return a solver for each method of `solve`, in single calls and in a batch."""
-    forms = {"": problem.system} | {f", {name}": form for name, form in problem.forms.items()}
+    forms = {"": problem.system} | {
+        f", {name}": form for name, form in problem.forms.items()
+    }
     ways = {"hopdata, call": (prepare, 1), "hopdata, batch": (prepare_batch, BATCH)}
     return [
-        Solver("hopdata", way, method + form, partial(prepared, problem, system, method), count)
+        Solver(
+            "hopdata",
+            way,
+            method + form,
+            partial(prepared, problem, system, method),
+            count,
+        )
         for form, system in forms.items()
         for method in methods_for(system)
         for way, (prepared, count) in ways.items()
@@ -439,7 +486,9 @@ def our_solvers(problem: Problem) -> list[Solver]:
 
 def methods_for(system: System) -> tuple[str, ...]:
     """Return the methods that support a system; Taylor's requires affine modes."""
-    return tuple(method for method in METHODS if system.affine is not None or method != "taylor")
+    return tuple(
+        method for method in METHODS if system.affine is not None or method != "taylor"
+    )
 
 
 def prepare(problem: Problem, system: System, method: str, tolerance: float) -> Run:
@@ -449,7 +498,13 @@ def prepare(problem: Problem, system: System, method: str, tolerance: float) -> 
 
     def run() -> Found:
         solution = solve(
-            system, span, y0, params=params, rtol=tolerance, atol=tolerance, method=method
+            system,
+            span,
+            y0,
+            params=params,
+            rtol=tolerance,
+            atol=tolerance,
+            method=method,
         )
         if solution.status != 0:
             raise LostEventError(solution.message)
@@ -458,10 +513,16 @@ def prepare(problem: Problem, system: System, method: str, tolerance: float) -> 
     return run
 
 
-def prepare_batch(problem: Problem, system: System, method: str, tolerance: float) -> Run:
+def prepare_batch(
+    problem: Problem, system: System, method: str, tolerance: float
+) -> Run:
     """Return a function that integrates a batch of copies of the trajectory on one thread."""
     system.compile(method)
-    states, span, params = np.tile(problem.start, (BATCH, 1)), problem.t_span, problem.params
+    states, span, params = (
+        np.tile(problem.start, (BATCH, 1)),
+        problem.t_span,
+        problem.params,
+    )
 
     def run() -> Found:
         batch = solve_batch(

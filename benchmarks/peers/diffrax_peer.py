@@ -1,7 +1,7 @@
 """diffrax: solves that end at an event, in a loop over the events, all in one compiled call.
 
-The nearest guard is the only event, because of several events diffrax takes the first in its list
-that changes sign within a step, not the earliest.
+The nearest guard is the only event, because of several events diffrax takes the first
+in its list that changes sign within a step, not the earliest.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from peers import HYSTERESIS, MOST_EVENTS, Found, LostEventError, Problem, Run, 
 jax.config.update("jax_enable_x64", True)
 
 METHODS = {"Tsit5": diffrax.Tsit5, "Dopri5": diffrax.Dopri5, "Dopri8": diffrax.Dopri8}
-# Newton's method takes half the time, but may leave the step on the left and find the guard that
-# has just flipped. Its last correction is the square of this tolerance.
+# Newton's method takes half the time, but may leave the step on the left and find the
+# guard that has just flipped. Its last correction is the square of this tolerance.
 FINDERS = {
     "bisection": optimistix.Bisection(rtol=1e-15, atol=1e-15, flip="detect"),
     "Newton": optimistix.Newton(rtol=1e-10, atol=1e-10),
@@ -36,7 +36,12 @@ MOST_STEPS = 100_000  # between two events
 def solvers(problem: Problem) -> list[Solver]:
     """Return explicit Runge-Kutta methods with one or both root finders."""
     return [
-        Solver("diffrax", "diffrax", f"{name}, {finder}", partial(prepare, problem, name, finder))
+        Solver(
+            "diffrax",
+            "diffrax",
+            f"{name}, {finder}",
+            partial(prepare, problem, name, finder),
+        )
         for name, finder in CHOICES
     ]
 
@@ -63,7 +68,9 @@ def compiled_trajectory(problem: Problem, method: str, finder: str) -> Any:
     return jax.jit(function).lower(*shapes).compile()
 
 
-def trajectory(problem: Problem, method: Any, finder: Any, y0: Any, tolerance: Any) -> Any:
+def trajectory(
+    problem: Problem, method: Any, finder: Any, y0: Any, tolerance: Any
+) -> Any:
     """Return the time and state reached, and the number of events."""
     slope, height, end = problem.slope(jnp), problem.height(jnp), problem.t_span[1]
     guards = np.arange(problem.n_guards)
@@ -87,7 +94,13 @@ def trajectory(problem: Problem, method: Any, finder: Any, y0: Any, tolerance: A
         )  # fmt: skip
         now, y = solution.ts[-1], solution.ys[-1]
         crossed = locks * height(y, guards) <= 0
-        return now, y, jnp.where(crossed, -locks, locks), count + crossed.sum(), solves + 1
+        return (
+            now,
+            y,
+            jnp.where(crossed, -locks, locks),
+            count + crossed.sum(),
+            solves + 1,
+        )
 
     def unfinished(carry: Any) -> Any:
         return (carry[0] < end) & (carry[4] < MOST_EVENTS)

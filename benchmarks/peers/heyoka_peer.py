@@ -1,7 +1,8 @@
 """heyoka: Taylor's method, with every guard a terminal event whose callback changes parameters.
 
-The coefficients of the scene are `par[]`. A callback looks them up by the set of locks; they are
-computed when a set first occurs, which is before the timing. The tolerance is compiled in.
+The coefficients of the scene are `par[]`. A callback looks them up by the set of locks;
+they are computed when a set first occurs, which is before the timing. The tolerance is
+compiled in.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ import numpy as np
 from peers import FloatArray, Found, LostEventError, Problem, Run, Solver
 
 if hasattr(hy.llvm_state, "set_diskcache_enabled"):
-    hy.llvm_state.set_diskcache_enabled(False)  # so that `compile_s` is the cost of a new system
+    hy.llvm_state.set_diskcache_enabled(
+        False
+    )  # so that `compile_s` is the cost of a new system
 
 REACHED_END = hy.taylor_outcome.time_limit
 
@@ -40,12 +43,16 @@ class Coefficients:
         values = self.known.get(self.locks)
         if values is None:
             bits = self.locks >> np.arange(self.problem.n_guards) & 1
-            values = np.array(self.problem.coefficients(2.0 * bits - 1.0), dtype=np.float64)
+            values = np.array(
+                self.problem.coefficients(2.0 * bits - 1.0), dtype=np.float64
+            )
             self.known[self.locks] = values
         return values
 
 
-def at_event(guard: int, coefficients: Coefficients, pars: list[FloatArray]) -> Callable[..., bool]:
+def at_event(
+    guard: int, coefficients: Coefficients, pars: list[FloatArray]
+) -> Callable[..., bool]:
     """Return the callback of a guard: the sign of its rate is its new lock."""
     bit = 1 << guard
 
@@ -75,7 +82,11 @@ def prepare(problem: Problem, tolerance: float) -> Run:
         for k in range(problem.n_guards)
     ]
     integrator = hy.taylor_adaptive(
-        list(zip(y, rates, strict=True)), problem.start, pars=first, tol=tolerance, t_events=events
+        list(zip(y, rates, strict=True)),
+        problem.start,
+        pars=first,
+        tol=tolerance,
+        t_events=events,
     )
     pars.append(integrator.pars)
     state, start, end = integrator.state, problem.start, problem.t_span[1]

@@ -2,20 +2,24 @@
 
 There are several ways to make a spring that pushes only in contact:
 
-- ``default contact``: MuJoCo's own soft contact, frictionless, with stiffness and damping over mass
-  given directly (negative `solref`), as its manual suggests, and its default impedance.
-- ``contact``: the same with a constant impedance d. MuJoCo adds d / (1 - d) / w of inertia to each
-  contact, where w is the body's inverse weight; the smaller d, the closer it is to a spring. It
-  pushes along the normal of the plate by the depth along that normal, with k cos^2(theta) in place
-  of k, and never pulls.
-- ``tendon`` (hopper): a spring of a tendon with a range of lengths in which it is slack.
-- ``callback``: the scene's own springs, compiled, which MuJoCo calls for its passive forces.
-- ``contact law`` (plate): the same, but normal to the plate and without pull, like a contact in the
-  limit of zero impedance. With small steps, ``contact`` should approach it.
+- ``default contact``: MuJoCo's own soft contact, frictionless, with stiffness and
+  damping over mass given directly (negative `solref`), as its manual suggests, and its
+  default impedance.
+- ``contact``: the same with a constant impedance d. MuJoCo adds d / (1 - d) / w of
+  inertia to each contact, where w is the body's inverse weight; the smaller d, the
+  closer it is to a spring. It pushes along the normal of the plate by the depth along
+  that normal, with k cos^2(theta) in place of k, and never pulls.
+- ``tendon`` (hopper): a spring of a tendon with a range of lengths in which it is
+  slack.
+- ``callback``: the scene's own springs, compiled, which MuJoCo calls for its passive
+  forces.
+- ``contact law`` (plate): the same, but normal to the plate and without pull, like a
+  contact in the limit of zero impedance. With small steps, ``contact`` should approach
+  it.
 
-The plate is a thick box whose lower face is the plate's line. Each spring is a fixed sphere so
-small that it acts as a point; the face is lowered by its radius, so that depth / cos(theta) is
-exactly h_i.
+The plate is a thick box whose lower face is the plate's line. Each spring is a fixed
+sphere so small that it acts as a point; the face is lowered by its radius, so that
+depth / cos(theta) is exactly h_i.
 """
 
 from __future__ import annotations
@@ -128,9 +132,7 @@ def hopper_simulation(hopper: VerticalHopper, setting: Setting) -> Simulation:
     """Return the undamped hopper without preload: a sphere whose radius is the contact length."""
     length, mass, k = hopper.contact_length_m, hopper.mass_kg, hopper.stiffness_n_m
     touching = int(setting.spring in CONTACTS)
-    slack = (
-        f'<fixed stiffness="{k}" springlength="{length} 1e9"><joint joint="z" coef="1"/></fixed>'
-    )
+    slack = f'<fixed stiffness="{k}" springlength="{length} 1e9"><joint joint="z" coef="1"/></fixed>'
     bodies = f"""
         <geom type="plane" size="5 5 1" contype="{touching}" conaffinity="{touching}"/>
         <body>
@@ -180,7 +182,9 @@ def plate_simulation(plate: Plate, setting: Setting) -> Simulation:
     data = mujoco.MjData(model)
     passive = None
     if setting.spring not in CONTACTS:
-        passive = passive_force(data, plate_force(plate, as_contact=setting.spring != "callback"))
+        passive = passive_force(
+            data, plate_force(plate, as_contact=setting.spring != "callback")
+        )
     return Simulation(model, data, passive)
 
 
@@ -195,11 +199,13 @@ def compiled(gravity_m_s2: float, setting: Setting, bodies: str, more: str = "")
         </mujoco>""")
 
 
-def set_contacts(model: Any, setting: Setting, stiffness: float, damping: float) -> None:
+def set_contacts(
+    model: Any, setting: Setting, stiffness: float, damping: float
+) -> None:
     """Give all contacts this stiffness, N/m, and damping, N s/m, at constant impedance.
 
-    For `solref` = (-stiffness, -damping), MuJoCo's reference acceleration is (stiffness depth -
-    damping speed) / d, and the resulting force is that times d / (1 - d) / w.
+    For `solref` = (-stiffness, -damping), MuJoCo's reference acceleration is (stiffness
+    depth - damping speed) / d, and the resulting force is that times d / (1 - d) / w.
     """
     if setting.spring == "default contact":
         mass = model.body_mass[1]
@@ -249,7 +255,11 @@ def _pointer(typing: Any, address: Any) -> Any:  # noqa: ARG001
 def passive_force(data: Any, force: Callable[..., None]) -> Any:
     """Return compiled code that adds ``force(qpos, qvel, out)`` to the passive forces of `data`."""
     add, size = njit(error_model="numpy")(force), len(data.qpos)
-    places = (data.qpos.ctypes.data, data.qvel.ctypes.data, data.qfrc_passive.ctypes.data)
+    places = (
+        data.qpos.ctypes.data,
+        data.qvel.ctypes.data,
+        data.qfrc_passive.ctypes.data,
+    )
     qpos, qvel, out = places
 
     @cfunc(types.void(types.voidptr, types.voidptr))
@@ -267,7 +277,10 @@ def passive_force(data: Any, force: Callable[..., None]) -> Any:
 
 
 TIMESTEPS_S = tuple(2e-3 / 2**k for k in range(7))
-WAYS = (("contact", "implicitfast"), ("callback", "RK4"))  # its own contact; the scene's springs
+WAYS = (
+    ("contact", "implicitfast"),
+    ("callback", "RK4"),
+)  # its own contact; the scene's springs
 
 
 def solvers(problem: Problem) -> list[Solver]:

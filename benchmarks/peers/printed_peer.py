@@ -1,18 +1,19 @@
 """The integration method as the dissertation prints it (chapter IV), in plain NumPy.
 
-It is a reference for `hopdata.hybrid.solve`, not a faster method. A classical solver runs until an
-event function has changed sign between two points of its mesh (`integrate`). The events on that
-step are then resolved on cubic Hermite splines, followed by a third-order step to its end
-(`resolve_contacts`).
+It is a reference for `hopdata.hybrid.solve`, not a faster method. A classical solver
+runs until an event function has changed sign between two points of its mesh
+(`integrate`). The events on that step are then resolved on cubic Hermite splines,
+followed by a third-order step to its end (`resolve_contacts`).
 
-Corrections: slopes are refreshed after each crossing; locks are kept from step to step instead of
-being read from signs again; a guard at zero has the lock that its rate leads to; a guard that is at
-or beyond zero at the start of a step without having been crossed is crossed there. Limits that
-remain: the step after an event has no error control, and signs are compared on the mesh alone.
+Corrections: slopes are refreshed after each crossing; locks are kept from step to step
+instead of being read from signs again; a guard at zero has the lock that its rate leads
+to; a guard that is at or beyond zero at the start of a step without having been crossed
+is crossed there. Limits that remain: the step after an event has no error control, and
+signs are compared on the mesh alone.
 
-Any function that fits `ClassicalSolver` can serve as the classical solver. `Stepping` makes one
-from a class with the interface of `scipy.integrate.OdeSolver`: RK45 (Dormand and Prince's pair, the
-solver of section 4.4.1), DOP853, Radau, LSODA.
+Any function that fits `ClassicalSolver` can serve as the classical solver. `Stepping`
+makes one from a class with the interface of `scipy.integrate.OdeSolver`: RK45 (Dormand
+and Prince's pair, the solver of section 4.4.1), DOP853, Radau, LSODA.
 """
 
 from __future__ import annotations
@@ -44,11 +45,13 @@ class Mesh:
 class ClassicalSolver(Protocol):
     """Integrate `slope` from (t, y) to `t_end`, or to the first mesh point where `stop` holds.
 
-    The start itself is not tested. The solver takes at least one step, and its method should be of
-    third order or higher.
+    The start itself is not tested. The solver takes at least one step, and its method
+    should be of third order or higher.
     """
 
-    def __call__(self, slope: Slope, t: float, y: FloatArray, t_end: float, stop: Stop) -> Mesh:
+    def __call__(
+        self, slope: Slope, t: float, y: FloatArray, t_end: float, stop: Stop
+    ) -> Mesh:
         """Return the mesh, including its start."""
 
 
@@ -72,20 +75,26 @@ class Stepping:
     kind : callable
         Called as ``kind(slope, t, y, t_end, **options)``, it returns a `Stepper`.
     options : mapping
-        Options such as rtol, atol, max_step and first_step; the last is shortened if less time is
-        left.
+        Options such as rtol, atol, max_step and first_step; the last is shortened if
+        less time is left.
     """
 
     kind: Callable[..., Stepper]
     options: Mapping[str, Any] = field(default_factory=dict)
 
-    def __call__(self, slope: Slope, t: float, y: FloatArray, t_end: float, stop: Stop) -> Mesh:
+    def __call__(
+        self, slope: Slope, t: float, y: FloatArray, t_end: float, stop: Stop
+    ) -> Mesh:
         """Step until `stop` holds or the time is up; raise ArithmeticError if a step fails."""
 
         def rates(time: float, state: FloatArray) -> FloatArray:
             rate = slope(time, state)
-            if not np.isfinite(rate).all():  # otherwise it would retry a step size of NaN for ever
-                raise ArithmeticError(f"the classical solver failed at t = {time}: not finite")
+            if not np.isfinite(
+                rate
+            ).all():  # otherwise it would retry a step size of NaN for ever
+                raise ArithmeticError(
+                    f"the classical solver failed at t = {time}: not finite"
+                )
             return rate
 
         stepper = self.kind(rates, t, y, t_end, **self._within(t_end - t))
@@ -93,7 +102,9 @@ class Stepping:
         while stepper.status == "running":
             message = stepper.step()
             if stepper.status == "failed":
-                raise ArithmeticError(f"the classical solver failed at t = {stepper.t}: {message}")
+                raise ArithmeticError(
+                    f"the classical solver failed at t = {stepper.t}: {message}"
+                )
             times.append(float(stepper.t))
             states.append(np.array(stepper.y, dtype=np.float64))
             if stop(times[-1], states[-1]):
@@ -102,7 +113,11 @@ class Stepping:
 
     def _within(self, left: float) -> Mapping[str, Any]:
         first = self.options.get("first_step")
-        return self.options if first is None else {**self.options, "first_step": min(first, left)}
+        return (
+            self.options
+            if first is None
+            else {**self.options, "first_step": min(first, left)}
+        )
 
 
 # Choices within the printed method.
@@ -117,12 +132,13 @@ class PrintedOptions:
     Parameters
     ----------
     root_finder : str
-        Root of a Hermite spline: ``"illinois"``, as section 4.3.3 recommends, or ``"cubic"``, the
-        closed form that section 4.4.1 says was used.
+        Root of a Hermite spline: ``"illinois"``, as section 4.3.3 recommends, or
+        ``"cubic"``, the closed form that section 4.4.1 says was used.
     refresh_slopes : bool
-        Whether the slopes at both ends of the step are evaluated again after each crossing. False
-        follows Algorithm 5 to the letter, which sets them once, so that later events of the step
-        are interpolated with slopes of a mode that has ended. For the record only.
+        Whether the slopes at both ends of the step are evaluated again after each
+        crossing. False follows Algorithm 5 to the letter, which sets them once, so that
+        later events of the step are interpolated with slopes of a mode that has ended.
+        For the record only.
     """
 
     root_finder: str = "illinois"
@@ -135,7 +151,8 @@ class PrintedOptions:
             )
 
 
-# One event-selected region of a system, in which every event function rises through zero once.
+# One event-selected region of a system, in which every event function rises through
+# zero once.
 
 
 @dataclass(frozen=True)
@@ -149,7 +166,8 @@ class Region:
     params : (p,) array
         Parameters passed to them.
     orientation : (m,) array of int
-        +1 if the event function of the region is h_k, -1 if it is -h_k because h_k falls.
+        +1 if the event function of the region is h_k, -1 if it is -h_k because h_k
+        falls.
     """
 
     system: System
@@ -183,7 +201,9 @@ class Region:
         """Return event functions (m,) and their rates (m,) along dy, 1/s, both oriented."""
         h, rates = np.zeros((2, self.system.n_guards))
         if self.system.guards is not None:
-            self.system.guards.function(t, y, dy, self.mode(locks), self.params, h, rates)
+            self.system.guards.function(
+                t, y, dy, self.mode(locks), self.params, h, rates
+            )
         return self.orientation * h, self.orientation * rates
 
     def crossed(self, t: float, y: FloatArray, locks: IntArray) -> IntArray:
@@ -194,8 +214,8 @@ class Region:
     def first_locks(self, t: float, y: FloatArray) -> IntArray:
         """Return the locks at a start: the sign of h, or the sign of its rate if h = 0.
 
-        By the sign of h alone, a guard at zero would be neither before its event nor after it. A
-        guard that rests at zero counts as not crossed.
+        By the sign of h alone, a guard at zero would be neither before its event nor
+        after it. A guard that rests at zero counts as not crossed.
         """
         before = -np.ones(self.system.n_guards, dtype=np.int64)
         h, _ = self.events(t, y, np.zeros(self.system.n_states), before)
@@ -218,21 +238,28 @@ def region_of(
     params : (p,) array_like
         Parameters passed to its functions.
     orientation : sequence of int, optional
-        +1 for each guard whose event function rises, -1 for each that falls. By default all rise.
+        +1 for each guard whose event function rises, -1 for each that falls. By default
+        all rise.
 
     Raises
     ------
     ValueError
-        If the system has a handler or has no single function for all guards, or if `orientation` is
-        not one sign per guard.
+        If the system has a handler or has no single function for all guards, or if
+        `orientation` is not one sign per guard.
     """
     if system.n_guards > 0 and system.guards is None:
-        raise ValueError("system: expected all event functions in one function, @guards")
+        raise ValueError(
+            "system: expected all event functions in one function, @guards"
+        )
     if system.on_event is not None:
-        raise ValueError("system: the printed method does not call on_event; use hybrid.solve")
+        raise ValueError(
+            "system: the printed method does not call on_event; use hybrid.solve"
+        )
     signs = (1,) * system.n_guards if orientation is None else tuple(orientation)
     if len(signs) != system.n_guards or not set(signs) <= {-1, 1}:
-        raise ValueError(f"orientation: expected {system.n_guards} times -1 or +1, found {signs}")
+        raise ValueError(
+            f"orientation: expected {system.n_guards} times -1 or +1, found {signs}"
+        )
     numbers = np.array(params, dtype=np.float64).ravel()
     return Region(system, numbers, np.array(signs, dtype=np.int64))
 
@@ -242,7 +269,9 @@ def region_of(
 Value = TypeVar("Value", float, NDArray[np.float64])
 
 
-def hermite(theta: float, y0: Value, y1: Value, f0: Value, f1: Value, dt: float) -> Value:
+def hermite(
+    theta: float, y0: Value, y1: Value, f0: Value, f1: Value, dt: float
+) -> Value:
     """Return the cubic with values y0, y1 and slopes f0, f1 at the ends of a step.
 
     Parameters
@@ -261,17 +290,22 @@ def hermite(theta: float, y0: Value, y1: Value, f0: Value, f1: Value, dt: float)
     return (1.0 - theta) * y0 + theta * y1 + theta * (theta - 1.0) * bend
 
 
-def coefficients(y0: Value, y1: Value, d0: Value, d1: Value) -> tuple[Value, Value, Value, Value]:
+def coefficients(
+    y0: Value, y1: Value, d0: Value, d1: Value
+) -> tuple[Value, Value, Value, Value]:
     """Return the cubic's coefficients of 1, theta, theta^2, theta^3, from slopes per step."""
     rise = y1 - y0
     return y0, d0, 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
 
 
-# Root on the unit interval of a cubic that is negative at its start and not negative at its end.
+# Root on the unit interval of a cubic that is negative at its start and not negative at
+# its end.
 
 MOST_ITERATIONS = 100
 SPACING = 2.0**-53
-OUTSIDE = 1e-6  # how far rounding may put a root of the closed form outside the interval
+OUTSIDE = (
+    1e-6  # how far rounding may put a root of the closed form outside the interval
+)
 
 Cubic = tuple[float, float, float, float]
 
@@ -325,10 +359,10 @@ def illinois_root(function: Callable[[float], float], low: float, high: float) -
 def closed_form(cubic: Cubic) -> float:
     """Return the first root by Cardano's and Viete's formulas, refined by Newton steps.
 
-    On a short step the cubic is nearly linear, so its leading coefficient is nearly zero. The
-    formulas are then applied to the cubic of the reciprocal root, whose leading coefficient is not.
-    Only roots where the cubic rises count: a guard that has just left zero has a falling root
-    directly before the step.
+    On a short step the cubic is nearly linear, so its leading coefficient is nearly
+    zero. The formulas are then applied to the cubic of the reciprocal root, whose
+    leading coefficient is not. Only roots where the cubic rises count: a guard that has
+    just left zero has a falling root directly before the step.
     """
     a, b, c, d = cubic
     if abs(d) >= abs(a):
@@ -336,9 +370,15 @@ def closed_form(cubic: Cubic) -> float:
     else:
         reciprocal = _monic_roots(b / a, c / a, d / a)
         roots = [1.0 / x for x in reciprocal if x != 0.0]
-    inside = [x for x in roots if -OUTSIDE <= x <= 1.0 + OUTSIDE and derivative(cubic, x) >= 0.0]
+    inside = [
+        x
+        for x in roots
+        if -OUTSIDE <= x <= 1.0 + OUTSIDE and derivative(cubic, x) >= 0.0
+    ]
     if not inside:
-        return illinois(cubic)  # rounding moved all roots out: near an end, or nearly double
+        return illinois(
+            cubic
+        )  # rounding moved all roots out: near an end, or nearly double
     return _polished(cubic, min(max(min(inside), 0.0), 1.0))
 
 
@@ -351,7 +391,9 @@ def _monic_roots(b: float, c: float, d: float) -> list[float]:
     if discriminant < 0.0:
         radius = sqrt(-p)
         angle = acos(max(-1.0, min(1.0, q / (p * radius)))) / 3.0
-        return [2.0 * radius * cos(angle - k * 2.0 * pi / 3.0) - shift for k in range(3)]
+        return [
+            2.0 * radius * cos(angle - k * 2.0 * pi / 3.0) - shift for k in range(3)
+        ]
     u = -cbrt(q + copysign(sqrt(discriminant), q))
     return [(u - p / u if u != 0.0 else 0.0) - shift]
 
@@ -368,7 +410,10 @@ def _polished(cubic: Cubic, x: float) -> float:
     return x
 
 
-FINDERS: dict[str, Callable[[Cubic], float]] = {"illinois": illinois, "cubic": closed_form}
+FINDERS: dict[str, Callable[[Cubic], float]] = {
+    "illinois": illinois,
+    "cubic": closed_form,
+}
 
 
 @dataclass(frozen=True)
@@ -401,9 +446,10 @@ def resolve_contacts(
 ) -> Resolution:
     """Integrate through all events between two points of a mesh (Algorithm 5).
 
-    The guard whose spline has the earliest root is crossed first. The state there is interpolated,
-    and one third-order step in the new mode leads to the end again. This repeats until no guard
-    remains that has changed sign. That step has no error control: the caller bounds its length.
+    The guard whose spline has the earliest root is crossed first. The state there is
+    interpolated, and one third-order step in the new mode leads to the end again. This
+    repeats until no guard remains that has changed sign. That step has no error
+    control: the caller bounds its length.
 
     Parameters
     ----------
@@ -421,7 +467,8 @@ def resolve_contacts(
     Returns
     -------
     Resolution
-        True state and locks at t1. There are at most m crossings, as each sets one lock for good.
+        True state and locks at t1. There are at most m crossings, as each sets one lock
+        for good.
     """
     options = options or PrintedOptions()
     locks = locks.copy()
@@ -430,9 +477,17 @@ def resolve_contacts(
     candidates = region.crossed(t1, y1, locks)
     while len(candidates) > 0:
         dt = t1 - t0
-        parts = impact_fractions(region, t0, y0, f0, t1, y1, f1, locks, candidates, options)
+        parts = impact_fractions(
+            region, t0, y0, f0, t1, y1, f1, locks, candidates, options
+        )
         first = int(np.argmin(parts))
-        y0 = hermite(parts[first], y0, y1, *(kept if not options.refresh_slopes else (f0, f1)), dt)
+        y0 = hermite(
+            parts[first],
+            y0,
+            y1,
+            *(kept if not options.refresh_slopes else (f0, f1)),
+            dt,
+        )
         t0 = t0 + parts[first] * dt
         locks[candidates[first]] = 1
         crossings.append(Crossing(t0, int(candidates[first]), y0, locks.copy()))
@@ -457,8 +512,9 @@ def impact_fractions(
 ) -> list[float]:
     """Return where in the step each candidate is crossed, 0 to 1 (Algorithm 6).
 
-    A candidate that is already at or beyond zero at the start has no bracket and is crossed there.
-    This happens to guards that cross together when rounding moves one of them.
+    A candidate that is already at or beyond zero at the start has no bracket and is
+    crossed there. This happens to guards that cross together when rounding moves one of
+    them.
     """
     find, dt = FINDERS[options.root_finder], t1 - t0
     h0, rates0 = region.events(t0, y0, f0, locks)
@@ -470,7 +526,9 @@ def impact_fractions(
     ]
 
 
-def heun3_step(slope: Slope, t: float, y: FloatArray, f: FloatArray, dt: float) -> FloatArray:
+def heun3_step(
+    slope: Slope, t: float, y: FloatArray, f: FloatArray, dt: float
+) -> FloatArray:
     """Return the state after one step of Heun's third-order method, whose first slope is f."""
     second = slope(t + dt / 3.0, y + dt / 3.0 * f)
     third = slope(t + 2.0 * dt / 3.0, y + 2.0 * dt / 3.0 * second)
@@ -529,12 +587,14 @@ def integrate(
     y0 : (n,) array_like
         Initial state.
     solver : ClassicalSolver, optional
-        By default `Stepping` with scipy's `RK45`. Set a `max_step`: a sign that changes twice
-        between two mesh points goes unnoticed, and the step after an event has no error control.
+        By default `Stepping` with scipy's `RK45`. Set a `max_step`: a sign that changes
+        twice between two mesh points goes unnoticed, and the step after an event has no
+        error control.
     options : PrintedOptions, optional
         Choices within the method.
     ended : callable, optional
-        ``ended(t, y) -> bool``: stop at the first mesh point after the start where it is true.
+        ``ended(t, y) -> bool``: stop at the first mesh point after the start where it
+        is true.
 
     Returns
     -------
@@ -561,7 +621,9 @@ def integrate(
         crossings.extend(resolved.crossings)
         t, y, locks = float(leg.t[-1]), leg.y[-1], resolved.locks
         done = ended is not None and ended(t, y)
-    joined = Mesh(*(np.concatenate([getattr(m, part) for m in meshes]) for part in ("t", "y")))
+    joined = Mesh(
+        *(np.concatenate([getattr(m, part) for m in meshes]) for part in ("t", "y"))
+    )
     log = event_log(region, crossings)
     return PrintedSolution(joined.t, joined.y.T.copy(), log, region.mode(locks))
 

@@ -1,7 +1,8 @@
 """SciPy: `solve_ivp`, stopped at each event and restarted.
 
-In plain Python, every guard is a separate event function, as a user would write it. With Numba, the
-field is one compiled call and the nearest guard is the only event function.
+In plain Python, every guard is a separate event function, as a user would write it.
+With Numba, the field is one compiled call and the nearest guard is the only event
+function.
 """
 
 from __future__ import annotations
@@ -16,7 +17,16 @@ import numpy as np
 from numba import njit
 from scipy.integrate import solve_ivp
 
-from peers import HYSTERESIS, MOST_EVENTS, FloatArray, Found, LostEventError, Problem, Run, Solver
+from peers import (
+    HYSTERESIS,
+    MOST_EVENTS,
+    FloatArray,
+    Found,
+    LostEventError,
+    Problem,
+    Run,
+    Solver,
+)
 
 # The functions of a scene, compiled by Numba for the peers that take callbacks.
 
@@ -34,10 +44,11 @@ class Compiled:
     fill : callable
         ``fill(y, data, dy)`` writes the rate of the state to ``dy``.
     nearest : callable
-        ``nearest(y, data)`` is the least distance to a guard, positive until one is crossed.
+        ``nearest(y, data)`` is the least distance to a guard, positive until one is
+        crossed.
     flip : callable
-        ``flip(y, data)`` flips the locks of crossed guards, sets the coefficients, and returns the
-        number of flips.
+        ``flip(y, data)`` flips the locks of crossed guards, sets the coefficients, and
+        returns the number of flips.
     """
 
     data: FloatArray
@@ -93,9 +104,14 @@ Begin = Callable[[], tuple[Any, Any, Any]]  # slope(t, y), events, action at an 
 def solvers(problem: Problem) -> list[Solver]:
     """Return `solve_ivp` with each method, in plain Python and with compiled functions."""
     functions = compiled(problem)
-    kinds = {"Python": partial(begin_plain, problem), "Numba": partial(begin_compiled, functions)}
+    kinds = {
+        "Python": partial(begin_plain, problem),
+        "Numba": partial(begin_compiled, functions),
+    }
     return [
-        Solver("SciPy", f"SciPy, {kind}", method, partial(prepare, problem, begin, method))
+        Solver(
+            "SciPy", f"SciPy, {kind}", method, partial(prepare, problem, begin, method)
+        )
         for kind, begin in kinds.items()
         for method in METHODS
     ]
@@ -148,7 +164,13 @@ def prepare(problem: Problem, begin: Begin, method: str, tolerance: float) -> Ru
         now, y, count = problem.t_span[0], problem.start, 0
         for _ in range(MOST_EVENTS):
             part = ivp(
-                slope, (now, end), y, method=method, events=events, rtol=tolerance, atol=tolerance
+                slope,
+                (now, end),
+                y,
+                method=method,
+                events=events,
+                rtol=tolerance,
+                atol=tolerance,
             )
             now, y = part.t[-1], part.y[:, -1]
             if part.status < 0:

@@ -1,8 +1,8 @@
 """SUNDIALS: CVODE, stopped at each root of the nearest guard and restarted.
 
-There are two ways to call it: scikit-sundae, whose callbacks are Python calls (here of compiled
-functions), and the C library that scikit-sundae includes, with compiled callbacks and a compiled
-loop.
+There are two ways to call it: scikit-sundae, whose callbacks are Python calls (here of
+compiled functions), and the C library that scikit-sundae includes, with compiled
+callbacks and a compiled loop.
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ def pointer_to(typing: Any, address: Any) -> Any:  # noqa: ARG001
     """Return an address as a pointer to double."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+        return builder.inttoptr(
+            values[0], context.get_value_type(signature.return_type)
+        )
 
     return types.CPointer(types.float64)(types.uintp), generate
 
@@ -79,14 +81,18 @@ def callbacks(functions: Compiled, n_states: int) -> tuple[Any, Any]:
     def array(vector: Any) -> FloatArray:
         return carray(pointer_to(entries(vector)), (n_states,))
 
-    @numba.cfunc(types.int32(types.float64, pointer, pointer, pointer), error_model="numpy")
+    @numba.cfunc(
+        types.int32(types.float64, pointer, pointer, pointer), error_model="numpy"
+    )
     def rates(t: float, y: Any, dy: Any, data: Any) -> int:  # noqa: ARG001
         fill(array(y), carray(data, (n_data,), np.float64), array(dy))
         return 0
 
     heights = types.CPointer(types.float64)
 
-    @numba.cfunc(types.int32(types.float64, pointer, heights, pointer), error_model="numpy")
+    @numba.cfunc(
+        types.int32(types.float64, pointer, heights, pointer), error_model="numpy"
+    )
     def roots(t: float, y: Any, h: Any, data: Any) -> int:  # noqa: ARG001
         carray(h, (1,))[0] = nearest(array(y), carray(data, (n_data,), np.float64))
         return 0
@@ -104,7 +110,12 @@ def compiled_loop(flip: Any) -> Any:
 
     @njit
     def loop(
-        memory: int, vector: int, y: FloatArray, data: FloatArray, time: FloatArray, end: float
+        memory: int,
+        vector: int,
+        y: FloatArray,
+        data: FloatArray,
+        time: FloatArray,
+        end: float,
     ) -> int:
         count = 0
         while count < MOST_EVENTS:
@@ -119,7 +130,9 @@ def compiled_loop(flip: Any) -> Any:
     return loop
 
 
-def prepare_library(problem: Problem, functions: Compiled, method: str, tolerance: float) -> Run:
+def prepare_library(
+    problem: Problem, functions: Compiled, method: str, tolerance: float
+) -> Run:
     """Return the loop over the events, all in C. The memory that CVODE allocates is never freed."""
     c, n = library(), len(problem.y0)
     y, data, time = problem.start, functions.data.copy(), np.zeros(1)
@@ -133,10 +146,14 @@ def prepare_library(problem: Problem, functions: Compiled, method: str, toleranc
     c["CVodeSetUserData"](memory, data.ctypes.data)
     c["CVodeSetMaxNumSteps"](memory, 100_000)
     if method == "Adams":
-        c["CVodeSetNonlinearSolver"](memory, c["SUNNonlinSol_FixedPoint"](vector, 0, context))
+        c["CVodeSetNonlinearSolver"](
+            memory, c["SUNNonlinSol_FixedPoint"](vector, 0, context)
+        )
     else:
         matrix = c["SUNDenseMatrix"](n, n, context)
-        c["CVodeSetLinearSolver"](memory, c["SUNLinSol_Dense"](vector, matrix, context), matrix)
+        c["CVodeSetLinearSolver"](
+            memory, c["SUNLinSol_Dense"](vector, matrix, context), matrix
+        )
     c["CVodeRootInit"](memory, 1, roots.address)
     c["CVodeSetRootDirection"](memory, falling.ctypes.data)
     loop = compiled_loop(functions.flip)
@@ -166,7 +183,9 @@ def solvers(problem: Problem) -> list[Solver]:
     ]
 
 
-def prepare_wrapped(problem: Problem, functions: Compiled, method: str, tolerance: float) -> Run:
+def prepare_wrapped(
+    problem: Problem, functions: Compiled, method: str, tolerance: float
+) -> Run:
     """Return the loop over the events with scikit-sundae."""
     fill, nearest = functions.fill, functions.nearest
     data = functions.data.copy()

@@ -13,7 +13,9 @@ def body(t, y, mode, params, dy):  # y: height (m), tilt (rad), and their rates
 
 
 @guards
-def feet(t, y, dy, mode, params, h, hdot):  # depth of each foot below the floor, and its rate
+def feet(
+    t, y, dy, mode, params, h, hdot
+):  # depth of each foot below the floor, and its rate
     for leg, side in enumerate((-0.2, 0.2)):
         h[leg], hdot[leg] = 0.5 - y[0] - side * y[1], -dy[0] - side * dy[1]
 
@@ -24,7 +26,9 @@ def count(t, y, mode, params, guard, direction):
     return 1 if mode[2] == 4 else 0
 
 
-robot = System(body, feet, count, n_states=4, guard_names=("left", "right"), n_extra_modes=1)
+robot = System(
+    body, feet, count, n_states=4, guard_names=("left", "right"), n_extra_modes=1
+)
 solution = solve(robot, (0.0, 10.0), [0.7, 0.01, 0.0, 0.0], params=[400.0], rtol=1e-9)
 log = solution.events
 for time, foot, direction in zip(log.time, log.guard, log.direction, strict=True):

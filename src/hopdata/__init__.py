@@ -7,9 +7,10 @@
     study.touchdowns
     study.figures.verdict()
 
-The package follows the path of the data, with one sub-package per stage: ``hybrid`` and ``scenes``
-simulate, ``synthesis`` simulates the cameras, ``recordings`` reads files, ``landings`` finds
-touchdowns, ``maps`` compares linear models, ``figures`` draws and ``report`` writes the page.
+The package follows the path of the data, with one sub-package per stage: ``hybrid`` and
+``scenes`` simulate, ``synthesis`` simulates the cameras, ``recordings`` reads files,
+``landings`` finds touchdowns, ``maps`` compares linear models, ``figures`` draws and
+``report`` writes the page.
 """
 
 from importlib import import_module

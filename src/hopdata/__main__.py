@@ -1,7 +1,8 @@
 """The command `hopdata`, also run by `python -m hopdata`."""
 
-# `python -m` puts the working folder first on Python's path. That is the folder of a study, and
-# nothing in it is imported. `sys` is part of the interpreter, and no file can stand in for it.
+# `python -m` puts the working folder first on Python's path. That is the folder of a
+# study, and nothing in it is imported. `sys` is part of the interpreter, and no file
+# can stand in for it.
 import sys
 
 if __name__ == "__main__" and not sys.flags.safe_path:
@@ -20,10 +21,11 @@ from hopdata import __version__
 from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM
 from hopdata.errors import HopdataError, did_you_mean
 
-# This module parses the command line and reports errors as one message without a traceback.
+# This module parses the command line and reports errors as one message without a
+# traceback.
 #
-# The commands themselves are in `hopdata.commands`. Each is imported only when it runs, so that
-# ``hopdata --help`` answers at once.
+# The commands themselves are in `hopdata.commands`. Each is imported only when it runs,
+# so that ``hopdata --help`` answers at once.
 
 #: Table of the commands and their options.
 _FILE = Path(__file__).parent / "commands" / "commands.toml"
@@ -42,14 +44,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0 for success; 1 for a user's mistake, which is reported on stderr, or for a
-        problem in the data; 130 for an interrupt. After a wrong command line argparse raises
-        SystemExit with code 2.
+        Exit code: 0 for success; 1 for a user's mistake, which is reported on stderr,
+        or for a problem in the data; 130 for an interrupt. After a wrong command line
+        argparse raises SystemExit with code 2.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     # Arguments after "--" are for Snakemake; argparse would take them for our own.
     own = given.index("--") if given[:1] == ["run"] and "--" in given else len(given)
-    options = _parser().parse_args(given[:own], argparse.Namespace(passed_on=given[own + 1 :]))
+    options = _parser().parse_args(
+        given[:own], argparse.Namespace(passed_on=given[own + 1 :])
+    )
     try:
         code: int = resolve_name(options.run)(options)
         sys.stdout.flush()
@@ -57,7 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except HopdataError as error:
         print(f"hopdata: error: {error}", file=sys.stderr)
         return PROBLEM
-    except BrokenPipeError:  # the reader of our output, such as head, has closed the pipe
+    except (
+        BrokenPipeError
+    ):  # the reader of our output, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except KeyboardInterrupt:
@@ -97,14 +103,20 @@ def _parser() -> argparse.ArgumentParser:
         command.set_defaults(run=told["run"])
         of_file = TABLE["recording"] * told.get("reads_file", False)
         for option in (*of_file, *told.get("options", ())):
-            given = {**option, "type": TYPES[option["type"]]} if "type" in option else dict(option)
+            given = (
+                {**option, "type": TYPES[option["type"]]}
+                if "type" in option
+                else dict(option)
+            )
             command.add_argument(*given.pop("flags"), **given)
     return parser
 
 
 def completion(_options: argparse.Namespace) -> int:
     """Print the line with which bash, or zsh after bashcompinit, completes commands and files."""
-    print(f'complete -o default -W "{" ".join(COMMANDS)}" {Path(sys.argv[0]).name or "hopdata"}')
+    print(
+        f'complete -o default -W "{" ".join(COMMANDS)}" {Path(sys.argv[0]).name or "hopdata"}'
+    )
     return OK
 
 
@@ -123,8 +135,12 @@ def _positive(text: str) -> float:
 
 
 def _cores(text: str) -> str:
-    if text != "all" and not (text.isdecimal() and int(text)):  # Snakemake waits forever with 0
-        raise argparse.ArgumentTypeError(f"expected a whole number above 0, or all, found '{text}'")
+    if text != "all" and not (
+        text.isdecimal() and int(text)
+    ):  # Snakemake waits forever with 0
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number above 0, or all, found '{text}'"
+        )
     return text
 
 

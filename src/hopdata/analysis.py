@@ -1,7 +1,7 @@
 """A study in one process: the stages of the workflow for a notebook or a program.
 
-Stages exchange their data as the workflow's files would hold them, rounded to the same digits, so
-the results equal the workflow's byte for byte.
+Stages exchange their data as the workflow's files would hold them, rounded to the same
+digits, so the results equal the workflow's byte for byte.
 """
 
 from __future__ import annotations
@@ -18,7 +18,13 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import Shown, one_blas_thread, pd
 from hopdata.config import consistency
 from hopdata.config.loading import check_keys, load_config, read_yaml
-from hopdata.errors import AnalysisError, ArgumentError, RecordingError, absent, told_call
+from hopdata.errors import (
+    AnalysisError,
+    ArgumentError,
+    RecordingError,
+    absent,
+    told_call,
+)
 from hopdata.figures.catalogue import FIGURES, OF_DISTANCES, function_of, tables_of
 from hopdata.jobs import as_stored, stacked, whole_file, write_json, write_table
 from hopdata.recording import Recording, Truth, marker_names, numbers, require_distinct
@@ -30,9 +36,11 @@ if TYPE_CHECKING:
     from hopdata.maps.verdict.judge import Verdict
 
 Contents = dict[str, Any]
-#: The workflow: in a checkout this path is a link to the Snakefile, in a wheel it is the file.
+#: The workflow: in a checkout this path is a link to the Snakefile, in a wheel it is
+#: the file.
 SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
-#: Differences that `plan` lists, beyond what smooth terms may leave, as shares of the map.
+#: Differences that `plan` lists, beyond what smooth terms may leave, as shares of the
+#: map.
 BEYOND = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
 Progress = Callable[[str], object]
 
@@ -58,7 +66,8 @@ def read(
         Name of the recording; by default the name of the file.
     options
         ``unit``, ``vertical_axis``, ``rate_hz``: see
-        `hopdata.recordings.importing.import_recording`. The axis is guessed if it is not given.
+        `hopdata.recordings.importing.import_recording`. The axis is guessed if it is
+        not given.
 
     Returns
     -------
@@ -82,9 +91,14 @@ def read(
         raise ArgumentError.at("file", "a path or a list of paths", f"{file!r}")
     check_keys("read", {"input": options})
     first = Path(file if isinstance(file, str | Path) else file[0])
-    markers = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
+    markers = {
+        "feet": [*marker_names("feet", feet)],
+        "body": [*marker_names("body", body)],
+    }
     options = {"vertical_axis": _guessed(first, markers, options)[0], **options}
-    return import_recording(file, name=name or first.stem, markers=markers, **options)[0]
+    return import_recording(file, name=name or first.stem, markers=markers, **options)[
+        0
+    ]
 
 
 def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, list[str]]:
@@ -104,7 +118,9 @@ def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, lis
     known = None if unit == "auto" else unit
     found, axis = guess_unit_and_up(raw, unit=known, up=up, markers=markers)
     feet = [name for name in markers["feet"] if name in raw.markers]
-    positions = rotate_up(raw.positions * METRES_PER_UNIT.get(found.value, 1.0), axis.value)
+    positions = rotate_up(
+        raw.positions * METRES_PER_UNIT.get(found.value, 1.0), axis.value
+    )
     return axis.value, feet_between(raw.markers, positions, raw.rate_hz, feet)
 
 
@@ -125,15 +141,24 @@ def study(
     given: tuple[Recording, ...] = ()
     files: list[str | Path] = []
     content: Mapping[str, Any]
-    roles = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
+    roles = {
+        "feet": [*marker_names("feet", feet)],
+        "body": [*marker_names("body", body)],
+    }
     several = [source] if isinstance(source, Recording) else source
     if isinstance(several, list | tuple) and {*map(type, several)} == {Recording}:
         if feet or body:
-            raise RecordingError("feet, body: expected none, since the recording has its roles")
+            raise RecordingError(
+                "feet, body: expected none, since the recording has its roles"
+            )
         given = tuple(several)
-        roles, *rest = ({"feet": [*r.names("foot")], "body": [*r.names("body")]} for r in given)
+        roles, *rest = (
+            {"feet": [*r.names("foot")], "body": [*r.names("body")]} for r in given
+        )
         if rest != [roles] * len(rest):
-            raise RecordingError.at("source", "the same markers in the same order", [roles, *rest])
+            raise RecordingError.at(
+                "source", "the same markers in the same order", [roles, *rest]
+            )
         entries = [{"name": one.name, "file": one.source or one.name} for one in given]
         content = {"study": given[0].name, "recordings": entries}
     elif isinstance(source, Mapping):
@@ -153,7 +178,9 @@ def study(
         progress(f"reading {source} with {up} up")
         if others and "frames" not in sections:
             keys["sections"] = {**sections, "frames": "landings"}
-            progress(f"sections.frames: landings, since other feet land too ({', '.join(others)})")
+            progress(
+                f"sections.frames: landings, since other feet land too ({', '.join(others)})"
+            )
     keys = {"markers": roles, **keys} if any(roles.values()) else keys
     for key, one in keys.items():  # other keys in the same section of the source stay
         if isinstance(one, Mapping) and isinstance(beside := content.get(key), Mapping):
@@ -178,15 +205,17 @@ def analyse(
     Parameters
     ----------
     source : path, mapping, Recording or list of Recording
-        A configuration (YAML file or its content), a motion-capture file, or recordings.
+        A configuration (YAML file or its content), a motion-capture file, or
+        recordings.
     feet, body : sequence of str
         Marker names by role, for a motion-capture file.
     progress : callable
         A function such as `print`, called with the name of each stage as it begins.
     keys
-        Sections of the configuration, such as ``touchdowns={"method": "kink"}``. Other keys in the
-        same section of `source` stay as they are. For a motion-capture file the vertical axis is
-        guessed from free fall unless ``input["vertical_axis"]`` is given.
+        Sections of the configuration, such as ``touchdowns={"method": "kink"}``. Other
+        keys in the same section of `source` stay as they are. For a motion-capture file
+        the vertical axis is guessed from free fall unless ``input["vertical_axis"]`` is
+        given.
 
     Returns
     -------
@@ -235,10 +264,17 @@ def synthesize(
     (5, 4)
     """
     options = keys.get("simulation") or {}
-    keys["simulation"] = {"scene": scene, **options} if isinstance(options, Mapping) else options
+    keys["simulation"] = (
+        {"scene": scene, **options} if isinstance(options, Mapping) else options
+    )
     # The simulation makes all markers, whatever names are given here.
     markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
-    content = {"study": name, "recordings": [{"name": name}], "markers": markers, "seed": seed}
+    content = {
+        "study": name,
+        "recordings": [{"name": name}],
+        "markers": markers,
+        "seed": seed,
+    }
     return _simulated(load_config({**content, **keys}), 0)
 
 
@@ -256,7 +292,9 @@ def planned(allowed: float) -> list[float]:
 
 
 @told_call
-def plan(pilot: Study | Verdict, differences: Sequence[float] | None = None) -> pd.DataFrame:
+def plan(
+    pilot: Study | Verdict, differences: Sequence[float] | None = None
+) -> pd.DataFrame:
     """Return how many landings a study needs to show a difference between the maps.
 
     Parameters
@@ -264,18 +302,20 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] | None = None) -> 
     pilot : Study or Verdict
         A study of a short or a simulated recording.
     differences : sequence of float, optional
-        Sizes of the difference, as shares of the map. They must exceed what smooth terms may leave
-        (0.1 or more); by default they exceed it by 0.03 to 0.4.
+        Sizes of the difference, as shares of the map. They must exceed what smooth
+        terms may leave (0.1 or more); by default they exceed it by 0.03 to 0.4.
 
     Returns
     -------
     DataFrame
-        ``difference`` (share of the map) and ``landings`` that show it with the verdict's power.
+        ``difference`` (share of the map) and ``landings`` that show it with the
+        verdict's power.
 
     Raises
     ------
     AnalysisError
-        If the pilot has no answer, or if no number of landings shows one of the differences.
+        If the pilot has no answer, or if no number of landings shows one of the
+        differences.
     """
     from hopdata.maps.verdict.effect import landings_needed
     from hopdata.maps.verdict.judge import Verdict
@@ -285,8 +325,14 @@ def plan(pilot: Study | Verdict, differences: Sequence[float] | None = None) -> 
         found = f"{pilot!r}; a verdict.json goes through the command hopdata plan"
         raise ArgumentError.at("pilot", "a study or its verdict", found)
     if verdict.effect is None:
-        raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
-    known = (verdict.n_landings, verdict.effect.detectable, allowed := verdict.effect.allowed)
+        raise AnalysisError(
+            f"pilot: expected an answer to plan from: {verdict.sentence}"
+        )
+    known = (
+        verdict.n_landings,
+        verdict.effect.detectable,
+        allowed := verdict.effect.allowed,
+    )
     asked = planned(allowed) if differences is None else differences
     sizes = numbers("differences", asked).ravel()
     needed = [landings_needed(*known, size, verdict.n_feet) for size in sizes]
@@ -314,7 +360,9 @@ class Study(Shown):
     def told(self) -> str:
         """Return the name and the answer."""
         known = self.__dict__.get("verdict")
-        return f"'{self.config['study']}': {known.sentence if known else 'no verdict yet'}"
+        return (
+            f"'{self.config['study']}': {known.sentence if known else 'no verdict yet'}"
+        )
 
     def _repr_html_(self) -> str:
         """Return the answer and its figure as HTML, for the output of a notebook's cell."""
@@ -374,15 +422,23 @@ class Study(Shown):
                 files = [f"{folder}/{name}.h5"]
                 hdf5.write_recording(files[0], *_simulated(config, number))
             options = {"exclude": entry["exclude"], **config["input"]}
-            recording, _ = import_recording(files, name=name, markers=config["markers"], **options)
-        return replace(recording, source=f"simulated/{name}.h5") if simulated else recording
+            recording, _ = import_recording(
+                files, name=name, markers=config["markers"], **options
+            )
+        return (
+            replace(recording, source=f"simulated/{name}.h5")
+            if simulated
+            else recording
+        )
 
     @cached_property
     def floors(self) -> dict[str, Any]:
         """Floor model of each recording."""
         from hopdata.landings.floor import fit_floor
 
-        return {one.name: fit_floor(one, **self.config["floor"]) for one in self.imported}
+        return {
+            one.name: fit_floor(one, **self.config["floor"]) for one in self.imported
+        }
 
     @cached_property
     def recordings(self) -> list[Recording]:
@@ -406,8 +462,9 @@ class Study(Shown):
     def contacts(self) -> dict[str, pd.DataFrame]:
         """Table per recording of the body's descents and the contact instants of each foot.
 
-        They are found by ``touchdowns.method``, each in the whole descent of the body. The printed
-        methods search again between the sections, once these are known (`touchdowns`).
+        They are found by ``touchdowns.method``, each in the whole descent of the body.
+        The printed methods search again between the sections, once these are known
+        (`touchdowns`).
         """
         from hopdata.landings.contacts.find import find_landings
 
@@ -425,7 +482,9 @@ class Study(Shown):
         contacts = self.contacts
         self.progress("sections")
         options = self._section_options
-        return select_sections(self.recordings, landings=contacts, compare=True, **options)
+        return select_sections(
+            self.recordings, landings=contacts, compare=True, **options
+        )
 
     @property
     def _section_options(self) -> Contents:
@@ -433,7 +492,10 @@ class Study(Shown):
 
     @property
     def _heights(self) -> Contents:
-        return {name: getattr(self.sections, name) for name in ("pre_height_m", "post_height_m")}
+        return {
+            name: getattr(self.sections, name)
+            for name in ("pre_height_m", "post_height_m")
+        }
 
     @cached_property
     def candidates(self) -> pd.DataFrame:
@@ -484,7 +546,10 @@ class Study(Shown):
         from hopdata.landings.checks import blurred
         from hopdata.maps.verdict import judge
 
-        pairs, asked = self.pairs, {"seed": self.config["seed"], **self.config["verdict"]}
+        pairs, asked = (
+            self.pairs,
+            {"seed": self.config["seed"], **self.config["verdict"]},
+        )
         self.progress("verdict")
         states: Any = pairs.x, pairs.y, pairs.instants
         asked["instants_se"] = pairs.instants_se
@@ -502,7 +567,12 @@ class Study(Shown):
         units: Contents = {"time_unit_s": pairs.time_unit_s}
         x, y = pairs.normalised()
         instants: Any = pairs.instants
-        how: Any = {"length_unit_m": pairs.length_unit_m, **units, **seed, **config["prediction"]}
+        how: Any = {
+            "length_unit_m": pairs.length_unit_m,
+            **units,
+            **seed,
+            **config["prediction"],
+        }
         self.progress("linear maps")
         errors = bootstrap_prediction(x, y, pairs.schedule, pairs.spread_s, **how)
         estimates = estimate_maps(pairs.x, pairs.y, instants, **units)
@@ -514,8 +584,12 @@ class Study(Shown):
         if not self.asks_for_distances:
             return tables, [*errors.notes, *estimates.notes]
         self.progress("constraint subspaces")
-        options = {key: value for key, value in config["distances"].items() if key != "enabled"}
-        spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])
+        options = {
+            key: value for key, value in config["distances"].items() if key != "enabled"
+        }
+        spaces = bootstrap_subspaces(
+            x, y, pairs.schedule, **seed, **config["subspaces"]
+        )
         options |= {"streams": spaces.streams, **seed}
         apart = measure_distances(spaces.bases, spaces.shape, **options)
         tables |= {"distances": apart.distances, "distance_summary": apart.summary}
@@ -533,14 +607,21 @@ class Study(Shown):
         from hopdata.landings.sections.select import section_densities, section_frames
         from hopdata.recordings.quality.inspection import recording_tables
 
-        recordings, sections, touchdowns = self.recordings, self.sections, self.touchdowns
+        recordings, sections, touchdowns = (
+            self.recordings,
+            self.sections,
+            self.touchdowns,
+        )
         self.progress("quality")
         inspected = recording_tables(self.imported)
         return {
             "gap_times": inspected.pop("gaps"),
             **inspected,
             "section_densities": section_densities(
-                recordings, sections, self.contacts, nodes=self.config["sections"]["grid_nodes"]
+                recordings,
+                sections,
+                self.contacts,
+                nodes=self.config["sections"]["grid_nodes"],
             ),
             "section_frames": section_frames(recordings, sections),
             "example_touchdown": example_touchdown(recordings, touchdowns),
@@ -567,7 +648,10 @@ class Study(Shown):
 
         config, found = self.config, self._of_landings
         checks = check_study(
-            **{name: self._content(name) for name in ("touchdowns", "markers", "faults")},
+            **{
+                name: self._content(name)
+                for name in ("touchdowns", "markers", "faults")
+            },
             stability=found["section_stability"],
             drift=found["drift"],
             floors={name: floor.to_dict() for name, floor in self.floors.items()},
@@ -589,8 +673,12 @@ class Study(Shown):
         if name in ("verdict", "sections"):
             return getattr(self, name).to_dict()
         if name not in self._stored:
-            found = self._of_landings  # looked up first, so that models are fitted only if needed
-            self._stored[name] = as_stored(found[name] if name in found else self._of_maps[0][name])
+            found = (
+                self._of_landings
+            )  # looked up first, so that models are fitted only if needed
+            self._stored[name] = as_stored(
+                found[name] if name in found else self._of_maps[0][name]
+            )
         return self._stored[name]
 
     @cached_property
@@ -626,7 +714,9 @@ class Study(Shown):
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
         with TemporaryDirectory() as folder:
             for name, full in () if drawn else names.items():
-                save_figure(getattr(self.figures, name)(), Path(folder, full), formats=("svg",))
+                save_figure(
+                    getattr(self.figures, name)(), Path(folder, full), formats=("svg",)
+                )
             files = [Path(drawn or folder, f"{full}.svg") for full in names.values()]
             figures = read_figures(files, captions)
         digests = {one.place: one.source_sha256 for one in self.imported}
@@ -681,7 +771,9 @@ class Study(Shown):
         is_file = base.is_file() or base.suffix.lower() in SUFFIXES_OF_FILES
         if is_file and not base.is_dir():
             how = f"such as '{base.with_suffix('')}', or write one page with report()"
-            raise ArgumentError.at("folder", "the name of a folder", f"'{base}'; name one {how}")
+            raise ArgumentError.at(
+                "folder", "the name of a folder", f"'{base}'; name one {how}"
+            )
         write_json(base / "verdict.json", self.verdict.to_dict())
         write_json(base / "quality.json", self._checks)
         for name, table in self.tables.items():
@@ -712,8 +804,8 @@ def _place(key: str, path: str | Path) -> Path:
 class Figures:
     """Functions that draw the figures of a study.
 
-    They accept ``ax=`` (an axes that the figure replaces) and ``style=``. They return the figure
-    or, if `ax` is given, the part of a figure that they drew into: see
+    They accept ``ax=`` (an axes that the figure replaces) and ``style=``. They return
+    the figure or, if `ax` is given, the part of a figure that they drew into: see
     `hopdata.figures.style.styled`.
     """
 
@@ -731,7 +823,9 @@ class Figures:
         return sorted(self.names)
 
     def __repr__(self) -> str:
-        return f"<figures of study '{self.of.config['study']}': {', '.join(self.names)}>"
+        return (
+            f"<figures of study '{self.of.config['study']}': {', '.join(self.names)}>"
+        )
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name.startswith("_") or name not in self.names:

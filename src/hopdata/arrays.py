@@ -39,8 +39,8 @@ BoolArray = NDArray[np.bool_]
 class Shown(Told):
     """A result that a notebook shows as one line and a small table.
 
-    Subclasses are dataclasses with ``repr=False``. They return the line from `told` and may return
-    the table from `rows`.
+    Subclasses are dataclasses with ``repr=False``. They return the line from `told` and
+    may return the table from `rows`.
     """
 
     def told(self) -> str:
@@ -63,7 +63,8 @@ class Shown(Told):
 GRAVITY_M_S2 = 9.80665  # the standard acceleration of free fall (3rd CGPM, 1901)
 
 
-# BLAS is limited to one thread while hopdata works: its matrices are too small to be split.
+# BLAS is limited to one thread while hopdata works: its matrices are too small to be
+# split.
 
 
 class _Depth(local):
@@ -82,11 +83,11 @@ _before: dict[str, int] = {}  # file of a library -> its number of threads befor
 def one_blas_thread() -> Iterator[None]:
     """Limit every BLAS (OpenBLAS, MKL, BLIS) to one thread.
 
-    Use it as a context or as a decorator of functions that are not generators. It can be nested
-    and entered by several threads. If a library has one limit for all threads, the last thread to
-    leave restores it; threadpoolctl alone would let the first one do so. A library that is first
-    imported inside is limited only at the next entry, so code that imports SciPy enters again
-    afterwards.
+    Use it as a context or as a decorator of functions that are not generators. It can
+    be nested and entered by several threads. If a library has one limit for all
+    threads, the last thread to leave restores it; threadpoolctl alone would let the
+    first one do so. A library that is first imported inside is limited only at the next
+    entry, so code that imports SciPy enters again afterwards.
     """
     global _inside
     with _LOCK:
@@ -122,4 +123,6 @@ def _give_back() -> None:
 def _libraries() -> list[Any]:
     from threadpoolctl import get_cached_controller
 
-    return [one for one in get_cached_controller().lib_controllers if one.user_api == "blas"]
+    return [
+        one for one in get_cached_controller().lib_controllers if one.user_api == "blas"
+    ]

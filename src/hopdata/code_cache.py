@@ -1,19 +1,20 @@
 """Cache of compiled machine code that outlives a process.
 
-Numba's own cache notices a change in the file that defines a function, but not in the functions and
-constants that the function uses from other files. Here each compiled function gets a folder named
-by a digest of everything that it is made from, so any change leads to a new folder.
+Numba's own cache notices a change in the file that defines a function, but not in the
+functions and constants that the function uses from other files. Here each compiled
+function gets a folder named by a digest of everything that it is made from, so any
+change leads to a new folder.
 
-The folders are in the first of these places that is writable: ``NUMBA_CACHE_DIR`` if the user has
-set it, otherwise ``__pycache__`` beside the source; the user's cache folder; and a private folder
-of the user among the temporary files. If none is writable, functions are compiled in every process.
-Removing the folders is always safe. Each file ends in its checksum (`hopdata.seal`); a damaged
-one is removed and its function compiled anew. Numba's `caching`, which is private, has the class
-whose files these are.
+The folders are in the first of these places that is writable: ``NUMBA_CACHE_DIR`` if
+the user has set it, otherwise ``__pycache__`` beside the source; the user's cache
+folder; and a private folder of the user among the temporary files. If none is writable,
+functions are compiled in every process. Removing the folders is always safe. Each file
+ends in its checksum (`hopdata.seal`); a damaged one is removed and its function
+compiled anew. Numba's `caching`, which is private, has the class whose files these are.
 
-A wheel may include machine code (made by ``packaging/machine_code.py``) for C functions that are
-called by their address. It is used if the digest, the versions of Numba and llvmlite, the system
-and the processor match.
+A wheel may include machine code (made by ``packaging/machine_code.py``) for C functions
+that are called by their address. It is used if the digest, the versions of Numba and
+llvmlite, the system and the processor match.
 """
 
 import gc
@@ -50,8 +51,8 @@ Function = Callable[..., Any]
 def kept_njit(types: Any = None, **options: Any) -> Callable[[Function], Any]:
     """Return a `numba.njit` decorator with these options that caches machine code if possible.
 
-    With `types` the function is compiled at once instead of at its first call; other threads and
-    processes that need it wait meanwhile.
+    With `types` the function is compiled at once instead of at its first call; other
+    threads and processes that need it wait meanwhile.
     """
 
     def decorate(function: Function) -> Any:
@@ -81,10 +82,12 @@ def cache_directory(function: Function, digest: str) -> Iterator[Path | None]:
     """
     with _LOCK:
         before = config.CACHE_DIR  # type: ignore[attr-defined]
-        # Not Numba's own value: that may come from a file .numba_config.yaml in the working
-        # folder, and what lies in a cache is run.
+        # Not Numba's own value: that may come from a file .numba_config.yaml in the
+        # working folder, and what lies in a cache is run.
         chosen_by_user = os.environ.get("NUMBA_CACHE_DIR", "")
-        base = next(filter(_can_be_written, _candidates(function, chosen_by_user)), None)
+        base = next(
+            filter(_can_be_written, _candidates(function, chosen_by_user)), None
+        )
         folder = None if base is None else base / f"hopdata-{digest}"
         if folder is not None:
             config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
@@ -100,9 +103,10 @@ def cache_directory(function: Function, digest: str) -> Iterator[Path | None]:
 class _SealedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
     """Numba's files of one function, each with a checksum at its end.
 
-    Numba runs what it finds in its files: a damaged one ends in any error, or ends the process. So
-    each file is compared with its checksum first. A damaged one is removed, and as Numba does not
-    find it, it compiles the function anew. Numba does not look at what stands behind the content.
+    Numba runs what it finds in its files: a damaged one ends in any error, or ends the
+    process. So each file is compared with its checksum first. A damaged one is removed,
+    and as Numba does not find it, it compiles the function anew. Numba does not look at
+    what stands behind the content.
     """
 
     def _load_index(self) -> dict[Any, str]:
@@ -138,21 +142,29 @@ def _is_sound(path: Path) -> bool:
     except OSError:  # empty, or it cannot be read
         ends_as_pickle = False
     if not ends_as_pickle:  # older versions wrote no seal, which is no damage
-        logger.warning("%s: damaged; it is removed, and the function compiled anew", path)
+        logger.warning(
+            "%s: damaged; it is removed, and the function compiled anew", path
+        )
     with suppress(OSError):
         path.unlink()
     return False
 
 
-def compiled_in_cache(function: Function, digest: str, compile_it: Callable[[bool], Any]) -> Any:
+def compiled_in_cache(
+    function: Function, digest: str, compile_it: Callable[[bool], Any]
+) -> Any:
     """Return the compiled function: from the wheel, from the cache, or from ``compile_it(True)``.
 
-    Where caching fails (a full disk, a module that cannot be imported by its name), return
-    ``compile_it(False)``, which compiles without a cache.
+    Where caching fails (a full disk, a module that cannot be imported by its name),
+    return ``compile_it(False)``, which compiles without a cache.
     """
     if (brought := brought_code(function, digest)) is not None:
         return brought
-    with cache_directory(function, digest) as folder, _alone_in(folder), _without_collector():
+    with (
+        cache_directory(function, digest) as folder,
+        _alone_in(folder),
+        _without_collector(),
+    ):
         try:
             return compile_it(folder is not None)
         except NumbaError:
@@ -173,13 +185,18 @@ def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
 
     The result also holds the `engine` that keeps the code in memory.
 
-    The file is a line of JSON followed by an object file. The line holds the value of `made_with`,
-    the function's symbol, the processor features that the code uses, and the symbols that it needs:
-    a missing symbol would end the process. The file is ignored if Numba is set to a certain
-    processor.
+    The file is a line of JSON followed by an object file. The line holds the value of
+    `made_with`, the function's symbol, the processor features that the code uses, and
+    the symbols that it needs: a missing symbol would end the process. The file is
+    ignored if Numba is set to a certain processor.
     """
     file = BROUGHT / f"{function.__name__}-{digest}"
-    if config.CPU_NAME or config.CPU_FEATURES or not config.ENABLE_AVX or not file.is_file():  # type: ignore[attr-defined]
+    if (
+        config.CPU_NAME
+        or config.CPU_FEATURES
+        or not config.ENABLE_AVX
+        or not file.is_file()
+    ):  # type: ignore[attr-defined]
         return None
     if seal_of(file) is Seal.BROKEN:
         return None
@@ -200,12 +217,16 @@ def brought_code(function: Function, digest: str) -> SimpleNamespace | None:
 def _alone_in(folder: Path | None) -> Iterator[None]:
     """Wait while another process compiles into this folder, so that its result can be loaded."""
     with ExitStack() as stack:
-        with suppress(ImportError, OSError):  # Windows and some file servers lack these locks
+        with suppress(
+            ImportError, OSError
+        ):  # Windows and some file servers lack these locks
             import fcntl
 
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(stack.enter_context((folder / "lock").open("a")), fcntl.LOCK_EX)
+                fcntl.flock(
+                    stack.enter_context((folder / "lock").open("a")), fcntl.LOCK_EX
+                )
         yield
 
 
@@ -229,11 +250,15 @@ def is_in_cache(function: Function, digest: str) -> bool:
 
 def _candidates(function: Function, chosen_by_user: str) -> Iterator[Path]:
     source = Path(function.__code__.co_filename)
-    if not source.exists():  # typed at a prompt, so Numba has no file to check the cache against
+    if (
+        not source.exists()
+    ):  # typed at a prompt, so Numba has no file to check the cache against
         return
     yield Path(chosen_by_user or source.parent / "__pycache__")
     users = user_cache_path("hopdata", appauthor=False)
-    if users.is_absolute():  # without a home the path is relative to the working directory
+    if (
+        users.is_absolute()
+    ):  # without a home the path is relative to the working directory
         yield users
     yield from _temporary()
 
@@ -242,7 +267,9 @@ def _temporary() -> Iterator[Path]:
     """Yield a temporary folder into which no other user can have put code."""
     user = os.getuid() if hasattr(os, "getuid") else None
     with suppress(OSError):
-        folder = Path(tempfile.gettempdir()) / ("hopdata" if user is None else f"hopdata-{user}")
+        folder = Path(tempfile.gettempdir()) / (
+            "hopdata" if user is None else f"hopdata-{user}"
+        )
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
         if user is None or (found.st_uid == user and found.st_mode & 0o022 == 0):
@@ -268,9 +295,9 @@ def function_digest(function: Function) -> str:
     Returns
     -------
     str
-        16 hexadecimal digits. They change with the code of the function and with the functions,
-        numbers, strings, tuples and arrays that it reaches by a global name, a module's attribute
-        or a closure, in whichever file these are.
+        16 hexadecimal digits. They change with the code of the function and with the
+        functions, numbers, strings, tuples and arrays that it reaches by a global name,
+        a module's attribute or a closure, in whichever file these are.
     """
     digest = hashlib.sha256()
     for part in _parts(function, set()):
@@ -282,7 +309,9 @@ def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
     function = getattr(value, "py_func", value)
     made_by = getattr(function, "__wrapped__", None)
     if isinstance(made_by, FunctionType) and not isinstance(function, FunctionType):
-        yield _source(made_by.__code__.co_filename)  # an intrinsic: its whole module counts
+        yield _source(
+            made_by.__code__.co_filename
+        )  # an intrinsic: its whole module counts
     elif isinstance(value, tuple):
         yield repr(type(value)).encode()
         for item in value:
@@ -317,7 +346,9 @@ def _references(function: FunctionType) -> Iterator[tuple[str, Any]]:
     names = tuple(dict.fromkeys(_names_in(function.__code__)))
     for name in names:
         yield from _reached(name, function.__globals__.get(name), names)
-    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
+    for name, cell in zip(
+        function.__code__.co_freevars, function.__closure__ or (), strict=True
+    ):
         yield from _reached(name, cell.cell_contents, names)
 
 
@@ -329,7 +360,9 @@ def _names_in(code: CodeType) -> Iterator[str]:
             yield from _names_in(constant)
 
 
-def _reached(name: str, value: Any, names: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+def _reached(
+    name: str, value: Any, names: tuple[str, ...]
+) -> Iterator[tuple[str, Any]]:
     """Yield a value or, if it is a module, those of its attributes that have one of the names."""
     if not isinstance(value, ModuleType):
         yield name, value
@@ -337,7 +370,9 @@ def _reached(name: str, value: Any, names: tuple[str, ...]) -> Iterator[tuple[st
     inside = vars(value)
     for item in names:
         found = inside.get(item)
-        if isinstance(found, ModuleType) and found.__name__.startswith(f"{value.__name__}."):
+        if isinstance(found, ModuleType) and found.__name__.startswith(
+            f"{value.__name__}."
+        ):
             yield from _reached(item, found, names)
         elif item in inside:
             yield item, found
@@ -346,6 +381,8 @@ def _reached(name: str, value: Any, names: tuple[str, ...]) -> Iterator[tuple[st
 def _constant_bytes(value: Any) -> bytes:
     if isinstance(value, np.ndarray):
         return value.tobytes() + repr((value.dtype, value.shape)).encode()
-    if isinstance(value, bool | int | float | complex | str | bytes | frozenset | np.generic):
+    if isinstance(
+        value, bool | int | float | complex | str | bytes | frozenset | np.generic
+    ):
         return repr(value).encode()
     return b""

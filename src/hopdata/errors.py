@@ -15,7 +15,8 @@ Arguments = ParamSpec("Arguments")
 class HopdataError(Exception):
     """Base class of the errors that hopdata raises for a mistake in its input.
 
-    The arguments are the lines of the message. Unprintable characters in them are replaced.
+    The arguments are the lines of the message. Unprintable characters in them are
+    replaced.
     """
 
     @classmethod
@@ -50,7 +51,9 @@ class Told:
 
         def __getattr__(self, name: str) -> object:
             if name.startswith("_") or hasattr(type(self), name):
-                return object.__getattribute__(self, name)  # raises the property's own error
+                return object.__getattribute__(
+                    self, name
+                )  # raises the property's own error
             raise absent(type(self).__name__, name, dir(self))
 
 
@@ -114,8 +117,12 @@ def told_call(function: Callable[Arguments, Entry]) -> Callable[Arguments, Entry
             try:
                 known.bind(*given, **named)
             except TypeError as error:
-                unknown = [f"{n!r}{did_you_mean(n, names)}" for n in named if n not in names]
-                wanted = f"the arguments {', '.join(names)}" if names else "no arguments"
+                unknown = [
+                    f"{n!r}{did_you_mean(n, names)}" for n in named if n not in names
+                ]
+                wanted = (
+                    f"the arguments {', '.join(names)}" if names else "no arguments"
+                )
                 found = " and ".join(unknown) or str(error)
                 raise ArgumentError.at(title, wanted, found) from None
             raise
@@ -150,5 +157,7 @@ def counted(number: int, word: str) -> str:
 
 def with_names(reason: str, columns: Iterable[object]) -> str:
     """Replace ``foot 2`` by the name of that foot, taken from the columns ``contact_<foot>_s``."""
-    names = dict(enumerate([str(c)[8:-2] for c in columns if str(c).startswith("contact_")], 1))
+    names = dict(
+        enumerate([str(c)[8:-2] for c in columns if str(c).startswith("contact_")], 1)
+    )
     return re.sub(r"foot (\d+)", lambda foot: names.get(int(foot[1]), foot[0]), reason)

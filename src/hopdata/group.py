@@ -11,7 +11,10 @@ from typing import Any
 from hopdata.arrays import pd
 from hopdata.errors import AnalysisError, ConfigError, HopdataError, require
 
-NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session", "condition")
+NEEDED, KNOWN = (
+    ("subject", "file"),
+    ("subject", "file", "recording", "session", "condition"),
+)
 logger = logging.getLogger("hopdata")
 
 
@@ -21,17 +24,18 @@ def read_group(config: str | Path) -> dict[str, Any]:
     Parameters
     ----------
     config : path
-        A study's configuration with ``samples``, a tab-separated table, in place of ``recordings``.
-        The table has one row per file with the columns `subject`, `file` (empty: simulated) and
-        any of `condition`, `session` and `recording`. The page shows further columns. Rows with
-        the same subject and condition form one study.
+        A study's configuration with ``samples``, a tab-separated table, in place of
+        ``recordings``. The table has one row per file with the columns `subject`,
+        `file` (empty: simulated) and any of `condition`, `session` and `recording`. The
+        page shows further columns. Rows with the same subject and condition form one
+        study.
 
     Returns
     -------
     dict
-        ``study``, ``verdict`` (margin and confidence) and ``members``: name -> subject, condition,
-        further columns and the configuration of the member's study. Its seed is derived from the
-        group's seed and the member's name.
+        ``study``, ``verdict`` (margin and confidence) and ``members``: name -> subject,
+        condition, further columns and the configuration of the member's study. Its seed
+        is derived from the group's seed and the member's name.
 
     Raises
     ------
@@ -42,7 +46,10 @@ def read_group(config: str | Path) -> dict[str, Any]:
     from hopdata.jobs import study_name
     from hopdata.maps.draws import named_generator
 
-    content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # pages show only SVG
+    content = {
+        "figures": {"formats": ["svg"]},
+        **read_yaml(config),
+    }  # pages show only SVG
     require("recordings" not in content, str(config), "samples or recordings", "both")
     file = Path(str(content.pop("samples")))
     members: dict[str, Any] = {}
@@ -69,12 +76,16 @@ def read_group(config: str | Path) -> dict[str, Any]:
         recordings.append({"name": study_name(recording), "file": row["file"] or None})
     # Report a mistake in the common part once, before any job starts.
     first = next(iter(members.values()))["config"]["recordings"]
-    whole = load_config({**content, "recordings": first}, files=[config], check_files=False)
+    whole = load_config(
+        {**content, "recordings": first}, files=[config], check_files=False
+    )
     named = {member["config"]["study"]: member for member in members.values()}
     for name, member in named.items():
         seed = named_generator(whole["seed"], "group", name).integers(2**32)
         member["config"]["seed"] = int(seed)
-        for key, texts in member["further"].items():  # join the values of all the member's files
+        for key, texts in member[
+            "further"
+        ].items():  # join the values of all the member's files
             member["further"][key] = ", ".join(dict.fromkeys(filter(None, texts)))
     return {
         "study": whole["study"],
@@ -92,7 +103,9 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
         lines = enumerate(file.read_text(encoding="utf-8-sig").splitlines(), start=1)
     except (OSError, UnicodeDecodeError) as error:
         found = str(getattr(error, "strerror", error))
-        raise ConfigError.at(f"samples: {file}", "a readable table, in UTF-8", found) from None
+        raise ConfigError.at(
+            f"samples: {file}", "a readable table, in UTF-8", found
+        ) from None
     cells = {
         line: _cells(f"{file}, line {line}", text)
         for line, text in lines
@@ -102,7 +115,9 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
     while names and not names[-1]:  # spreadsheets leave trailing tabs
         names.pop()
     found = f"{len(cells)} rows of {', '.join(names) or 'nothing'}"
-    wanted = f"a row for each file, no column twice, and the columns {', '.join(NEEDED)}"
+    wanted = (
+        f"a row for each file, no column twice, and the columns {', '.join(NEEDED)}"
+    )
     fits = bool(cells) and {*NEEDED} <= {*names} and len({*names}) == len(names)
     require(fits, f"samples: {file}", f"{wanted}, separated by tabs", found)
     wanted = f"the {len(names)} columns {', '.join(names)}, separated by tabs"
@@ -110,11 +125,18 @@ def _rows(file: Path) -> dict[int, dict[str, str]]:
         fits = len(row) > names.index("file") and not any(row[len(names) :])
         require(fits, f"{file}, line {line}", wanted, f"{len(row)}")
     empty = [""] * len(names)  # a row may lack its last columns
-    rows = {line: dict(zip(names, row + empty, strict=False)) for line, row in cells.items()}
+    rows = {
+        line: dict(zip(names, row + empty, strict=False)) for line, row in cells.items()
+    }
     for name in ("file", "condition"):
         without = [line for line, row in rows.items() if not row.get(name)]
         place = f"{file}, line {min(without, default=0)}: {name}"
-        require(len(without) in (0, len(rows)), place, "a value in each row or in none", "nothing")
+        require(
+            len(without) in (0, len(rows)),
+            place,
+            "a value in each row or in none",
+            "nothing",
+        )
     return rows
 
 
@@ -123,7 +145,9 @@ def _cells(place: str, line: str) -> list[str]:
     try:
         cells = next(csv.reader([line], delimiter="\t"))
     except csv.Error as error:
-        wanted = f"cells of at most {csv.field_size_limit():,} characters, separated by tabs"
+        wanted = (
+            f"cells of at most {csv.field_size_limit():,} characters, separated by tabs"
+        )
         raise ConfigError.at(place, wanted, str(error)) from None
     return [cell.strip() for cell in cells]
 
@@ -131,8 +155,8 @@ def _cells(place: str, line: str) -> list[str]:
 def run_member(member: Mapping[str, Any], folder: Path) -> None:
     """Run the study of a member; write results, page and row (``member.json``) to `folder`.
 
-    If the study has no answer, its row and its page give the reason. Only a lack of memory or disk
-    space raises an error.
+    If the study has no answer, its row and its page give the reason. Only a lack of
+    memory or disk space raises an error.
     """
     from hopdata.analysis import Study
     from hopdata.config.loading import load_config
@@ -140,7 +164,9 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
     from hopdata.report.inputs import ReportInputs
     from hopdata.report.page import build_report
 
-    row: dict[str, Any] = {key: member[key] for key in ("subject", "condition", "further")}
+    row: dict[str, Any] = {
+        key: member[key] for key in ("subject", "condition", "further")
+    }
     name, reason = member["config"]["study"], ""
     try:
         study = Study(load_config(member["config"]))
@@ -152,18 +178,27 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
         if verdict.jump and verdict.decided_by == "jump":
             row |= {f"jump_{key}": value for key, value in asdict(verdict.jump).items()}
         study.save(folder)
-        drawn = folder / "figures" if "svg" in study.config["figures"]["formats"] else None
+        drawn = (
+            folder / "figures" if "svg" in study.config["figures"]["formats"] else None
+        )
         study.report(folder / "report.html", drawn=drawn)
         checks = study.quality.to_dict("records")
         row |= {"conclusion": verdict.conclusion, "landings": verdict.n_landings}
-        row |= {"landings_needed": verdict.landings_needed, "decided_by": verdict.decided_by}
+        row |= {
+            "landings_needed": verdict.landings_needed,
+            "decided_by": verdict.decided_by,
+        }
         row["quality"] = [[check["what"], check["status"]] for check in checks]
     except (OSError, MemoryError):
         raise
     except Exception as error:
         if not isinstance(error, HopdataError):
             logger.error("unexpected error\n%s", traceback.format_exc())
-        kind = "" if isinstance(error, HopdataError) else f"unexpected {type(error).__name__}: "
+        kind = (
+            ""
+            if isinstance(error, HopdataError)
+            else f"unexpected {type(error).__name__}: "
+        )
         reason = kind + " ".join(str(error).split())
         page = build_report(ReportInputs(study=name, notes=[f"No answer: {reason}"]))
         with whole_file(folder / "report.html") as temporary:
@@ -171,26 +206,37 @@ def run_member(member: Mapping[str, Any], folder: Path) -> None:
     write_json(folder / "member.json", {"name": name, **row, "reason": reason})
 
 
-def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) -> dict[str, Any]:
+def put_together(
+    rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]
+) -> dict[str, Any]:
     """Combine the members' rows into the content of ``group.json``.
 
     Returns
     -------
     dict
-        ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason in the
-        sentence), ``conditions`` (rows of `compare_conditions`) and ``members``.
+        ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason
+        in the sentence), ``conditions`` (rows of `compare_conditions`) and ``members``.
     """
     from hopdata.maps.verdict.group import compare_conditions, judge_group, told_apart
 
     answered = pd.DataFrame([row for row in rows if not row["reason"]])
-    found: dict[str, Any] = {"study": group["study"], "margin": group["verdict"]["margin"]}
+    found: dict[str, Any] = {
+        "study": group["study"],
+        "margin": group["verdict"]["margin"],
+    }
     found |= {"members": list(rows), "conditions": []}
     try:
         if answered.empty:
-            raise AnalysisError(f"no subject has an answer; the first: {rows[0]['reason']}")
-        if same := answered.loc[answered.duplicated("squared", keep=False), "subject"].tolist():
+            raise AnalysisError(
+                f"no subject has an answer; the first: {rows[0]['reason']}"
+            )
+        if same := answered.loc[
+            answered.duplicated("squared", keep=False), "subject"
+        ].tolist():
             told = ", ".join(same)
-            raise AnalysisError(f"expected different landings, found the same in: {told}")
+            raise AnalysisError(
+                f"expected different landings, found the same in: {told}"
+            )
         effect = judge_group(answered, **group["verdict"])
     except AnalysisError as error:
         said = f"These data cannot tell: {error}."
@@ -200,6 +246,13 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
     found["conditions"] = conditions.to_dict("records")
     left = f" Without an answer: {len(rows) - len(answered)} of {len(rows)} studies."
     said, jumps = effect.sentence, sum(row.get("decided_by") == "jump" for row in rows)
-    said += f" The outcome jumps in {jumps} of them, which the size does not show." * (jumps > 0)
+    said += f" The outcome jumps in {jumps} of them, which the size does not show." * (
+        jumps > 0
+    )
     said += left * (len(rows) > len(answered)) + told_apart(conditions, confidence=sure)
-    return {"conclusion": effect.conclusion, "sentence": said, "effect": asdict(effect), **found}
+    return {
+        "conclusion": effect.conclusion,
+        "sentence": said,
+        "effect": asdict(effect),
+        **found,
+    }

@@ -24,11 +24,13 @@ TEXT_COLUMNS = (
     *("recording", "method", "schedule", "schedule_a", "schedule_b", "reason"),
     *("foot", "first_foot", "feet", "marker", "column", "name"),
 )
-RUN = "[=+\\-@\t\r\n＝＋－＠]"  # a spreadsheet may run texts that begin with these as formulas
+# a spreadsheet may run texts that begin with these as formulas
+RUN = "[=+\\-@\t\r\n＝＋－＠]"
 _RUN, _GUARDED = re.compile(f"'*{RUN}"), re.compile(f"'+{RUN}")
 DIGITS, MOST_DIGITS = 9, 16
-# Instants and other times, in columns whose names end in "_s", get 12 digits: 1 ns in 1,000 s. With
-# 9 digits their rounding shifts a foot by 1 um, which changes an estimate by one part in 10,000.
+# Instants and other times, in columns whose names end in "_s", get 12 digits: 1 ns in
+# 1,000 s. With 9 digits their rounding shifts a foot by 1 um, which changes an estimate
+# by one part in 10,000.
 TIME_DIGITS = 12
 LATE_S = 1e3  # s; columns with later instants than this get 16 digits
 
@@ -40,7 +42,9 @@ def study_name(text: str) -> str:
 
     Accents are removed: ``müde`` becomes ``mude``.
     """
-    plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
+    plain = "".join(
+        c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c)
+    )
     return re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:100] or "study"
 
 
@@ -51,7 +55,8 @@ def reported(log: str | Path) -> Iterator[None]:
     Parameters
     ----------
     log : path
-        Log file, overwritten. Any other exception is logged with its traceback and raised again.
+        Log file, overwritten. Any other exception is logged with its traceback and
+        raised again.
 
     Raises
     ------
@@ -59,9 +64,13 @@ def reported(log: str | Path) -> Iterator[None]:
         With code 1 after a `HopdataError`; its message goes to stderr and to the log.
     """
     Path(log).parent.mkdir(parents=True, exist_ok=True)
-    handler = logging.FileHandler(log, mode="w", encoding="utf-8", errors="backslashreplace")
+    handler = logging.FileHandler(
+        log, mode="w", encoding="utf-8", errors="backslashreplace"
+    )
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
-    logging.raiseExceptions = False  # on a full disk the log fails; report the original error
+    logging.raiseExceptions = (
+        False  # on a full disk the log fails; report the original error
+    )
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
@@ -97,7 +106,10 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             left.unlink(missing_ok=True)
         yield temporary
         os.replace(temporary, target)
-    except (OSError, RuntimeError) as error:  # h5py gives the error number only in its message
+    except (
+        OSError,
+        RuntimeError,
+    ) as error:  # h5py gives the error number only in its message
         told = re.search(r"errno = (\d+)", str(error))
         code = int(told[1]) if told else getattr(error, "errno", None)
         if code is None:
@@ -124,7 +136,8 @@ def read_json(path: str | Path) -> Any:
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
     """Write a table as CSV, whole or not at all, with 9 digits; times have 12, or 16 if late.
 
-    Texts that a spreadsheet would run get a leading apostrophe, which `read_table` removes.
+    Texts that a spreadsheet would run get a leading apostrophe, which `read_table`
+    removes.
     """
     with whole_file(path) as temporary:
         temporary.write_text(_csv(table), encoding="utf-8", newline="\n")
@@ -137,8 +150,12 @@ def as_stored(table: pd.DataFrame) -> pd.DataFrame:
 
 def _csv(table: pd.DataFrame) -> str:
     # Numbers are formatted here because pandas takes three times as long.
-    texts = {name: _printed(table[name]) for name in table if table[name].dtype.kind == "f"}
-    printed = _changed(table, guarded).assign(**{str(guarded(k)): v for k, v in texts.items()})
+    texts = {
+        name: _printed(table[name]) for name in table if table[name].dtype.kind == "f"
+    }
+    printed = _changed(table, guarded).assign(
+        **{str(guarded(k)): v for k, v in texts.items()}
+    )
     return str(printed.to_csv(index=False, lineterminator="\n"))
 
 
@@ -166,7 +183,9 @@ def _printed(column: pd.Series) -> list[str]:
     if name.endswith("_s") and not name.endswith("_m_s"):
         late = column.abs().max() >= LATE_S
         digits = MOST_DIGITS if late else TIME_DIGITS
-    return ["" if value != value else f"{value:.{digits}g}" for value in column.tolist()]
+    return [
+        "" if value != value else f"{value:.{digits}g}" for value in column.tolist()
+    ]
 
 
 def read_table(path: str | Path | StringIO) -> pd.DataFrame:

@@ -13,27 +13,41 @@ from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
 ASSETS = {".css", ".j2", ".mplstyle", ".toml", ".yaml"}
-REPORTED = ["hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba", "snakemake"]
+REPORTED = [
+    "hopdata",
+    "numpy",
+    "scipy",
+    "pandas",
+    "matplotlib",
+    "h5py",
+    "numba",
+    "snakemake",
+]
 MISSING = "not installed"
-# Matches `from hopdata... import ...`, also over several lines, and `import hopdata...`. Parsing
-# all sources instead would take half as long as the shortest study.
+# Matches `from hopdata... import ...`, also over several lines, and `import
+# hopdata...`. Parsing all sources instead would take half as long as the shortest
+# study.
 IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+(\((?:[^)#]|#[^\n]*)*\)|[^\n]*)"
     r"|import[ \t]+(hopdata[^\n]*))",
     re.MULTILINE,
 )
-NAMED = re.compile(r'"(hopdata\.[\w.]+):\w+"')  # a class named in a table and imported on demand
+NAMED = re.compile(
+    r'"(hopdata\.[\w.]+):\w+"'
+)  # a class named in a table and imported on demand
 
 
 def code_digest(script: str | Path) -> str:
     """Return a digest of a script and of every hopdata source that it imports, directly or not.
 
-    Imports are read from the text, including those inside functions, so nothing is executed. A rule
-    that has this digest as a parameter runs again when its library code changes.
+    Imports are read from the text, including those inside functions, so nothing is
+    executed. A rule that has this digest as a parameter runs again when its library
+    code changes.
     """
     script = Path(script).resolve()
     digest = hashlib.sha256()
-    # The script comes first: sorted with the modules, its place would depend on the install path.
+    # The script comes first: sorted with the modules, its place would depend on the
+    # install path.
     for source in (script, *sorted(_closure(_imports(script)))):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
@@ -47,7 +61,11 @@ def _assets(source: Path) -> tuple[Path, ...]:
     """Return the non-Python files of a sub-package (style sheets, templates, schemas)."""
     if source.name != "__init__.py" or source.parent == PACKAGE:
         return ()
-    return tuple(sorted(p for p in source.parent.rglob("*") if p.suffix in ASSETS and p.is_file()))
+    return tuple(
+        sorted(
+            p for p in source.parent.rglob("*") if p.suffix in ASSETS and p.is_file()
+        )
+    )
 
 
 def _closure(start: Iterable[Path]) -> set[Path]:
@@ -66,7 +84,9 @@ def _imports(source: Path) -> frozenset[Path]:
     text = source.read_text(encoding="utf-8")
     names.update(NAMED.findall(text))
     for module, imported, modules in IMPORT.findall(text):
-        names.update([module, *(f"{module}.{name}" for name in re.findall(r"\w+", imported))])
+        names.update(
+            [module, *(f"{module}.{name}" for name in re.findall(r"\w+", imported))]
+        )
         names.update(re.findall(r"[\w.]+", modules))
     return frozenset(path for name in names for path in _module_files(name))
 
@@ -84,11 +104,15 @@ def _module_files(name: str) -> frozenset[Path]:
 @cache
 def _sources() -> frozenset[Path]:
     """Return all modules, without the workflow's scripts that an installed package also holds."""
-    return frozenset(PACKAGE.rglob("*.py")) - frozenset(PACKAGE.glob("_workflow/**/*.py"))
+    return frozenset(PACKAGE.rglob("*.py")) - frozenset(
+        PACKAGE.glob("_workflow/**/*.py")
+    )
 
 
 def provenance(
-    config: Mapping[str, Any], inputs: Mapping[str, str], stage_times: Iterable[Path] = ()
+    config: Mapping[str, Any],
+    inputs: Mapping[str, str],
+    stage_times: Iterable[Path] = (),
 ) -> dict[str, Any]:
     """Collect what is needed to reproduce a study.
 
@@ -117,7 +141,11 @@ def provenance(
 def package_digest() -> str:
     """Return a digest of all sources of the package, which also differs within one version."""
     digest = hashlib.sha256()
-    assets = (one for folder in sorted(PACKAGE.glob("*/__init__.py")) for one in _assets(folder))
+    assets = (
+        one
+        for folder in sorted(PACKAGE.glob("*/__init__.py"))
+        for one in _assets(folder)
+    )
     for source in sorted(_sources().union(assets)):
         digest.update(str(source.relative_to(PACKAGE)).encode())
         digest.update(source.read_bytes())

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, Shown
-from hopdata.errors import ArgumentError, RecordingError, mismatch, require_choice, told_call
+from hopdata.errors import (
+    ArgumentError,
+    RecordingError,
+    mismatch,
+    require_choice,
+    told_call,
+)
 
 
 @dataclass(frozen=True)
@@ -28,8 +34,16 @@ class Event:
     time_s: float
 
 
-SLOWEST_S = 0.5  # longest median time between frames; longer ones suggest times in milliseconds
-ROLES = ("body", "foot", "part", "boom", "other")  # "part": another marker of the preceding foot
+SLOWEST_S = (
+    0.5  # longest median time between frames; longer ones suggest times in milliseconds
+)
+ROLES = (
+    "body",
+    "foot",
+    "part",
+    "boom",
+    "other",
+)  # "part": another marker of the preceding foot
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +57,8 @@ class Recording(Shown):
     time : (N,) array
         Time of each frame, s, strictly increasing.
     positions : (N, M, 3) array
-        Marker positions in the world frame with z up, m; NaN where a marker was not seen.
+        Marker positions in the world frame with z up, m; NaN where a marker was not
+        seen.
     markers : tuple of str
         The M marker names.
     roles : tuple of str
@@ -62,7 +77,8 @@ class Recording(Shown):
     remarks : tuple of str
         Statements in the file that were wrong and have been corrected, one line each.
     filled : (N, M) bool array, optional
-        True for positions that were not seen but filled in; None if no gaps were filled.
+        True for positions that were not seen but filled in; None if no gaps were
+        filled.
     """
 
     name: str
@@ -82,9 +98,16 @@ class Recording(Shown):
         seen = (len(self.time), len(self.markers))
         if len(self.roles) != seen[1]:
             raise ArgumentError.at("roles", f"{seen[1]} entries", len(self.roles))
-        for name, shape in (("time", seen[:1]), ("positions", (*seen, 3)), ("filled", seen)):
+        for name, shape in (
+            ("time", seen[:1]),
+            ("positions", (*seen, 3)),
+            ("filled", seen),
+        ):
             array = getattr(self, name)
-            if array is not None and (found := getattr(array, "shape", type(array))) != shape:
+            if (
+                array is not None
+                and (found := getattr(array, "shape", type(array))) != shape
+            ):
                 raise ArgumentError.at(name, f"an array of shape {shape}", found)
 
     def told(self) -> str:
@@ -95,7 +118,11 @@ class Recording(Shown):
 
     def rows(self) -> dict[str, Any]:
         """Return each marker, its role and the percentage of frames in which it was seen."""
-        return {"marker": self.markers, "role": self.roles, "seen (%)": 100 * fraction_seen(self)}
+        return {
+            "marker": self.markers,
+            "role": self.roles,
+            "seen (%)": 100 * fraction_seen(self),
+        }
 
     def to_xarray(self) -> Any:
         """Return the positions as an ``xarray.DataArray`` with named axes.
@@ -103,8 +130,8 @@ class Recording(Shown):
         Returns
         -------
         DataArray, (N, M, 3)
-            Positions in m along ``time`` (s), ``marker`` (with its ``role``) and ``axis`` (x, y,
-            and z up).
+            Positions in m along ``time`` (s), ``marker`` (with its ``role``) and
+            ``axis`` (x, y, and z up).
 
         Raises
         ------
@@ -117,9 +144,15 @@ class Recording(Shown):
             found = "none: pip install xarray"
             raise RecordingError.at("to_xarray", "the package xarray", found) from None
         roles = ("marker", list(self.roles))
-        axes: Any = {"time": self.time, "marker": list(self.markers), "axis": list("xyz")}
+        axes: Any = {
+            "time": self.time,
+            "marker": list(self.markers),
+            "axis": list("xyz"),
+        }
         attributes = {"units": "m", "rate_hz": self.rate_hz, "source": self.source}
-        return DataArray(self.positions, {**axes, "role": roles}, list(axes), self.name, attributes)
+        return DataArray(
+            self.positions, {**axes, "role": roles}, list(axes), self.name, attributes
+        )
 
     @classmethod
     @told_call
@@ -138,14 +171,15 @@ class Recording(Shown):
         Parameters
         ----------
         time : (N,) array-like
-            Time of each frame, s, strictly increasing. Times rounded from an even grid, for example
-            to float32 or to whole ms, are put back on the grid.
+            Time of each frame, s, strictly increasing. Times rounded from an even grid,
+            for example to float32 or to whole ms, are put back on the grid.
         positions : (N, M, 3) array-like
             Marker positions, m, z up; NaN where a marker was not seen.
         markers : iterable of str
             The M marker names.
         feet, body : iterable of str
-            Names of the foot and body markers; the other markers are kept without a role.
+            Names of the foot and body markers; the other markers are kept without a
+            role.
         name : str
             Name of the recording.
 
@@ -173,14 +207,21 @@ class Recording(Shown):
             here = f"{stamps.flat[max(wrong - 1, 0) : wrong + 1]} at frame {wrong}"
             later = f"each later than the one before by at most {SLOWEST_S} s"
             found = f"shape {stamps.shape}, {here}"
-            raise RecordingError.at("time", f"two frames or more, (N,), s, {later}", found)
+            raise RecordingError.at(
+                "time", f"two frames or more, (N,), s, {later}", found
+            )
         if places.shape != size:
-            raise RecordingError.at("positions", f"shape {size} (frames, markers, 3)", places.shape)
+            raise RecordingError.at(
+                "positions", f"shape {size} (frames, markers, 3)", places.shape
+            )
         marker_names("feet and body", (*of_foot, *of_body))
         for key, chosen in (("feet", of_foot), ("body", of_body)):
             for one in chosen:
                 require_choice(key, one, known)
-        roles = ("body" if m in of_body else "foot" if m in of_foot else "other" for m in known)
+        roles = (
+            "body" if m in of_body else "foot" if m in of_foot else "other"
+            for m in known
+        )
         number = np.arange(1.0, len(stamps) + 1)
         whole, own = (rate_of(stamps, number, whole=w) or np.nan for w in (True, False))
         grid, remarks = settle("time", stamps, number, whole)
@@ -207,10 +248,14 @@ class Recording(Shown):
     def part(self, frames: slice) -> Self:
         """Return a recording of these frames only; taking every second frame halves the rate."""
         if not isinstance(frames, slice) or (frames.step or 1) < 0:
-            raise ArgumentError.at("frames", "a slice such as slice(0, 1000)", f"{frames!r}")
+            raise ArgumentError.at(
+                "frames", "a slice such as slice(0, 1000)", f"{frames!r}"
+            )
         filled = None if self.filled is None else self.filled[frames]
         kept: Any = {"time": self.time[frames], "positions": self.positions[frames]}
-        return replace(self, **kept, filled=filled, rate_hz=self.rate_hz / (frames.step or 1))
+        return replace(
+            self, **kept, filled=filled, rate_hz=self.rate_hz / (frames.step or 1)
+        )
 
     @cached_property
     def body(self) -> FloatArray:
@@ -230,7 +275,9 @@ class Recording(Shown):
     @cached_property
     def scale(self) -> float:
         """Scale of the body and foot markers: see `scale_of`."""
-        return scale_of(sampled(self.positions)[:, self.indices("body") + self.indices("foot")])
+        return scale_of(
+            sampled(self.positions)[:, self.indices("body") + self.indices("foot")]
+        )
 
     @property
     def pace(self) -> float:
@@ -249,7 +296,9 @@ def numbers(key: str, values: ArrayLike) -> FloatArray:
     try:
         return np.ma.asarray(values, float).filled(np.nan)
     except (TypeError, ValueError) as error:
-        raise ArgumentError.at(key, "an array of numbers", str(error).partition(". ")[0]) from None
+        raise ArgumentError.at(
+            key, "an array of numbers", str(error).partition(". ")[0]
+        ) from None
 
 
 def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
@@ -278,7 +327,9 @@ def require_distinct(recordings: Iterable[Recording]) -> None:
     """
     known: dict[str, str] = {}
     for recording in recordings:
-        for number, digest in enumerate(filter(None, recording.source_sha256.split(SEPARATOR))):
+        for number, digest in enumerate(
+            filter(None, recording.source_sha256.split(SEPARATOR))
+        ):
             here = f"file {number + 1} of recording '{recording.name}'"
             if digest in known:
                 same = f"the same bytes in {here} and in {known[digest]}"
@@ -310,7 +361,9 @@ def extent(positions: FloatArray) -> float:
     float
         In the unit of `positions`; NaN if no frame shows two markers.
     """
-    frames = np.ascontiguousarray(sampled(positions).T)  # (3, M, N): NumPy is slow along short axes
+    frames = np.ascontiguousarray(
+        sampled(positions).T
+    )  # (3, M, N): NumPy is slow along short axes
     seen = (~np.isnan(frames).any(axis=0)).sum(axis=0) >= 2
     if not seen.any():
         return float("nan")
@@ -319,10 +372,11 @@ def extent(positions: FloatArray) -> float:
         return float(np.median(np.sqrt((span**2).sum(axis=0))))
 
 
-# The lengths of the code were tuned on the simulated hopper and on runners, whose body and foot
-# markers have rms distances from their mean of 0.33 and 0.50 m. The value lies between: at 0.33
-# contacts of runners are found some mm too high, at 0.42 those of the hopper scatter by 6 % more.
-# With 1.5 times the value all lengths and speeds are two thirds of what they are.
+# The lengths of the code were tuned on the simulated hopper and on runners, whose body
+# and foot markers have rms distances from their mean of 0.33 and 0.50 m. The value lies
+# between: at 0.33 contacts of runners are found some mm too high, at 0.42 those of the
+# hopper scatter by 6 % more. With 1.5 times the value all lengths and speeds are two
+# thirds of what they are.
 SIZE_OF_TUNING_M = 0.36
 NO_ANIMAL_M = (1e-4, 1e4)  # smaller and larger positions are absurd, in whatever unit
 
@@ -330,8 +384,9 @@ NO_ANIMAL_M = (1e-4, 1e4)  # smaller and larger positions are absurd, in whateve
 def scale_of(positions: FloatArray) -> float:
     """Return the factor for lengths that were tuned on an animal of about 1 m.
 
-    It is proportional to the size of the animal: the same animal at a hundredth of the size has a
-    hundredth of the factor, however its recording is turned or shifted. Times scale with its root.
+    It is proportional to the size of the animal: the same animal at a hundredth of the
+    size has a hundredth of the factor, however its recording is turned or shifted.
+    Times scale with its root.
 
     Parameters
     ----------
@@ -341,10 +396,13 @@ def scale_of(positions: FloatArray) -> float:
     Returns
     -------
     float
-        Rms distance of the markers from their mean, as a median over a sample of frames, divided by
-        `SIZE_OF_TUNING_M`. It is 1 if no frame shows two markers apart.
+        Rms distance of the markers from their mean, as a median over a sample of
+        frames, divided by `SIZE_OF_TUNING_M`. It is 1 if no frame shows two markers
+        apart.
     """
-    frames = np.ascontiguousarray(sampled(positions).T)  # (3, M, N): NumPy is slow along short axes
+    frames = np.ascontiguousarray(
+        sampled(positions).T
+    )  # (3, M, N): NumPy is slow along short axes
     seen = np.asarray(~np.isnan(frames).any(axis=0))
     count = seen.sum(axis=0)
     enough = count >= 2
@@ -362,9 +420,15 @@ def scale_of(positions: FloatArray) -> float:
 
 def body_over_feet(recording: Recording) -> FloatArray:
     """Return the median over frames of mean body position minus mean foot position, (3,), m."""
-    difference = sampled(recording.body).mean(axis=1) - sampled(recording.feet).mean(axis=1)
+    difference = sampled(recording.body).mean(axis=1) - sampled(recording.feet).mean(
+        axis=1
+    )
     difference = difference[~np.isnan(difference).any(axis=1)]
-    return np.asarray(np.median(difference, axis=0)) if len(difference) else np.full(3, np.nan)
+    return (
+        np.asarray(np.median(difference, axis=0))
+        if len(difference)
+        else np.full(3, np.nan)
+    )
 
 
 def sampled(positions: FloatArray) -> FloatArray:
@@ -384,7 +448,8 @@ class Truth(Shown):
     Parameters
     ----------
     contact_times : (L, n) array
-        Instant at which each foot first touched in each landing, s; NaN if it did not touch.
+        Instant at which each foot first touched in each landing, s; NaN if it did not
+        touch.
     apex_times : (L,) array
         Time of the apex before each landing, s.
     complete : (L,) bool array
@@ -392,7 +457,8 @@ class Truth(Shown):
     foot_down : (N, n) bool array
         Whether each foot was in contact in each frame.
     body_height : (N,) array
-        Mean height of the body markers above the flat simulated floor, without noise, m.
+        Mean height of the body markers above the flat simulated floor, without noise,
+        m.
     contact_points : (L, n, 2) array
         Point at which each foot first touched, in the world frame, m.
     floor_at_contacts : (L, n) array
@@ -406,8 +472,8 @@ class Truth(Shown):
     parameters_json : str
         All parameters of the simulation, as JSON.
     true_effect : float
-        Relative difference between the exact maps of the contact orders, as the verdict measures
-        it, between the sections of a study; NaN if it was not computed.
+        Relative difference between the exact maps of the contact orders, as the verdict
+        measures it, between the sections of a study; NaN if it was not computed.
     """
 
     contact_times: FloatArray
@@ -452,4 +518,6 @@ def check_sizes(truth: Truth) -> None:
             for letter, size in zip(sizes, shape, strict=False)
         ]
         if len(shape) != len(sizes) or list(shape) != expected:
-            raise ValueError(mismatch(name, f"shape ({', '.join(sizes)}) of {known}", shape))
+            raise ValueError(
+                mismatch(name, f"shape ({', '.join(sizes)}) of {known}", shape)
+            )

@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError
 
-#: Width of the markers across their line, relative to along it, that fixes the turn about it.
+#: Width of the markers across their line, relative to along it, that fixes the turn
+#: about it.
 LEAST_WIDTH = 0.01
-#: Weight of an earlier attitude relative to the markers: it decides only what they leave open.
+#: Weight of an earlier attitude relative to the markers: it decides only what they
+#: leave open.
 PRIOR_WEIGHT = 1e-6
 
 
@@ -24,10 +26,11 @@ class RigidFit:
     centre : (N, 3) array
         Origin of the reference in the world frame, m; NaN where not determined.
     rotation : (N, 3, 3) array
-        Rotation from the axes of the reference to those of the world; NaN where not determined.
+        Rotation from the axes of the reference to those of the world; NaN where not
+        determined.
     residual_m : (N,) array
-        Rms residual per degree of freedom, m, which estimates the noise per coordinate; NaN where
-        not determined.
+        Rms residual per degree of freedom, m, which estimates the noise per coordinate;
+        NaN where not determined.
     leaned : (N,) bool array
         Whether an earlier attitude was needed.
     """
@@ -48,9 +51,9 @@ def rigid_fit(
 ) -> RigidFit:
     """Find the rotation and translation that best map a reference to markers, by least squares.
 
-    The method is Kabsch's (Acta Cryst. A32, 1976), restricted to proper rotations. Three markers
-    that are not on a line determine the motion. Two determine all but the turn about their line,
-    which is taken from an earlier attitude if there is one.
+    The method is Kabsch's (Acta Cryst. A32, 1976), restricted to proper rotations.
+    Three markers that are not on a line determine the motion. Two determine all but the
+    turn about their line, which is taken from an earlier attitude if there is one.
 
     Parameters
     ----------
@@ -73,7 +76,9 @@ def rigid_fit(
     determined = np.asarray((count >= 3) & wide)
     leaned = np.zeros(len(markers), dtype=bool)
     if earlier is not None and not determined.all():
-        leaned = np.asarray(~determined & (count >= 2) & np.isfinite(earlier).all(axis=(1, 2)))
+        leaned = np.asarray(
+            ~determined & (count >= 2) & np.isfinite(earlier).all(axis=(1, 2))
+        )
         helped = PRIOR_WEIGHT * spread[leaned, :1, None] * earlier[leaned]
         left[leaned], _, right[leaned] = np.linalg.svd(moment[leaned] + helped)
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
@@ -97,16 +102,16 @@ def headings(rotation: FloatArray) -> FloatArray:
 def twists(rotation: FloatArray) -> FloatArray:
     """Return the turn about the vertical, (...), rad, of rotations (..., 3, 3).
 
-    It is the turn that remains after the body has been tilted upright by the shortest way. It does
-    not depend on which body axis is called x, and differs from the yaw by half the product of pitch
-    and roll.
+    It is the turn that remains after the body has been tilted upright by the shortest
+    way. It does not depend on which body axis is called x, and differs from the yaw by
+    half the product of pitch and roll.
     """
     (xx, xy, _), (yx, yy, _), _ = np.moveaxis(rotation, (-2, -1), (0, 1))
     return np.asarray(np.arctan2(yx - xy, xx + yy))
 
 
-# Inputs: the eight coordinates of a rigid body on a section, without place and heading. Outputs:
-# the change of place and heading, then the same eight at the post section.
+# Inputs: the eight coordinates of a rigid body on a section, without place and heading.
+# Outputs: the change of place and heading, then the same eight at the post section.
 INPUT_NAMES = (
     *("pitch_rad", "roll_rad"),
     *("forward_m_s", "sideways_m_s", "climb_m_s"),
@@ -122,7 +127,8 @@ def turned(vectors: Any, yaw: Any) -> Any:
     return np.stack([c * x + s * y, c * y - s * x, vectors[..., 2]], axis=-1)
 
 
-# Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array axis.
+# Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array
+# axis.
 
 
 def wrapped(angle: ArrayLike) -> FloatArray:
@@ -154,7 +160,9 @@ def relative(start: ArrayLike, end: ArrayLike) -> FloatArray:
     """
     (x, y, heading), (x_end, y_end, heading_end) = (_parts(one) for one in (start, end))
     c, s, dx, dy = np.cos(heading), np.sin(heading), x_end - x, y_end - y
-    return np.stack([c * dx + s * dy, c * dy - s * dx, wrapped(heading_end - heading)], axis=-1)
+    return np.stack(
+        [c * dx + s * dy, c * dy - s * dx, wrapped(heading_end - heading)], axis=-1
+    )
 
 
 def _parts(pose: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -178,7 +186,9 @@ def body_shape(positions: FloatArray) -> FloatArray:
         If there are fewer than three markers, or they lie on a line.
     """
     if (markers := positions.shape[1]) < 3:
-        raise AnalysisError(f"rigid body: at least 3 body markers are needed, found {markers}")
+        raise AnalysisError(
+            f"rigid body: at least 3 body markers are needed, found {markers}"
+        )
     centred = positions - positions.mean(axis=1, keepdims=True)
     shape = centred.mean(axis=0)
     for _ in range(_ALIGNMENTS):
@@ -188,14 +198,17 @@ def body_shape(positions: FloatArray) -> FloatArray:
             break
     widths = np.linalg.svd(shape, compute_uv=False)
     if widths[1] <= _LEAST_BODY_WIDTH * widths[0]:
-        raise AnalysisError("rigid body: expected body markers that are not on one line")
+        raise AnalysisError(
+            "rigid body: expected body markers that are not on one line"
+        )
     return shape
 
 
 def kabsch(centred: FloatArray, shape: FloatArray) -> FloatArray:
     """Return the rotations (n, 3, 3) that bring `shape` (B, 3) closest to points (n, B, 3).
 
-    The fit is by least squares over proper rotations (Kabsch 1976); shape and points are centred.
+    The fit is by least squares over proper rotations (Kabsch 1976); shape and points
+    are centred.
     """
     left, _, right = np.linalg.svd(np.einsum("nbi,bj->nij", centred, shape))
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]

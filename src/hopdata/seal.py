@@ -3,8 +3,8 @@
 Libraries that read HDF5 trust the file. HDF5 protects few of its bytes: the Adler-32 of
 compressed blocks misses some single flipped bits, and names, rates and places of blocks
 have no checksum at all. So the SHA-256 of a file stands behind its last byte, where the
-HDF5 library does not look. A program that changes the file through that library cuts the
-seal off, so a changed file is not taken for a damaged one.
+HDF5 library does not look. A program that changes the file through that library cuts
+the seal off, so a changed file is not taken for a damaged one.
 """
 
 import hashlib

@@ -19,7 +19,11 @@ from benchmark_figures import (
 )
 from overlaps import text_faults
 
-METHODS = {"printed, DOPRI5, Illinois": 4.0, "hopdata, dopri5": 5.0, "hopdata, dop853": 8.0}
+METHODS = {
+    "printed, DOPRI5, Illinois": 4.0,
+    "hopdata, dopri5": 5.0,
+    "hopdata, dop853": 8.0,
+}
 
 
 def errors(methods=METHODS):
@@ -41,7 +45,9 @@ def lines(figure, kind):
 
 
 def curves(figure):
-    return [line for line in figure.axes[0].lines if not line.get_label().startswith("_")]
+    return [
+        line for line in figure.axes[0].lines if not line.get_label().startswith("_")
+    ]
 
 
 def test_a_curve_a_line_and_an_interval_each():
@@ -49,7 +55,12 @@ def test_a_curve_a_line_and_an_interval_each():
     figure = order_figure(table.sample(frac=1, random_state=2))
     axes = figure.axes[0]
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    assert len(curves(figure)) == len(lines(figure, "fit")) == len(lines(figure, "interval")) == 3
+    assert (
+        len(curves(figure))
+        == len(lines(figure, "fit"))
+        == len(lines(figure, "interval"))
+        == 3
+    )
     assert text_faults(figure) == []
 
 
@@ -57,7 +68,11 @@ def test_what_is_drawn_is_what_the_table_says():
     table = errors({"only": 4.0})
     figure = order_figure(table)
     table = table.sort_values("max_step")
-    (curve,), (fit,), (interval,) = curves(figure), lines(figure, "fit"), lines(figure, "interval")
+    (curve,), (fit,), (interval,) = (
+        curves(figure),
+        lines(figure, "fit"),
+        lines(figure, "interval"),
+    )
     assert curve.get_xdata() == pytest.approx(1 / table["max_step"])
     assert curve.get_ydata() == pytest.approx(table["error_rms"])
     assert fit.get_ydata() == pytest.approx(table["fitted_error"])
@@ -124,7 +139,9 @@ def trajectories(solvers=tuple(LINES)):
         for solver, size in zip(LINES, (0.0, 3e-2, 2e-4, 1e-10), strict=True)
         if solver in solvers
     ]
-    empty = pd.DataFrame({"solver": pd.Series(dtype=str), "time_s": pd.Series(dtype=float)})
+    empty = pd.DataFrame(
+        {"solver": pd.Series(dtype=str), "time_s": pd.Series(dtype=float)}
+    )
     return pd.concat(parts, ignore_index=True) if parts else empty
 
 
@@ -143,12 +160,17 @@ def test_lines_are_the_table():
     shown = figure.axes[2].lines[0]
     assert np.isnan(shown.get_ydata()[0])
     assert shown.get_ydata()[1:] == pytest.approx(3e-2 * shown.get_xdata()[1:])
-    assert figure.axes[0].lines[1].get_ydata()[-1] == pytest.approx(1 + abs(np.cos(6)) + 0.06)
+    assert figure.axes[0].lines[1].get_ydata()[-1] == pytest.approx(
+        1 + abs(np.cos(6)) + 0.06
+    )
 
 
 def test_a_solver_may_be_missing():
     figure = calibration_figure(trajectories(("exact", "hopdata")))
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["exact", "hopdata"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "exact",
+        "hopdata",
+    ]
     assert text_faults(figure) == []
 
 
@@ -247,12 +269,18 @@ def drawn_strongly(axes):
 def test_a_panel_a_scene_with_one_line_a_solver():
     table = results()
     figure = work_precision_figure(table, chosen(table))
-    assert [axes.get_title(loc="left") for axes in figure.axes] == list(SCENE_NAMES.values())
+    assert [axes.get_title(loc="left") for axes in figure.axes] == list(
+        SCENE_NAMES.values()
+    )
     for axes in figure.axes:
         assert axes.get_xscale() == axes.get_yscale() == "log"
         assert drawn_strongly(axes) == {f"{way}: first" for way in WAYS}
-        assert len(axes.lines) == 2 * len(WAYS) + 1  # and the line at the error of comparison
-    assert all("error" in axes.get_xlabel() for axes in figure.axes[-3:])  # the lowest panels
+        assert (
+            len(axes.lines) == 2 * len(WAYS) + 1
+        )  # and the line at the error of comparison
+    assert all(
+        "error" in axes.get_xlabel() for axes in figure.axes[-3:]
+    )  # the lowest panels
     assert "µs" in figure.axes[0].get_ylabel()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == list(WAYS)
     assert text_faults(figure) == []
@@ -289,7 +317,10 @@ def test_failures_and_absent_peers_are_left_out():
 def test_an_unknown_way_is_drawn_and_named_too():
     table = results(scenes=("octant",), ways=("heyoka", "another"), methods=("first",))
     figure = work_precision_figure(table, chosen(table))
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["heyoka", "another"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "heyoka",
+        "another",
+    ]
     assert text_faults(figure) == []
 
 

@@ -55,14 +55,20 @@ def test_truth_is_the_published_one(truth):
     published = [0.20958807833464467, np.log(1.3), 0.36920715382175002]
     assert times == pytest.approx(published, abs=2e-16)
     published = [0.26985041783358990, 0.33789043824170391, -0.34663769842786600]
-    assert end == pytest.approx(published, abs=1e-10)  # two of them are misprinted below that
+    assert end == pytest.approx(
+        published, abs=1e-10
+    )  # two of them are misprinted below that
 
 
 def test_exact_to_1e_10(truth):
     times, end = truth
     solution = solve(octant(), T_SPAN, INITIAL_STATE, rtol=1e-12, atol=1e-14)
     assert solution.status == 0
-    assert [solution.events.guard_names[k] for k in solution.events.guard] == ["y", "z", "x"]
+    assert [solution.events.guard_names[k] for k in solution.events.guard] == [
+        "y",
+        "z",
+        "x",
+    ]
     assert solution.events.direction.tolist() == [1, 1, 1]
     assert np.abs(solution.events.time - times).max() < 1e-13
     assert np.abs(solution.y_end - end).max() < 1e-12
@@ -72,12 +78,16 @@ def test_exact_to_1e_10(truth):
 @pytest.mark.parametrize("method", ["dopri5", "dop853", "rosenbrock", "taylor"])
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10])
 def test_error_follows_the_tolerance(truth, tolerance, method):
-    solution = solve(octant(), T_SPAN, INITIAL_STATE, rtol=tolerance, atol=tolerance, method=method)
+    solution = solve(
+        octant(), T_SPAN, INITIAL_STATE, rtol=tolerance, atol=tolerance, method=method
+    )
     assert np.abs(solution.y_end - truth[1]).max() < 10 * tolerance
 
 
 def test_loose_tolerance_is_not_exact(truth):
-    solution = solve(octant(), T_SPAN, INITIAL_STATE, rtol=1e-3, atol=1e-3, method="dopri5")
+    solution = solve(
+        octant(), T_SPAN, INITIAL_STATE, rtol=1e-3, atol=1e-3, method="dopri5"
+    )
     assert np.abs(solution.y_end - truth[1]).max() > 1e-7
 
 

@@ -16,7 +16,9 @@ def ms(**options):
     [((0.08, 0.06), True, 0.49), ((0.06, 0.06), False, 0.84)],
 )
 def test_the_bounds_of_the_first_measurements(windows_s, known, expected):
-    assert ms(windows_s=windows_s, known_gravity=known) == pytest.approx(expected, abs=0.005)
+    assert ms(windows_s=windows_s, known_gravity=known) == pytest.approx(
+        expected, abs=0.005
+    )
 
 
 def test_an_instant_between_known_lines():
@@ -61,9 +63,16 @@ def test_it_is_the_inverse_of_the_information():
         return np.where(s < 0, c + b * u + a * u**2 / 2, after)
 
     steps = 1e-6 * np.eye(4)
-    jacobian = np.column_stack([(height(truth + h) - height(truth - h)) / 2e-6 for h in steps])
+    jacobian = np.column_stack(
+        [(height(truth + h) - height(truth - h)) / 2e-6 for h in steps]
+    )
     expected = 6e-4 * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[0, 0])
     found = kink_bound(
-        s, noise_m=6e-4, velocity_m_s=-1.0, known_gravity=False, compliance_s=0.005, creep_m_s=-0.02
+        s,
+        noise_m=6e-4,
+        velocity_m_s=-1.0,
+        known_gravity=False,
+        compliance_s=0.005,
+        creep_m_s=-0.02,
     )
     assert found == pytest.approx(expected, rel=1e-6)

@@ -114,7 +114,9 @@ def test_faults_are_those_of_the_seed():
     faults = Faults(dropped=0.1, hidden=0.1)
 
     def one_run(seed):
-        with LoopbackServer(ramp(200), LABELS, speed=FAST, faults=faults, seed=seed) as server:
+        with LoopbackServer(
+            ramp(200), LABELS, speed=FAST, faults=faults, seed=seed
+        ) as server:
             frames = run(stream(server, 150))
         return [f[0] for f in frames], np.isnan([f[2] for f in frames])
 
@@ -128,7 +130,9 @@ def test_faults_are_those_of_the_seed():
 def test_a_port_in_use_is_a_clear_error():
     with (
         LoopbackServer(ramp(1), LABELS) as server,
-        pytest.raises(PortError, match=f"cannot listen on 127.0.0.1, port {server.port}"),
+        pytest.raises(
+            PortError, match=f"cannot listen on 127.0.0.1, port {server.port}"
+        ),
     ):
         LoopbackServer(ramp(1), LABELS, port=server.port).start()
 
@@ -143,9 +147,14 @@ def test_a_client_that_leaves_in_the_middle_of_a_packet_harms_nobody():
         with socket.create_connection(("127.0.0.1", server.port)) as rude:
             rude.sendall(text(COMMAND, "version 1.25")[:11])
         with socket.create_connection(("127.0.0.1", server.port)) as rude:
-            rude.sendall(text(COMMAND, "version 1.25") + text(COMMAND, "streamframes allframes 3d"))
+            rude.sendall(
+                text(COMMAND, "version 1.25")
+                + text(COMMAND, "streamframes allframes 3d")
+            )
             rude.recv(40)
-            rude.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            rude.setsockopt(
+                socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0)
+            )
         assert len(run(stream(server, 20))) == 20
 
 
@@ -154,7 +163,9 @@ def test_a_client_that_leaves_in_the_middle_of_a_packet_harms_nobody():
 )
 def test_a_client_that_sends_garbage_is_told_and_dropped(garbage):
     with LoopbackServer(ramp(2000), LABELS, speed=FAST) as server:
-        with socket.create_connection(("127.0.0.1", server.port), timeout=LONG_S) as rude:
+        with socket.create_connection(
+            ("127.0.0.1", server.port), timeout=LONG_S
+        ) as rude:
             rude.sendall(garbage)
             said = b"".join(iter(lambda: rude.recv(1000), b""))
         assert b"Parse error" in said
@@ -206,7 +217,9 @@ def test_the_end_of_the_source_is_noted():
         assert server.counts.frames == 20
 
 
-@pytest.mark.parametrize("wrong", [{"rate_hz": 0}, {"rate_hz": FAST}, {"speed": 0}, {"speed": -1}])
+@pytest.mark.parametrize(
+    "wrong", [{"rate_hz": 0}, {"rate_hz": FAST}, {"speed": 0}, {"speed": -1}]
+)
 def test_a_server_without_a_pace_is_refused(wrong):
     with pytest.raises(ConfigError, match=f"{next(iter(wrong))}: expected more than 0"):
         LoopbackServer(ramp(1), LABELS, **wrong)

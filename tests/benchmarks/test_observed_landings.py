@@ -51,7 +51,10 @@ def recorded():
     found = {}
     for seen in hopper(*simulate_recording({"hops": HOPS}, camera, seed=SEED)):
         states = by_section_states(seen)
-        found[seen.side] = (states.position - seen.position, states.velocity - seen.velocity)
+        found[seen.side] = (
+            states.position - seen.position,
+            states.velocity - seen.velocity,
+        )
     return found
 
 
@@ -61,18 +64,26 @@ def drawn(trial):
     apexes = apexes_of(trial)
     landings = true_landings(HOPPER, C1, apexes.after, apexes.preloads_n, SECTIONS)
     whole = np.flatnonzero(landings.whole)
-    kept = type(landings)(*(getattr(landings, n)[whole] for n in landings.__dataclass_fields__))
+    kept = type(landings)(
+        *(getattr(landings, n)[whole] for n in landings.__dataclass_fields__)
+    )
     rng = np.random.default_rng(1)
     until = float(kept.post_time_s.max()) + max(WINDOWS_S)
-    frames = true_states(HOPPER, C1, apexes.some(whole), until_s=until, rate_hz=100.0, rng=rng)
-    seen = see_landings(*frames, kept, SECTIONS, noise_m=NOISE_M, instant_noise_s=0.0006, rng=rng)
+    frames = true_states(
+        HOPPER, C1, apexes.some(whole), until_s=until, rate_hz=100.0, rng=rng
+    )
+    seen = see_landings(
+        *frames, kept, SECTIONS, noise_m=NOISE_M, instant_noise_s=0.0006, rng=rng
+    )
     errors = {}
     for side, found, state in (
         ("before", seen.before, kept.pre_state),
         ("after", seen.after, kept.post_state),
     ):
         misses = found - marker_states(state[seen.rows], POINTS_M)
-        errors[side] = [part.reshape(len(part), -1, 3) for part in np.split(misses, 2, axis=1)]
+        errors[side] = [
+            part.reshape(len(part), -1, 3) for part in np.split(misses, 2, axis=1)
+        ]
     return errors
 
 
@@ -80,7 +91,8 @@ def drawn(trial):
 @pytest.mark.parametrize("of", [0, 1])
 def test_states_err_as_much_as_those_of_a_recording(recorded, drawn, side, of):
     expected, found = (
-        np.sqrt(np.nanmean(errors[side][of] ** 2, axis=(0, 1))) for errors in (recorded, drawn)
+        np.sqrt(np.nanmean(errors[side][of] ** 2, axis=(0, 1)))
+        for errors in (recorded, drawn)
     )
     assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(expected), rel=0.15)
 
@@ -90,7 +102,8 @@ def test_tracks_are_those_of_the_simulated_hopper(trial):
     apexes = apexes_of(trial)
     frames = np.arange(len(trial.states)) / trial.rate_hz
     starts = {
-        hop.start_state.tobytes(): at for hop, at in zip(trial.hops, trial.hop_start_s, strict=True)
+        hop.start_state.tobytes(): at
+        for hop, at in zip(trial.hops, trial.hop_start_s, strict=True)
     }
     for number in range(5):
         one = apexes.some(np.array([number]))
@@ -104,7 +117,12 @@ def test_tracks_are_those_of_the_simulated_hopper(trial):
 
 def test_a_landing_has_frames_of_any_phase(trial):
     times, states = true_states(
-        HOPPER, C1, apexes_of(trial), until_s=0.4, rate_hz=100.0, rng=np.random.default_rng(2)
+        HOPPER,
+        C1,
+        apexes_of(trial),
+        until_s=0.4,
+        rate_hz=100.0,
+        rng=np.random.default_rng(2),
     )
     tracks = tracks_of(states, POINTS_M)
     assert tracks.shape == (*times.shape, *POINTS_M.shape)
@@ -123,7 +141,10 @@ def test_bodies_and_kicks_have_gaits_of_their_own(tmp_path):
         "quadruped",
         "six feet",
     ]
-    files = {gait_file(kinds()[name], tmp_path) for name in ["C1", *(f"C1 {n}" for n in names)]}
+    files = {
+        gait_file(kinds()[name], tmp_path)
+        for name in ["C1", *(f"C1 {n}" for n in names)]
+    }
     assert len(files) == len(names) + 1
 
 
@@ -131,7 +152,12 @@ def test_studies_together_are_judged_as_one(tmp_path):
     rng = np.random.default_rng(3)
     for seed in (4, 5):
         x, y, instants = (rng.standard_normal((90, columns)) for columns in (18, 18, 3))
-        study = {"before": x, "after": y, "instants": instants, "true_effect": 0.1 * seed}
+        study = {
+            "before": x,
+            "after": y,
+            "instants": instants,
+            "true_effect": 0.1 * seed,
+        }
         np.savez(study_file("kappa 0.1", seed, tmp_path), **study)
     (row,) = json.loads(large_study("kappa 0.1", range(4, 6), tmp_path).read_text())
     assert (row["asked"], row["landings"]) == (4000, 180)

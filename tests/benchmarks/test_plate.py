@@ -35,7 +35,9 @@ def rates(plate, y):
 def gradient(function, y, step=1e-6):
     """Return central differences of a function of the state, last axis along the state."""
     nudges = step * np.eye(len(y))
-    return np.array([(function(y + e) - function(y - e)) / (2 * step) for e in nudges]).T
+    return np.array(
+        [(function(y + e) - function(y - e)) / (2 * step) for e in nudges]
+    ).T
 
 
 def potential(plate, y):
@@ -70,7 +72,9 @@ def test_the_reaction_is_normal_to_the_plate():
 def test_guards_are_the_compressions_and_their_rates():
     plate, h, hdot = Plate(5), np.empty(5), np.empty(5)
     dy = rates(plate, TILTED)
-    plate_guards(0.0, TILTED, dy, np.ones(5, dtype=np.int64), np.array(plate.params), h, hdot)
+    plate_guards(
+        0.0, TILTED, dy, np.ones(5, dtype=np.int64), np.array(plate.params), h, hdot
+    )
     assert h == pytest.approx(plate.compressions(TILTED), abs=1e-15)
     assert hdot == pytest.approx(gradient(plate.compressions, TILTED) @ dy, rel=1e-8)
     alone = [compression(i, TILTED, np.array(plate.params)) for i in range(5)]
@@ -80,14 +84,18 @@ def test_guards_are_the_compressions_and_their_rates():
 @pytest.mark.parametrize("n", [1, 2, 7, 35])
 def test_springs_stand_evenly_over_the_bed(n):
     places = Plate(n, half_width_m=1.5).spring_places_m
-    assert places == pytest.approx(np.linspace(-1.5, 1.5, n) if n > 1 else [0.0], abs=1e-15)
+    assert places == pytest.approx(
+        np.linspace(-1.5, 1.5, n) if n > 1 else [0.0], abs=1e-15
+    )
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 35])
 def test_energy_is_kept_without_damping(n):
     plate = Plate(n, damping_n_s_m=0.0)
     start = FALL if n > 1 else np.array([0.0, 2.4, 0.0, 0.0, 0.0, 0.0])
-    solution = solve(plate.system(), (0, 1.5), start, params=plate.params, rtol=1e-12, atol=1e-13)
+    solution = solve(
+        plate.system(), (0, 1.5), start, params=plate.params, rtol=1e-12, atol=1e-13
+    )
     assert solution.status == 0
     assert len(solution.events) >= 2 * n
     assert np.ptp(plate.energy(solution.y)) < 1e-9 * plate.energy(start)
@@ -125,7 +133,9 @@ def test_a_level_plate_is_a_mass_on_one_spring():
 
 def test_each_spring_is_met_where_it_stands():
     plate = Plate(5)
-    solution = solve(plate.system(), (0, 2), FALL, params=plate.params, rtol=1e-11, atol=1e-12)
+    solution = solve(
+        plate.system(), (0, 2), FALL, params=plate.params, rtol=1e-11, atol=1e-12
+    )
     at_events = plate.compressions(solution.events.before.T)
     own = at_events[solution.events.guard, np.arange(len(solution.events))]
     assert np.abs(own).max() < 1e-12
@@ -134,7 +144,11 @@ def test_each_spring_is_met_where_it_stands():
 
 def restarted(plate, state, until):
     """Return end and number of events by scipy, with forces from Newton's law on a tilted line."""
-    places, k, c = plate.spring_places_m, 2000.0 / plate.n_contacts, 20.0 / plate.n_contacts
+    places, k, c = (
+        plate.spring_places_m,
+        2000.0 / plate.n_contacts,
+        20.0 / plate.n_contacts,
+    )
     now, touching, flips = 0.0, np.zeros(plate.n_contacts, dtype=bool), 0
 
     def slope(_t, y):
@@ -143,7 +157,9 @@ def restarted(plate, state, until):
         contact[1] = y[1] + np.tan(y[2]) * (contact[0] - y[0])
         h = plate.rest_length_m - contact[1]
         # Rate of the line's height above a fixed point.
-        climb = y[4] - np.tan(y[2]) * y[3] + (contact[0] - y[0]) * y[5] / np.cos(y[2]) ** 2
+        climb = (
+            y[4] - np.tan(y[2]) * y[3] + (contact[0] - y[0]) * y[5] / np.cos(y[2]) ** 2
+        )
         forces = normal[:, None] * (k * h - c * climb) / normal[1]
         arms = contact - y[:2, None]
         moment = np.sum(arms[0] * forces[1] - arms[1] * forces[0])
@@ -172,7 +188,9 @@ def restarted(plate, state, until):
 def test_against_scipy_with_newtons_law():
     plate = Plate(4)
     end, flips = restarted(plate, FALL, 0.9)
-    solution = solve(plate.system(), (0, 0.9), FALL, params=plate.params, rtol=1e-12, atol=1e-13)
+    solution = solve(
+        plate.system(), (0, 0.9), FALL, params=plate.params, rtol=1e-12, atol=1e-13
+    )
     assert flips == len(solution.events) >= 8
     assert np.abs(solution.y_end - end).max() < 1e-10
 
@@ -180,7 +198,9 @@ def test_against_scipy_with_newtons_law():
 def test_initial_states():
     states = Plate(3).initial_states(150, seed=4)
     assert states.shape == (150, 6)
-    assert np.all((states[:, 1] > 2) & (states[:, 1] < 3) & (np.abs(states[:, 2]) < 0.1))
+    assert np.all(
+        (states[:, 1] > 2) & (states[:, 1] < 3) & (np.abs(states[:, 2]) < 0.1)
+    )
     assert np.ptp(states[:, 1]) > 0.9
     assert not states[:, [0, 3, 4, 5]].any()
     assert np.array_equal(states, Plate(9).initial_states(150, seed=4))
@@ -219,7 +239,9 @@ def rates_plate_incremental(y, locks=LOCKS):
 def test_field_of_sums_is_the_field():
     dy = np.empty(6)
     plate_field_of_sums(0.0, PLATE_INCREMENTAL_TILTED, LOCKS, params_with(LOCKS), dy)
-    assert dy == pytest.approx(rates_plate_incremental(PLATE_INCREMENTAL_TILTED), rel=1e-13)
+    assert dy == pytest.approx(
+        rates_plate_incremental(PLATE_INCREMENTAL_TILTED), rel=1e-13
+    )
 
 
 def test_sums_are_exact_however_often_springs_come_and_go():
@@ -227,13 +249,18 @@ def test_sums_are_exact_however_often_springs_come_and_go():
     before = params.copy()
     for k in np.random.default_rng(0).integers(0, 10_000, 2000):
         assert update_sums(0.0, PLATE_INCREMENTAL_TILTED, LOCKS, params, int(k), 1) == 0
-        assert update_sums(0.0, PLATE_INCREMENTAL_TILTED, LOCKS, params, int(k), -1) == 0
+        assert (
+            update_sums(0.0, PLATE_INCREMENTAL_TILTED, LOCKS, params, int(k), -1) == 0
+        )
     assert np.array_equal(params, before)
 
 
 def test_one_guard_is_one_of_the_guards():
     h, hdot, one, rate = (np.full(N, np.nan) for _ in range(4))
-    dy, params = rates_plate_incremental(PLATE_INCREMENTAL_TILTED), np.array(PLATE.params)
+    dy, params = (
+        rates_plate_incremental(PLATE_INCREMENTAL_TILTED),
+        np.array(PLATE.params),
+    )
     plate_guards(0.0, PLATE_INCREMENTAL_TILTED, dy, LOCKS, params, h, hdot)
     for k in range(N):
         plate_guard(0.0, PLATE_INCREMENTAL_TILTED, dy, LOCKS, params, k, one, rate)
@@ -254,11 +281,15 @@ def test_rate_bound_is_the_largest_rate(spin):
     assert bound == pytest.approx(np.abs(hdot).max(), rel=1e-14)
 
 
-@pytest.mark.parametrize("locks", [LOCKS, -np.ones(N, dtype=int), np.ones(N, dtype=int)])
+@pytest.mark.parametrize(
+    "locks", [LOCKS, -np.ones(N, dtype=int), np.ones(N, dtype=int)]
+)
 def test_jacobian_is_the_derivative(locks):
     jac, plain, step = np.zeros((6, 6)), np.zeros((6, 6)), 1e-6
     plate_jacobian(0.0, PLATE_INCREMENTAL_TILTED, locks, params_with(locks), jac)
-    plate_field_jacobian(0.0, PLATE_INCREMENTAL_TILTED, locks, np.array(PLATE.params), plain)
+    plate_field_jacobian(
+        0.0, PLATE_INCREMENTAL_TILTED, locks, np.array(PLATE.params), plain
+    )
     assert plain == pytest.approx(jac, rel=1e-12, abs=1e-11)
     columns = [
         (
@@ -274,7 +305,10 @@ def test_jacobian_is_the_derivative(locks):
 def both(plate, start, until, **options):
     """Return solutions in the plain form and in the form that the options choose."""
     form = options.pop("form", "sparse")
-    span, given = (0.0, until), {"params": plate.params, "rtol": 1e-11, "atol": 1e-12} | options
+    span, given = (
+        (0.0, until),
+        {"params": plate.params, "rtol": 1e-11, "atol": 1e-12} | options,
+    )
     memory = plate.memory(start)
     return (
         solve(plate.system(), span, start, **given),
@@ -312,7 +346,12 @@ def test_the_flow_has_one_jacobian():
     ends = [
         [
             solve(
-                PLATE.system(), (0.0, until), start + e, params=PLATE.params, rtol=1e-13, atol=1e-14
+                PLATE.system(),
+                (0.0, until),
+                start + e,
+                params=PLATE.params,
+                rtol=1e-13,
+                atol=1e-14,
             ).y_end
             for e in (nudge, -nudge)
         ]

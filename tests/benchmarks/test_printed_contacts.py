@@ -19,7 +19,9 @@ from peers.printed_peer import (
     value,
 )
 
-each = pytest.mark.parametrize("options", [PrintedOptions(name) for name in FINDERS], ids=FINDERS)
+each = pytest.mark.parametrize(
+    "options", [PrintedOptions(name) for name in FINDERS], ids=FINDERS
+)
 LONG = 3.0
 
 
@@ -87,7 +89,9 @@ def test_heun_is_of_third_order():
     for dt in steps:
         end = heun3_step(lambda t, y: y * np.cos(t), 0.0, np.ones(1), np.ones(1), dt)
         errors.append(abs(end[0] - np.exp(np.sin(dt))))
-    assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(4.0, abs=0.1)
+    assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(
+        4.0, abs=0.1
+    )
 
 
 # The Hermite cubic against NumPy's polynomials.
@@ -105,7 +109,9 @@ def test_a_cubic_is_its_own_interpolant():
 
 def test_coefficients_are_those_of_the_same_cubic():
     y0, y1, f0, f1 = np.random.default_rng(4).normal(size=(4, 5))
-    whole = np.polynomial.polynomial.polyval(0.37, coefficients(y0, y1, 0.2 * f0, 0.2 * f1))
+    whole = np.polynomial.polynomial.polyval(
+        0.37, coefficients(y0, y1, 0.2 * f0, 0.2 * f1)
+    )
     assert whole == pytest.approx(hermite(0.37, y0, y1, f0, f1, 0.2), abs=1e-14)
 
 
@@ -188,5 +194,7 @@ def test_illinois_beats_bisection():
         calls.append(x)
         return np.exp(3 * x) - 4.0
 
-    assert illinois_root(function, 0.0, 1.0) == pytest.approx(np.log(4) / 3, abs=2 * EPS)
+    assert illinois_root(function, 0.0, 1.0) == pytest.approx(
+        np.log(4) / 3, abs=2 * EPS
+    )
     assert len(calls) < 20

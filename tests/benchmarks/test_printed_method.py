@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, ladder, throw
-from peers.printed_peer import FINDERS, Mesh, PrintedOptions, Stepping, integrate, region_of
+from peers.printed_peer import (
+    FINDERS,
+    Mesh,
+    PrintedOptions,
+    Stepping,
+    integrate,
+    region_of,
+)
 from scipy.integrate import DOP853, LSODA, RK45, Radau
 from scipy.linalg import expm
 from scipy.optimize import brentq
@@ -42,7 +49,9 @@ PHASES = (np.arange(8) + 0.5) / 8
 
 def fixed(kind, step, phase=1.0):
     """Return a solver whose steps have one length, except for the first step of each run."""
-    return Stepping(kind, {"rtol": 0.9, "atol": 1e9, "max_step": step, "first_step": phase * step})
+    return Stepping(
+        kind, {"rtol": 0.9, "atol": 1e9, "max_step": step, "first_step": phase * step}
+    )
 
 
 def octant_end(solver, options=None):
@@ -53,7 +62,9 @@ def octant_end(solver, options=None):
 
 def rms_error(step, truth, options=None):
     """Return the rms error over several positions of the events within their steps."""
-    errors = [octant_end(fixed(RK45, step, phase), options) - truth[1] for phase in PHASES]
+    errors = [
+        octant_end(fixed(RK45, step, phase), options) - truth[1] for phase in PHASES
+    ]
     return np.sqrt(np.mean(np.square(errors)))
 
 
@@ -105,7 +116,9 @@ def test_around_a_function(octant_truth):
 
 
 def test_both_root_finders_agree():
-    one, other = (octant_end(fixed(RK45, 0.1), PrintedOptions(name)) for name in FINDERS)
+    one, other = (
+        octant_end(fixed(RK45, 0.1), PrintedOptions(name)) for name in FINDERS
+    )
     assert one == pytest.approx(other, abs=1e-14)
 
 
@@ -137,7 +150,8 @@ def test_a_touch_and_go_within_a_step_is_lost():
     """Every test of signs on the mesh has this limit; a region with live guards avoids it."""
     region = region_of(throw(), (10.0, 1.0))
     seen, lost = (
-        integrate(region, (0.0, 1.0), [0.0, 4.5], solver=fixed(RK45, step)) for step in (0.01, 1.0)
+        integrate(region, (0.0, 1.0), [0.0, 4.5], solver=fixed(RK45, step))
+        for step in (0.01, 1.0)
     )
     assert len(seen.events) == 1
     assert len(lost.events) == 0
@@ -146,7 +160,11 @@ def test_a_touch_and_go_within_a_step_is_lost():
 def test_ends_where_it_is_told():
     region = region_of(throw(), (10.0, 9.0))
     solution = integrate(
-        region, (0.0, 1.0), [0.0, 4.5], solver=fixed(RK45, 0.02), ended=lambda _, y: y[1] < 0
+        region,
+        (0.0, 1.0),
+        [0.0, 4.5],
+        solver=fixed(RK45, 0.02),
+        ended=lambda _, y: y[1] < 0,
     )
     assert solution.t_end == pytest.approx(0.46)
     assert len(integrate(region, (0.3, 0.3), [0.0, 4.5]).t) == 1
@@ -159,7 +177,10 @@ def test_a_solver_that_fails_or_stands_still_is_an_error():
             region, (0.0, 1.0), [0.0, 4.5],
             solver=lambda _, t, y, *rest: Mesh(np.array([t]), y[None]),  # noqa: ARG005
         )  # fmt: skip
-    with pytest.raises(ArithmeticError, match="failed at t = 0"), np.errstate(invalid="ignore"):
+    with (
+        pytest.raises(ArithmeticError, match="failed at t = 0"),
+        np.errstate(invalid="ignore"),
+    ):
         integrate(region_of(throw(), (np.nan, 9.0)), (0.0, 1.0), [0.0, 4.5])
 
 
@@ -181,7 +202,9 @@ def test_a_guard_at_zero_has_the_mode_it_moves_into(zero):
 
 
 def test_a_guard_at_rest_at_zero_is_not_crossed():
-    assert region_of(throw(), (10.0, 1.0)).first_locks(0.0, np.array([1.0, 0.0])).tolist() == [-1]
+    assert region_of(throw(), (10.0, 1.0)).first_locks(
+        0.0, np.array([1.0, 0.0])
+    ).tolist() == [-1]
 
 
 def test_the_orientation_turns_events_and_mode():

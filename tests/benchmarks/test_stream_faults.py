@@ -14,7 +14,11 @@ def fates(faults, n, seed=5, n_markers=4):
 
 def test_the_same_seed_gives_the_same_faults():
     faults = Faults(dropped=0.1, burst_frames=3, hidden=0.05, garbled=0.1)
-    first, again, other = fates(faults, 500), fates(faults, 500), fates(faults, 500, seed=6)
+    first, again, other = (
+        fates(faults, 500),
+        fates(faults, 500),
+        fates(faults, 500, seed=6),
+    )
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
     assert not np.array_equal(first[0], other[0])
 
@@ -23,8 +27,8 @@ def test_the_same_seed_gives_the_same_faults():
 def test_shares_and_bursts_are_those_asked_for(burst):
     n, share = 40_000, 0.05
     dropped, hidden = fates(Faults(dropped=share, burst_frames=burst, hidden=0.02), n)
-    # Frames of a burst are dropped together, so the variance of the share grows by about twice its
-    # length.
+    # Frames of a burst are dropped together, so the variance of the share grows by
+    # about twice its length.
     assert abs(dropped.mean() - share) < 4 * np.sqrt(2 * burst * share / n)
     assert abs(hidden.mean() - 0.02) < 4 * np.sqrt(0.02 / (4 * n))
     bursts = np.sum(np.diff(dropped.astype(int)) == 1)

@@ -20,11 +20,15 @@ from maps import (
 def test_the_ratio_of_a_reading_is_ten():
     shape = (34, 17)
     for reading in READINGS:
-        noise = reading.noise_sd(shape) * np.random.default_rng(2).normal(size=(400, *shape))
+        noise = reading.noise_sd(shape) * np.random.default_rng(2).normal(
+            size=(400, *shape)
+        )
         identity = np.eye(*shape)
         signal = 1.0 if reading.signal == "entry" else np.linalg.norm(identity) ** 2
         power = (
-            np.mean(noise**2) if reading.signal == "entry" else np.mean(np.sum(noise**2, (1, 2)))
+            np.mean(noise**2)
+            if reading.signal == "entry"
+            else np.mean(np.sum(noise**2, (1, 2)))
         )
         ratio = signal / power
         assert (ratio**0.5 if reading.ratio == "amplitude" else ratio) == pytest.approx(
@@ -58,7 +62,9 @@ def found(name, a, b):
 
 def test_projection_distances_are_norms_of_differences_of_projections(pair):
     difference = pair[0] @ pair[0].T - pair[1] @ pair[1].T
-    assert found("projection_2", *pair) == pytest.approx(np.linalg.norm(difference, 2), rel=1e-13)
+    assert found("projection_2", *pair) == pytest.approx(
+        np.linalg.norm(difference, 2), rel=1e-13
+    )
     expected = np.linalg.norm(difference) / np.sqrt(2)
     assert found("projection_f", *pair) == pytest.approx(expected, rel=1e-13)
 
@@ -94,8 +100,13 @@ def test_every_angle_is_as_good_as_many_digits(size):
 
 
 def test_the_ends_of_the_range():
-    assert all(distance(np.zeros((2, 3))).tolist() == [0, 0] for distance in DISTANCES.values())
-    right = {name: float(distance(np.full(3, np.pi / 2))) for name, distance in DISTANCES.items()}
+    assert all(
+        distance(np.zeros((2, 3))).tolist() == [0, 0] for distance in DISTANCES.values()
+    )
+    right = {
+        name: float(distance(np.full(3, np.pi / 2)))
+        for name, distance in DISTANCES.items()
+    }
     root = np.sqrt(3.0)
     assert right == pytest.approx(
         {
@@ -112,10 +123,14 @@ def test_the_ends_of_the_range():
 def test_the_arc_length_is_the_largest_and_one_angle_makes_no_difference_of_norms():
     angles = np.random.default_rng(2).uniform(0, np.pi / 2, (200, 5))
     values = {name: distance(angles) for name, distance in DISTANCES.items()}
-    assert all((values["arc_length"] >= others - 1e-14).all() for others in values.values())
+    assert all(
+        (values["arc_length"] >= others - 1e-14).all() for others in values.values()
+    )
     single = angles[:, :1]
     for one, other in (("chordal_f", "chordal_2"), ("projection_f", "projection_2")):
-        np.testing.assert_allclose(DISTANCES[one](single), DISTANCES[other](single), rtol=1e-14)
+        np.testing.assert_allclose(
+            DISTANCES[one](single), DISTANCES[other](single), rtol=1e-14
+        )
 
 
 @pytest.fixture(scope="module")

@@ -26,8 +26,13 @@ def test_the_bounds_hold(mesh, part):
 @each_mesh
 def test_the_errors_are_of_fourth_order(mesh):
     found = [localise(turning_point(), dt, mesh=mesh) for dt in STEPS]
-    for errors in ([one.time_error for one in found], [one.state_error for one in found]):
-        assert np.polyfit(np.log(STEPS), np.log(errors), 1)[0] == pytest.approx(4.0, abs=0.07)
+    for errors in (
+        [one.time_error for one in found],
+        [one.state_error for one in found],
+    ):
+        assert np.polyfit(np.log(STEPS), np.log(errors), 1)[0] == pytest.approx(
+            4.0, abs=0.07
+        )
 
 
 def test_the_bounds_are_not_idle():
@@ -60,8 +65,12 @@ def test_a_plane_makes_no_error_of_its_own():
 
 def test_known_event_is_consistent():
     event, t = turning_point(), np.array(0.3)
-    assert event.height(event.derivative(0, np.array(event.time))) == pytest.approx(0, abs=1e-16)
-    assert event.slope(0.3, event.derivative(0, t)) == pytest.approx(event.derivative(1, t))
+    assert event.height(event.derivative(0, np.array(event.time))) == pytest.approx(
+        0, abs=1e-16
+    )
+    assert event.slope(0.3, event.derivative(0, t)) == pytest.approx(
+        event.derivative(1, t)
+    )
     near = (event.derivative(3, t + 1e-5) - event.derivative(3, t - 1e-5)) / 2e-5
     assert event.derivative(4, t) == pytest.approx(near, abs=1e-9)
 

@@ -18,7 +18,9 @@ def stance(hopper, speed):
     natural = hopper.stiffness_n_m / hopper.mass_kg
     decay = 0.5 * hopper.damping_n_s_m / hopper.mass_kg
     omega = np.sqrt(natural - decay**2)
-    rest = hopper.rest_length_m - hopper.contact_length_m - hopper.gravity_m_s2 / natural
+    rest = (
+        hopper.rest_length_m - hopper.contact_length_m - hopper.gravity_m_s2 / natural
+    )
     cosine, sine = -rest, (-speed - decay * rest) / omega
 
     def height(t):
@@ -53,7 +55,12 @@ def test_against_closed_form(hopper):
     instants, speeds = exact_hops(hopper, 2.0, 3)
     end = instants[-1] + 0.01
     solution = solve(
-        hopper.system(), (0, end), [2.0, 0.0], params=hopper.params, rtol=1e-12, atol=1e-14
+        hopper.system(),
+        (0, end),
+        [2.0, 0.0],
+        params=hopper.params,
+        rtol=1e-12,
+        atol=1e-14,
     )
     assert solution.status == 0
     assert solution.events.direction.tolist() == [-1, 1] * 3
@@ -86,7 +93,9 @@ def test_damping_takes_energy():
 
 
 def test_energy_is_continuous_at_contact():
-    above, below = PRELOADED.energy(np.array([[1.0 + 1e-12, 1.0 - 1e-12], [-3.0, -3.0]]))
+    above, below = PRELOADED.energy(
+        np.array([[1.0 + 1e-12, 1.0 - 1e-12], [-3.0, -3.0]])
+    )
     assert above == pytest.approx(below, rel=1e-10)
 
 
@@ -100,7 +109,9 @@ def test_stiff_legs(stiffness):
     hopper = VerticalHopper(stiffness_n_m=stiffness)
     instants, _ = exact_hops(hopper, 2.0, 2)
     end = instants[-1] + 0.1
-    solution = solve(hopper.system(), (0, end), [2.0, 0.0], params=hopper.params, rtol=1e-11)
+    solution = solve(
+        hopper.system(), (0, end), [2.0, 0.0], params=hopper.params, rtol=1e-11
+    )
     assert solution.status == 0
     assert np.abs(solution.events.time - instants).max() < 1e-8
 
@@ -109,8 +120,12 @@ def test_stiff_legs(stiffness):
 def test_a_phase_is_one_step_of_a_series(rtol):
     """Three flights and two stances of half a period each, exact to rounding at any tolerance."""
     hopper = VerticalHopper()
-    solution = solve(hopper.system(), (0.0, 2.0), [2.0, 0.0], params=hopper.params, rtol=rtol)
+    solution = solve(
+        hopper.system(), (0.0, 2.0), [2.0, 0.0], params=hopper.params, rtol=rtol
+    )
     assert solution.n_steps == len(solution.events) + 1 == 5
     instants, _ = exact_hops(hopper, 2.0, 2)
     assert solution.events.time == pytest.approx(instants, abs=1e-14)
-    assert hopper.energy(solution.y_end) == pytest.approx(hopper.energy([2.0, 0.0]), rel=1e-14)
+    assert hopper.energy(solution.y_end) == pytest.approx(
+        hopper.energy([2.0, 0.0]), rel=1e-14
+    )

@@ -28,7 +28,9 @@ def check(tmp_path, capsys):
         config = tmp_path / "study.yaml"
         config.write_text(STUDY.format(file=file, unit=unit))
         assert main(["check", str(config)]) == 0
-        return [x for x in capsys.readouterr().out.splitlines() if x.startswith("note:")]
+        return [
+            x for x in capsys.readouterr().out.splitlines() if x.startswith("note:")
+        ]
 
     return checked
 
@@ -49,7 +51,9 @@ def test_a_unit_that_the_format_prescribes_is_not_noted(check, tmp_path):
     assert check(export(tmp_path)) == []
 
 
-def test_a_rate_that_is_not_sure_is_asked_for_by_the_key_that_answers(check, tmp_path, capsys):
+def test_a_rate_that_is_not_sure_is_asked_for_by_the_key_that_answers(
+    check, tmp_path, capsys
+):
     file = export(tmp_path, frequency="50", counters=False)
     question = "input.rate_hz: 50 or 100? 50 is not sure"
     (note,) = check(file)
@@ -57,14 +61,19 @@ def test_a_rate_that_is_not_sure_is_asked_for_by_the_key_that_answers(check, tmp
     main(["inspect", str(file)])
     assert question in " ".join(capsys.readouterr().out.split())
     (note,) = check(file, unit="auto, rate_hz: 100")
-    assert note == f"note: {file}: frame rate: 100 Hz as in input.rate_hz; the file states 50"
+    assert (
+        note
+        == f"note: {file}: frame rate: 100 Hz as in input.rate_hz; the file states 50"
+    )
 
 
 @pytest.mark.parametrize(
     ("wrong", "hint"),
     [("toe1 toe2", "is a comma missing?"), ("toe11", "did you mean 'toe1'?")],
 )
-def test_a_wrong_marker_is_told_with_the_configuration_s_line(tmp_path, capsys, wrong, hint):
+def test_a_wrong_marker_is_told_with_the_configuration_s_line(
+    tmp_path, capsys, wrong, hint
+):
     config = tmp_path / "study.yaml"
     study = STUDY.format(file=export(tmp_path), unit="auto")
     config.write_text(study.replace("[toe1, toe2,", f"[{wrong},"))
@@ -101,7 +110,11 @@ def plate(tmp_path):
 )
 def test_forces_of_a_wrong_clock_are_pointed_out(plate, rate_hz, offset_s, said):
     forces = block(
-        "forces", file=str(plate), rate_hz=rate_hz, offset_s=offset_s, columns=columns(Fz=["foot1"])
+        "forces",
+        file=str(plate),
+        rate_hz=rate_hz,
+        offset_s=offset_s,
+        columns=columns(Fz=["foot1"]),
     )
     entry = {"contacts": block("contacts"), "forces": forces}
     (line,) = describe_external(entry, feet=["foot1"], span_s=(0.0, 1.0))
@@ -115,8 +128,18 @@ def test_forces_of_a_wrong_clock_are_pointed_out(plate, rate_hz, offset_s, said)
         ("N", None, 0.5, ""),
         ("N", None, None, ""),
         ("N", 14.0, 0.5, ""),
-        ("kN", None, 0.5, "1.5e+04 N on average, where a body of 0.5 m weighs 1.2 to 6.1e+03 N"),
-        ("N", None, 1.8, "15 N on average, where a body of 1.8 m weighs 57 to 2.9e+05 N"),
+        (
+            "kN",
+            None,
+            0.5,
+            "1.5e+04 N on average, where a body of 0.5 m weighs 1.2 to 6.1e+03 N",
+        ),
+        (
+            "N",
+            None,
+            1.8,
+            "15 N on average, where a body of 1.8 m weighs 57 to 2.9e+05 N",
+        ),
         ("kN", 14.0, 0.5, "on average 1.07e+03 times the body weight"),
         ("body_weight", None, 0.5, "on average 15 times the body weight"),
     ],
@@ -127,12 +150,16 @@ def test_forces_in_another_unit_are_pointed_out(plate, unit, weight_n, extent_m,
         columns=columns(Fz=["foot1"]),
     )  # fmt: skip
     entry = {"contacts": block("contacts"), "forces": forces}
-    (line,) = describe_external(entry, feet=["foot1"], span_s=(0.0, 1.0), extent_m=extent_m)
+    (line,) = describe_external(
+        entry, feet=["foot1"], span_s=(0.0, 1.0), extent_m=extent_m
+    )
     assert said in line
     assert ("is forces.unit right?" in line) == bool(said)
 
 
-def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(tmp_path, capsys):
+def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(
+    tmp_path, capsys
+):
     table, config = tmp_path / "group.tsv", tmp_path / "group.yaml"
     (_, positions), other = hopping(1), tmp_path / "other"
     other.mkdir()
@@ -143,7 +170,9 @@ def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(tmp_path,
     table.write_text("subject\tfile\ncat\t\ndog\t\n")
     assert main(["check", str(config)]) == 0
     assert capsys.readouterr().out.startswith("study cat, the first of 2 of a group\n")
-    config.write_text(config.read_text().replace("body1, body2, body3", "hip1, hip2, hip3"))
+    config.write_text(
+        config.read_text().replace("body1, body2, body3", "hip1, hip2, hip3")
+    )
     config.write_text(config.read_text().replace("foot", "toe"))
     table.write_text(f"subject\tfile\ncat\t{files[0]}\ndog\t{copy}\nemu\t{files[1]}\n")
     assert main(["check", str(config)]) == 1

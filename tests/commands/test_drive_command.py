@@ -28,8 +28,12 @@ def model(tmp_path_factory):
         names, body - body.mean(axis=0), 0.0006, 0.3, 0.4, "boom", circle
     ).save(folder / "geometry.json")  # fmt: skip
     rng = np.random.default_rng(np.random.SeedSequence(1))
-    inputs = np.column_stack([rng.uniform(0, 2 * np.pi, 30), rng.uniform(-1.1, 1.1, 30)])
-    outputs = np.column_stack([0.05 + 0 * inputs[:, 0], 0.02 * np.sin(inputs[:, 0]), inputs[:, 1]])
+    inputs = np.column_stack(
+        [rng.uniform(0, 2 * np.pi, 30), rng.uniform(-1.1, 1.1, 30)]
+    )
+    outputs = np.column_stack(
+        [0.05 + 0 * inputs[:, 0], 0.02 * np.sin(inputs[:, 0]), inputs[:, 1]]
+    )
     process = FrameChangeProcess(
         smoothness=1.5, periodic=True, inputs=inputs, outputs=outputs, offset=np.zeros(3),
         unit=np.array([0.02, 0.02, 0.5]), variance=np.ones(3), noise=np.full(3, 0.05),
@@ -39,9 +43,20 @@ def model(tmp_path_factory):
     return folder
 
 
-def test_a_simulated_drive_says_so_and_its_log_gives_the_same_plans(model, tmp_path, capsys):
+def test_a_simulated_drive_says_so_and_its_log_gives_the_same_plans(
+    model, tmp_path, capsys
+):
     path = tmp_path / "drive.h5"
-    options = ["--model", str(model), "--seconds", "3", "--to=-0.5,0", "--adaptive", "--fence", "9"]
+    options = [
+        "--model",
+        str(model),
+        "--seconds",
+        "3",
+        "--to=-0.5,0",
+        "--adaptive",
+        "--fence",
+        "9",
+    ]
     assert main(["drive", *options, "--log", str(path)]) == 0
     out = capsys.readouterr().out
     assert "SIMULATED hopper; there is no robot" in out
@@ -58,13 +73,21 @@ def test_a_simulated_drive_says_so_and_its_log_gives_the_same_plans(model, tmp_p
     ("options", "message"),
     [
         (["--host", "h"], "--model: expected the folder"),
-        (["--host", "h", "--model", "."], "--host: expected either --boom HOST:PORT or --dry-run"),
+        (
+            ["--host", "h", "--model", "."],
+            "--host: expected either --boom HOST:PORT or --dry-run",
+        ),
         (["--boom", "h:5"], "--boom: expected --host with it"),
-        (["--host", "h", "--model", ".", "--boom", "h"], "--boom: expected HOST:PORT, found 'h'"),
+        (
+            ["--host", "h", "--model", ".", "--boom", "h"],
+            "--boom: expected HOST:PORT, found 'h'",
+        ),
         (["--model", "nowhere"], "nowhere/geometry.json: expected a hopper geometry"),
     ],
 )
-def test_what_cannot_work_is_refused_before_anything_moves(options, message, tmp_path, capsys):
+def test_what_cannot_work_is_refused_before_anything_moves(
+    options, message, tmp_path, capsys
+):
     assert main(["drive", *options, "--log", str(tmp_path / "drive.h5")]) == 1
     assert message in capsys.readouterr().err
     assert not (tmp_path / "drive.h5").exists()
@@ -75,10 +98,14 @@ def test_what_is_no_log_is_refused(tmp_path, capsys):
     assert "expected the log of a drive" in capsys.readouterr().err
 
 
-def test_a_log_that_exists_is_refused_before_anything_is_learnt_and_kept(tmp_path, capsys):
+def test_a_log_that_exists_is_refused_before_anything_is_learnt_and_kept(
+    tmp_path, capsys
+):
     notes = tmp_path / "notes.txt"
     notes.write_text("precious\n")
-    assert main(["drive", "--model", str(tmp_path / "nowhere"), "--log", str(notes)]) == 1
+    assert (
+        main(["drive", "--model", str(tmp_path / "nowhere"), "--log", str(notes)]) == 1
+    )
     out, err = capsys.readouterr()
     assert out == ""
     assert "--log" in err
@@ -87,7 +114,9 @@ def test_a_log_that_exists_is_refused_before_anything_is_learnt_and_kept(tmp_pat
     assert notes.read_text() == "precious\n"
 
 
-def test_a_log_that_is_not_named_is_the_next_free_one(model, tmp_path, capsys, monkeypatch):
+def test_a_log_that_is_not_named_is_the_next_free_one(
+    model, tmp_path, capsys, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     assert drive._log_path(None) == Path("drive.h5")
     for name in ("drive.h5", "drive-2.h5"):
@@ -108,11 +137,22 @@ def test_a_disk_that_is_full_is_told_and_the_drive_goes_on_or_rests(
 
     monkeypatch.setattr(log, "_reserve", full_disk)
     path = tmp_path / "drive.h5"
-    options = ["--model", str(model), "--seconds", "2", "--fence", "9", "--log", str(path)]
+    options = [
+        "--model",
+        str(model),
+        "--seconds",
+        "2",
+        "--fence",
+        "9",
+        "--log",
+        str(path),
+    ]
     assert main(["drive", *options, "--log-full", full]) == 0
     out = capsys.readouterr().out
     why = "the log could not be written any more: [Errno 28] No space left on device"
-    assert caplog.text.count("could not be written") == (1 if full == "go-on" else 2)  # and a rest
+    assert caplog.text.count("could not be written") == (
+        1 if full == "go-on" else 2
+    )  # and a rest
     assert f"log: {path} holds the drive up to when {why}\n" in out
     assert (f"the boom rests: {why}" in out) == (full == "rest")
     assert not len(read_log(path).frames)
@@ -122,7 +162,12 @@ def test_a_rehearsal_brings_the_boom_to_rest_at_each_act(capsys):
     assert main(["drive", "--rehearse"]) == 0
     out, err = capsys.readouterr()
     assert "the boom rests" not in err
-    for act in ("body1 is covered", "SIGTERM comes", "wired backwards", "driver blocks"):
+    for act in (
+        "body1 is covered",
+        "SIGTERM comes",
+        "wired backwards",
+        "driver blocks",
+    ):
         assert act in out
     assert "!" not in out
     assert "each act has brought the boom to rest" in out

@@ -1,6 +1,7 @@
 """`hopdata check` forecasts what a study will find, and suggests changes.
 
-`benchmarks/check_forecast.py` and `tests/workflow` test that the numbers are those of the study.
+`benchmarks/check_forecast.py` and `tests/workflow` test that the numbers are those of
+the study.
 """
 
 import re
@@ -33,7 +34,11 @@ def check(tmp_path, capsys):
         code = main(["check", str(config)])
         told = capsys.readouterr()
         lines = [line.strip() for line in told.out.splitlines()]
-        return code, lines[lines.index("forecast") :] if "forecast" in lines else [], told.err
+        return (
+            code,
+            lines[lines.index("forecast") :] if "forecast" in lines else [],
+            told.err,
+        )
 
     return checked
 
@@ -49,21 +54,45 @@ def test_few_landings_are_counted_and_more_are_asked_for(check):
     used, of, found = landings.split()[:3]
     assert of == "of"
     assert 28 <= int(used) <= int(found) <= 34
-    assert re.search(r"will be used, \d+ % of their orders unsure; contacts timed: ", landings)
+    assert re.search(
+        r"will be used, \d+ % of their orders unsure; contacts timed: ", landings
+    )
     assert landings.endswith("toe1 100 %, toe2 100 %, toe3 100 %")
     assert verdict.startswith("out of reach: ")
-    assert "expected at least 150 touchdowns with known states and contacts, found " in verdict
+    assert (
+        "expected at least 150 touchdowns with known states and contacts, found "
+        in verdict
+    )
     (more,) = starting(lines, "change")
-    assert more.startswith("record more: at least 150 landings before anything can be compared")
+    assert more.startswith(
+        "record more: at least 150 landings before anything can be compared"
+    )
 
 
-@pytest.mark.parametrize(("orders", "varies"), [(("1>2>3",), 1), (("1>2>3", "3>2>1"), 0)])
+@pytest.mark.parametrize(
+    ("orders", "varies"), [(("1>2>3",), 1), (("1>2>3", "3>2>1"), 0)]
+)
 def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
-    columns = {"schedule": orders * 15, "class": orders * 15, "excluded": False, "reason": ""}
+    columns = {
+        "schedule": orders * 15,
+        "class": orders * 15,
+        "excluded": False,
+        "reason": "",
+    }
     touchdowns = pd.DataFrame(columns | {f"contact_{foot}_s": 0.0 for foot in "abc"})
-    markers, verdict = {"body": [], "feet": ["a", "b", "c"]}, {"margin": 0.2, "power": 0.8}
-    config = {"markers": markers, "verdict": verdict, "feet": [], "sections": {"rule": "landings"}}
-    found = forecast.Forecast(touchdowns, 1.0, reason="contact orders: expected 2, found 0")
+    markers, verdict = (
+        {"body": [], "feet": ["a", "b", "c"]},
+        {"margin": 0.2, "power": 0.8},
+    )
+    config = {
+        "markers": markers,
+        "verdict": verdict,
+        "feet": [],
+        "sections": {"rule": "landings"},
+    }
+    found = forecast.Forecast(
+        touchdowns, 1.0, reason="contact orders: expected 2, found 0"
+    )
     lines = forecast.told(found, config, [])
     assert found.vain == "its verdict is out of reach"
     unsure = forecast.Forecast(touchdowns.assign(**{"class": "ambiguous"}), 1.0, 0.1)
@@ -80,7 +109,12 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
 
 def test_the_foot_that_makes_orders_unsure_is_named():
     feet = ["a", "b", "c"]
-    columns = {"schedule": "1>2>3", "class": "ambiguous", "excluded": False, "reason": ""}
+    columns = {
+        "schedule": "1>2>3",
+        "class": "ambiguous",
+        "excluded": False,
+        "reason": "",
+    }
     instants = {"contact_a_s": 0.0, "contact_b_s": 1e-4, "contact_c_s": 0.02}
     errors = {f"se_{foot}_s": 1e-3 for foot in feet}
     touchdowns = pd.DataFrame(columns | instants | errors, index=range(30))
@@ -92,9 +126,13 @@ def test_the_foot_that_makes_orders_unsure_is_named():
         "sections": {"rule": "landings"},
         "touchdowns": {"ambiguous_below": 0.9},
     }  # fmt: skip
-    changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
+    changes = starting(
+        [line.strip() for line in forecast.told(found, config, [])], "change"
+    )
     assert changes[0] == "take a off markers.feet: of the others' orders 0 % are unsure"
-    sure = forecast.Forecast(touchdowns.assign(**{"class": "1>2>3"}), 1.0, reason="none")
+    sure = forecast.Forecast(
+        touchdowns.assign(**{"class": "1>2>3"}), 1.0, reason="none"
+    )
     assert not any("take a off" in line for line in forecast.told(sure, config, []))
 
 
@@ -106,22 +144,33 @@ def test_a_foot_that_is_hidden_where_it_lands_is_named(check):
     used, _, found = starting(lines, "landings")[0].split()[:3]
     assert int(used) < 0.8 * int(found)
     assert "frames missing at the contact of toe2" in starting(lines, "left out")[0]
-    assert any(x.startswith("toe2 is hidden where it lands") for x in starting(lines, "change"))
-    # The others are not hidden. That one of them may be left out since orders are unsure is another
-    # advice, which depends on chance in 15 landings.
+    assert any(
+        x.startswith("toe2 is hidden where it lands") for x in starting(lines, "change")
+    )
+    # The others are not hidden. That one of them may be left out since orders are
+    # unsure is another advice, which depends on chance in 15 landings.
     assert not any(x.startswith(("toe1", "toe3")) for x in starting(lines, "change"))
 
 
 def test_a_foot_that_only_drags_is_to_be_left_out():
     reason = "body stayed below the pre section"
-    columns = {"schedule": "1>2>3", "class": "1>2>3", "excluded": True, "reason": reason}
+    columns = {
+        "schedule": "1>2>3",
+        "class": "1>2>3",
+        "excluded": True,
+        "reason": reason,
+    }
     instants = {"contact_a_s": 0.0, "contact_b_s": np.nan, "contact_c_s": 0.02}
-    found = forecast.Forecast(pd.DataFrame(columns | instants, index=range(30)), 1.0, stops=True)
+    found = forecast.Forecast(
+        pd.DataFrame(columns | instants, index=range(30)), 1.0, stops=True
+    )
     config = {
         "markers": {"body": [], "feet": ["a", "b", "c"]}, "verdict": {"margin": 0.2}, "feet": [],
         "sections": {"rule": "landings"},
     }  # fmt: skip
-    changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
+    changes = starting(
+        [line.strip() for line in forecast.told(found, config, [])], "change"
+    )
     assert changes == ["b is hardly ever seen to land: take it off markers.feet"]
 
 
@@ -134,14 +183,21 @@ def test_feet_that_never_come_down_to_the_floor_are_told():
         "sections": {"rule": "landings"},
         "feet": [],
     }
-    changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
+    changes = starting(
+        [line.strip() for line in forecast.told(found, config, [])], "change"
+    )
     assert len(changes) == 1
     assert "touchdowns.down_height_m" in changes[0]
 
 
 def test_where_no_height_holds_the_landings_none_is_to_be_set():
     table = pd.DataFrame(
-        {"reason": "post section never reached", "excluded": True, "class": "", "schedule": "1>2>3"}
+        {
+            "reason": "post section never reached",
+            "excluded": True,
+            "class": "",
+            "schedule": "1>2>3",
+        }
         | {f"contact_{foot}_s": 0.0 for foot in "abc"},
         index=range(9),
     )
@@ -155,12 +211,21 @@ def test_where_no_height_holds_the_landings_none_is_to_be_set():
     ):
         found = forecast.Forecast(table, 1.0, stops=True, best={"post": share})
         told = [line.strip() for line in forecast.told(found, config, [])]
-        (change,) = (x for x in starting(told, "change") if x.startswith("the body does not sink"))
+        (change,) = (
+            x
+            for x in starting(told, "change")
+            if x.startswith("the body does not sink")
+        )
         assert advice in change
         assert "sections.rule" not in change
     printed = config | {"sections": {"rule": "printed"}}
-    told = [line.strip() for line in forecast.told(forecast.Forecast(table, 1.0), printed, [])]
-    (change,) = (x for x in starting(told, "change") if x.startswith("the body does not sink"))
+    told = [
+        line.strip()
+        for line in forecast.told(forecast.Forecast(table, 1.0), printed, [])
+    ]
+    (change,) = (
+        x for x in starting(told, "change") if x.startswith("the body does not sink")
+    )
     assert "set sections.post_height_m, or sections.rule to landings" in change
 
 
@@ -171,14 +236,20 @@ def test_without_a_landing_no_share_of_them_is_timed():
 
 def test_a_body_marker_that_is_lost_is_named(check):
     _, lines, _ = check(with_gap(hopping(1)[1], "hip3", 1200, 2000))
-    (told,) = (x for x in starting(lines, "change") if x.startswith("hip3 is hidden as the body"))
+    (told,) = (
+        x
+        for x in starting(lines, "change")
+        if x.startswith("hip3 is hidden as the body")
+    )
     assert "take it off" not in told  # three are the minimum
 
 
 def test_a_study_that_will_stop_is_a_problem_in_its_own_words(check):
     code, lines, errors = check(hopping(1)[1][:130])
     assert code == 1
-    assert starting(lines, "verdict")[0].startswith("out of reach: pairs: expected at least 3")
+    assert starting(lines, "verdict")[0].startswith(
+        "out of reach: pairs: expected at least 3"
+    )
     assert "hopdata: error: pairs: expected at least 3 usable touchdowns" in errors
 
 
@@ -191,7 +262,9 @@ def test_feet_that_never_fly_are_an_error_before_any_forecast(check):
     assert "moves" not in errors
 
 
-def test_of_long_studies_the_middle_is_looked_at_and_counts_are_scaled(check, monkeypatch):
+def test_of_long_studies_the_middle_is_looked_at_and_counts_are_scaled(
+    check, monkeypatch
+):
     positions = hopping(2, n_frames=6000)[1]
     whole = starting(check(positions)[1], "landings")[0].split()
     monkeypatch.setattr(forecast, "MOST_FRAMES", 3000)
@@ -207,7 +280,9 @@ def test_what_is_seen_says_how_near_the_verdict_is():
         for seen in (0.1, 0.25, 0.4, 2.0)
     }
     starts = ("in reach: ", "in doubt: ", "in reach only if", "out of reach: ")
-    assert all(x.startswith(start) for x, start in zip(told.values(), starts, strict=True))
+    assert all(
+        x.startswith(start) for x, start in zip(told.values(), starts, strict=True)
+    )
     assert "a difference of 25 % of the map shows in 80 % of such studies" in told[0.25]
 
 

@@ -12,7 +12,8 @@ def ended(arguments, capsys):
 
 
 @pytest.mark.parametrize(
-    "command", [[], ["inspect"], ["init"], ["check"], ["run"], ["plan"], ["config-docs"]]
+    "command",
+    [[], ["inspect"], ["init"], ["check"], ["run"], ["plan"], ["config-docs"]],
 )
 def test_help_has_examples_and_exit_codes(command, capsys):
     code, out, _ = ended([*command, "--help"], capsys)
@@ -26,12 +27,21 @@ def test_help_has_examples_and_exit_codes(command, capsys):
     [
         (
             ["insepct", "x"],
-            ["expected one of inspect, view, init, check, run, plan", "did you mean 'inspect'?"],
+            [
+                "expected one of inspect, view, init, check, run, plan",
+                "did you mean 'inspect'?",
+            ],
         ),
         (["inspect"], ["the following arguments are required: FILE"]),
         (["inspect", "x.tsv", "--unit", "cm"], ["expected one of mm, m", "found 'cm'"]),
-        (["inspect", "x.tsv", "--rate", "-5"], ["expected a number above 0, found '-5'"]),
-        (["inspect", "x.tsv", "--rate", "fast"], ["expected a number above 0, found 'fast'"]),
+        (
+            ["inspect", "x.tsv", "--rate", "-5"],
+            ["expected a number above 0, found '-5'"],
+        ),
+        (
+            ["inspect", "x.tsv", "--rate", "fast"],
+            ["expected a number above 0, found 'fast'"],
+        ),
         (
             ["init", "x.tsv", "--vertical-axis", "up"],
             ["expected one of x, y, z, -x, -y, -z", "found 'up'"],

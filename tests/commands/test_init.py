@@ -30,10 +30,14 @@ def test_the_sample_gets_the_roles_of_its_own_configuration(folder, capsys):
     drafted = load_config("config/hopper.yaml")
     bundled = load_config(ROOT / "config/config.yaml", check_files=False)
     assert drafted["markers"] == bundled["markers"]
-    assert drafted["home"]["marker"] is None  # the bundled study names one as an example
+    assert (
+        drafted["home"]["marker"] is None
+    )  # the bundled study names one as an example
     changed = {key for key in bundled if drafted[key] != bundled[key]}
     assert changed == {"study", "recordings", "input", "home", "report", "simulation"}
-    known = {"expected_noise_m": bundled["report"]["expected_noise_m"]}  # of the user's own cameras
+    known = {
+        "expected_noise_m": bundled["report"]["expected_noise_m"]
+    }  # of the user's own cameras
     assert {**drafted["report"], **known} == bundled["report"]
     assert drafted["input"] == {**bundled["input"], "unit": "m"}
     assert main(["check", "config/hopper.yaml"]) == 0
@@ -52,10 +56,16 @@ def test_feet_are_found_on_a_slope(folder, capsys):
     main(["init", "monday.tsv", "-o", "config/slope.yaml"])
     assert "; on a floor that slopes" in capsys.readouterr().out
     for name in ("level", "slope"):
-        assert load_config(f"config/{name}.yaml")["markers"]["feet"] == ["toe1", "toe2", "toe3"]
+        assert load_config(f"config/{name}.yaml")["markers"]["feet"] == [
+            "toe1",
+            "toe2",
+            "toe3",
+        ]
 
 
-@pytest.mark.parametrize("names", [MARKERS, tuple("abcdefg")], ids=["named", "nameless"])
+@pytest.mark.parametrize(
+    "names", [MARKERS, tuple("abcdefg")], ids=["named", "nameless"]
+)
 @pytest.mark.parametrize("seed", [1, 3, 5])
 def test_the_foot_that_stands_highest_on_a_slope_is_no_less_a_foot(names, seed):
     time, positions = hopping(seed)
@@ -156,7 +166,10 @@ def test_what_cannot_be_guessed_is_said_and_left_to_fill_in(folder, capsys):
     assert re.search(r"feet: \[.*\]  # TO DO: fill in, see above", text)
     assert len(yaml.safe_load(text)["markers"]["feet"]) < 2
     assert main(["check", "config/monday.yaml"]) == 1
-    assert "markers.feet: expected a list of 2 to 18 names, found" in capsys.readouterr().err
+    assert (
+        "markers.feet: expected a list of 2 to 18 names, found"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("style", STYLES)
@@ -165,9 +178,14 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     assert main(["init", "monday.tsv"]) == 0
     out = capsys.readouterr().out
     assert "These are guesses: correct any that are wrong in the file." in out
-    main(["check", "config/monday.yaml"])  # two jumps are too few; otherwise the study is sound
+    main(
+        ["check", "config/monday.yaml"]
+    )  # two jumps are too few; otherwise the study is sound
     # In some layouts the noise leaves one of them without a contact of both feet.
-    too_few = ("pairs: expected at least 3 usable", "sections: expected landings in which")
+    too_few = (
+        "pairs: expected at least 3 usable",
+        "sections: expected landings in which",
+    )
     told = tuple(f"hopdata: error: {one}" for one in too_few)
     assert capsys.readouterr().err.startswith(told)
     config = load_config("config/monday.yaml")
@@ -185,7 +203,8 @@ def test_a_floor_that_moves_is_told_by_check(folder, capsys):
     main(["check", "config/monday.yaml"])
     told = capsys.readouterr().out
     assert re.search(
-        r"note: .*monday.tsv: the floor moves: .* together by (18|19|20|21) mm; hopdata", told
+        r"note: .*monday.tsv: the floor moves: .* together by (18|19|20|21) mm; hopdata",
+        told,
     )
 
 
@@ -204,7 +223,10 @@ def test_centimetres_are_told(folder, capsys):
     assert main(["init", "monday.tsv"]) == 0
     assert "the numbers look like cm" in capsys.readouterr().out
     assert main(["check", "config/monday.yaml"]) == 1
-    assert "centimetres taken for millimetres: export in mm or m" in capsys.readouterr().err
+    assert (
+        "centimetres taken for millimetres: export in mm or m"
+        in capsys.readouterr().err
+    )
 
 
 def test_frames_that_are_there_twice_are_told_with_the_file(folder, capsys):
@@ -239,7 +261,10 @@ DRAFT = Draft(
     file="data/monday.tsv",
     recordings=[("monday", "data/monday.tsv")],
     markers={"body": ["b1", "b2", "b3"], "feet": ["f1", "f2"], "boom": []},
-    reasons={"markers.body": "rigid.", "input.vertical_axis": "the markers fall along it."},
+    reasons={
+        "markers.body": "rigid.",
+        "input.vertical_axis": "the markers fall along it.",
+    },
     settings={"input": {"vertical_axis": "y", "rate_hz": 250.0}},
     remarks=["look at frame 3"],
     all_markers=["b1", "b2", "b3", "f1", "f2", "left over"],
@@ -247,10 +272,16 @@ DRAFT = Draft(
 
 
 def test_a_draft_is_a_configuration():
-    config = load_config(yaml.safe_load(draft_config(DRAFT, path="x.yaml")), check_files=False)
+    config = load_config(
+        yaml.safe_load(draft_config(DRAFT, path="x.yaml")), check_files=False
+    )
     assert config["study"] == "mine"
     assert config["recordings"][0]["file"] == "data/monday.tsv"
-    assert config["markers"] == {"body": ["b1", "b2", "b3"], "feet": ["f1", "f2"], "boom": []}
+    assert config["markers"] == {
+        "body": ["b1", "b2", "b3"],
+        "feet": ["f1", "f2"],
+        "boom": [],
+    }
     assert config["input"]["vertical_axis"] == "y"
     assert config["input"]["rate_hz"] == 250.0
     assert config["home"]["marker"] is None
@@ -289,7 +320,9 @@ def test_study_names_fit_the_schema(text, name):
 @pytest.mark.parametrize("name", ["2021-11-05", "0012", "no", "1e5", "null"])
 def test_names_that_yaml_takes_for_something_else_stay_names(name):
     draft = replace(DRAFT, study=name, recordings=[(name, "data/monday.tsv")])
-    config = load_config(yaml.safe_load(draft_config(draft, path="x.yaml")), check_files=False)
+    config = load_config(
+        yaml.safe_load(draft_config(draft, path="x.yaml")), check_files=False
+    )
     assert config["study"] == config["recordings"][0]["name"] == name
 
 
@@ -301,14 +334,22 @@ def test_the_commands_of_a_draft_can_be_pasted():
 
 def test_several_files_make_one_study(folder, capsys):
     for seed, (name, up, scale) in enumerate(
-        [("monday.tsv", "z", 1000.0), ("jump 2.tsv", "-y", 1.0), ("jump-2.tsv", "x", 1000.0)]
+        [
+            ("monday.tsv", "z", 1000.0),
+            ("jump 2.tsv", "-y", 1.0),
+            ("jump-2.tsv", "x", 1000.0),
+        ]
     ):
         turned = hopping(seed)[1] @ rotate_up(np.eye(3), up).T
         export(folder, turned, name=name, scale=scale)
     assert main(["init", "monday.tsv", "jump 2.tsv", "jump-2.tsv"]) == 0
     config = load_config("config/monday.yaml")
     files = {entry["name"]: entry["file"] for entry in config["recordings"]}
-    assert files == {"monday": "monday.tsv", "jump-2-2": "jump 2.tsv", "jump-2-3": "jump-2.tsv"}
+    assert files == {
+        "monday": "monday.tsv",
+        "jump-2-2": "jump 2.tsv",
+        "jump-2-3": "jump-2.tsv",
+    }
     capsys.readouterr()
     assert main(["check", "config/monday.yaml"]) == 0
     told = capsys.readouterr().out
@@ -322,12 +363,16 @@ def write_runner(pelvis, feet, *, names=(*NAMES, "L_toe", "R_toe")):
     time = np.arange(len(positions)) / RATE_HZ
     head = ["time", *(f"{name}_{axis} (m)" for name in names for axis in "xyz")]
     table = np.column_stack([time, positions.reshape(len(positions), -1)])
-    np.savetxt("run.csv", table, fmt="%.4f", delimiter=",", header=",".join(head), comments="")
+    np.savetxt(
+        "run.csv", table, fmt="%.4f", delimiter=",", header=",".join(head), comments=""
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("skin", [0.0, 0.1])
-def test_check_accepts_the_body_that_init_proposes_however_soft(folder, capsys, seed, skin):
+def test_check_accepts_the_body_that_init_proposes_however_soft(
+    folder, capsys, seed, skin
+):
     """An impact shakes the skin of a pelvis; the shortest distance then varies most of all."""
     write_runner(*runner(seed, skin_m=skin * SHORTEST_M, wobble_m=0.015 * (skin > 0)))
     assert main(["init", "run.csv", "-o", "run.yaml"]) == 0
@@ -348,4 +393,7 @@ def test_init_leaves_out_what_check_would_refuse(folder, capsys):
     capsys.readouterr()
     write_runner(pelvis[:, :3], feet, names=(*NAMES[:3], "L_toe", "R_toe"))
     assert main(["init", "run.csv", "-o", "three.yaml"]) == 1
-    assert "markers.body: expected three markers or more that keep" in capsys.readouterr().out
+    assert (
+        "markers.body: expected three markers or more that keep"
+        in capsys.readouterr().out
+    )

@@ -20,7 +20,9 @@ def faulty(tmp_path):
     positions = with_swap(hopping(3)[1], "toe1", "toe2", 700, 900)
     positions = with_spike(positions, "hip2", 400, 0.06)
     positions = with_gap(with_gap(positions, "toe3", 1200, 1300), "hip1", 100, 103)
-    return export(tmp_path, with_frozen(positions, "hip3", 1500, 1530), name="faulty.tsv")
+    return export(
+        tmp_path, with_frozen(positions, "hip3", 1500, 1530), name="faulty.tsv"
+    )
 
 
 def test_a_clean_file_is_summed_up(clean, capsys):
@@ -89,7 +91,12 @@ def test_the_page_is_one_file_with_picture_and_tables(faulty, tmp_path, capsys):
     text = page.read_text(encoding="utf-8")
     assert "data:image/svg+xml;base64," in text
     assert not re.search(r'(src|href)="(?!data:|#)', text)
-    for part in ("toe1 and toe2 exchanged", "Rigid clusters", "What looks wrong", "faulty.tsv"):
+    for part in (
+        "toe1 and toe2 exchanged",
+        "Rigid clusters",
+        "What looks wrong",
+        "faulty.tsv",
+    ):
         assert part in text
     left, right, *times = map(float, re.search('data-span="([^"]*)"', text)[1].split())
     assert 0 < left < 0.5 < right < 1
@@ -105,7 +112,10 @@ def test_a_page_that_cannot_be_written(clean, tmp_path, capsys):
 
 
 def test_what_the_user_knows_is_taken(clean, capsys):
-    assert main(["inspect", str(clean), "--unit", "mm", "--vertical-axis", "x"]) in (0, 1)
+    assert main(["inspect", str(clean), "--unit", "mm", "--vertical-axis", "x"]) in (
+        0,
+        1,
+    )
     out = capsys.readouterr().out
     assert "mm: as given" in out
     assert "x: as given" in out
@@ -147,11 +157,17 @@ def test_a_marker_unseen_for_long_and_what_the_reader_said_are_noted(tmp_path, c
     positions = hopping(2)[1]
     positions[::2, 4] = np.nan
     positions[np.arange(2000) % 4 > 0, 3] = np.nan
-    text = export(tmp_path, positions).read_text().replace("NO_OF_FRAMES\t2000", "NO_OF_FRAMES\t9")
+    text = (
+        export(tmp_path, positions)
+        .read_text()
+        .replace("NO_OF_FRAMES\t2000", "NO_OF_FRAMES\t9")
+    )
     (tmp_path / "monday.tsv").write_text(text)
     assert main(["inspect", str(tmp_path / "monday.tsv")]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert "note unseen in many of the frames: toe1 (75 %), toe2 (50 %); that may" in told
+    assert (
+        "note unseen in many of the frames: toe1 (75 %), toe2 (50 %); that may" in told
+    )
     assert "NO_OF_FRAMES: expected 9 frames as stated, found 2000 rows" in told
 
 
@@ -163,7 +179,9 @@ def test_check_notes_what_inspect_would_list(faulty, clean, tmp_path, capsys):
     )
     config.write_text(text.format(faulty))
     assert main(["check", str(config)]) == 0
-    note = next(x for x in capsys.readouterr().out.splitlines() if x.startswith("note:"))
+    note = next(
+        x for x in capsys.readouterr().out.splitlines() if x.startswith("note:")
+    )
     assert "3 suspects: 1 spike, 1 swap, 1 frozen marker." in note
     config.write_text(text.format(clean))
     assert main(["check", str(config)]) == 0

@@ -54,11 +54,15 @@ def test_a_dead_process_and_one_with_its_number_are_told_from_it(ended):
     me = os.getpid()
     assert Owner("a", HERE, *ended).is_dead
     assert not Owner("a", HERE, me, began(me)).is_dead
-    assert Owner("a", HERE, me, began(me) - 48 * HOUR_S).is_dead  # an older one had this number
+    assert Owner(
+        "a", HERE, me, began(me) - 48 * HOUR_S
+    ).is_dead  # an older one had this number
     assert not Owner("a", "another", *ended).is_dead
 
 
-def test_a_change_of_the_clock_makes_no_run_dead_and_ticks_tell_numbers_apart(monkeypatch):
+def test_a_change_of_the_clock_makes_no_run_dead_and_ticks_tell_numbers_apart(
+    monkeypatch,
+):
     monkeypatch.setattr(owning, "_ticks", lambda _: "boot 100")
     me = os.getpid()
     assert not Owner("a", HERE, me, began(me) - 48 * HOUR_S, "boot 100").is_dead
@@ -136,7 +140,9 @@ def snakemake():
         process.stdout.close()
 
 
-def test_a_stale_record_does_not_free_the_lock_of_a_plain_snakemake(locked, ended, snakemake):
+def test_a_stale_record_does_not_free_the_lock_of_a_plain_snakemake(
+    locked, ended, snakemake
+):
     locked(Owner("trial", HERE, *ended))
     plain = snakemake(Path.cwd())
     assert release_dead() == ""
@@ -147,13 +153,17 @@ def test_a_stale_record_does_not_free_the_lock_of_a_plain_snakemake(locked, ende
     assert "was killed; its lock is removed" in release_dead()
 
 
-def test_a_snakemake_of_another_folder_keeps_no_lock(locked, ended, snakemake, tmp_path):
+def test_a_snakemake_of_another_folder_keeps_no_lock(
+    locked, ended, snakemake, tmp_path
+):
     locked(Owner("trial", HERE, *ended))
     snakemake(tmp_path / "another")
     assert "was killed; its lock is removed" in release_dead()
 
 
-def test_a_snakemake_whose_folder_may_not_be_seen(locked, ended, snakemake, monkeypatch, tmp_path):
+def test_a_snakemake_whose_folder_may_not_be_seen(
+    locked, ended, snakemake, monkeypatch, tmp_path
+):
     """It keeps the lock if its user owns one here, and not otherwise."""
 
     def denied(*_):
@@ -203,7 +213,10 @@ def test_clean_and_doctor_name_the_owner(locked, ended, capsys):
     assert f"the run of 'other' (process {me} on {HERE}" in capsys.readouterr().err
     locked(Owner("other", HERE, *ended))
     main(["doctor"])
-    assert "was killed; the next 'hopdata run' here removes its lock" in capsys.readouterr().out
+    assert (
+        "was killed; the next 'hopdata run' here removes its lock"
+        in capsys.readouterr().out
+    )
     assert LOCKS.exists()
     assert main(["clean", "config.yaml"]) == 0
     assert not LOCKS.exists()
@@ -228,7 +241,9 @@ def at_work(tmp_path, monkeypatch):
     Path("config.yaml").write_text("study: trial\n")
     Path("Snakefile").write_text(RULES)
     command = [sys.executable, "-c", RUN]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    process = subprocess.Popen(
+        command, stderr=subprocess.DEVNULL, start_new_session=True
+    )
     deadline = time.monotonic() + 60
     while not any(LOCKS.glob("*.output.lock")) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -259,6 +274,8 @@ def test_a_run_beside_one_that_lives_names_it(at_work, capfd):
     options = (Path("config.yaml"), "trial", "--cores", "1")
     assert run_workflow(*options, snakefile=Path("Snakefile")) == 1
     told = capfd.readouterr().err
-    assert "expected files that are not locked, found: the run of 'trial' (process" in told
+    assert (
+        "expected files that are not locked, found: the run of 'trial' (process" in told
+    )
     assert "is at work here; wait for its end" in told
     assert any(LOCKS.glob("*.output.lock"))

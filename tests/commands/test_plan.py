@@ -25,7 +25,9 @@ def written(tmp_path, content):
     return str(file)
 
 
-def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(tmp_path, capsys):
+def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(
+    tmp_path, capsys
+):
     assert main(["plan", written(tmp_path, PILOT), "--difference", "0.18"]) == 0
     said = capsys.readouterr().out
     assert "1,000 landings of 3 feet find 20 % in 80 % of studies" in said
@@ -40,7 +42,15 @@ def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
     apart = PILOT | {"effect": {"detectable": 0.4, "allowed": 0.22}}
     assert main(["plan", written(tmp_path, apart)]) == 0
     rows = capsys.readouterr().out.splitlines()[3:]
-    assert [row.split("%")[0].strip() for row in rows] == ["25", "27", "32", "37", "42", "52", "62"]
+    assert [row.split("%")[0].strip() for row in rows] == [
+        "25",
+        "27",
+        "32",
+        "37",
+        "42",
+        "52",
+        "62",
+    ]
     assert main(["plan", written(tmp_path, apart), "--difference", "0.2"]) == 1
     assert "above 0.22, as much as smooth terms may leave" in capsys.readouterr().err
 
@@ -58,7 +68,9 @@ def test_the_curve_is_drawn_through_the_pilot(tmp_path):
 
 
 def test_a_configuration_is_run_where_no_workflow_is(tmp_path, monkeypatch, capfd):
-    (tmp_path / "results").write_text("")  # the workflow itself refuses a file of this name
+    (tmp_path / "results").write_text(
+        ""
+    )  # the workflow itself refuses a file of this name
     monkeypatch.chdir(tmp_path)
     assert main(["plan", str(ROOT / "config/quadruped.yaml")]) == 1
     said = capfd.readouterr().err
@@ -71,8 +83,14 @@ def test_a_configuration_is_run_where_no_workflow_is(tmp_path, monkeypatch, capf
     [
         ("{", "expected the verdict.json of a study"),
         ("[]", "expected the verdict.json of a study"),
-        (PILOT | {"effect": {"detectable": 0.2}}, "found an older one; run the pilot again"),
-        (PILOT | {"effect": None, "sentence": "too few."}, "the pilot has no answer: too few."),
+        (
+            PILOT | {"effect": {"detectable": 0.2}},
+            "found an older one; run the pilot again",
+        ),
+        (
+            PILOT | {"effect": None, "sentence": "too few."},
+            "the pilot has no answer: too few.",
+        ),
     ],
 )
 def test_a_file_that_tells_nothing_is_told(content, words, tmp_path, capsys):

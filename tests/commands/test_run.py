@@ -38,9 +38,7 @@ def workflow(folder, rules):
 
 
 def test_progress_is_plain_lines_where_no_one_looks(folder, capfd):
-    rules = (
-        'rule all:\n    input: "a"\nrule a:\n    output: "a"\n    shell: "echo loud >&2; touch a"\n'
-    )
+    rules = 'rule all:\n    input: "a"\nrule a:\n    output: "a"\n    shell: "echo loud >&2; touch a"\n'
     options = (Path("config.yaml"), "trial", "--cores", "1")
     assert run_workflow(*options, snakefile=workflow(folder, rules)) == 0
     lines = capfd.readouterr().err.splitlines()
@@ -128,7 +126,10 @@ RECORD = {
         ({"config": {"study": "/tmp/x"}}, "p.json: config: study: expected"),
         ({"inputs": 3}, "p.json: inputs: expected keys with values, found 3"),
         ({"versions": None}, "p.json: versions: expected keys with values, found None"),
-        ({"versions": {}}, "p.json: versions: expected the version of hopdata that made it"),
+        (
+            {"versions": {}},
+            "p.json: versions: expected the version of hopdata that made it",
+        ),
         ({"code_sha256": 1}, "p.json: code_sha256: expected text, found 1"),
     ],
 )
@@ -136,7 +137,9 @@ def test_values_of_a_provenance_are_checked_before_anything_is_written(
     folder, capsys, monkeypatch, change, said
 ):
     ran = []
-    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *_, **__: ran.append(1) or 1)
+    monkeypatch.setattr(
+        "hopdata.commands.run.run_workflow", lambda *_, **__: ran.append(1) or 1
+    )
     before = sorted(folder.rglob("*"))
     Path("p.json").write_text(json.dumps(RECORD | change))
     assert main(["run", "--from", "p.json"]) == 1
@@ -147,7 +150,9 @@ def test_values_of_a_provenance_are_checked_before_anything_is_written(
 
 def test_a_sound_provenance_is_repeated_within_the_results(folder, monkeypatch):
     ran = []
-    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *a, **__: ran.append(a) or 1)
+    monkeypatch.setattr(
+        "hopdata.commands.run.run_workflow", lambda *a, **__: ran.append(a) or 1
+    )
     config = {"study": "trial", "recordings": [{"name": "a", "file": "a.tsv"}]}
     config |= {"markers": {"body": ["a", "b", "c"], "feet": ["d", "e"]}}
     Path("p.json").write_text(json.dumps(RECORD | {"config": config}))
@@ -162,8 +167,8 @@ def test_a_provenance_nested_without_end_is_refused_in_one_line(folder, capsys):
     assert "p.json: expected the provenance.json of a study" in capsys.readouterr().err
 
 
-# Modules of Python that a study's folder could shadow: all of the standard library. This file says
-# that one of them was run.
+# Modules of Python that a study's folder could shadow: all of the standard library.
+# This file says that one of them was run.
 TRAP = "open({!r}, 'a').write(__name__ + ' ')\nraise SystemExit(3)\n"
 
 
@@ -192,7 +197,9 @@ def test_the_module_run_by_its_name_leaves_the_folder_too(folder):
     """Except for what Python itself imports before any line of hopdata."""
     mark = set_traps(folder)
     names = [sys.executable, "-P", "-c", "import runpy, sys; print(*sys.modules)"]
-    loaded = subprocess.run(names, capture_output=True, text=True, check=True).stdout.split()
+    loaded = subprocess.run(
+        names, capture_output=True, text=True, check=True
+    ).stdout.split()
     for name in {one.partition(".")[0] for one in loaded} & sys.stdlib_module_names:
         (folder / f"{name}.py").unlink()
     command = [sys.executable, "-m", "hopdata", "clean", "--all", "--dry-run"]
@@ -211,9 +218,13 @@ def test_clean_removes_one_study_and_says_so(folder, capsys):
 
 def test_clean_spares_the_results_of_other_recordings(folder, capsys):
     record = Path("results/trial/provenance.json")
-    record.write_text(json.dumps({"config": {"recordings": [{"name": "one", "file": "one.tsv"}]}}))
+    record.write_text(
+        json.dumps({"config": {"recordings": [{"name": "one", "file": "one.tsv"}]}})
+    )
     for file, code in (("two.tsv", 1), ("one.tsv", 0)):
-        Path("config.yaml").write_text(f"study: trial\nrecordings: [{{name: a, file: {file}}}]\n")
+        Path("config.yaml").write_text(
+            f"study: trial\nrecordings: [{{name: a, file: {file}}}]\n"
+        )
         assert main(["clean", "config.yaml"]) == code
         assert record.exists() == bool(code)
     assert "expected the recordings of results/trial (one.tsv), found two.tsv" in (
@@ -240,7 +251,14 @@ def test_clean_waits_for_a_run_and_for_a_name(folder, capsys):
 def test_doctor_says_what_there_is(folder, capsys):
     assert main(["doctor"]) == 0
     out = capsys.readouterr().out
-    for word in ("python", "numba", "cores", "memory", "compiled", "nothing is missing"):
+    for word in (
+        "python",
+        "numba",
+        "cores",
+        "memory",
+        "compiled",
+        "nothing is missing",
+    ):
         assert word in out
 
 
@@ -258,23 +276,34 @@ def test_a_shell_completes_every_command():
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
     words = f'{line}\ncompgen -W "$(complete -p | sed "s/.*-W .\\(.*\\). .*/\\1/")" d'
-    found = subprocess.run(["bash", "-c", words], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        ["bash", "-c", words], capture_output=True, text=True, check=False
+    )
     assert set(COMMANDS) <= set(line.split('"')[1].split())
     assert "doctor" in found.stdout, found.stderr
 
 
 def test_of_two_runs_in_one_folder_the_second_says_so(folder, capfd):
     """The first holds the folder until the second has ended."""
-    rules = (
-        'rule a:\n    output: "a"\n    shell: "while [ ! -e go ]; do sleep 0.1; done; touch a"\n'
-    )
+    rules = 'rule a:\n    output: "a"\n    shell: "while [ ! -e go ]; do sleep 0.1; done; touch a"\n'
     snakefile = workflow(folder, rules)
-    command = [sys.executable, "-m", "snakemake", "--cores", "1", "--snakefile", str(snakefile)]
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--cores",
+        "1",
+        "--snakefile",
+        str(snakefile),
+    ]
     first = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     locks = folder / ".snakemake/locks"
     try:
         deadline = time.monotonic() + 60
-        while not (locks.exists() and any(locks.iterdir())) and time.monotonic() < deadline:
+        while (
+            not (locks.exists() and any(locks.iterdir()))
+            and time.monotonic() < deadline
+        ):
             time.sleep(0.1)
         options = (Path("config.yaml"), "trial", "--cores", "1")
         assert run_workflow(*options, snakefile=snakefile) == 1
@@ -285,9 +314,14 @@ def test_of_two_runs_in_one_folder_the_second_says_so(folder, capfd):
     assert Path("a").exists()
 
 
-def test_a_bundled_configuration_is_brought_with_the_files_that_it_names(folder, monkeypatch):
+def test_a_bundled_configuration_is_brought_with_the_files_that_it_names(
+    folder, monkeypatch
+):
     monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *_, **__: 1)
-    for name, more in (("group", "config/group.tsv"), ("sample_control", "data/sample/control.h5")):
+    for name, more in (
+        ("group", "config/group.tsv"),
+        ("sample_control", "data/sample/control.h5"),
+    ):
         assert main(["run", f"config/{name}.yaml"]) == 1
         for file in (f"config/{name}.yaml", more):
             assert Path(file).read_bytes() == (ROOT / file).read_bytes()
@@ -305,7 +339,11 @@ int flock(int file, int how) { (void)file; (void)how; errno = ENOLCK; return -1;
 @pytest.mark.workflow
 def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tmp_path):
     """Locks are refused as on a network home, if there is a compiler to simulate this."""
-    kept = {name: text for name, text in os.environ.items() if name in ("PATH", "VIRTUAL_ENV")}
+    kept = {
+        name: text
+        for name, text in os.environ.items()
+        if name in ("PATH", "VIRTUAL_ENV")
+    }
     if sys.platform == "linux" and (compiler := shutil.which("cc")):
         shim = tmp_path / "no_locks.so"
         command = [compiler, "-shared", "-fPIC", "-x", "c", "-", "-o", str(shim)]
@@ -316,7 +354,9 @@ def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tm
     (folder / "Läufer 1.h5").symlink_to(part_of_sample(tmp_path / "hopper.h5", 120))
     markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}\n"
     recordings = "recordings: [{name: one, file: Läufer 1.h5}]\n"
-    (folder / "k.yaml").write_text(f"study: odd\n{recordings}{markers}", encoding="utf-8")
+    (folder / "k.yaml").write_text(
+        f"study: odd\n{recordings}{markers}", encoding="utf-8"
+    )
     target = "results/odd/landings/sections.json"
     mark = set_traps(folder)  # nor does any job run a file of the study's folder
     result = subprocess.run(

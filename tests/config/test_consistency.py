@@ -48,17 +48,25 @@ def joined(*feet, markers=("heel", "toe", "other")):
 def test_feet_of_several_markers_are_named_in_the_order_of_the_first():
     config = joined(("left", ("toe", "heel")), markers=("other", "heel", "toe"))
     assert feet_of(load_config(config, check_files=False)) == ["other", "left"]
-    config["recordings"][0]["contacts"] = {"file": "a.csv", "columns": [{"name": "left"}]}
+    config["recordings"][0]["contacts"] = {
+        "file": "a.csv",
+        "columns": [{"name": "left"}],
+    }
     load_config(config, check_files=False)
     config["recordings"][0]["contacts"]["columns"] = [{"name": "heel"}]
-    with pytest.raises(ConfigError, match=r"expected feet of markers.feet \(other, left\)"):
+    with pytest.raises(
+        ConfigError, match=r"expected feet of markers.feet \(other, left\)"
+    ):
         load_config(config, check_files=False)
 
 
 @pytest.mark.parametrize(
     ("feet", "said"),
     [
-        ([("left", ("heel", "tow"))], r"feet\[0\].markers: .*found 'tow'; did you mean 'toe'"),
+        (
+            [("left", ("heel", "tow"))],
+            r"feet\[0\].markers: .*found 'tow'; did you mean 'toe'",
+        ),
         (
             [("a", ("heel", "toe")), ("b", ("toe", "other"))],
             r"feet\[1\].markers\[0\]: .*'toe' in feet\[0\]",
@@ -82,7 +90,9 @@ def test_seven_feet_and_simulated_ones_are_refused():
     config = joined(("left", ("foot1", "foot2")), markers=("foot1", "foot2", "foot3"))
     config["recordings"][0] = {"name": "one"}
     config["markers"]["body"] = ["body1", "body2", "body3"]
-    with pytest.raises(ConfigError, match="feet: expected none beside the simulated recording one"):
+    with pytest.raises(
+        ConfigError, match="feet: expected none beside the simulated recording one"
+    ):
         load_config(config, check_files=False)
 
 
@@ -107,16 +117,32 @@ def test_a_recording_has_neither_by_default():
 
 def excluding(**span):
     config = copy.deepcopy(SOUND)
-    config["recordings"][0]["exclude"] = [{"from_s": 2.0, "to_s": 3.0, "reason": "fell"} | span]
+    config["recordings"][0]["exclude"] = [
+        {"from_s": 2.0, "to_s": 3.0, "reason": "fell"} | span
+    ]
     return config
 
 
 def test_spans_that_are_left_out():
-    assert load_config(excluding(), check_files=False)["recordings"][0]["exclude"][0]["to_s"] == 3.0
+    assert (
+        load_config(excluding(), check_files=False)["recordings"][0]["exclude"][0][
+            "to_s"
+        ]
+        == 3.0
+    )
     whole = copy.deepcopy(SOUND)
-    whole["recordings"][0]["exclude"] = [{"reason": "belt"}, {"reason": "fell", "landings": [3]}]
+    whole["recordings"][0]["exclude"] = [
+        {"reason": "belt"},
+        {"reason": "fell", "landings": [3]},
+    ]
     first, second = load_config(whole, check_files=False)["recordings"][0]["exclude"]
-    assert first == {"from_s": None, "to_s": None, "landings": [], "markers": [], "reason": "belt"}
+    assert first == {
+        "from_s": None,
+        "to_s": None,
+        "landings": [],
+        "markers": [],
+        "reason": "belt",
+    }
     assert second["landings"] == [3]
 
 
@@ -127,16 +153,27 @@ MISTAKES = {
     ),
     "a landing in a span": (
         excluding(landings=[2]),
-        ["recordings[0].exclude[0].landings", "no other choice beside them, found from_s"],
+        [
+            "recordings[0].exclude[0].landings",
+            "no other choice beside them, found from_s",
+        ],
     ),
     "an unseen marker unknown": (
         excluding(markers=["hel"]),
         ["recordings[0].exclude[0].markers", "found 'hel'", "did you mean 'heel'"],
     ),
-    "span without a reason": (excluding(reason=""), ["recordings[0].exclude[0].reason"]),
+    "span without a reason": (
+        excluding(reason=""),
+        ["recordings[0].exclude[0].reason"],
+    ),
     "foot unknown": (
         edited("forces", columns=[{"name": "Fz", "feet": ["hel"]}]),
-        ["recordings[0].forces.columns[0].feet", "(heel, toe)", "'hel'", "did you mean 'heel'"],
+        [
+            "recordings[0].forces.columns[0].feet",
+            "(heel, toe)",
+            "'hel'",
+            "did you mean 'heel'",
+        ],
     ),
     "column is no foot": (
         edited("contacts", columns=[{"name": "switch"}]),
@@ -161,8 +198,14 @@ MISTAKES = {
         edited("forces", unit="body_weight", threshold_n=20),
         ["recordings[0].forces.threshold_n", "threshold_share", "found 20 N"],
     ),
-    "unit": (edited("forces", unit="lbf"), ["recordings[0].forces.unit", "'kN'", "found 'lbf'"]),
-    "rate": (edited("forces", rate_hz=0), ["recordings[0].forces.rate_hz", "above 0", "found 0"]),
+    "unit": (
+        edited("forces", unit="lbf"),
+        ["recordings[0].forces.unit", "'kN'", "found 'lbf'"],
+    ),
+    "rate": (
+        edited("forces", rate_hz=0),
+        ["recordings[0].forces.rate_hz", "above 0", "found 0"],
+    ),
     "misspelt": (
         edited("forces", treshold_n=20),
         ["recordings[0].forces.treshold_n", "did you mean 'threshold_n'"],
@@ -188,7 +231,9 @@ def test_missing_files_are_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("one.tsv", "switches.csv", "plates.txt"):
         (tmp_path / name).touch()
-    with pytest.raises(ConfigError, match=r"recordings\[0\].forces.file: .*mean 'plates.txt'"):
+    with pytest.raises(
+        ConfigError, match=r"recordings\[0\].forces.file: .*mean 'plates.txt'"
+    ):
         load_config(SOUND)
 
 

@@ -35,7 +35,8 @@ GRAVITIES = "expected one of 'learned', 'free', 'known'"
 METHODS = f"expected one of {', '.join(map(repr, contacts.METHODS))}"
 SCENE_NAMES = ", ".join(map(repr, SCENES))
 
-# Mistake: the file's text, the line that the message names, and the rest of the message.
+# Mistake: the file's text, the line that the message names, and the rest of the
+# message.
 ADDED = {
     "verdict: a key misspelt": (
         "verdict: {margn: 0.1}",
@@ -255,8 +256,13 @@ REPLACED = {
 }
 TABLE = {
     **{name: (f"{FILE}{added}\n", told) for name, (added, told) in ADDED.items()},
-    **{name: (f"{SIMULATED}{added}\n", told) for name, (added, told) in SIMULATION.items()},
-    **{name: (FILE.replace(*change), told) for name, (change, told) in REPLACED.items()},
+    **{
+        name: (f"{SIMULATED}{added}\n", told)
+        for name, (added, told) in SIMULATION.items()
+    },
+    **{
+        name: (FILE.replace(*change), told) for name, (change, told) in REPLACED.items()
+    },
 }
 
 
@@ -294,7 +300,9 @@ def test_a_missing_key_has_no_line(folder):
 def test_a_colon_without_its_space(folder):
     message = told("study:trial\n" + FILE.partition("\n")[2])
     assert message.startswith("study.yaml, line 2, column 11: expected YAML")
-    assert message.endswith("is there a space behind each colon, also in the line above?")
+    assert message.endswith(
+        "is there a space behind each colon, also in the line above?"
+    )
 
 
 def test_lines_of_keys_and_entries(folder):

@@ -75,7 +75,11 @@ def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
     config = load(SOUND)
     assert config["study"] == "trial"
     assert config["seed"] == 7
-    assert config["markers"] == {"body": ["b1", "b2", "b3"], "feet": ["heel", "toe"], "boom": []}
+    assert config["markers"] == {
+        "body": ["b1", "b2", "b3"],
+        "feet": ["heel", "toe"],
+        "boom": [],
+    }
     assert config["sections"]["threshold_sigmas"] == 0.002
     assert config["sections"]["grid_nodes"] == 1024
     assert config["prediction"] == {
@@ -86,7 +90,13 @@ def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
     }
     assert config["simulation"]["hopper"]["mass_kg"] == 2.3
     assert set(config) == set(load_schema()["properties"])
-    assert {type(leaf) for leaf in plain_leaves(config)} <= {str, int, float, bool, type(None)}
+    assert {type(leaf) for leaf in plain_leaves(config)} <= {
+        str,
+        int,
+        float,
+        bool,
+        type(None),
+    }
 
 
 def test_a_file_and_its_mapping_give_the_same_and_loading_is_idempotent(folder):
@@ -123,7 +133,9 @@ def test_numbers_in_either_notation(folder):
 
 def test_a_recording_without_a_file_is_simulated(folder):
     text = SOUND.replace("    file: one.tsv\n", "")
-    text = text.replace("b1, b2, b3", "body1, body2, body3").replace("heel, toe", "foot1, foot2")
+    text = text.replace("b1, b2, b3", "body1, body2, body3").replace(
+        "heel, toe", "foot1, foot2"
+    )
     config = load(text.replace("marker: b1", "marker: body2"))
     own = {"hops": None, "duration_s": None}
     (recording,) = config["recordings"]
@@ -133,7 +145,9 @@ def test_a_recording_without_a_file_is_simulated(folder):
 
 def test_a_recording_may_have_its_own_length(folder):
     text = SOUND.replace("file: one.tsv", "simulation: {duration_s: 5.5}")
-    text = text.replace("b1, b2, b3", "body1, body2, body3").replace("heel, toe", "foot1, foot2")
+    text = text.replace("b1, b2, b3", "body1, body2, body3").replace(
+        "heel, toe", "foot1, foot2"
+    )
     text = text.replace("markers:", "  - name: two\nmarkers:").replace(
         "marker: b1", "marker: body2"
     )
@@ -148,20 +162,30 @@ def test_a_recording_may_have_its_own_length(folder):
 def test_the_dissertation_s_study_has_its_size(name):
     config = load_config(ROOT / "config" / f"{name}.yaml")
     rate = config["motion_capture"]["rate_hz"]
-    lengths = [simulation_of(config, r["name"])["duration_s"] for r in config["recordings"]]
+    lengths = [
+        simulation_of(config, r["name"])["duration_s"] for r in config["recordings"]
+    ]
     assert (rate, config["motion_capture"]["noise_m"]) == (100.0, 0.0006)
     assert sum(ceil(length * rate) for length in lengths) == 182_611
 
 
 def test_the_control_differs_from_the_study_by_what_lands_alone():
-    thesis, control = (load_config(ROOT / "config" / f"{n}.yaml") for n in ("thesis", "control"))
-    assert control["simulation"].pop("control") == {"coupling": 0.4, "impulse": 0.0, "delay_s": 0.0}
+    thesis, control = (
+        load_config(ROOT / "config" / f"{n}.yaml") for n in ("thesis", "control")
+    )
+    assert control["simulation"].pop("control") == {
+        "coupling": 0.4,
+        "impulse": 0.0,
+        "delay_s": 0.0,
+    }
     assert not any(thesis["simulation"].pop("control").values())
     assert {**control, "study": "thesis"} == thesis
 
 
 def test_files_need_not_exist_if_nobody_asks(folder):
-    config = load_config(yaml.safe_load(SOUND.replace("one.tsv", "later.tsv")), check_files=False)
+    config = load_config(
+        yaml.safe_load(SOUND.replace("one.tsv", "later.tsv")), check_files=False
+    )
     assert config["recordings"][0]["file"] == "later.tsv"
 
 
@@ -175,7 +199,11 @@ MISTAKES = {
     "misspelt key": (
         "threshold_sigmas",
         "threshold_sigms",
-        ["sections.threshold_sigms", "expected a known key", "did you mean 'threshold_sigmas'"],
+        [
+            "sections.threshold_sigms",
+            "expected a known key",
+            "did you mean 'threshold_sigmas'",
+        ],
     ),
     "misspelt required key": (
         "markers:",
@@ -187,50 +215,115 @@ MISTAKES = {
         "threshold_sigmas: 0.1",
         ["threshold_sigmas: expected", "did you mean 'sections.threshold_sigmas'"],
     ),
-    "unlike any key": ("marker: b1", "colour: red", ["home.colour", "the keys here are marker"]),
+    "unlike any key": (
+        "marker: b1",
+        "colour: red",
+        ["home.colour", "the keys here are marker"],
+    ),
     "no markers": (
         "markers:\n  body: [b1, b2, b3]\n  feet: [heel, toe]\n",
         "",
         ["markers: expected this key, found none"],
     ),
     "no study": ("study: trial\n", "", ["study: expected this key, found none"]),
-    "study with a slash": ("study: trial", "study: ../x", ["study: expected text", "'../x'"]),
+    "study with a slash": (
+        "study: trial",
+        "study: ../x",
+        ["study: expected text", "'../x'"],
+    ),
     "study is a number": (
         "study: trial",
         "study: 7",
         ["study: expected text", "found 7; put it in quotes"],
     ),
-    "study is a date": ("study: trial", "study: 2026-11-22", ["2026-11-22; put it in quotes"]),
-    "study is off": ("study: trial", "study: off", ["found false; yes, no, on and off are true"]),
-    "seed in words": ("seed: 7", "seed: seven", ["seed: expected a whole number", "'seven'"]),
-    "negative seed": ("seed: 7", "seed: -1", ["seed: expected", "at least 0", "found -1"]),
-    "seed true": ("seed: 7", "seed: true", ["seed: expected a whole number", "found true"]),
+    "study is a date": (
+        "study: trial",
+        "study: 2026-11-22",
+        ["2026-11-22; put it in quotes"],
+    ),
+    "study is off": (
+        "study: trial",
+        "study: off",
+        ["found false; yes, no, on and off are true"],
+    ),
+    "seed in words": (
+        "seed: 7",
+        "seed: seven",
+        ["seed: expected a whole number", "'seven'"],
+    ),
+    "negative seed": (
+        "seed: 7",
+        "seed: -1",
+        ["seed: expected", "at least 0", "found -1"],
+    ),
+    "seed true": (
+        "seed: 7",
+        "seed: true",
+        ["seed: expected a whole number", "found true"],
+    ),
     "out of range": (
         "0.002",
         "21",
-        ["sections.threshold_sigmas: expected a number above 0 and at most 20", "found 21"],
+        [
+            "sections.threshold_sigmas: expected a number above 0 and at most 20",
+            "found 21",
+        ],
     ),
-    "number in quotes": ("0.002", "'0.002'", ["expected a number", "'0.002'", "without quotes"]),
-    "not a number": ("0.002", ".nan", ["sections.threshold_sigmas", "a finite number", "nan"]),
-    "nothing": ("0.002", "", ["sections.threshold_sigmas: expected a number", "found null"]),
+    "number in quotes": (
+        "0.002",
+        "'0.002'",
+        ["expected a number", "'0.002'", "without quotes"],
+    ),
+    "not a number": (
+        "0.002",
+        ".nan",
+        ["sections.threshold_sigmas", "a finite number", "nan"],
+    ),
+    "nothing": (
+        "0.002",
+        "",
+        ["sections.threshold_sigmas: expected a number", "found null"],
+    ),
     "choice": (
         "home:",
         "touchdowns: {method: kinks}\nhome:",
-        ["touchdowns.method: expected one of 'kink', 'velocity_minimum'", "found 'kinks'"],
+        [
+            "touchdowns.method: expected one of 'kink', 'velocity_minimum'",
+            "found 'kinks'",
+        ],
     ),
-    "section is a word": ("home:\n  marker: b1", "home: b1", ["home: expected keys", "'b1'"]),
-    "rate 0": ("home:", "input: {rate_hz: 0}\nhome:", ["input.rate_hz", "above 0", "found 0"]),
+    "section is a word": (
+        "home:\n  marker: b1",
+        "home: b1",
+        ["home: expected keys", "'b1'"],
+    ),
+    "rate 0": (
+        "home:",
+        "input: {rate_hz: 0}\nhome:",
+        ["input.rate_hz", "above 0", "found 0"],
+    ),
     "unknown unit": (
         "home:",
         "input: {unit: cm}\nhome:",
         ["input.unit", "'mm'", "found 'cm'; export in mm or m"],
     ),
-    "one foot": ("[heel, toe]", "[heel]", ["markers.feet: expected a list of 2 to 18 names"]),
-    "two body markers": ("b1, b2, b3", "b1, b2", ["markers.body", "at least 3", "found 2 (b1"]),
+    "one foot": (
+        "[heel, toe]",
+        "[heel]",
+        ["markers.feet: expected a list of 2 to 18 names"],
+    ),
+    "two body markers": (
+        "b1, b2, b3",
+        "b1, b2",
+        ["markers.body", "at least 3", "found 2 (b1"],
+    ),
     "marker in two roles": (
         "heel, toe",
         "heel, b2",
-        ["markers.feet[1]: expected each marker once", "'b2' in markers.body[1] as well"],
+        [
+            "markers.feet[1]: expected each marker once",
+            "'b2' in markers.body[1] as well",
+        ],
     ),
     "marker twice": (
         "heel, toe",
@@ -245,12 +338,20 @@ MISTAKES = {
     "missing file": (
         "one.tsv",
         "onne.tsv",
-        ["recordings[0].file: expected a file", "no 'onne.tsv'", "did you mean 'one.tsv'"],
+        [
+            "recordings[0].file: expected a file",
+            "no 'onne.tsv'",
+            "did you mean 'one.tsv'",
+        ],
     ),
     "one of two files missing": (
         "one.tsv",
         "[one.tsv, onne.tsv]",
-        ["recordings[0].file[1]: expected a file", "no 'onne.tsv'", "did you mean 'one.tsv'"],
+        [
+            "recordings[0].file[1]: expected a file",
+            "no 'onne.tsv'",
+            "did you mean 'one.tsv'",
+        ],
     ),
     "a file twice": (
         "one.tsv",
@@ -263,17 +364,25 @@ MISTAKES = {
     "a file in two recordings": (
         "markers:",
         "  - {name: again, file: ./one.tsv}\nmarkers:",
-        ["recordings[1].file: expected each file once", "in recordings[0].file as well"],
+        [
+            "recordings[1].file: expected each file once",
+            "in recordings[0].file as well",
+        ],
     ),
     "braces": (
         "file: one.tsv",
         "file: one.tsv\n    contacts: {file: 'on {1}.csv'}",
-        ["recordings[0].contacts.file: expected a path without braces, found 'on {1}.csv'"],
+        [
+            "recordings[0].contacts.file: expected a path without braces, found 'on {1}.csv'"
+        ],
     ),
     "a study of our own": (
         "study: trial",
         "study: both_sides",
-        ["study: expected a name other than benchmarks and both_sides", "found 'both_sides'"],
+        [
+            "study: expected a name other than benchmarks and both_sides",
+            "found 'both_sides'",
+        ],
     ),
     "too few sign flips": (
         "markers:",
@@ -281,7 +390,11 @@ MISTAKES = {
         ["verdict.flips: expected more than 999", "found 99"],
     ),
     "an empty list of files": ("one.tsv", "[]", ["recordings[0].file", "found none"]),
-    "missing folder": ("one.tsv", "data/one.tsv", ["recordings[0].file", "there is no folder"]),
+    "missing folder": (
+        "one.tsv",
+        "data/one.tsv",
+        ["recordings[0].file", "there is no folder"],
+    ),
     "recordings of one name": (
         "markers:",
         "  - {name: One, file: one.tsv}\nmarkers:",
@@ -305,17 +418,27 @@ MISTAKES = {
     "a key that was removed": (
         "threshold_sigmas: 0.002",
         "tail_fraction: 0.002",
-        ["sections.tail_fraction: expected a known key", "chosen from landings", "sections.rule"],
+        [
+            "sections.tail_fraction: expected a known key",
+            "chosen from landings",
+            "sections.rule",
+        ],
     ),
     "sigmas beside knees": (
         "  threshold_sigmas: 0.002",
         "  rule: printed\n  threshold_sigmas: 2.5",
-        ["sections.threshold_sigmas: expected none beside sections.rule: printed", "found 2.5"],
+        [
+            "sections.threshold_sigmas: expected none beside sections.rule: printed",
+            "found 2.5",
+        ],
     ),
     "a bandwidth beside heights": (
         "  threshold_sigmas: 0.002",
         "  pre_height_m: 0.5\n  post_height_m: 0.3\n  bandwidth_m: 0.002",
-        ["sections.bandwidth_m: expected none beside heights that are given", "found 0.002"],
+        [
+            "sections.bandwidth_m: expected none beside heights that are given",
+            "found 0.002",
+        ],
     ),
     "sections upside down": (
         "threshold_sigmas: 0.002",
@@ -325,10 +448,21 @@ MISTAKES = {
     "more components than samples": (
         "home:",
         "subspaces: {components: 30}\nhome:",
-        ["subspaces.components: expected fewer than subspaces.samples (30)", "found 30"],
+        [
+            "subspaces.components: expected fewer than subspaces.samples (30)",
+            "found 30",
+        ],
     ),
-    "key twice": ("seed: 7", "seed: 7\nseed: 8", ["line 3, column 1", "the key 'seed' twice"]),
-    "within itself": ("home:\n", "floor: &f {degree: *f}\nhome:\n", ["one within itself"]),
+    "key twice": (
+        "seed: 7",
+        "seed: 7\nseed: 8",
+        ["line 3, column 1", "the key 'seed' twice"],
+    ),
+    "within itself": (
+        "home:\n",
+        "floor: &f {degree: *f}\nhome:\n",
+        ["one within itself"],
+    ),
     "not YAML": ("[heel, toe]", "[heel, toe", ["line 9", "expected YAML"]),
     "tabs": (
         "  marker: b1",
@@ -367,14 +501,18 @@ def test_a_hundred_mistakes_are_cut_short(folder):
 
 
 def test_a_missing_configuration_is_told(folder):
-    with pytest.raises(ConfigError, match=r"absent.yaml: expected a readable configuration"):
+    with pytest.raises(
+        ConfigError, match=r"absent.yaml: expected a readable configuration"
+    ):
         load_config("absent.yaml")
 
 
 def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
     Path("study.yaml").write_text(SOUND)
     with pytest.raises(ConfigError, match=r"^study.yaml: study: expected this key"):
-        load_config({"recordings": [{"name": "a"}], "markers": {}}, files=["study.yaml"])
+        load_config(
+            {"recordings": [{"name": "a"}], "markers": {}}, files=["study.yaml"]
+        )
     Path("study.yaml").write_text(SOUND + "seed: 8\n")
     with pytest.raises(ConfigError, match="the key 'seed' twice"):
         load_config(yaml.safe_load(SOUND), files=["study.yaml"])
@@ -424,7 +562,9 @@ def schemas(schema, path=""):
         yield from schemas(inner.get("items", inner), f"{path}{key}.")
 
 
-EVERY_KEY = {path: schema for scene in SCENES for path, schema in schemas(load_schema(scene))}
+EVERY_KEY = {
+    path: schema for scene in SCENES for path, schema in schemas(load_schema(scene))
+}
 
 
 @pytest.mark.parametrize(("path", "schema"), EVERY_KEY.items())
@@ -459,10 +599,13 @@ def listed(value):
     """Return the value with lists for tuples, as in YAML."""
     if isinstance(value, dict):
         return {key: listed(inner) for key, inner in value.items()}
-    return [listed(inner) for inner in value] if isinstance(value, list | tuple) else value
+    return (
+        [listed(inner) for inner in value] if isinstance(value, list | tuple) else value
+    )
 
 
-# The functions that take a section's keys as their options, and the keys that go elsewhere.
+# The functions that take a section's keys as their options, and the keys that go
+# elsewhere.
 STAGES = {
     "input": ["hopdata.recordings.importing:import_recording"],
     "floor": ["hopdata.landings.floor:fit_floor"],
@@ -490,13 +633,21 @@ ELSEWHERE = {
 @pytest.mark.parametrize("section", STAGES)
 def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
     stages = STAGES[section]
-    options = {k: v for one in stages for k, v in signature(resolve_name(one)).parameters.items()}
+    options = {
+        k: v
+        for one in stages
+        for k, v in signature(resolve_name(one)).parameters.items()
+    }
     content = {**yaml.safe_load(SOUND), "sections": {}}
     config = load_config(content, check_files=False)
     for key, default in config[section].items():
         if (section, key) not in ELSEWHERE:
-            assert key in options, f"{section}.{key}: no option of {' or '.join(stages)}"
-            assert listed(options[key].default) == default, f"{section}.{key}: another default"
+            assert key in options, (
+                f"{section}.{key}: no option of {' or '.join(stages)}"
+            )
+            assert listed(options[key].default) == default, (
+                f"{section}.{key}: another default"
+            )
 
 
 def test_aliases_that_unfold_to_very_much_are_refused(tmp_path):
@@ -519,12 +670,15 @@ def test_an_alias_that_repeats_a_little_is_as_if_written_out(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "value", ["!!timestamp now", "!!bool maybe", '!!int ""', "!!float one", "!!binary é"]
+    "value",
+    ["!!timestamp now", "!!bool maybe", '!!int ""', "!!float one", "!!binary é"],
 )
 def test_a_value_that_does_not_fit_its_tag_is_told_with_its_line(tmp_path, value):
     file = tmp_path / "a.yaml"
     file.write_text(f"study: a\nseed: {value}\n", encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"a\.yaml, line 2, column 7: expected YAML, found: "):
+    with pytest.raises(
+        ConfigError, match=r"a\.yaml, line 2, column 7: expected YAML, found: "
+    ):
         read_yaml(file)
     file.write_text("study: a\nseed: !!int 3\nday: !!timestamp 2020-01-02\n")
     assert read_yaml(file)["seed"] == 3

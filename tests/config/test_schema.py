@@ -30,16 +30,32 @@ def test_every_key_stands_on_the_page_with_its_meaning():
 
 
 def test_a_row_tells_meaning_unit_default_and_range():
-    row = next(line for line in configuration_page().splitlines() if "`rest_speed_m_s`" in line)
+    row = next(
+        line for line in configuration_page().splitlines() if "`rest_speed_m_s`" in line
+    )
     assert "| m/s | `null` | a number above 0 and at most 10, or null |" in row
 
 
 def test_a_new_key_appears_by_itself():
-    key = {"type": "integer", "description": "Of note | and bar.", "default": 3, "maximum": 9}
-    section = {"type": "object", "description": "A section.", "properties": {"new_key": key}}
-    page = configuration_page({"description": "", "properties": {"part": section}, "required": []})
+    key = {
+        "type": "integer",
+        "description": "Of note | and bar.",
+        "default": 3,
+        "maximum": 9,
+    }
+    section = {
+        "type": "object",
+        "description": "A section.",
+        "properties": {"new_key": key},
+    }
+    page = configuration_page(
+        {"description": "", "properties": {"part": section}, "required": []}
+    )
     assert "## `part`\n\nA section.\n" in page
-    assert "| `new_key` | Of note \\| and bar. |  | `3` | a whole number at most 9 |" in page
+    assert (
+        "| `new_key` | Of note \\| and bar. |  | `3` | a whole number at most 9 |"
+        in page
+    )
 
 
 def test_a_scene_with_a_parameter_without_a_default_is_named_with_it(monkeypatch):

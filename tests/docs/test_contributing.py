@@ -12,12 +12,16 @@ def test_names_of_the_ten_changes_stand_in_the_source():
     files = [*(ROOT / "src/hopdata").rglob("*.py"), *(ROOT / "benchmarks").glob("*.py")]
     words = set(re.findall(r"\w+", " ".join(path.read_text() for path in files)))
     prefixes = {name for name in names if name.endswith("_")}
-    assert names - prefixes <= words, f"nothing is called {sorted(names - prefixes - words)}"
+    assert names - prefixes <= words, (
+        f"nothing is called {sorted(names - prefixes - words)}"
+    )
     assert all(prefix in " ".join(words) for prefix in prefixes)
 
 
 def test_files_of_the_ten_changes_are_there():
-    paths = set(re.findall(r"`((?!tables/)[\w/]+/[\w.]*)`", CHANGES))  # tables are results
+    paths = set(
+        re.findall(r"`((?!tables/)[\w/]+/[\w.]*)`", CHANGES)
+    )  # tables are results
     lost = [
         path
         for path in paths

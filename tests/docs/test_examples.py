@@ -15,7 +15,11 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 SOURCE = DOCS.parent / "src"
-SHOWN = [path for path in SOURCE.rglob("*.py") if "\n    >>> " in path.read_text(encoding="utf-8")]
+SHOWN = [
+    path
+    for path in SOURCE.rglob("*.py")
+    if "\n    >>> " in path.read_text(encoding="utf-8")
+]
 
 
 @pytest.mark.parametrize("path", SHOWN, ids=lambda path: path.stem)
@@ -35,7 +39,9 @@ def test_two_legs(capsys):
     assert printed[-1].startswith("Event 'left' ended the integration at t = 0.7355")
     assert len(printed) == len(log) + 1
     # Until the first foot lands, the body falls freely without changing its tilt.
-    assert log.time[0] == pytest.approx(np.sqrt(2 * (0.7 - 0.002 - 0.5) / 9.81), abs=1e-14)
+    assert log.time[0] == pytest.approx(
+        np.sqrt(2 * (0.7 - 0.002 - 0.5) / 9.81), abs=1e-14
+    )
     assert energy(names["solution"].y_end) == pytest.approx(9.81 * 0.7, abs=1e-7)
 
 

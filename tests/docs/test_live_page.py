@@ -7,7 +7,9 @@ PAGE = Path(__file__).parents[2] / "docs/live.md"
 
 
 def test_the_simulated_robot_is_driven(capsys):
-    with_a_robot, without = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    with_a_robot, without = re.findall(
+        r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL
+    )
     compile(with_a_robot, str(PAGE), "exec")
     assert "seconds=6.0" in without
     exec(compile(without.replace("seconds=6.0", "seconds=1.2"), str(PAGE), "exec"), {})

@@ -109,7 +109,9 @@ def example(row: dict[str, object], n_feet: int = 3, seed: int = 3) -> pd.DataFr
     for name in feet_names(n_feet):
         contact = float(row[f"contact_{name}_s"]) - float(row["t_pre_s"])  # type: ignore[arg-type]
         before = np.minimum(time - contact, 0.0)
-        height = -1.4 * before + 4.9 * -(before**2) + 0.0006 * rng.standard_normal(len(time))
+        height = (
+            -1.4 * before + 4.9 * -(before**2) + 0.0006 * rng.standard_normal(len(time))
+        )
         velocity = np.gradient(height, time)
         parts.append(
             pd.DataFrame(
@@ -127,7 +129,9 @@ def example(row: dict[str, object], n_feet: int = 3, seed: int = 3) -> pd.DataFr
 
 
 def prediction_summary(models: tuple[str, ...] = MODELS) -> pd.DataFrame:
-    middle = dict(zip(MODELS, (1.95e-3, 2.03e-3, 3.13e-3, 3.79e-3, 15.4e-3, 29.5e-3), strict=True))
+    middle = dict(
+        zip(MODELS, (1.95e-3, 2.03e-3, 3.13e-3, 3.79e-3, 15.4e-3, 29.5e-3), strict=True)
+    )
     rows = []
     for name in models:
         m = middle[name]
@@ -153,7 +157,9 @@ def units() -> dict[str, float]:
     return {"length_unit_m": 0.02913, "time_unit_s": 0.027, "velocity_unit_m_s": 1.079}
 
 
-def distances(kinds: tuple[str, ...] = KINDS, n: int = 500, seed: int = 4) -> pd.DataFrame:
+def distances(
+    kinds: tuple[str, ...] = KINDS, n: int = 500, seed: int = 4
+) -> pd.DataFrame:
     rng = np.random.default_rng(seed)
     places = {
         "in_class": (2.99, 0.12),
@@ -162,9 +168,12 @@ def distances(kinds: tuple[str, ...] = KINDS, n: int = 500, seed: int = 4) -> pd
         "random": (3.7605, 0.102),
     }
     parts = [
-        pd.DataFrame({"kind": kind, "distance_rad": rng.normal(*places[kind], n)}) for kind in kinds
+        pd.DataFrame({"kind": kind, "distance_rad": rng.normal(*places[kind], n)})
+        for kind in kinds
     ]
-    empty = pd.DataFrame({"kind": pd.Series(dtype=str), "distance_rad": pd.Series(dtype=float)})
+    empty = pd.DataFrame(
+        {"kind": pd.Series(dtype=str), "distance_rad": pd.Series(dtype=float)}
+    )
     return pd.concat([empty, *parts], ignore_index=True) if parts else empty
 
 

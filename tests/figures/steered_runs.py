@@ -42,7 +42,9 @@ def film(frames=12):
     for k in range(frames):
         centre = [1 - k / frames, 0.1, 0.1 * (k % 4)]
         for name, place in zip(
-            ("body1", "body2", "body3", "boom"), np.concatenate([body, boom]) + centre, strict=True
+            ("body1", "body2", "body3", "boom"),
+            np.concatenate([body, boom]) + centre,
+            strict=True,
         ):
             rows.append((0.1 * k - 0.2, name, *place))
     return pd.DataFrame(rows, columns=["time_s", "marker", "x_m", "y_m", "z_m"])
@@ -60,7 +62,9 @@ def runs(starts=10, seeds=3):
             for k in range(starts * seeds):
                 success = rng.random() < rate
                 hops = int(rng.integers(20, 40)) if success else -1
-                rows.append((1 + k % seeds, experiment, controller, k // seeds, success, hops))
+                rows.append(
+                    (1 + k % seeds, experiment, controller, k // seeds, success, hops)
+                )
     columns = ["seed", "experiment", "controller", "run", "success", "hops"]
     return pd.DataFrame(rows, columns=columns)
 

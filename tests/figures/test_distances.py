@@ -21,9 +21,14 @@ NONE = {"conclusion": "cannot tell", "effect": None}
 
 def tables(shift):
     rng = np.random.default_rng(3)
-    samples = {kind: shift + rng.normal(2 + k / 4, 0.1, 300) for k, kind in enumerate(KINDS)}
+    samples = {
+        kind: shift + rng.normal(2 + k / 4, 0.1, 300) for k, kind in enumerate(KINDS)
+    }
     distances = pd.concat(
-        [pd.DataFrame({"kind": kind, "distance_rad": values}) for kind, values in samples.items()]
+        [
+            pd.DataFrame({"kind": kind, "distance_rad": values})
+            for kind, values in samples.items()
+        ]
     )
     shares = (0.05, 0.25, 0.5, 0.75, 0.95)
     rows = [(kind, *np.quantile(values, shares)) for kind, values in samples.items()]
@@ -32,7 +37,11 @@ def tables(shift):
 
 def test_each_study_stands_under_its_verdict():
     figure = both_sides_figure(
-        *tables(0), SAME, *tables(0.1), DIFFERENT, names=("C1 hopper", "control, not C1")
+        *tables(0),
+        SAME,
+        *tables(0.1),
+        DIFFERENT,
+        names=("C1 hopper", "control, not C1"),
     )
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
     assert "no difference above 13\u00a0%" in titles[0]

@@ -42,7 +42,9 @@ def test_boxes_are_the_quantiles_given():
     lower = distances_figure(table, summary).axes[1]
     for patch, row in zip(lower.patches, summary.to_dict("records"), strict=True):
         vertices = patch.get_path().vertices[:, 0]
-        assert (vertices.min(), vertices.max()) == pytest.approx((row["q25"], row["q75"]))
+        assert (vertices.min(), vertices.max()) == pytest.approx(
+            (row["q25"], row["q75"])
+        )
 
 
 def test_many_pairs_are_thinned_and_keep_their_ends():
@@ -54,7 +56,9 @@ def test_many_pairs_are_thinned_and_keep_their_ends():
     assert line.get_ydata()[-1] == 1
 
 
-@pytest.mark.parametrize("kinds", [("noised_identity", "random"), ("random",), KINDS[:1]])
+@pytest.mark.parametrize(
+    "kinds", [("noised_identity", "random"), ("random",), KINDS[:1]]
+)
 def test_an_empty_kind_is_named(kinds):
     figure = draw(distances(kinds, n=20))
     lower = figure.axes[1]

@@ -46,7 +46,13 @@ def test_cells_that_noise_explains_are_grey():
 def test_maps_and_differences_side_by_side():
     figure = matrices_figure(ESTIMATES, table(TRUE))
     shown = images(figure)
-    expected = (TRUE, FOUND["printed"], FOUND["corrected_curved"], 0 * TRUE + 0.2, 0 * TRUE - 0.05)
+    expected = (
+        TRUE,
+        FOUND["printed"],
+        FOUND["corrected_curved"],
+        0 * TRUE + 0.2,
+        0 * TRUE - 0.05,
+    )
     assert len(shown) == 5
     for (_, image), matrix in zip(shown, expected, strict=True):
         np.testing.assert_allclose(image.get_array(), matrix, atol=1e-12)
@@ -83,7 +89,8 @@ def table_scaling_study(cases=("hopper", *CASES)):
                 "delay_s": 0.01 * (case == "delay"),
                 "scale": SCALES,
                 "pooled_rms": 0.4 * SCALES ** (1 + (case == "hopper")),
-                "pooled_over_specialised": 7.0 * SCALES ** -(0.0 + 2 * (case != "hopper")),
+                "pooled_over_specialised": 7.0
+                * SCALES ** -(0.0 + 2 * (case != "hopper")),
                 "map_difference": 0.8 * SCALES ** (0.0 + (case == "hopper")),
                 "exact_difference": 1e-15 if case == "hopper" else 0.6,
                 "slope": 1.0 + (case == "hopper"),
@@ -95,7 +102,9 @@ def table_scaling_study(cases=("hopper", *CASES)):
 
 
 def test_three_panels_with_a_line_a_case():
-    figure = scaling_study_figure(table_scaling_study(("hopper", "coupling", "impulse", "delay")))
+    figure = scaling_study_figure(
+        table_scaling_study(("hopper", "coupling", "impulse", "delay"))
+    )
     first, second, third = figure.axes
     assert len(second.lines) == 4
     assert len(first.lines) == 4 + 2, "two guides"
@@ -120,7 +129,9 @@ def test_a_case_without_landings_is_named():
 def test_lines_are_the_table_scaling_study():
     figure = scaling_study_figure(table_scaling_study(("hopper", "delay")))
     for axes, column in zip(
-        figure.axes, ("pooled_rms", "pooled_over_specialised", "map_difference"), strict=True
+        figure.axes,
+        ("pooled_rms", "pooled_over_specialised", "map_difference"),
+        strict=True,
     ):
         np.testing.assert_array_equal(
             axes.lines[1].get_ydata(), table_scaling_study(("delay",))[column]

@@ -21,7 +21,9 @@ from hopdata.figures.models import (
 
 
 def maps():
-    angle, swing = np.meshgrid(np.linspace(-2 * np.pi, 4 * np.pi, 37), np.linspace(-1.2, 1.2, 9))
+    angle, swing = np.meshgrid(
+        np.linspace(-2 * np.pi, 4 * np.pi, 37), np.linspace(-1.2, 1.2, 9)
+    )
     table = pd.DataFrame({"boom_angle_rad": angle.ravel(), "swing_rad": swing.ravel()})
     for k, name in enumerate(COMPONENTS):
         table[name] = 40 * np.cos(table["boom_angle_rad"] + k) + 10 * table["swing_rad"]
@@ -39,7 +41,9 @@ def test_six_maps_with_bars_and_hops():
     assert text_faults(figure) == []
     panel = figure.axes[0]
     image = panel.images[0]
-    wide = maps().pivot_table(index="swing_rad", columns="boom_angle_rad", values="dx_mm")
+    wide = maps().pivot_table(
+        index="swing_rad", columns="boom_angle_rad", values="dx_mm"
+    )
     np.testing.assert_array_equal(image.get_array(), wide.to_numpy())
     assert image.get_extent()[0] == pytest.approx(-2 * np.pi - np.pi / 12)
     (dots,) = panel.collections
@@ -92,7 +96,9 @@ def test_kernels_are_the_table_with_a_floor():
     figure = kernel_smoothness_figure(kernels())
     assert len(figure.axes) == 6
     assert text_faults(figure) == []
-    heights = [container.lines[0].get_ydata()[0] for container in figure.axes[0].containers]
+    heights = [
+        container.lines[0].get_ydata()[0] for container in figure.axes[0].containers
+    ]
     expected = [max(0.9 - 0.5 * k, FLOOR) for k in range(len(READINGS))]
     np.testing.assert_allclose(heights, expected)
 

@@ -25,8 +25,14 @@ def contacts(n_columns=1, n=30, unmatched=True):
         )
         table["found_s"] = table["external_s"] + table["difference_s"]
         if unmatched:
-            table.loc[4, ["status", "found_s", "difference_s", "se_s"]] = ["missed"] + [np.nan] * 3
-            table.loc[8, ["status", "external_s", "difference_s"]] = ["invented", np.nan, np.nan]
+            table.loc[4, ["status", "found_s", "difference_s", "se_s"]] = ["missed"] + [
+                np.nan
+            ] * 3
+            table.loc[8, ["status", "external_s", "difference_s"]] = [
+                "invented",
+                np.nan,
+                np.nan,
+            ]
         pieces.append(table)
     return pd.concat(pieces, ignore_index=True)
 
@@ -42,9 +48,15 @@ def summary(table):
 
 def example(n_feet=3, force="N"):
     time = np.arange(-0.08, 0.12, 0.01)
-    rows = [("external", "plate1", 0.0, np.nan, "s"), ("found", "foot1", 0.002, np.nan, "s")]
+    rows = [
+        ("external", "plate1", 0.0, np.nan, "s"),
+        ("found", "foot1", 0.002, np.nan, "s"),
+    ]
     for foot in range(n_feet):
-        rows += [("height", f"foot{foot + 1}", t, max(0.0, -t * (1 + foot)), "m") for t in time]
+        rows += [
+            ("height", f"foot{foot + 1}", t, max(0.0, -t * (1 + foot)), "m")
+            for t in time
+        ]
     if force:
         rows += [("force", "plate1", t, max(0.0, 9000 * t), force) for t in time]
         rows += [("threshold", "plate1", 0.0, 30.0, force)]
@@ -75,7 +87,9 @@ def test_each_contact_stands_with_its_error():
     error = contact_overlay_figure(table, summary(table), example()).axes[0]
     used, left_out = error.containers
     shown = table[~table["excluded"]]
-    np.testing.assert_allclose(used[0].get_ydata().astype(float), shown["difference_s"] * 1000)
+    np.testing.assert_allclose(
+        used[0].get_ydata().astype(float), shown["difference_s"] * 1000
+    )
     low, high = used[2][0].get_segments()[0][:, 1]
     assert (high - low) / 2 == pytest.approx(0.8)
     assert left_out[0].get_markerfacecolor() == "white"

@@ -12,7 +12,9 @@ def boxes(figure):
 
 
 def test_six_boxes_in_the_printed_order():
-    figure = prediction_figure(prediction_summary().sample(frac=1, random_state=1), units())
+    figure = prediction_figure(
+        prediction_summary().sample(frac=1, random_state=1), units()
+    )
     axes = figure.axes[0]
     names = [label.get_text().splitlines()[:2] for label in axes.get_xticklabels()]
     assert names == [
@@ -31,7 +33,11 @@ def test_six_boxes_in_the_printed_order():
 @pytest.mark.parametrize("missing", [None, "specialised", "all", "near"])
 def test_specialised_and_all_are_compared_in_words_only_if_both_are_there(missing):
     table = prediction_summary()
-    title = prediction_figure(table[table["model"] != missing], units()).axes[0].get_title("left")
+    title = (
+        prediction_figure(table[table["model"] != missing], units())
+        .axes[0]
+        .get_title("left")
+    )
     assert title.startswith("How far each model misses")
     assert ("does not mean different maps" in title) == (missing in (None, "near"))
 
@@ -41,7 +47,9 @@ def test_boxes_are_the_quantiles_given():
     axes = prediction_figure(table, units()).axes[0]
     for patch, row in zip(axes.patches, table.to_dict("records"), strict=True):
         vertices = patch.get_path().vertices[:, 1]
-        assert (vertices.min(), vertices.max()) == pytest.approx((row["q25"], row["q75"]))
+        assert (vertices.min(), vertices.max()) == pytest.approx(
+            (row["q25"], row["q75"])
+        )
     ends = {float(y) for line in axes.lines for y in line.get_ydata()}
     for value in table[["p2_5", "p97_5", "median"]].to_numpy().ravel():
         assert any(np.isclose(value, end, rtol=1e-12) for end in ends)
@@ -62,7 +70,11 @@ def test_a_model_that_was_not_fitted_is_named(missing):
         table.loc[table["model"] == "far", ["median", "q25", "n_train"]] = np.nan
     figure = prediction_figure(table, units())
     assert len(boxes(figure)) == 5
-    said = [text for text in figure.axes[0].texts if text.get_text().startswith("not fitted")]
+    said = [
+        text
+        for text in figure.axes[0].texts
+        if text.get_text().startswith("not fitted")
+    ]
     assert len(said) == 1
     assert said[0].get_position()[0] == MODELS.index("far")
     assert text_faults(figure) == []
@@ -71,7 +83,14 @@ def test_a_model_that_was_not_fitted_is_named(missing):
 @pytest.mark.parametrize("spread", [1.02, 3.0, 1e4])
 def test_at_least_two_ticks_hold_the_boxes_between_them(spread):
     low, high = 0.06, 0.06 * spread
-    row = {"model": "all", "p2_5": low, "q25": low, "median": low, "q75": high, "p97_5": high}
+    row = {
+        "model": "all",
+        "p2_5": low,
+        "q25": low,
+        "median": low,
+        "q75": high,
+        "p97_5": high,
+    }
     figure = prediction_figure(pd.DataFrame([row]), units())
     axes = figure.axes[0]
     bottom, top = axes.get_ylim()
@@ -88,14 +107,25 @@ def test_no_whisker_lies_on_the_line_of_an_axis():
 
 
 def test_errors_of_zero_do_not_break_the_logarithmic_axis():
-    row = {"model": "all", "p2_5": 0.0, "q25": 0.0, "median": 0.0, "q75": 0.0, "p97_5": 0.0}
+    row = {
+        "model": "all",
+        "p2_5": 0.0,
+        "q25": 0.0,
+        "median": 0.0,
+        "q75": 0.0,
+        "p97_5": 0.0,
+    }
     figure = prediction_figure(pd.DataFrame([row]), units())
     assert np.isfinite(figure.axes[0].get_ylim()).all()
     assert text_faults(figure) == []
 
 
 def test_one_model_and_extra_columns_are_enough():
-    table = prediction_summary(("mean",)).assign(remark="x").drop(columns=["n_train", "n_test"])
+    table = (
+        prediction_summary(("mean",))
+        .assign(remark="x")
+        .drop(columns=["n_train", "n_test"])
+    )
     figure = prediction_figure(table, units())
     assert len(boxes(figure)) == 1
     assert text_faults(figure) == []

@@ -15,7 +15,10 @@ GAPS = pd.DataFrame(
     columns=["recording", "marker", "start_s", "stop_s"],
 )
 FAULTS = pd.DataFrame(
-    [("", name, kind, 3.0 + i) for i, (name, kind) in enumerate(zip(MARKERS, SIGNS, strict=True))]
+    [
+        ("", name, kind, 3.0 + i)
+        for i, (name, kind) in enumerate(zip(MARKERS, SIGNS, strict=True))
+    ]
     + [("", "", "dropped", 8.0)],
     columns=["recording", "marker", "kind", "start_s"],
 )
@@ -68,19 +71,28 @@ def test_a_whole_recording_without_faults():
 
 
 def stability(recordings=2, missing=False):
-    variants = ["all data", *(f"bandwidth × {f}" for f in (0.35, 0.5, 0.71, 1.41, 2, 2.83))]
+    variants = [
+        "all data",
+        *(f"bandwidth × {f}" for f in (0.35, 0.5, 0.71, 1.41, 2, 2.83)),
+    ]
     variants += ["first half", "second half", *(f"trial{k}" for k in range(recordings))]
     n = np.arange(len(variants))
     pre = 0.5 + 0.001 * np.sin(n)
     pre[0] = 0.5
     if missing:
         pre[-1] = np.nan
-    return pd.DataFrame({"variant": variants, "pre_height_m": pre, "post_height_m": 0.3})
+    return pd.DataFrame(
+        {"variant": variants, "pre_height_m": pre, "post_height_m": 0.3}
+    )
 
 
 def drift(parts=2, name="trial{}"):
     quantities = ["time between the sections", "height of the feet at the post section"]
-    rows = [(q, name.format(k), 0.1 * k - 0.1, 0.02, 0.1) for q in quantities for k in range(parts)]
+    rows = [
+        (q, name.format(k), 0.1 * k - 0.1, 0.02, 0.1)
+        for q in quantities
+        for k in range(parts)
+    ]
     return pd.DataFrame(rows, columns=["quantity", "part", "deviation", "se", "spread"])
 
 
@@ -122,7 +134,12 @@ def test_gaps_and_faults_stand_in_their_recording(recordings):
         {"recording": [names[0]], "marker": ["b2"], "start_s": [10.0], "stop_s": [12.0]}
     )
     faults = pd.DataFrame(
-        {"recording": [names[-1]], "kind": ["spike"], "marker": ["f1"], "start_s": [30.0]}
+        {
+            "recording": [names[-1]],
+            "kind": ["spike"],
+            "marker": ["f1"],
+            "start_s": [30.0],
+        }
     )
     figure = recording_gaps_figure(markers, gaps, faults)
     assert [axes.get_title(loc="left") for axes in figure.axes] == names

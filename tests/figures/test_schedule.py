@@ -32,7 +32,9 @@ def test_contacts_stand_in_order_with_their_errors():
     order = [int(foot) for foot in row["schedule"].split(">")]
     ticks = [label.get_text() for label in contact.get_yticklabels()]
     assert ticks == [f"foot{i} ({i})" for i in order]
-    assert contact.get_title(loc="left").startswith(f"order {' → '.join(map(str, order))}")
+    assert contact.get_title(loc="left").startswith(
+        f"order {' → '.join(map(str, order))}"
+    )
     assert "98.7 % sure" in contact.get_title(loc="left")
     for container, foot in zip(contact.containers, order, strict=True):
         instant = (row[f"contact_foot{foot}_s"] - row["t_pre_s"]) * 1000
@@ -69,7 +71,9 @@ def test_only_a_kink_lies_where_two_lines_meet(method):
     pluses = [line for line in axes.lines if line.get_marker() == "+"][:2]
     for plus, foot in zip(pluses, feet_names(2), strict=True):
         rows = table[table["foot"] == foot]
-        level = np.interp(plus.get_xdata()[0] / 1000, rows["time_s"], 1e3 * rows["height_m"])
+        level = np.interp(
+            plus.get_xdata()[0] / 1000, rows["time_s"], 1e3 * rows["height_m"]
+        )
         assert (plus.get_ydata()[0] == pytest.approx(level)) == (method != "kink")
 
 
@@ -77,8 +81,14 @@ def test_a_contact_that_is_not_determined_looks_so():
     row = touchdown(3)
     figure = drawn(example(row), row | {"se_foot2_s": 0.03})
     contact = figure.axes[1]
-    shown = [contact.containers[row["schedule"].split(">").index(foot)] for foot in "123"]
-    assert [one[0].get_markerfacecolor() == "white" for one in shown] == [False, True, False]
+    shown = [
+        contact.containers[row["schedule"].split(">").index(foot)] for foot in "123"
+    ]
+    assert [one[0].get_markerfacecolor() == "white" for one in shown] == [
+        False,
+        True,
+        False,
+    ]
     assert [text.get_text() for text in contact.texts].count("not determined") == 1
     assert text_faults(figure) == []
 
@@ -106,7 +116,11 @@ def test_the_plus_lies_on_the_curve():
 
 
 def test_a_foot_without_a_contact_and_an_unknown_order_are_said():
-    row = touchdown(3) | {"contact_foot2_s": np.nan, "se_foot2_s": np.nan, "schedule": np.nan}
+    row = touchdown(3) | {
+        "contact_foot2_s": np.nan,
+        "se_foot2_s": np.nan,
+        "schedule": np.nan,
+    }
     contact = (figure := drawn(example(touchdown(3)), row)).axes[1]
     assert "no contact" in [text.get_text() for text in contact.texts]
     assert contact.get_title(loc="left") == "order not determined"
@@ -117,7 +131,9 @@ def test_a_foot_without_a_contact_and_an_unknown_order_are_said():
 def test_gaps_in_the_samples_do_not_move_the_plus_to_nan():
     row = touchdown(2)
     table = example(row, 2)
-    table.loc[table["time_s"].between(0.03, 0.08), ["height_m", "velocity_m_s"]] = np.nan
+    table.loc[table["time_s"].between(0.03, 0.08), ["height_m", "velocity_m_s"]] = (
+        np.nan
+    )
     axes = drawn(table, row).axes[0]
     pluses = [line for line in axes.lines if line.get_marker() == "+"]
     assert len(pluses) == 3  # two feet and the legend's own, which is empty

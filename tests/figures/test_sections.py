@@ -26,7 +26,9 @@ def drawn(request):
 
 def test_axes_are_shared_and_labelled_with_units(drawn):
     _, _, figure = drawn
-    for (scatter, beside, above), foot in zip(panels(figure), ("lowest", "highest"), strict=True):
+    for (scatter, beside, above), foot in zip(
+        panels(figure), ("lowest", "highest"), strict=True
+    ):
         assert scatter.get_xlabel() == "mean body height (mm)"
         assert beside.get_ylabel() == f"{foot} foot height (mm)"
         assert beside.get_xlabel() == above.get_ylabel() == "density (1/m)"
@@ -38,8 +40,12 @@ def test_every_frame_is_drawn_once_and_coloured_by_its_threshold(drawn):
     table, limits, figure = drawn
     up = table["min_foot_m"] > limits["min_foot_threshold_m"]
     down = table["max_foot_m"] < limits["max_foot_threshold_m"]
-    for axes, chosen, colour in zip(panels(figure), (up, down), (BLUE, VERMILION), strict=True):
-        others, coloured = (c for c in axes[0].collections if isinstance(c, PathCollection))
+    for axes, chosen, colour in zip(
+        panels(figure), (up, down), (BLUE, VERMILION), strict=True
+    ):
+        others, coloured = (
+            c for c in axes[0].collections if isinstance(c, PathCollection)
+        )
         assert len(coloured.get_offsets()) == chosen.sum()
         assert len(others.get_offsets()) == (~chosen).sum()
         assert tuple(coloured.get_facecolor()[0][:3]) == to_rgba(colour)[:3]
@@ -47,10 +53,19 @@ def test_every_frame_is_drawn_once_and_coloured_by_its_threshold(drawn):
 
 def test_dashes_stand_at_thresholds_and_sections(drawn):
     _, limits, figure = drawn
-    keys = (("min_foot_threshold_m", "pre_height_m"), ("max_foot_threshold_m", "post_height_m"))
+    keys = (
+        ("min_foot_threshold_m", "pre_height_m"),
+        ("max_foot_threshold_m", "post_height_m"),
+    )
     both = sorted(1000 * limits[section] for _, section in keys)
-    for (scatter, beside, above), (key, section) in zip(panels(figure), keys, strict=True):
-        flat = [line.get_ydata()[0] for line in scatter.lines if np.ptp(line.get_ydata()) == 0]
+    for (scatter, beside, above), (key, section) in zip(
+        panels(figure), keys, strict=True
+    ):
+        flat = [
+            line.get_ydata()[0]
+            for line in scatter.lines
+            if np.ptp(line.get_ydata()) == 0
+        ]
         assert flat == pytest.approx([1000 * limits[key]])
         assert beside.lines[-1].get_ydata()[0] == flat[0]
         assert above.lines[-1].get_xdata()[0] == pytest.approx(1000 * limits[section])
@@ -61,14 +76,25 @@ def test_dashes_stand_at_thresholds_and_sections(drawn):
 def test_the_other_rule_is_dotted_and_named(drawn):
     _, limits, figure = drawn
     for half, side in zip(figure.subfigs, ("pre", "post"), strict=True):
-        wanted = [1000 * limits[f"{side}_height_m"], 1000 * limits["beside"][f"{side}_height_m"]]
+        wanted = [
+            1000 * limits[f"{side}_height_m"],
+            1000 * limits["beside"][f"{side}_height_m"],
+        ]
         for axes in (half.axes[0], half.axes[2], half.axes[3]):
-            upright = [line.get_xdata()[0] for line in axes.lines if np.ptp(line.get_xdata()) == 0]
+            upright = [
+                line.get_xdata()[0]
+                for line in axes.lines
+                if np.ptp(line.get_xdata()) == 0
+            ]
             assert sorted(upright) == pytest.approx(sorted(wanted))
     named = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "section by the rule printed" in named
-    alone = sections_figure(drawn[0], densities(drawn[0], limits), limits | {"beside": {}})
-    assert not any("by the rule" in text.get_text() for text in alone.legends[0].get_texts())
+    alone = sections_figure(
+        drawn[0], densities(drawn[0], limits), limits | {"beside": {}}
+    )
+    assert not any(
+        "by the rule" in text.get_text() for text in alone.legends[0].get_texts()
+    )
 
 
 def test_titles_count_landings_and_claim_nothing_about_frames(drawn):
@@ -88,7 +114,9 @@ def test_titles_count_landings_and_claim_nothing_about_frames(drawn):
 def test_the_top_row_shows_heights_in_landings(drawn):
     table, limits, figure = drawn
     for half, curves in zip(
-        figure.subfigs, (("top", "first_contact"), ("lowest", "last_contact")), strict=True
+        figure.subfigs,
+        (("top", "first_contact"), ("lowest", "last_contact")),
+        strict=True,
     ):
         peaks = [
             line.get_xdata()[np.argmax(line.get_ydata())]
@@ -97,7 +125,10 @@ def test_the_top_row_shows_heights_in_landings(drawn):
         ]
         known = densities(table, limits).set_index("curve")
         wanted = [
-            1e3 * known.loc[name, "height_m"].to_numpy()[known.loc[name, "density_per_m"].argmax()]
+            1e3
+            * known.loc[name, "height_m"].to_numpy()[
+                known.loc[name, "density_per_m"].argmax()
+            ]
             for name in curves
         ]
         assert peaks == pytest.approx(wanted)

@@ -48,7 +48,9 @@ def test_headings_are_shown_in_degrees_with_the_goal_of_a_turn():
 
 
 def test_the_goal_and_its_circle_are_there_only_if_a_place_is_the_goal():
-    assert any(line.get_marker() == "*" for line in steering_run_figure(curves()).axes[0].lines)
+    assert any(
+        line.get_marker() == "*" for line in steering_run_figure(curves()).axes[0].lines
+    )
     turn = steering_run_figure(curves("turn")).axes[0]
     assert not any(line.get_marker() == "*" for line in turn.lines)
 

@@ -91,12 +91,18 @@ def test_the_same_data_give_the_same_bytes(tmp_path, name):
 
 
 def test_other_data_give_other_bytes(tmp_path):
-    one = save_figure(prediction_figure(prediction_summary(), units()), tmp_path / "one")
-    two = save_figure(prediction_figure(prediction_summary(("all",)), units()), tmp_path / "two")
+    one = save_figure(
+        prediction_figure(prediction_summary(), units()), tmp_path / "one"
+    )
+    two = save_figure(
+        prediction_figure(prediction_summary(("all",)), units()), tmp_path / "two"
+    )
     assert one[0].read_bytes() != two[0].read_bytes()
 
 
-def test_nothing_stays_of_a_process_that_was_killed_while_it_saved(tmp_path, monkeypatch):
+def test_nothing_stays_of_a_process_that_was_killed_while_it_saved(
+    tmp_path, monkeypatch
+):
     def killed(self, draft, **options):
         draft.write_bytes(b"half")
         os._exit(9)
@@ -112,7 +118,9 @@ def test_nothing_stays_of_a_process_that_was_killed_while_it_saved(tmp_path, mon
 
 
 def test_files_formats_and_resolution(tmp_path):
-    files = save_figure(draw("prediction"), tmp_path / "fig.v2", formats=("png", "svg"), dpi=100)
+    files = save_figure(
+        draw("prediction"), tmp_path / "fig.v2", formats=("png", "svg"), dpi=100
+    )
     assert [path.name for path in files] == ["fig.v2.png", "fig.v2.svg"]
     assert sorted(tmp_path.iterdir()) == sorted(files)
     with Image.open(files[0]) as image:
@@ -163,7 +171,10 @@ def test_laid_out_once_the_picture_is_matplotlibs_own(tmp_path, name):
     with style_context():
         draw(name).savefig(own, dpi=100)
     with Image.open(ours) as one, Image.open(own) as other:
-        assert ImageChops.difference(one.convert("RGB"), other.convert("RGB")).getbbox() is None
+        assert (
+            ImageChops.difference(one.convert("RGB"), other.convert("RGB")).getbbox()
+            is None
+        )
 
 
 def test_each_format_is_drawn_once_and_the_layout_is_kept(tmp_path, monkeypatch):
@@ -207,8 +218,12 @@ def test_last_bits_of_a_place_do_not_show(tmp_path, monkeypatch):
 
 def whole_figures():
     yield lambda **o: prediction_figure(prediction_summary(), units(), **o)
-    yield lambda **o: schedule_figure(example(touchdown()), pd.DataFrame([touchdown()]), **o)
-    yield lambda **o: sections_figure(frames(), densities(frames(), sections()), sections(), **o)
+    yield lambda **o: schedule_figure(
+        example(touchdown()), pd.DataFrame([touchdown()]), **o
+    )
+    yield lambda **o: sections_figure(
+        frames(), densities(frames(), sections()), sections(), **o
+    )
     yield lambda **o: distances_figure(distances(), distance_summary(distances()), **o)
 
 
@@ -238,10 +253,18 @@ def test_a_figure_with_one_axes_is_drawn_into_the_users_own():
     with matplotlib.rc_context({"font.size": 20}):
         assert plan_figure({0.1: 500, 0.2: 130}, (1000, 0.15), 0.8, ax=axes) is axes
     assert axes.get_ylabel().startswith("landings that show it")
-    assert axes.texts[0].get_fontsize() == pytest.approx(6 * 20 / 7)  # the user's style is kept
+    assert axes.texts[0].get_fontsize() == pytest.approx(
+        6 * 20 / 7
+    )  # the user's style is kept
 
 
-EFFECT = {"estimate": 0.0, "low": 0.0, "high": 0.13, "upper_bound": 0.12, "detectable": 0.16}
+EFFECT = {
+    "estimate": 0.0,
+    "low": 0.0,
+    "high": 0.13,
+    "upper_bound": 0.12,
+    "detectable": 0.16,
+}
 VERDICT = {"conclusion": "no difference", "sentence": 12 * "words ", "effect": EFFECT}
 VERDICT |= {"confidence": 0.95, "margin": 0.2, "power": 0.8}
 ORDERS = pd.DataFrame({"schedule": ["2>1>3", "3>1>2", "1>2>3"], "excluded": False})
@@ -267,9 +290,13 @@ def test_a_whole_figure_or_subfigure_may_be_given():
 
 
 def test_wrong_places_and_styles_are_told_by_name():
-    with pytest.raises(ConfigError, match="style: expected one of nature, ieee, poster"):
+    with pytest.raises(
+        ConfigError, match="style: expected one of nature, ieee, poster"
+    ):
         message_figure("a", style="natur")
-    with pytest.raises(ConfigError, match="ax: expected axes or a figure, found a list"):
+    with pytest.raises(
+        ConfigError, match="ax: expected axes or a figure, found a list"
+    ):
         message_figure("a", ax=[])
 
 

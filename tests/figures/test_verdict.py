@@ -41,7 +41,10 @@ def verdict(conclusion="no difference", **changes):
 
 def touchdowns(*schedules):
     schedules = schedules or ("2>1>3", "2>1>3", "3>1>2", "1>2>3")
-    used = {"schedule": [*schedules, None], "excluded": [*([False] * len(schedules)), True]}
+    used = {
+        "schedule": [*schedules, None],
+        "excluded": [*([False] * len(schedules)), True],
+    }
     return pd.DataFrame(used)
 
 
@@ -61,7 +64,11 @@ def test_every_conclusion_is_drawn_without_overlap(conclusion, schedules):
 
 
 def test_the_sentence_is_not_broken_within_a_number():
-    lines = verdict_figure(verdict("cannot tell"), touchdowns()).get_supxlabel().splitlines()
+    lines = (
+        verdict_figure(verdict("cannot tell"), touchdowns())
+        .get_supxlabel()
+        .splitlines()
+    )
     assert len(lines) > 1
     assert not any(line.endswith("95") for line in lines)
 
@@ -69,12 +76,24 @@ def test_the_sentence_is_not_broken_within_a_number():
 @pytest.mark.parametrize(
     ("conclusion", "words", "bar", "label"),
     [
-        ("different", "Different maps: by 38 % (32 to 45 %)", [32, 45], "95 % interval"),
-        ("no difference", "One smooth map: no difference above 12 %", [0, 12], "not excluded"),
+        (
+            "different",
+            "Different maps: by 38 % (32 to 45 %)",
+            [32, 45],
+            "95 % interval",
+        ),
+        (
+            "no difference",
+            "One smooth map: no difference above 12 %",
+            [0, 12],
+            "not excluded",
+        ),
         ("cannot tell", "Cannot tell: up to 33 % possible", [0, 33], "not excluded"),
     ],
 )
-def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, words, bar, label):
+def test_answer_interval_and_what_could_be_seen_are_those_given(
+    conclusion, words, bar, label
+):
     axes = verdict_figure(verdict(conclusion), touchdowns()).axes[0]
     assert axes.get_title("left").replace("\u00a0", " ") == words
     assert list(axes.lines[0].get_xdata()) == pytest.approx(bar)
@@ -87,15 +106,23 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, word
     assert seen == pytest.approx(100 * EFFECTS[conclusion][-1])
     assert axes.get_xlabel().startswith(ASKED)
     told = any("counts as none" in text for text in texts(axes))
-    assert told == (conclusion != "different"), "an estimate below the margin may be a difference"
+    assert told == (conclusion != "different"), (
+        "an estimate below the margin may be a difference"
+    )
 
 
 def test_the_two_commonest_orders_are_drawn_with_their_maps():
-    for conclusion, maps in (("different", 2), ("no difference", 1), ("cannot tell", 1)):
+    for conclusion, maps in (
+        ("different", 2),
+        ("no difference", 1),
+        ("cannot tell", 1),
+    ):
         drawn = texts(verdict_figure(verdict(conclusion), touchdowns()).axes[1])
         assert {"feet 2 → 1 → 3: 2 landings", "feet 3 → 1 → 2: 1 landing"} <= set(drawn)
         assert any(text.startswith("the 2 commonest of 3 orders") for text in drawn)
-        assert drawn.index("2nd") < drawn.index("1st") < drawn.index("3rd"), "2 touches first"
+        assert drawn.index("2nd") < drawn.index("1st") < drawn.index("3rd"), (
+            "2 touches first"
+        )
         assert sum("map" in text for text in drawn) == maps + 1, "and what a map is"
 
 
@@ -116,11 +143,20 @@ def test_the_true_difference_of_a_simulated_study_is_marked(conclusion, true):
 
 
 def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
-    effect = {"estimate": 0.1, "low": 0.0, "high": 1e3, "upper_bound": 900.0, "detectable": 3.0}
+    effect = {
+        "estimate": 0.1,
+        "low": 0.0,
+        "high": 1e3,
+        "upper_bound": 900.0,
+        "detectable": 3.0,
+    }
     figure = verdict_figure(verdict("cannot tell", effect=effect), touchdowns())
     axes = figure.axes[0]
     assert axes.get_xlim()[1] < 400
-    assert any(line.get_marker() == ">" and line.get_ydata()[0] == BAR_ROW for line in axes.lines)
+    assert any(
+        line.get_marker() == ">" and line.get_ydata()[0] == BAR_ROW
+        for line in axes.lines
+    )
     assert text_faults(figure) == []
 
 
@@ -141,12 +177,16 @@ def test_without_an_answer_the_picture_says_why():
 
 def test_verdicts_share_their_scale():
     different = verdict("different")
-    figure = verdicts_figure(verdict(), touchdowns(), different, touchdowns(), names=("a", "b"))
+    figure = verdicts_figure(
+        verdict(), touchdowns(), different, touchdowns(), names=("a", "b")
+    )
     upper, lower = (part.axes[0] for part in figure.subfigs)
     assert upper.get_xlim() == lower.get_xlim()
     assert text_faults(figure) == []
     none = verdict("cannot tell", effect=None, sentence="Nothing.")
-    figure = verdicts_figure(verdict(), touchdowns(), none, touchdowns(), names=("a", "b"))
+    figure = verdicts_figure(
+        verdict(), touchdowns(), none, touchdowns(), names=("a", "b")
+    )
     assert [len(part.axes) for part in figure.subfigs] == [2, 2]
 
 
@@ -197,7 +237,10 @@ def test_no_text_covers_another_whatever_the_numbers(seed):
     rng = np.random.default_rng(seed)
     for _ in range(50):
         content, landings, true = random_verdict(rng)
-        assert text_faults(verdict_figure(content, landings, true)) == [], (content, true)
+        assert text_faults(verdict_figure(content, landings, true)) == [], (
+            content,
+            true,
+        )
 
 
 def test_texts_that_cover_each_other_would_be_seen():

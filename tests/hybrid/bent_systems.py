@@ -1,15 +1,24 @@
 """A pendulum among many guards, evaluated together or one by one, and a damped landing.
 
-The pendulum's parameters are its drive and, for each guard, its position, its tilt towards the
-speed, its sway with time, and the gain of the torque beyond it. With these parameters, one compiled
-field serves for Jacobians, batches, and guards that sleep.
+The pendulum's parameters are its drive and, for each guard, its position, its tilt
+towards the speed, its sway with time, and the gain of the torque beyond it. With these
+parameters, one compiled field serves for Jacobians, batches, and guards that sleep.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from hopdata.hybrid import System, affine, field, guard, guards, jacobian, on_event, rate_bound
+from hopdata.hybrid import (
+    System,
+    affine,
+    field,
+    guard,
+    guards,
+    jacobian,
+    on_event,
+    rate_bound,
+)
 
 
 @field
@@ -86,13 +95,20 @@ def bent_sparse(n: int, **options) -> System:
     """Return the pendulum with guards evaluated one by one, which sleep when far away."""
     bound = options.pop("rate_bound", bent_bound)
     return System(
-        bent_field, guard=bent_guard, rate_bound=bound, n_states=2, guard_names=names(n), **options
+        bent_field,
+        guard=bent_guard,
+        rate_bound=bound,
+        n_states=2,
+        guard_names=names(n),
+        **options,
     )
 
 
 def bent_params(places, *, drive=0.0, tilts=0.0, sways=0.0, gains=0.0):
     n = len(places)
-    columns = [np.broadcast_to(np.asarray(c, dtype=float), n) for c in (tilts, sways, gains)]
+    columns = [
+        np.broadcast_to(np.asarray(c, dtype=float), n) for c in (tilts, sways, gains)
+    ]
     return np.concatenate([[drive], places, *columns])
 
 
@@ -116,7 +132,9 @@ def landing() -> System:
 
     From then on it oscillates about another height at 20 radians per second.
     """
-    return System(landing_field, landing_guards, n_states=2, guard_names=("floor", "release"))
+    return System(
+        landing_field, landing_guards, n_states=2, guard_names=("floor", "release")
+    )
 
 
 @affine

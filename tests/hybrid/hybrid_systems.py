@@ -1,6 +1,7 @@
 """Small systems with exact solutions, shared by the tests of the integrator.
 
-They are compiled once and vary by their parameters, so the tests spend little time compiling.
+They are compiled once and vary by their parameters, so the tests spend little time
+compiling.
 """
 
 from __future__ import annotations
@@ -98,7 +99,9 @@ def rebound_from_table(t, y, mode, params, guard, direction):
 
 def table_ball() -> System:
     """Return a ball on a table at params[1] that shakes by params[2] at params[3] rad/s."""
-    return System(fall_field, table_guard, rebound_from_table, n_states=2, guard_names=("table",))
+    return System(
+        fall_field, table_guard, rebound_from_table, n_states=2, guard_names=("table",)
+    )
 
 
 @field
@@ -132,7 +135,9 @@ def ceiling_guard(t, y, dy, mode, params, h, hdot):
 
 def throw(**options) -> System:
     """Return a ball thrown against a ceiling at params[1], which it passes freely."""
-    return System(fall_field, ceiling_guard, n_states=2, guard_names=("ceiling",), **options)
+    return System(
+        fall_field, ceiling_guard, n_states=2, guard_names=("ceiling",), **options
+    )
 
 
 @field
@@ -278,4 +283,6 @@ def row_of_balls(n: int, **options) -> System:
     """
     options = {"on_event": collide, **options}
     names = tuple(f"gap{i}" for i in range(n - 1))
-    return System(row_field, guards=row_gaps, n_states=2 * n, guard_names=names, **options)
+    return System(
+        row_field, guards=row_gaps, n_states=2 * n, guard_names=names, **options
+    )

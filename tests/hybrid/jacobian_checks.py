@@ -25,7 +25,9 @@ def differences(system, t_span, y0, *, step=1e-4, **options):
 
 def carried(system, t_span, y0, **options):
     """Return a solution with its Jacobian at a tight tolerance, by one method with its own code."""
-    return solve(system, t_span, y0, jacobian=True, **{"method": "dop853", **TIGHT, **options})
+    return solve(
+        system, t_span, y0, jacobian=True, **{"method": "dop853", **TIGHT, **options}
+    )
 
 
 def gap(one, other):
@@ -36,7 +38,9 @@ def gap(one, other):
 def saltation_product(system, state, order, *, params=(), mode, t=0.0):
     """Return the product of the matrices of guards crossed at one instant, in the given order."""
     scale, product = np.ones(system.n_states), np.eye(system.n_states)
-    here = linearise(system, instant(system, state, params=params, mode=mode, t=t), scale)
+    here = linearise(
+        system, instant(system, state, params=params, mode=mode, t=t), scale
+    )
     for guard in order:
         matrix, here = crossing(system, here, guard, scale)
         product = matrix @ product

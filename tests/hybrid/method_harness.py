@@ -36,14 +36,26 @@ class Stepper:
     """A method, a field and the table of states, advanced one step at a time."""
 
     def __init__(
-        self, method, field, n, *, params=(), mode=NO_MODE, rtol=1e-9, atol=1e-12, **names
+        self,
+        method,
+        field,
+        n,
+        *,
+        params=(),
+        mode=NO_MODE,
+        rtol=1e-9,
+        atol=1e-12,
+        **names,
     ):
         names = {"FIELD": field, "N": n, **names}
         self.method, self.field, self.n = method, field, n
         self.step_code = specialised(method.step, **names)
         self.interpolant_code = specialised(method.interpolant, **names)
         self.params, self.mode = np.array(params, dtype=float), np.array(mode)
-        self.rtol, self.atol = rtol, np.full(n, atol) if np.isscalar(atol) else np.array(atol)
+        self.rtol, self.atol = (
+            rtol,
+            np.full(n, atol) if np.isscalar(atol) else np.array(atol),
+        )
         self.s = np.zeros((W1 + method.work_rows(n), n))
         self.s[P1:] = np.nan  # exposes reads of what was never written
 

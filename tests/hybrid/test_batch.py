@@ -19,7 +19,11 @@ from hopdata.hybrid import solve, solve_batch
 from hopdata.hybrid.batch import CHUNK, run_in_threads
 
 PARAMS = bent_params(
-    [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], sways=0.1, gains=[0.4, -0.8, -0.5]
+    [0.5, 0.7, 1.0],
+    drive=0.3,
+    tilts=[0.2, -0.3, 0.4],
+    sways=0.1,
+    gains=[0.4, -0.8, -0.5],
 )
 TIMES = np.linspace(0, 2, 11)
 
@@ -59,7 +63,9 @@ def test_the_bytes_of_solve(t_eval, jacobian):
 @pytest.mark.parametrize("workers", [1, 2, 7, None])
 def test_workers_and_places_do_not_matter(workers):
     system, y0 = bent(3), starts(200)
-    plain = solve_batch(system, (0, 2), y0, params=PARAMS, workers=workers, jacobian=True)
+    plain = solve_batch(
+        system, (0, 2), y0, params=PARAMS, workers=workers, jacobian=True
+    )
     order = np.random.default_rng(1).permutation(200)
     mixed = solve_batch(system, (0, 2), y0[order], params=PARAMS, jacobian=True)
     assert mixed.y_end.tobytes() == plain.y_end[order].tobytes()
@@ -72,7 +78,9 @@ def test_each_method(method):
     system, y0 = bent(3), starts(5)
     batch = solve_batch(system, (0, 2), y0, params=PARAMS, method=method)
     for place in range(5):
-        assert_same(batch, place, solve(system, (0, 2), y0[place], params=PARAMS, method=method))
+        assert_same(
+            batch, place, solve(system, (0, 2), y0[place], params=PARAMS, method=method)
+        )
 
 
 def test_parameters_of_each():
@@ -80,7 +88,9 @@ def test_parameters_of_each():
     params = np.column_stack([np.linspace(1, 3, 70), np.linspace(0.2, 0.8, 70)])
     batch = solve_batch(system, (0, 2), y0, params=params)
     for place in range(70):
-        assert_same(batch, place, solve(system, (0, 2), y0[place], params=params[place]))
+        assert_same(
+            batch, place, solve(system, (0, 2), y0[place], params=params[place])
+        )
     assert len(np.unique(batch.y_end[:, 0])) == 70
 
 
@@ -95,7 +105,10 @@ def test_parameters_and_states_are_not_changed():
 
 def test_each_has_a_memory_of_its_own():
     plate = Plate(12)
-    system, y0 = plate.system(sums=True), np.tile([0.1, 0.97, 0.05, 0.2, -1.0, 0.3], (3, 1))
+    system, y0 = (
+        plate.system(sums=True),
+        np.tile([0.1, 0.97, 0.05, 0.2, -1.0, 0.3], (3, 1)),
+    )
     options = {"params": plate.params, "memory": plate.memory(y0[0])}
     batch = solve_batch(system, (0, 0.3), y0, **options)
     assert batch.n_events.min() > 0
@@ -111,8 +124,13 @@ def test_an_initial_mode():
 
 
 def test_terminal_events_end_each_at_its_own_time():
-    system, y0 = ladder(1, terminal=(True,)), np.column_stack([np.linspace(0, 0.8, 9), np.zeros(9)])
-    batch = solve_batch(system, (0, 1), y0, params=(0.5, 0.0), t_eval=[0.0, 0.25, 0.45, 1.0])
+    system, y0 = (
+        ladder(1, terminal=(True,)),
+        np.column_stack([np.linspace(0, 0.8, 9), np.zeros(9)]),
+    )
+    batch = solve_batch(
+        system, (0, 1), y0, params=(0.5, 0.0), t_eval=[0.0, 0.25, 0.45, 1.0]
+    )
     below = y0[:, 0] < 0.5
     assert batch.status.tolist() == below.astype(int).tolist()
     assert batch.t_end == pytest.approx(np.where(below, 0.5 - y0[:, 0], 1.0), abs=1e-14)
@@ -131,7 +149,9 @@ def test_rows_that_fail_do_not_disturb_the_others():
     assert not batch.success
     first, second = batch.message.splitlines()
     assert first.startswith("40 of 80, such as number 1: The field is NaN or infinite")
-    assert second.startswith("40 of 80, such as number 0: The integration reached the end")
+    assert second.startswith(
+        "40 of 80, such as number 0: The integration reached the end"
+    )
 
 
 def test_the_message_names_the_guard():
@@ -149,14 +169,19 @@ def test_limits():
     )
     assert few_steps.status.tolist() == [-4] * 3
     assert few_steps.n_steps.tolist() == [7] * 3
-    few_events = solve_batch(ladder(2), (0, 2), np.zeros((3, 2)), max_events=1, **options)
+    few_events = solve_batch(
+        ladder(2), (0, 2), np.zeros((3, 2)), max_events=1, **options
+    )
     assert few_events.status.tolist() == [-5] * 3
     assert few_events.n_events.tolist() == [1] * 3
 
 
 def test_more_events_than_there_is_room_for():
     """The log of a batch is discarded when it is full."""
-    system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 1.0), "t_eval": [3.0, 1200.5]}
+    system, options = (
+        ball(directions=(1,)),
+        {"params": (2.0, 0.0, 1.0), "t_eval": [3.0, 1200.5]},
+    )
     batch = solve_batch(system, (0, 1201), np.tile([1.0, 0.0], (3, 1)), **options)
     single = solve(system, (0, 1201), [1.0, 0.0], **options)
     assert len(single.events) == 600
@@ -165,7 +190,10 @@ def test_more_events_than_there_is_room_for():
 
 
 def test_more_steps_than_the_driver_takes_in_one_call():
-    system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 0.5), "max_step": 5e-6}
+    system, options = (
+        ball(directions=(1,)),
+        {"params": (2.0, 0.0, 0.5), "max_step": 5e-6},
+    )
     batch = solve_batch(system, (0, 1.1), np.tile([1.0, 0.0], (2, 1)), **options)
     assert batch.n_steps.min() > 200_000
     assert_same(batch, 1, solve(system, (0, 1.1), [1.0, 0.0], t_eval=[1.0], **options))
@@ -174,7 +202,12 @@ def test_more_steps_than_the_driver_takes_in_one_call():
 @pytest.mark.parametrize("count", [0, 1, 64, 65, 66])
 def test_sizes(count):
     batch = solve_batch(
-        ladder(1), (0, 1), np.zeros((count, 2)), params=(0.5, 1.0), t_eval=[0.25], jacobian=True
+        ladder(1),
+        (0, 1),
+        np.zeros((count, 2)),
+        params=(0.5, 1.0),
+        t_eval=[0.25],
+        jacobian=True,
     )
     assert len(batch) == count
     assert batch.success
@@ -189,7 +222,10 @@ def test_what_is_not_asked_for_is_none():
 
 
 def test_an_empty_batch_of_parameters():
-    assert len(solve_batch(ladder(1), (0, 1), np.zeros((0, 2)), params=np.zeros((0, 2)))) == 0
+    assert (
+        len(solve_batch(ladder(1), (0, 1), np.zeros((0, 2)), params=np.zeros((0, 2))))
+        == 0
+    )
 
 
 def test_pickling():
@@ -216,7 +252,9 @@ def test_an_exception_of_python_is_raised_unchanged(place):
         solve_batch(py_raising(), (0, 2), y0, params=(1.0,), method="dopri5")
     assert caught.value.args == ("no such place", 3)
     assert threading.active_count() == 1
-    assert solve_batch(py_raising(), (0, 2), y0[-1:] - 5, params=(1.0,), method="dopri5").success
+    assert solve_batch(
+        py_raising(), (0, 2), y0[-1:] - 5, params=(1.0,), method="dopri5"
+    ).success
 
 
 @pytest.mark.parametrize(
@@ -224,7 +262,10 @@ def test_an_exception_of_python_is_raised_unchanged(place):
     [
         ({"y0": np.zeros(2)}, r"y0: expected shape \(B, 2\), found \(2,\)"),
         ({"y0": np.zeros((3, 3))}, r"y0: expected shape \(B, 2\)"),
-        ({"y0": [[0, 0], [0, np.nan], [np.inf, 0]]}, r"y0: expected finite .* in row 1"),
+        (
+            {"y0": [[0, 0], [0, np.nan], [np.inf, 0]]},
+            r"y0: expected finite .* in row 1",
+        ),
         ({"params": np.zeros((3, 2))}, r"params: expected shape \(p,\) or \(2, p\)"),
         ({"params": np.zeros((2, 2, 2))}, r"params: expected shape"),
         ({"memory": [1.0]}, "memory: expected 0 numbers"),
@@ -241,7 +282,12 @@ def test_an_exception_of_python_is_raised_unchanged(place):
     ],
 )
 def test_wrong_arguments_are_named(change, message):
-    arguments = {"t_span": (0, 1), "y0": np.zeros((2, 2)), "params": (5.0, 1.0), **change}
+    arguments = {
+        "t_span": (0, 1),
+        "y0": np.zeros((2, 2)),
+        "params": (5.0, 1.0),
+        **change,
+    }
     with pytest.raises(ValueError, match=message):
         solve_batch(ladder(1), **arguments)
 
@@ -250,7 +296,10 @@ def test_wrong_arguments_are_named(change, message):
     ("change", "message"),
     [
         ({"y0": np.zeros(2)}, r"y0: expected shape \(B, 2\), found \(2,\)"),
-        ({"params": np.ones((2, 2))}, r"params: expected shape \(p,\) or \(3, p\), found \(2, 2\)"),
+        (
+            {"params": np.ones((2, 2))},
+            r"params: expected shape \(p,\) or \(3, p\), found \(2, 2\)",
+        ),
         ({"params": np.ones((2, 3, 2))}, r"params: expected shape"),
         ({"params": [5.0, np.nan]}, r"params: expected finite numbers, found .* nan"),
     ],
@@ -263,7 +312,9 @@ def test_wrong_arguments_are_named_where_parameters_are_states(change, message):
 
 def test_params_are_a_vector_whatever_their_shape():
     found = [
-        solve(ladder(1), (0, 1), [0.0, 0.0], params=params, jacobian="params").sensitivity.tobytes()
+        solve(
+            ladder(1), (0, 1), [0.0, 0.0], params=params, jacobian="params"
+        ).sensitivity.tobytes()
         for params in ([0.5, 1.0], [[0.5, 1.0]], [[0.5], [1.0]])
     ]
     assert len(set(found)) == 1
@@ -278,7 +329,9 @@ def test_missing_parameters_are_named(params):
 @pytest.mark.parametrize("workers", [0, -1])
 def test_workers_are_checked(workers):
     with pytest.raises(ValueError, match=r"^workers"):
-        solve_batch(ladder(1), (0, 1), np.zeros((2, 2)), params=(5.0, 1.0), workers=workers)
+        solve_batch(
+            ladder(1), (0, 1), np.zeros((2, 2)), params=(5.0, 1.0), workers=workers
+        )
 
 
 def test_progress(capsys):
@@ -294,16 +347,26 @@ def test_progress(capsys):
 
 def test_ctrl_c_ends_the_threads():
     """Chunks in progress run to their ends, and no more are started."""
-    system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 0.5), "max_step": 1e-4}
-    solve_batch(system, (0, 2.1), [[1.0, 0.0]], **options)  # a compiler may lose an interrupt
-    # A process started in the background ignores Ctrl-C by inheritance; this one must not.
+    system, options = (
+        ball(directions=(1,)),
+        {"params": (2.0, 0.0, 0.5), "max_step": 1e-4},
+    )
+    solve_batch(
+        system, (0, 2.1), [[1.0, 0.0]], **options
+    )  # a compiler may lose an interrupt
+    # A process started in the background ignores Ctrl-C by inheritance; this one must
+    # not.
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     before = threading.active_count()
-    interrupter = threading.Thread(target=interrupt_when_threads_run, args=(before + 1,))
+    interrupter = threading.Thread(
+        target=interrupt_when_threads_run, args=(before + 1,)
+    )
     interrupter.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            solve_batch(system, (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)), workers=2, **options)
+            solve_batch(
+                system, (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)), workers=2, **options
+            )
         interrupter.join()
     finally:
         signal.signal(signal.SIGINT, handler)
@@ -313,7 +376,9 @@ def test_ctrl_c_ends_the_threads():
 def test_long_integrations_are_taken_one_at_a_time(monkeypatch):
     """Ctrl-C need not wait for 64 of them."""
     chunks, run = [], run_in_threads
-    monkeypatch.setattr(batches, "run_in_threads", lambda *a: chunks.append(a[-1]) or run(*a))
+    monkeypatch.setattr(
+        batches, "run_in_threads", lambda *a: chunks.append(a[-1]) or run(*a)
+    )
     for max_step in (4e-6, 0.1):
         options = {"params": (5.0, 1.0), "max_step": max_step}
         assert solve_batch(ladder(1), (0, 1), np.zeros((3, 2)), **options).success

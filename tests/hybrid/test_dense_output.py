@@ -22,13 +22,17 @@ SWING = System(swing_field, n_states=2)
 TIMES = np.linspace(0.0, 4.0, 3001)
 
 
-@pytest.mark.parametrize(("method", "order"), [("dopri5", 5), ("dop853", 8), ("rosenbrock", 5)])
+@pytest.mark.parametrize(
+    ("method", "order"), [("dopri5", 5), ("dop853", 8), ("rosenbrock", 5)]
+)
 def test_it_has_the_order_of_the_method(method, order):
     exact = solve(SWING, (0, 4), [1.0, 0.0], rtol=2.3e-15, atol=1e-15, t_eval=TIMES).y
     steps, errors = 4.0 / np.array([16, 24, 32, 48]), []
     for step in steps:
         options = {"rtol": 0.5, "atol": 0.1, "first_step": step, "max_step": step}
-        solution = solve(SWING, (0, 4), [1.0, 0.0], method=method, dense_output=True, **options)
+        solution = solve(
+            SWING, (0, 4), [1.0, 0.0], method=method, dense_output=True, **options
+        )
         assert solution.n_steps == round(4.0 / step)
         errors.append(np.abs(solution(TIMES) - exact).max())
     slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
@@ -65,7 +69,9 @@ def test_both_sides_of_an_event(backward):
     system, options = replace(ball(), undo=bounce_undone), {"params": (2.0, 0.0, 0.5)}
     solution = solve(system, (0.0, 2.5), [1.0, 0.0], dense_output=True, **options)
     if backward:
-        solution = solve(system, (2.5, 0.0), solution.y_end, dense_output=True, **options)
+        solution = solve(
+            system, (2.5, 0.0), solution.y_end, dense_output=True, **options
+        )
     first = np.sort(np.unique(solution.events.time))[0]
     assert first == pytest.approx(1.0, abs=1e-13)
     assert solution(first, side="left") == pytest.approx([0.0, -2.0], abs=1e-12)
@@ -84,8 +90,15 @@ def test_only_when_asked_for_and_only_within():
     with pytest.raises(ValueError, match="dense_output=True"):
         plain(0.5)
     dense = solve(ladder(1), (0, 1), [0.0, 0.0], params=(5.0, 1.0), dense_output=True)
-    for wrong, told in ((-0.1, "-0.1"), (1.1, "1.1"), (np.nan, "nan"), ([0.5, 2.0], "2.")):
-        with pytest.raises(ValueError, match=rf"times within \(0.0, 1.0\), found \[ *{told}\]"):
+    for wrong, told in (
+        (-0.1, "-0.1"),
+        (1.1, "1.1"),
+        (np.nan, "nan"),
+        ([0.5, 2.0], "2."),
+    ):
+        with pytest.raises(
+            ValueError, match=rf"times within \(0.0, 1.0\), found \[ *{told}\]"
+        ):
             dense(wrong)
     with pytest.raises(ValueError, match="side"):
         dense(0.5, side="above")
@@ -97,7 +110,9 @@ def test_only_when_asked_for_and_only_within():
 
 
 def test_long_ones_failed_ones_and_ones_without_a_step():
-    long = solve(ball(), (0, 301), [1.0, 0.0], params=(2.0, 0.0, 1.0), dense_output=True)
+    long = solve(
+        ball(), (0, 301), [1.0, 0.0], params=(2.0, 0.0, 1.0), dense_output=True
+    )
     times = np.linspace(0, 301, 1001)[:-1]
     part = (times + 1) % 2 - 1
     assert np.abs(long(times)[0] - (1 - part**2)).max() < 1e-9

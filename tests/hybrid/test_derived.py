@@ -10,7 +10,16 @@ from bent_systems import bent, bent_params
 from exact import INITIAL_STATE, T_SPAN, Plate, VerticalHopper, octant
 from hybrid_systems import ball, fall_field, floor_guard, ladder, relay, throw
 
-from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
+from hopdata.hybrid import (
+    System,
+    field,
+    guard,
+    guards,
+    on_event,
+    rate_bound,
+    solve,
+    solve_batch,
+)
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
@@ -56,7 +65,9 @@ def body(t, y, mode, params, dy):
     for leg in range(len(mode)):
         side = 0.4 * leg / (len(mode) - 1) - 0.2
         if mode[leg] > 0:
-            push = params[0] * (0.5 - y[0] - side * y[1]) - params[1] * (y[2] + side * y[3])
+            push = params[0] * (0.5 - y[0] - side * y[1]) - params[1] * (
+                y[2] + side * y[3]
+            )
             dy[2], dy[3] = dy[2] + push, dy[3] + 10.0 * side * push
 
 
@@ -71,7 +82,10 @@ def feet(t, y, dy, mode, params, h, hdot):
 @pytest.mark.parametrize("n_legs", [2, 3, 6])
 def test_a_body_on_legs_returns_to_its_start(n_legs, rtol):
     names = tuple(f"foot{leg}" for leg in range(n_legs))
-    system, rng = System(body, feet, n_states=4, guard_names=names), np.random.default_rng(n_legs)
+    system, rng = (
+        System(body, feet, n_states=4, guard_names=names),
+        np.random.default_rng(n_legs),
+    )
     for _ in range(5):
         start = np.array([0.7, *rng.normal(scale=0.05, size=3)])
         options = {"params": (800.0 / n_legs, 4.0 / n_legs), "rtol": rtol, "atol": rtol}
@@ -82,8 +96,8 @@ def test_a_body_on_legs_returns_to_its_start(n_legs, rtol):
 
 
 PLATE, HOPPER = Plate(12), hopper_system()
-# The remaining systems of these tests and of the library. The hopper's handler changes nothing
-# before all its legs stand, so that it undoes itself.
+# The remaining systems of these tests and of the library. The hopper's handler changes
+# nothing before all its legs stand, so that it undoes itself.
 SCENES = {
     "bent": (bent(3), 2.0, [0.0, 1.2], bent_params(
         [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], sways=[0.0, 0.1, 0.2],
@@ -125,17 +139,25 @@ def test_a_reset_is_undone_by_its_inverse():
     there, back, off = there_and_back(system, (0.0, 2.7), [1.0, 0.3], **options)
     assert off.max() < 1e-7
     assert len(there.events) == len(back.events) == 6
-    assert np.unique(back.events.time)[::-1] == pytest.approx(np.unique(there.events.time)[::-1])
-    forgotten = solve(replace(ball(), undo=ball().on_event), (2.7, 0.0), there.y_end, **options)
+    assert np.unique(back.events.time)[::-1] == pytest.approx(
+        np.unique(there.events.time)[::-1]
+    )
+    forgotten = solve(
+        replace(ball(), undo=ball().on_event), (2.7, 0.0), there.y_end, **options
+    )
     assert np.abs(forgotten.y_end - [1.0, 0.3]).max() > 0.1  # that is not its inverse
 
 
 def test_without_an_inverse_a_handler_is_refused():
     for system in (ball(), relay()):
-        with pytest.raises(ValueError, match=r"end not before the start.*System\(undo=\.\.\.\)"):
+        with pytest.raises(
+            ValueError, match=r"end not before the start.*System\(undo=\.\.\.\)"
+        ):
             solve(system, (1.0, 0.0), [0.5, 0.0], params=(2.0, 0.0, 0.5))
     with pytest.raises(TypeError, match="@on_event"):
-        System(fall_field, floor_guard, undo=fall_field, n_states=2, guard_names=("floor",))
+        System(
+            fall_field, floor_guard, undo=fall_field, n_states=2, guard_names=("floor",)
+        )
 
 
 def test_times_samples_directions_and_ends_are_those_of_the_way():
@@ -146,8 +168,13 @@ def test_times_samples_directions_and_ends_are_those_of_the_way():
     assert back.y[0] == pytest.approx([3.0, 2.0, 1.0, 0.5], abs=1e-13)
     assert back.events.time == pytest.approx([1.0], abs=1e-13)
     assert back.events.direction.tolist() == [-1]
-    assert len(solve(ladder(1, directions=(1,)), (2.0, 0.0), [3.0, 0.0], **options).events) == 0
-    ended = solve(ladder(1, terminal=(True,)), (2.0, 0.0), [3.0, 0.0], params=(1.0, 1.0))
+    assert (
+        len(solve(ladder(1, directions=(1,)), (2.0, 0.0), [3.0, 0.0], **options).events)
+        == 0
+    )
+    ended = solve(
+        ladder(1, terminal=(True,)), (2.0, 0.0), [3.0, 0.0], params=(1.0, 1.0)
+    )
     assert ended.status == 1
     assert ended.t_end == pytest.approx(1.0, abs=1e-13)
     assert "t = 1" in ended.message or "t = 0.99" in ended.message
@@ -158,11 +185,15 @@ def test_times_samples_directions_and_ends_are_those_of_the_way():
 def test_a_batch_goes_back_as_single_runs_do():
     ends = np.array([[0.2, 0.3, -0.3], [0.27, 0.34, -0.35]])
     times = [0.5, 0.4, 0.2]
-    batch = solve_batch(octant(), (0.5, 0.0), ends, t_eval=times, jacobian=True, method="dop853")
+    batch = solve_batch(
+        octant(), (0.5, 0.0), ends, t_eval=times, jacobian=True, method="dop853"
+    )
     assert batch.t_end.tolist() == [0.0, 0.0]
     assert batch.t.tolist() == times
     for row, end in enumerate(ends):
-        one = solve(octant(), (0.5, 0.0), end, t_eval=times, jacobian=True, method="dop853")
+        one = solve(
+            octant(), (0.5, 0.0), end, t_eval=times, jacobian=True, method="dop853"
+        )
         assert batch.y_end[row].tobytes() == one.y_end.tobytes()
         assert np.ascontiguousarray(batch.y[row]).tobytes() == one.y.tobytes()
         assert batch.jacobian[row].tobytes() == one.jacobian.tobytes()
@@ -201,7 +232,11 @@ def test_python_functions_and_guards_that_sleep_go_back():
     names, options = tuple("abcde"), {"params": (9.81,), "rtol": 1e-9}
     plain = System(slow_fall, slow_planes, n_states=2, guard_names=names)
     asleep = System(
-        slow_fall, guard=one_plane, rate_bound=planes_bound, n_states=2, guard_names=names
+        slow_fall,
+        guard=one_plane,
+        rate_bound=planes_bound,
+        n_states=2,
+        guard_names=names,
     )
     ends = []
     for system in (plain, asleep):

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
-from hopdata.hybrid.layout import FINISHED, NO_END, TERMINATED, TOO_MANY_EVENTS, TOO_MANY_STEPS
+from hopdata.hybrid.layout import (
+    FINISHED,
+    NO_END,
+    TERMINATED,
+    TOO_MANY_EVENTS,
+    TOO_MANY_STEPS,
+)
 
 G = 9.81
 
@@ -62,7 +68,9 @@ DECAYING = System(decay, level, n_states=1, guard_names=("level",), terminal=(Tr
 def test_a_terminal_event_ends_a_fall(start, height):
     solution = solve(DROPPED, (start, inf), [height, 0.0])
     assert solution.status == TERMINATED
-    assert solution.t_end - start == pytest.approx(sqrt(2 * height / G), rel=1e-9, abs=1e-9)
+    assert solution.t_end - start == pytest.approx(
+        sqrt(2 * height / G), rel=1e-9, abs=1e-9
+    )
     assert solution.y_end[1] == pytest.approx(-sqrt(2 * height * G), rel=1e-6)
     assert solution.n_steps < 100
 
@@ -80,7 +88,9 @@ def test_a_guard_that_bends_is_looked_at_as_densely_as_ever():
 
 
 def test_the_handler_may_end_it():
-    system = System(clock, sine, third, n_states=1, guard_names=("sine",), n_extra_modes=1)
+    system = System(
+        clock, sine, third, n_states=1, guard_names=("sine",), n_extra_modes=1
+    )
     solution = solve(system, (0, inf), [0.5], params=[1.0])
     assert solution.status == TERMINATED
     assert solution.t_end == pytest.approx(3 * pi - 0.5)
@@ -99,7 +109,9 @@ def solve_one_of_many(system, t_span, start):
 
 @pytest.mark.parametrize("ask", [solve, solve_one_of_many])
 def test_without_anything_that_may_end_it_it_is_refused(ask):
-    with pytest.raises(ValueError, match=r"t_span: expected a finite end, .*terminal.*max_events"):
+    with pytest.raises(
+        ValueError, match=r"t_span: expected a finite end, .*terminal.*max_events"
+    ):
         ask(falling(), (0, inf), [1.0, 0.0])
     assert solve(falling(), (0, 1), [1.0, 0.0]).status == FINISHED
     with pytest.raises(ValueError, match="t_span: expected a finite start"):

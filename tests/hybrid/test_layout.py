@@ -39,7 +39,9 @@ SYSTEM = System(linear, affine=form, n_states=2)
 
 
 def run(matrix, y0, end, start=0.0):
-    return solve(SYSTEM, (start, end), y0, params=np.ravel(matrix), rtol=1e-12, atol=1e-15)
+    return solve(
+        SYSTEM, (start, end), y0, params=np.ravel(matrix), rtol=1e-12, atol=1e-15
+    )
 
 
 @pytest.mark.parametrize("omega", [1e-3, 1.0, 30.0, 1e6])
@@ -116,9 +118,13 @@ def test_crossing_is_not_sliding():
     assert solve(sliding(), (0, 3), [-1.0], params=(-3.0, 2.0)).status == 0
 
 
-@pytest.mark.parametrize(("restitution", "pile"), [(0.1, 11 / 9), (0.5, 3.0), (0.9, 19.0)])
+@pytest.mark.parametrize(
+    ("restitution", "pile"), [(0.1, 11 / 9), (0.5, 3.0), (0.9, 19.0)]
+)
 def test_zeno_sequence(restitution, pile):
-    solution = solve(ball(directions=(1,)), (0, 99), [1.0, 0.0], params=(2.0, 0.0, restitution))
+    solution = solve(
+        ball(directions=(1,)), (0, 99), [1.0, 0.0], params=(2.0, 0.0, restitution)
+    )
     assert solution.status == codes.ZENO
     assert "'floor'" in solution.message
     assert solution.t_end == pytest.approx(pile, abs=1e-6)
@@ -129,7 +135,9 @@ def test_max_steps_and_max_events():
     solution = solve(growth(), (0, 2), [1.0, 0.0], params=(0.7, 4.0), max_steps=3)
     assert solution.status == codes.TOO_MANY_STEPS
     assert solution.n_steps == 3
-    solution = solve(ladder(3), (0, 2), [0.0, 0.0], params=(1, 1.1, 1.2, 0, 0, 0), max_events=2)
+    solution = solve(
+        ladder(3), (0, 2), [0.0, 0.0], params=(1, 1.1, 1.2, 0, 0, 0), max_events=2
+    )
     assert solution.status == codes.TOO_MANY_EVENTS
     assert len(solution.events) == 2
 
@@ -142,7 +150,9 @@ def test_an_exception_in_a_callback_is_raised():
 
 
 def test_partial_results_are_returned():
-    solution = solve(sliding(), (0, 3), [-1.0], params=(3.0, 2.0), t_eval=[0.1, 0.2, 0.8])
+    solution = solve(
+        sliding(), (0, 3), [-1.0], params=(3.0, 2.0), t_eval=[0.1, 0.2, 0.8]
+    )
     assert solution.t.tolist() == [0.1, 0.2]
     assert np.abs(solution.y[0] - [-0.8, -0.6]).max() < 1e-14
 
@@ -151,6 +161,8 @@ def test_no_name_of_a_row_or_slot_is_given_twice():
     """A second meaning would replace the first, and another row would be written."""
     text = Path(codes.__file__).read_text()
     lists = re.findall(r"^([A-Z0-9_, ]+) = numbers", text, re.MULTILINE)
-    names = [name.strip() for one in lists for name in one.split(",") if name.strip() != "_"]
+    names = [
+        name.strip() for one in lists for name in one.split(",") if name.strip() != "_"
+    ]
     assert len(names) > 100
     assert len(set(names)) == len(names)

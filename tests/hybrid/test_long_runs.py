@@ -38,19 +38,34 @@ def test_events_are_handed_over_as_they_come():
     whole, parts = solve(ball(), (0, 3001), [1.0, 0.0], **BOUNCES), []
     solution = solve(ball(), (0, 3001), [1.0, 0.0], events=parts.append, **BOUNCES)
     assert len(parts) > 3
-    assert np.concatenate([part.time for part in parts]).tobytes() == whole.events.time.tobytes()
+    assert (
+        np.concatenate([part.time for part in parts]).tobytes()
+        == whole.events.time.tobytes()
+    )
     assert sum(len(part) for part in parts) == solution.n_events == whole.n_events
     assert parts[0].guard_names == ("floor",)
-    with pytest.raises(ValueError, match="events: expected 'all', 'count' or a function"):
+    with pytest.raises(
+        ValueError, match="events: expected 'all', 'count' or a function"
+    ):
         solve(ball(), (0, 1), [1.0, 0.0], params=(2.0, 0.0, 1.0), events="none")
     with pytest.raises(ValueError, match="dense_output"):
-        solve(ball(), (0, 1), [1.0, 0.0], params=(2, 0, 1), events="count", dense_output=True)
+        solve(
+            ball(),
+            (0, 1),
+            [1.0, 0.0],
+            params=(2, 0, 1),
+            events="count",
+            dense_output=True,
+        )
 
 
 def test_the_second_event_ends_it():
     for count in (1, 2, 3):
         solution = solve(
-            ball(terminal=(count,), directions=(1,)), (0, 9), [1.0, 0.0], params=(2.0, 0.0, 1.0)
+            ball(terminal=(count,), directions=(1,)),
+            (0, 9),
+            [1.0, 0.0],
+            params=(2.0, 0.0, 1.0),
         )
         assert solution.status == 1
         assert len(solution.events) == count
@@ -69,7 +84,10 @@ def laborious(t, y, mode, params, dy):
 
 @pytest.mark.parametrize("work", [0, 100_000])
 def test_an_interrupt_returns_what_was_reached(work):
-    system, options = System(laborious, n_states=1), {"max_step": 1e-4, "max_steps": 10**9}
+    system, options = (
+        System(laborious, n_states=1),
+        {"max_step": 1e-4, "max_steps": 10**9},
+    )
     solve(system, (0.0, 1e-3), [0.0], params=[work], **options)  # compile
     sent = []
 
@@ -210,7 +228,8 @@ def test_a_thousand_wrong_calls_neither_crash_nor_succeed():
             solution = solve(ladder(1), **{**good, name: value})
         except (ValueError, TypeError):
             continue
-        # These are valid: no modes, no samples, a lock, and a component whose error does not count.
+        # These are valid: no modes, no samples, a lock, and a component whose error
+        # does not count.
         good_after_all = ("None", "[]", "{}", "[1.0]", "[[1.0]]", "[inf, 0.0]")
         assert name in ("mode", "t_eval", "atol"), (name, value, solution)
         assert repr(value) in good_after_all, (name, value, solution)

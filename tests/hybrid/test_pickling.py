@@ -79,7 +79,9 @@ def run(folder, script, *arguments):
     file = folder / "script.py"
     file.write_text(script)
     command = [sys.executable, str(file), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=folder, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=folder, check=False
+    )
 
 
 @pytest.fixture
@@ -92,7 +94,9 @@ def model(tmp_path, monkeypatch):
     del sys.modules["model"]
 
 
-def test_the_same_in_a_fresh_process_and_refused_where_a_constant_differs(model, tmp_path):
+def test_the_same_in_a_fresh_process_and_refused_where_a_constant_differs(
+    model, tmp_path
+):
     solution = solve(model.system, (0, 9), [1.0, 0.0], params=[0.1])
     assert len(solution.events) > 3
     (tmp_path / "pickled").write_bytes(pickle.dumps(model.system))
@@ -109,7 +113,9 @@ def test_a_system_of_a_script_reaches_its_workers(tmp_path):
     assert done.stdout.strip() == "True", done.stderr[-500:]
 
 
-@pytest.mark.parametrize("duplicate", [lambda s: pickle.loads(pickle.dumps(s)), copy.deepcopy])
+@pytest.mark.parametrize(
+    "duplicate", [lambda s: pickle.loads(pickle.dumps(s)), copy.deepcopy]
+)
 @pytest.mark.parametrize("solved_before", [False, True])
 def test_a_system_in_the_same_process(duplicate, solved_before):
     options = {"params": (2.0, 0.0, 0.5)}
@@ -164,7 +170,10 @@ def local_field():
 @pytest.mark.parametrize(
     ("make", "why"),
     [
-        (local_field, r"field 'inside' \(.*test_pickling.py:\d+\).*inside another function"),
+        (
+            local_field,
+            r"field 'inside' \(.*test_pickling.py:\d+\).*inside another function",
+        ),
         (lambda: field(lambda t, y, mode, params, dy: dy.fill(1.0)), "lambda"),  # noqa: ARG005
         (lambda: field(partial(plain), compiled=False), "cannot be pickled"),
     ],
@@ -219,5 +228,7 @@ def test_constants_must_be_those_of_the_other_process(monkeypatch, name):
 def test_a_constant_that_is_of_another_kind_there(monkeypatch):
     pickled = pickle.dumps(reading)
     monkeypatch.setitem(globals(), "factor", None)
-    with pytest.raises(ArgumentError, match=r"expected factor = 1.0.*found .*no number"):
+    with pytest.raises(
+        ArgumentError, match=r"expected factor = 1.0.*found .*no number"
+    ):
         pickle.loads(pickled)

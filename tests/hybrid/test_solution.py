@@ -12,7 +12,9 @@ from hybrid_systems import ball, relay, sliding
 
 from hopdata.hybrid import EventLog, solve
 
-PARAMS = bent_params([0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], gains=[0.4, -0.8, -0.5])
+PARAMS = bent_params(
+    [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], gains=[0.4, -0.8, -0.5]
+)
 COLUMNS = ("time", "guard", "direction", "before", "after", "mode")
 
 
@@ -61,7 +63,9 @@ def test_shapes_of_an_empty_log():
 
 
 def test_events_of_one_guard():
-    log = solve(bent(3), (0, 20), [0.0, 1.2], params=bent_params([0.1, 0.3, 0.5])).events
+    log = solve(
+        bent(3), (0, 20), [0.0, 1.2], params=bent_params([0.1, 0.3, 0.5])
+    ).events
     for k, name in enumerate(log.guard_names):
         chosen = log.of(name)
         assert len(chosen) > 2
@@ -103,7 +107,17 @@ def test_parts_are_made_once_and_belong_to_nobody_else():
 
 
 def assert_equal(one, other):
-    for name in ("t", "y", "y_end", "t_end", "mode", "status", "n_steps", "nfev", "n_rejected"):
+    for name in (
+        "t",
+        "y",
+        "y_end",
+        "t_end",
+        "mode",
+        "status",
+        "n_steps",
+        "nfev",
+        "n_rejected",
+    ):
         assert np.array_equal(getattr(one, name), getattr(other, name))
     assert one.n_guard_evaluations == other.n_guard_evaluations
     assert one.message == other.message
@@ -112,7 +126,9 @@ def assert_equal(one, other):
         assert np.array_equal(getattr(one.events, name), getattr(other.events, name))
 
 
-@pytest.mark.parametrize("duplicate", [lambda s: pickle.loads(pickle.dumps(s)), copy.deepcopy])
+@pytest.mark.parametrize(
+    "duplicate", [lambda s: pickle.loads(pickle.dumps(s)), copy.deepcopy]
+)
 @pytest.mark.parametrize("read_before", [False, True])
 def test_copies(read_before, duplicate):
     solution = swing(jacobian=True, t_eval=[0.5, 1.0])

@@ -13,9 +13,15 @@ from hopdata.hybrid.workspace import Workspace
 
 
 def test_no_guards_agrees_with_scipy():
-    ours = solve(growth(), (0, 2), [1.0, 0.0], params=(0.7, 4.0), rtol=1e-10, atol=1e-12)
+    ours = solve(
+        growth(), (0, 2), [1.0, 0.0], params=(0.7, 4.0), rtol=1e-10, atol=1e-12
+    )
     theirs = solve_ivp(
-        lambda t, y: [0.7 * y[0], np.sqrt(4.0 - t)], (0, 2), [1.0, 0.0], rtol=1e-10, atol=1e-12
+        lambda t, y: [0.7 * y[0], np.sqrt(4.0 - t)],
+        (0, 2),
+        [1.0, 0.0],
+        rtol=1e-10,
+        atol=1e-12,
     )
     assert ours.success
     assert ours.y_end == pytest.approx(theirs.y[:, -1], rel=1e-8)
@@ -27,7 +33,9 @@ def test_no_guards_agrees_with_scipy():
 
 def test_samples_are_accurate():
     times = np.linspace(0, 2, 401)
-    solution = solve(growth(), (0, 2), [1.0, 0.0], params=(0.7, 4.0), rtol=1e-9, t_eval=times)
+    solution = solve(
+        growth(), (0, 2), [1.0, 0.0], params=(0.7, 4.0), rtol=1e-9, t_eval=times
+    )
     assert solution.t.tolist() == times.tolist()
     assert solution.y.shape == (2, 401)
     assert np.abs(solution.y[0] - np.exp(0.7 * times)).max() < 1e-8
@@ -37,7 +45,9 @@ def test_samples_are_accurate():
 
 def test_samples_do_not_change_the_steps():
     options = {"params": (0.7, 4.0), "rtol": 1e-9}
-    dense = solve(growth(), (0, 2), [1.0, 0.0], t_eval=np.linspace(0, 2, 401), **options)
+    dense = solve(
+        growth(), (0, 2), [1.0, 0.0], t_eval=np.linspace(0, 2, 401), **options
+    )
     bare = solve(growth(), (0, 2), [1.0, 0.0], **options)
     assert dense.y_end.tobytes() == bare.y_end.tobytes()
     assert dense.n_steps == bare.n_steps  # its interpolant takes extra evaluations
@@ -46,25 +56,37 @@ def test_samples_do_not_change_the_steps():
 def test_samples_through_events():
     rungs, gains = [0.5, 1.0, 1.25], [0.5, -0.9, 3.0]
     times = np.linspace(0, 3, 301)
-    solution = solve(ladder(3), (0, 3), [0.0, 0.0], params=(*rungs, *gains), t_eval=times)
+    solution = solve(
+        ladder(3), (0, 3), [0.0, 0.0], params=(*rungs, *gains), t_eval=times
+    )
     exact = [ladder_solution(rungs, gains, time)[1] for time in times]
     assert np.abs(solution.y[0] - exact).max() < 1e-13
 
 
 def test_sample_at_an_event_is_the_state_after_it():
     solution = solve(
-        ball(directions=(1,)), (0, 2), [1.0, 0.0], params=(2.0, 0.0, 0.5), t_eval=[0, 1.0, 1.5]
+        ball(directions=(1,)),
+        (0, 2),
+        [1.0, 0.0],
+        params=(2.0, 0.0, 0.5),
+        t_eval=[0, 1.0, 1.5],
     )
     time = solution.events.time[0]
     assert time == pytest.approx(1.0, abs=1e-15)
     again = solve(
-        ball(directions=(1,)), (0, 2), [1.0, 0.0], params=(2.0, 0.0, 0.5), t_eval=[0, time, 1.5]
+        ball(directions=(1,)),
+        (0, 2),
+        [1.0, 0.0],
+        params=(2.0, 0.0, 0.5),
+        t_eval=[0, time, 1.5],
     )
     assert again.y[1, 1] == pytest.approx(1.0, abs=1e-14)
 
 
 def test_event_log():
-    solution = solve(ball(directions=(1,)), (0, 2.5), [1.0, 0.0], params=(2.0, 0.0, 0.5))
+    solution = solve(
+        ball(directions=(1,)), (0, 2.5), [1.0, 0.0], params=(2.0, 0.0, 0.5)
+    )
     log = solution.events
     assert log.time == pytest.approx([1.0, 2.0], abs=1e-13)
     assert log.before[:, 1] == pytest.approx([-2.0, -1.0], abs=1e-12)
@@ -101,7 +123,9 @@ def test_long_output_grows():
 
 
 def test_terminal_guard():
-    solution = solve(ladder(2, terminal=(False, True)), (0, 9), [0.0, 0.0], params=(1, 2, 1, 0))
+    solution = solve(
+        ladder(2, terminal=(False, True)), (0, 9), [0.0, 0.0], params=(1, 2, 1, 0)
+    )
     assert solution.status == 1
     assert solution.success
     assert "rung1" in solution.message
@@ -112,7 +136,9 @@ def test_terminal_guard():
 def test_handler_ends_the_integration():
     from hybrid_systems import stop_at_once
 
-    solution = solve(ball(on_event=stop_at_once), (0, 9), [1.0, 0.0], params=(2.0, 0.0, 0.5))
+    solution = solve(
+        ball(on_event=stop_at_once), (0, 9), [1.0, 0.0], params=(2.0, 0.0, 0.5)
+    )
     assert solution.status == 1
     assert solution.t_end == pytest.approx(1.0, abs=1e-14)
     assert len(solution.events) == 1
@@ -120,7 +146,11 @@ def test_handler_ends_the_integration():
 
 def test_samples_end_where_it_ended():
     solution = solve(
-        ladder(1, terminal=(True,)), (0, 9), [0.0, 0.0], params=(1, 0), t_eval=[0.5, 0.9, 1.1]
+        ladder(1, terminal=(True,)),
+        (0, 9),
+        [0.0, 0.0],
+        params=(1, 0),
+        t_eval=[0.5, 0.9, 1.1],
     )
     assert solution.t.tolist() == [0.5, 0.9]
     assert solution.y.shape == (2, 2)
@@ -128,7 +158,9 @@ def test_samples_end_where_it_ended():
 
 def test_directions():
     for direction, expected in ((0, [1, -1]), (1, [1]), (-1, [-1])):
-        solution = solve(throw(directions=(direction,)), (0, 2), [0.0, 2.0], params=(2.0, 0.5))
+        solution = solve(
+            throw(directions=(direction,)), (0, 2), [0.0, 2.0], params=(2.0, 0.5)
+        )
         assert solution.events.direction.tolist() == expected
         assert solution.mode.tolist() == [-1]
 
@@ -215,7 +247,9 @@ def test_wrong_arguments_are_named(change, message):
 
 
 def test_a_system_checks_itself():
-    with pytest.raises(ArgumentError, match=r"System: expected the arguments .*'n_states'"):
+    with pytest.raises(
+        ArgumentError, match=r"System: expected the arguments .*'n_states'"
+    ):
         System(rebound, n_state=1)
     with pytest.raises(ArgumentError, match="n_states: expected a whole number"):
         System(ladder(1).field, n_states="1")
@@ -262,7 +296,9 @@ def test_asking_for_less_is_no_new_preparation(monkeypatch, options, all_is_prep
         assert len(again.events) == 0
 
 
-@pytest.mark.parametrize("wrong", ["", np.empty(0, dtype="U3"), np.empty((0, 2)), np.empty((2, 0))])
+@pytest.mark.parametrize(
+    "wrong", ["", np.empty(0, dtype="U3"), np.empty((0, 2)), np.empty((2, 0))]
+)
 def test_nothing_of_another_kind_is_refused_each_time(wrong):
     system, call = ladder(2), {"params": (0.2, 0.4, 0, 0)}
     for _ in range(2):

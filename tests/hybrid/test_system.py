@@ -24,7 +24,10 @@ ONE = {"n_states": 2, "guard_names": ("bar0",)}
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        ({"guards": bent_guards, "guard": bent_guard}, "guards, guard: expected one of them"),
+        (
+            {"guards": bent_guards, "guard": bent_guard},
+            "guards, guard: expected one of them",
+        ),
         ({"rate_bound": bent_bound}, "guards: expected a function declared by @guards"),
         (
             {"guards": bent_guards, "rate_bound": bent_bound},
@@ -32,16 +35,28 @@ ONE = {"n_states": 2, "guard_names": ("bar0",)}
         ),
         ({"guards": bent_guard}, "guards: expected a function declared by @guards"),
         ({"guard": bent_guards}, "guard: expected a function declared by @guard"),
-        ({"guard": bent_guard, "rate_bound": bent_guard}, "rate_bound: .* by @rate_bound"),
+        (
+            {"guard": bent_guard, "rate_bound": bent_guard},
+            "rate_bound: .* by @rate_bound",
+        ),
         ({"guards": bent_guards, "guard_names": ()}, "guard_names: expected one name"),
         ({"guard": bent_guard, "guard_names": ()}, "guard_names: expected one name"),
         ({}, "guards: expected a function declared by @guards"),
         ({"guards": bent_guards, "jacobian": bent_field}, "jacobian: .* by @jacobian"),
         ({"guards": bent_guards, "affine": bent_jacobian}, "affine: .* by @affine"),
-        ({"guards": bent_guards, "on_event": landing_affine}, "on_event: .* by @on_event"),
-        ({"guards": bent_guards, "terminal": (True, False)}, "terminal: expected 1 entries"),
+        (
+            {"guards": bent_guards, "on_event": landing_affine},
+            "on_event: .* by @on_event",
+        ),
+        (
+            {"guards": bent_guards, "terminal": (True, False)},
+            "terminal: expected 1 entries",
+        ),
         ({"guards": bent_guards, "directions": (2,)}, "directions: expected -1, 0 or"),
-        ({"guards": bent_guards, "n_states": 0}, "n_states: expected a whole number, at least 1"),
+        (
+            {"guards": bent_guards, "n_states": 0},
+            "n_states: expected a whole number, at least 1",
+        ),
     ],
 )
 def test_parts_that_do_not_fit(parts, message):
@@ -68,7 +83,9 @@ def test_elements_that_a_jacobian_names():
 
 
 def test_a_plain_function_is_no_callback():
-    with pytest.raises(TypeError, match="field: expected a function declared by @field"):
+    with pytest.raises(
+        TypeError, match="field: expected a function declared by @field"
+    ):
         System(bent_field.function, n_states=2)
 
 

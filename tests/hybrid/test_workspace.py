@@ -31,7 +31,9 @@ def test_results_do_not_change_when_memory_is_used_again():
     kept = solve(system, (0, 3), [1.0, 0.0], **BOUNCES)
     copies = kept.t.copy(), kept.y.copy(), kept.events.before.copy(), kept.mode.copy()
     solve(system, (5, 9), [3.0, 1.0], **BOUNCES)
-    for array, before in zip((kept.t, kept.y, kept.events.before, kept.mode), copies, strict=True):
+    for array, before in zip(
+        (kept.t, kept.y, kept.events.before, kept.mode), copies, strict=True
+    ):
         assert array.tobytes() == before.tobytes()
 
 
@@ -52,7 +54,9 @@ def test_a_failed_call_leaves_nothing_behind():
             solve(system, (0, 2), [0.0, 0.0], params=(1.0,), max_step=1e-3)
         with pytest.raises(ValueError, match="y0"):
             solve(system, (0, 2), [0.0, np.inf], params=(1.0,))
-        assert solve(system, (0, 2), [0.0, 0.0], params=(5.0,)).y_end[0] == pytest.approx(2.0)
+        assert solve(system, (0, 2), [0.0, 0.0], params=(5.0,)).y_end[
+            0
+        ] == pytest.approx(2.0)
 
 
 def test_memory_is_found_again():
@@ -78,8 +82,12 @@ def test_threads_do_not_share_memory():
 
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(run, ends))
-    assert all(same(run(end), one) for end, one in zip(ends[:4], together[:4], strict=True))
-    assert all(same(one, other) for one, other in zip(together[:4], together[4:8], strict=True))
+    assert all(
+        same(run(end), one) for end, one in zip(ends[:4], together[:4], strict=True)
+    )
+    assert all(
+        same(one, other) for one, other in zip(together[:4], together[4:8], strict=True)
+    )
 
 
 @pytest.mark.parametrize(
@@ -101,8 +109,13 @@ def test_arrays_that_may_not_be_written_to():
 )
 def test_a_state_of_another_shape(state):
     system = ladder(1)
-    for given in (state, np.array(state)):  # the second call finds everything but the numbers ready
-        with pytest.raises(ValueError, match=r"y0: expected shape \(2,\)|expected numbers"):
+    for given in (
+        state,
+        np.array(state),
+    ):  # the second call finds everything but the numbers ready
+        with pytest.raises(
+            ValueError, match=r"y0: expected shape \(2,\)|expected numbers"
+        ):
             solve(system, (0, 1), given, params=(5.0, 1.0))
         solve(system, (0, 1), (0.0, 0.0), params=(5.0, 1.0))
 
@@ -144,7 +157,8 @@ def test_arrays_tuples_and_lists_give_the_same_bytes():
     system = ball(directions=(1,))
     forms = [tuple, list, np.array, lambda numbers: np.array(numbers, dtype=object)]
     ends = [
-        solve(system, (0, 3), form([1.0, 0.0]), params=form([2.0, 0.0, 1.0])) for form in forms * 2
+        solve(system, (0, 3), form([1.0, 0.0]), params=form([2.0, 0.0, 1.0]))
+        for form in forms * 2
     ]
     assert all(same(ends[0], end) for end in ends[1:])
 
@@ -155,7 +169,9 @@ def test_tolerances_may_be_numbers_of_numpy():
     for number in (np.float64(1e-5), np.array(1e-5)):
         again = solve(system, (0, 1), [1.0, 0.0], rtol=number, atol=number, **options)
         assert same(again, first)
-    assert solve(system, (0, 1), [1.0, 0.0], atol=np.float64(1e-9), **options).n_steps > 0
+    assert (
+        solve(system, (0, 1), [1.0, 0.0], atol=np.float64(1e-9), **options).n_steps > 0
+    )
 
 
 def test_the_memory_of_a_scene_begins_anew():
@@ -181,7 +197,8 @@ def test_the_tolerance_of_the_last_call_is_forgotten():
     assert solve(system, (0, 1), [1.0, 0.0], **tight).n_steps > first.n_steps
     each = {**options, "atol": [1e-10, 1e-10]}
     assert same(
-        solve(system, (0, 1), [1.0, 0.0], **each), solve(system, (0, 1), [1.0, 0.0], **tight)
+        solve(system, (0, 1), [1.0, 0.0], **each),
+        solve(system, (0, 1), [1.0, 0.0], **tight),
     )
     assert same(solve(system, (0, 1), [1.0, 0.0], **loose), first)
 
@@ -198,7 +215,9 @@ def test_the_tolerance_of_the_last_call_is_forgotten():
 )  # fmt: skip
 def test_numbers_are_refused_in_the_same_words_by_the_driver_and_by_python(wrong):
     system, options = ladder(1), {"t_span": (0.0, 1.0), "params": (5.0, 1.0)}
-    good = solve(system, y0=(0.0, 0.0), **options)  # the driver checks plain numbers from now on
+    good = solve(
+        system, y0=(0.0, 0.0), **options
+    )  # the driver checks plain numbers from now on
     words = []
     for unusual in ({}, {"mode": (0,)}):  # which Python checks
         with pytest.raises(ValueError, match="expected") as refused:

@@ -40,15 +40,20 @@ def falls(
 ) -> Falls:
     """Simulate landings with contacts from N(0, 10 ms) or at fixed distances, in random order.
 
-    `missing` frames about each contact are unseen, and a foot leaves the floor after `stands_s`.
-    Each standing foot pushes the others up, and slows them by `strike_m_s` as it lands.
+    `missing` frames about each contact are unseen, and a foot leaves the floor after
+    `stands_s`. Each standing foot pushes the others up, and slows them by `strike_m_s`
+    as it lands.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(landings * FRAMES) / RATE_HZ
     offsets = rng.normal(0, 0.01, (landings, 3))
     if apart_s is not None:
         offsets = rng.permuted(np.tile([-apart_s, 0.0, apart_s], (landings, 1)), axis=1)
-    middle = 0.3 + FRAMES / RATE_HZ * np.arange(landings) + rng.uniform(0, 1 / RATE_HZ, landings)
+    middle = (
+        0.3
+        + FRAMES / RATE_HZ * np.arange(landings)
+        + rng.uniform(0, 1 / RATE_HZ, landings)
+    )
     contacts = middle[:, None] + offsets
     s = time.reshape(landings, FRAMES, 1) - contacts[:, None, :]
     after = np.maximum(s, 0.0)

@@ -34,8 +34,9 @@ def hopper(
 ) -> Fake:
     """Hop: flight under gravity, half a sine in stance, and a speed and tilt for each hop.
 
-    The legs are longer by `extension_m` at lift-off than at landing, and retract within 0.1 s of
-    flight. Each hop lands at a different place in an arena of half-width `arena_m`.
+    The legs are longer by `extension_m` at lift-off than at landing, and retract within
+    0.1 s of flight. Each hop lands at a different place in an arena of half-width
+    `arena_m`.
     """
     speed = 1.9 * (1 + 0.04 * rng.standard_normal(hops))
     flight = (speed + np.sqrt(speed**2 + 2 * GRAVITY * extension_m)) / GRAVITY
@@ -71,7 +72,9 @@ def _centre_and_leg(
     share = np.clip((phase - flight) / STANCE_S, 0.0, 1.0)
     up = extension_m + speed * phase - 0.5 * GRAVITY * phase**2
     deep = (speed + 0.5 * extension_m / STANCE_S) * STANCE_S / np.pi
-    centre = LEG_M + np.where(in_flight, up, extension_m * share - deep * np.sin(np.pi * share))
+    centre = LEG_M + np.where(
+        in_flight, up, extension_m * share - deep * np.sin(np.pi * share)
+    )
     drawn = np.where(in_flight, 1.0 - np.clip(phase / 0.1, 0.0, 1.0), share)
     return centre, LEG_M + extension_m * drawn
 

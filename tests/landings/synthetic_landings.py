@@ -1,7 +1,8 @@
 """A small rigid-body scene with springy, preloaded legs: landings with exact contact instants.
 
-It is independent of `hopdata.scenes`: small tilt angles, any number of feet, a fixed fine step,
-contact instants by interpolation within a step. Only the tests of this folder use it.
+It is independent of `hopdata.scenes`: small tilt angles, any number of feet, a fixed
+fine step, contact instants by interpolation within a step. Only the tests of this
+folder use it.
 """
 
 from __future__ import annotations
@@ -78,7 +79,9 @@ def simulate(
     q[:, 1:] = rng.normal(0, 0.01, (landings, 2))
     v = np.zeros((landings, 3))
     v[:, 1:] = rng.normal(0, tilt_rate, (landings, 2))
-    frames_q, frames_v, frames_foot, touched = _fall(q, v, phase, lever, n_frames, sub, dt)
+    frames_q, frames_v, frames_foot, touched = _fall(
+        q, v, phase, lever, n_frames, sub, dt
+    )
     return _observe(
         frames_q, frames_v, frames_foot, touched - phase[:, None] * dt, foot_xy, body_xy,
         rate_hz=rate_hz, noise_m=noise_m, rng=rng, name=name,
@@ -89,7 +92,10 @@ def simulate(
 def _fall(q, v, phase, lever, n_frames, sub, dt):
     """Return states and foot heights at each landing's frames, and when each foot touched."""
     landings, feet = len(q), len(lever)
-    frames_q, frames_v = np.empty((landings, n_frames, 3)), np.empty((landings, n_frames, 3))
+    frames_q, frames_v = (
+        np.empty((landings, n_frames, 3)),
+        np.empty((landings, n_frames, 3)),
+    )
     frames_foot = np.empty((landings, n_frames, feet))
     touched = np.full((landings, feet), np.nan)
     mid, speed_mid, pull = np.empty(3), np.empty(3), np.empty(3)
@@ -106,7 +112,11 @@ def _fall(q, v, phase, lever, n_frames, sub, dt):
                 frames_q[one, k], frames_v[one, k] = now, speed
                 for f in range(feet):
                     since = min(t - lifted[f], RETRACT_S) / RETRACT_S
-                    leg = EXTENSION * (1 - since**2 * (3 - 2 * since)) if lifted[f] > 0 else 0.0
+                    leg = (
+                        EXTENSION * (1 - since**2 * (3 - 2 * since))
+                        if lifted[f] > 0
+                        else 0.0
+                    )
                     frames_foot[one, k, f] = 0.0 if down[f] else gap[f] - leg
             for a in range(3):
                 mid[a] = now[a] + 0.5 * dt * speed[a]
@@ -118,7 +128,12 @@ def _fall(q, v, phase, lever, n_frames, sub, dt):
             n_down = 0
             for f in range(feet):
                 gap_new[f] = _along(lever, f, now)
-                if not down[f] and gap[f] > 0 and gap_new[f] <= 0 and np.isnan(lifted[f]):
+                if (
+                    not down[f]
+                    and gap[f] > 0
+                    and gap_new[f] <= 0
+                    and np.isnan(lifted[f])
+                ):
                     touched[one, f] = t + dt * gap[f] / (gap[f] - gap_new[f])
                     down[f] = True
                 n_down += down[f]

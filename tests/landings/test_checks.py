@@ -4,7 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.landings.checks import GOOD, LOOK, NOT_ASKED, POOR, UNKNOWN, blurred, check_study
+from hopdata.landings.checks import (
+    GOOD,
+    LOOK,
+    NOT_ASKED,
+    POOR,
+    UNKNOWN,
+    blurred,
+    check_study,
+)
 from hopdata.landings.contacts.find import FILTER_DELAYS
 
 WHAT = {
@@ -77,12 +85,18 @@ def tables():
 
 
 def judged(tables, noise_m=6e-4, **options):
-    return {c.what: c for c in check_study(**tables, expected_noise_m=noise_m, **options)}
+    return {
+        c.what: c for c in check_study(**tables, expected_noise_m=noise_m, **options)
+    }
 
 
 def test_flights_that_are_continued_to_the_section_are_counted(tables):
     assert "continued" not in judged(tables)[WHAT["used"]].remark
-    tables["touchdowns"].loc[[1, 2, 9], "contact_f2_s"] = [0.996, 1.992, 8.9]  # row 9 is excluded
+    tables["touchdowns"].loc[[1, 2, 9], "contact_f2_s"] = [
+        0.996,
+        1.992,
+        8.9,
+    ]  # row 9 is excluded
     told = "in 2 the flight is continued to the pre section, by 8 ms at most"
     assert told in judged(tables)[WHAT["used"]].remark
 
@@ -112,7 +126,9 @@ def test_good_data_are_good(tables):
         ("drift", "drift", "deviation", [0.9, 0.1], GOOD),  # within its errors
     ],
 )
-def test_each_fault_is_seen_by_its_own_check(tables, name, table, column, value, status):
+def test_each_fault_is_seen_by_its_own_check(
+    tables, name, table, column, value, status
+):
     tables[table][column] = value
     found = judged(tables)
     assert found[WHAT[name]].status == status
@@ -130,7 +146,10 @@ def test_the_worst_foot_is_not_hidden_by_the_others(tables):
     [
         ("kink", ""),
         ("velocity_minimum", "only the rounding to a frame counts in these errors"),
-        ("velocity_minimum_parabola", "only the noise of the heights counts in these errors"),
+        (
+            "velocity_minimum_parabola",
+            "only the noise of the heights counts in these errors",
+        ),
     ],
 )
 def test_errors_say_what_their_method_leaves_out_and_kinks_are_for_the_kink_fit(
@@ -150,17 +169,27 @@ def test_the_commonest_reason_names_the_foot_as_the_recording_does(tables):
     tables["touchdowns"] = tables["touchdowns"].assign(
         reason=landed, excluded=[bool(r) for r in landed]
     )
-    assert judged(tables)[WHAT["used"]].remark.endswith("most often: poor fit of f2 (3)")
+    assert judged(tables)[WHAT["used"]].remark.endswith(
+        "most often: poor fit of f2 (3)"
+    )
 
 
 @pytest.mark.parametrize(
     ("error_s", "told"),
     [
-        (3e-4, "; in 10 of 10, f2 and f3 land as close together as their errors of 0.3 ms"),
-        (2e-2, "; in 10 of 10, f2 and f3 are least sure: f3 slows without a kink (error 20 ms)"),
+        (
+            3e-4,
+            "; in 10 of 10, f2 and f3 land as close together as their errors of 0.3 ms",
+        ),
+        (
+            2e-2,
+            "; in 10 of 10, f2 and f3 are least sure: f3 slows without a kink (error 20 ms)",
+        ),
     ],
 )
-def test_the_feet_of_a_doubtful_order_are_those_that_land_together(tables, error_s, told):
+def test_the_feet_of_a_doubtful_order_are_those_that_land_together(
+    tables, error_s, told
+):
     tables["touchdowns"] = tables["touchdowns"].assign(
         contact_f3_s=tables["touchdowns"]["contact_f2_s"] + 1e-4,
         se_f1_s=4e-4,  # less certain than the two, and certainly first
@@ -179,7 +208,12 @@ def test_drift_beyond_its_errors_is_named(tables):
 
 
 def test_faults_are_counted_by_kind(tables):
-    rows = [("swap", "a", 1.0), ("swap", "b", 1.0), ("swap", "a", 7.0), ("swap", "b", 7.0)]
+    rows = [
+        ("swap", "a", 1.0),
+        ("swap", "b", 1.0),
+        ("swap", "a", 7.0),
+        ("swap", "b", 7.0),
+    ]
     rows += [("spike", "b", 1.0)]  # a swap has one row per marker
     tables["faults"] = pd.DataFrame(rows, columns=["kind", "marker", "start_s"])
     found = judged(tables)[WHAT["faults"]]
@@ -202,7 +236,9 @@ def test_descents_that_nobody_could_see_are_not_passed_over(tables, marker, told
 
 def test_without_an_expected_noise_the_found_one_is_shown(tables):
     found = judged(tables, noise_m=None)[WHAT["noise"]]
-    assert found.status == NOT_ASKED  # not unknown: the light of the recordings can be lit
+    assert (
+        found.status == NOT_ASKED
+    )  # not unknown: the light of the recordings can be lit
     assert "0.6 mm found" in found.remark
     assert "report.expected_noise_m" in found.remark
 
@@ -218,7 +254,9 @@ def test_a_study_without_touchdowns_has_no_good_landings(tables):
 @pytest.mark.parametrize(
     ("other_feet", "value", "status"), [(False, 40.0, POOR), (True, 80.0, GOOD)]
 )
-def test_landings_of_feet_that_are_not_followed_do_not_count(tables, other_feet, value, status):
+def test_landings_of_feet_that_are_not_followed_do_not_count(
+    tables, other_feet, value, status
+):
     landed = ["", "", "", "", "late"]
     tables["touchdowns"]["reason"] = landed + ["no foot landed"] * 5
     tables["touchdowns"]["excluded"] = tables["touchdowns"]["reason"] != ""
@@ -228,13 +266,17 @@ def test_landings_of_feet_that_are_not_followed_do_not_count(tables, other_feet,
 
 
 def test_no_landing_of_any_followed_foot_is_poor(tables):
-    tables["touchdowns"] = tables["touchdowns"].assign(excluded=True, reason="no foot landed")
+    tables["touchdowns"] = tables["touchdowns"].assign(
+        excluded=True, reason="no foot landed"
+    )
     found = judged(tables, other_feet=True)[WHAT["used"]]
     assert (found.value, found.status) == (0.0, POOR)
 
 
 def test_a_filter_blurs_where_half_its_period_is_longer_than_a_landing(tables):
-    touchdowns = tables["touchdowns"].assign(recording="r", common_f1_s=1e-4, common_f2_s=2e-4)
+    touchdowns = tables["touchdowns"].assign(
+        recording="r", common_f1_s=1e-4, common_f2_s=2e-4
+    )
     touchdowns["t_post_s"] = touchdowns["t_pre_s"] + 0.05
     assert blurred(touchdowns) == ""
     late_s = FILTER_DELAYS / np.array([11.0, 9.0])  # a half period of 45 and of 56 ms

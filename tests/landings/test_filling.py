@@ -58,7 +58,9 @@ def test_a_marker_that_fell_off_is_placed_to_the_end(scene):
     options = load_config({**keys, "filling": {"longest_s": 3600}})["filling"]
     positions = scene.recording.positions.copy()
     positions[len(positions) // 2 :, 0] = np.nan
-    done = fill_gaps(replace(scene.recording, positions=positions), longest_s=options["longest_s"])
+    done = fill_gaps(
+        replace(scene.recording, positions=positions), longest_s=options["longest_s"]
+    )
     error = (done.positions - scene.clean.positions)[len(positions) // 2 :, 0]
     assert np.sqrt(np.mean(error**2)) < 1.5 * 0.0006
 
@@ -94,7 +96,10 @@ def test_every_missing_place_is_counted(gappy):
 def test_wins_touchdowns_and_their_states_are_as_good_as_seen_ones(scene, gappy):
     done = fill_gaps(gappy, longest_s=0.2)
     tables = [touchdown_table(r, **HEIGHTS) for r in (gappy, done)]
-    pairs = [assemble_pairs([r], t, **HEIGHTS) for r, t in zip((gappy, done), tables, strict=True)]
+    pairs = [
+        assemble_pairs([r], t, **HEIGHTS)
+        for r, t in zip((gappy, done), tables, strict=True)
+    ]
     assert len(pairs[1]) > 1.5 * len(pairs[0])
     clean = assemble_pairs([scene.clean], tables[1], **HEIGHTS)
     share = mark_filled(done, tables[1]).set_index("index")["filled_share"]
@@ -152,7 +157,12 @@ def test_the_mask_goes_through_a_file_and_is_not_taken_for_seen(gappy, tmp_path)
 
 
 POINTS = np.array(
-    [[0.13, 0.03, 0.05], [-0.08, 0.11, 0.075], [-0.07, -0.14, 0.055], [0.02, -0.05, 0.1]]
+    [
+        [0.13, 0.03, 0.05],
+        [-0.08, 0.11, 0.075],
+        [-0.07, -0.14, 0.055],
+        [0.02, -0.05, 0.1],
+    ]
 )
 NOISE_M = 0.0006
 
@@ -167,7 +177,9 @@ def rotations(rng, n):
 def tumbling(n=400, noise_m=NOISE_M, points=POINTS, seed=0):
     """Return a rigid body at any place and attitude, (N, B, 3), and the same without noise."""
     rng = np.random.default_rng(seed)
-    true = np.einsum("nij,bj->nbi", rotations(rng, n), points) + rng.uniform(-1, 1, (n, 1, 3))
+    true = np.einsum("nij,bj->nbi", rotations(rng, n), points) + rng.uniform(
+        -1, 1, (n, 1, 3)
+    )
     return true + noise_m * rng.standard_normal(true.shape), true
 
 

@@ -78,8 +78,12 @@ def test_the_order_of_the_feet_does_not_matter(bent):
         roles=tuple(bent.roles[i] for i in order),
     )
     ours, theirs = fit_floor(bent, max_points=500), fit_floor(turned, max_points=500)
-    np.testing.assert_allclose(theirs.height(*places()), ours.height(*places()), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(theirs.foot_offsets_m, ours.foot_offsets_m[markers], atol=1e-9)
+    np.testing.assert_allclose(
+        theirs.height(*places()), ours.height(*places()), rtol=0, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        theirs.foot_offsets_m, ours.foot_offsets_m[markers], atol=1e-9
+    )
 
 
 def test_degree_0_cannot_follow_the_curve(bent):
@@ -115,7 +119,9 @@ def test_levelled_feet_rest_at_zero_and_the_body_is_over_its_own_place(bent, fit
         assert abs(np.median(height)) < 5e-5
         assert height.std() < 7e-4
     inside = np.abs(bent.body[:, :, :2]).max(axis=(1, 2)) < 0.8
-    expected = bent.body[..., 2] - curved(bent.body[..., 0], bent.body[..., 1]) - MOUNTS.mean()
+    expected = (
+        bent.body[..., 2] - curved(bent.body[..., 0], bent.body[..., 1]) - MOUNTS.mean()
+    )
     np.testing.assert_allclose(flat.body[inside, :, 2], expected[inside], atol=5e-4)
     np.testing.assert_array_equal(flat.positions[..., :2], bent.positions[..., :2])
 
@@ -145,14 +151,18 @@ def test_a_floor_that_slopes_by_degrees_is_told_and_fitted(bent, fitted, degrees
 def test_where_a_sloping_floor_lies_in_the_world_does_not_matter(bent):
     """Far from the origin, position columns were nearly constant, which removed the slope."""
     tilted = on_floor(bent, lambda x, y: 0.07 * x - 0.01 * y, np.zeros(3))
-    away = replace(tilted, positions=tilted.positions + np.array([1000.0, -1000.0, 0.0]))
+    away = replace(
+        tilted, positions=tilted.positions + np.array([1000.0, -1000.0, 0.0])
+    )
     here, there = (fit_floor(one, degree=1) for one in (tilted, away))
     assert (there.n_points, there.degree) == (here.n_points, here.degree)
     np.testing.assert_allclose(level(away, there).feet[..., 2], level(tilted, here).feet[..., 2],
                                atol=1e-9)  # fmt: skip
 
 
-def test_a_sloping_floor_under_an_animal_of_a_millimetre_is_that_under_one_of_a_metre(bent):
+def test_a_sloping_floor_under_an_animal_of_a_millimetre_is_that_under_one_of_a_metre(
+    bent,
+):
     tilted = on_floor(bent, lambda x, y: 0.07 * x - 0.01 * y, np.zeros(3))
     size, pace = 4.0**-5, 2.0**-5
     small = replace(tilted, time=pace * tilted.time, positions=size * tilted.positions,
@@ -162,7 +172,9 @@ def test_a_sloping_floor_under_an_animal_of_a_millimetre_is_that_under_one_of_a_
 
 
 def test_without_noise_the_floor_is_exact():
-    clean = on_floor(hopper(np.random.default_rng(3), noise_m=0.0).recording, curved, MOUNTS)
+    clean = on_floor(
+        hopper(np.random.default_rng(3), noise_m=0.0).recording, curved, MOUNTS
+    )
     assert np.abs(floor_error(fit_floor(clean))).max() < 1e-5
 
 
@@ -173,7 +185,9 @@ def test_gaps_stay_gaps_and_do_no_harm(bent):
     gappy = replace(bent, positions=positions)
     floor = fit_floor(gappy)
     assert floor_error(floor).std() < 1.5e-4
-    np.testing.assert_array_equal(np.isnan(level(gappy, floor).positions), np.isnan(positions))
+    np.testing.assert_array_equal(
+        np.isnan(level(gappy, floor).positions), np.isnan(positions)
+    )
 
 
 def test_feet_that_travel_in_stance_are_at_rest(bent):
@@ -187,7 +201,9 @@ def test_feet_that_travel_in_stance_are_at_rest(bent):
 @pytest.mark.parametrize("feet", [2, 6])
 def test_any_number_of_feet(feet):
     mounts = np.linspace(0.01, 0.02, feet)
-    recording = on_floor(hopper(np.random.default_rng(5), feet=feet).recording, curved, mounts)
+    recording = on_floor(
+        hopper(np.random.default_rng(5), feet=feet).recording, curved, mounts
+    )
     floor = fit_floor(recording)
     assert floor_error(floor, mounts).std() < 2e-4
     np.testing.assert_allclose(floor.foot_offsets_m, mounts - mounts.mean(), atol=2e-4)
@@ -204,7 +220,9 @@ def test_feet_that_keep_to_their_places_fix_no_slope():
 def test_fewer_steps_fix_a_lower_degree():
     degrees = [
         fit_floor(
-            on_floor(hopper(np.random.default_rng(7), hops=hops).recording, curved, MOUNTS)
+            on_floor(
+                hopper(np.random.default_rng(7), hops=hops).recording, curved, MOUNTS
+            )
         ).degree
         for hops in (4, 300)
     ]
@@ -229,7 +247,9 @@ def test_beyond_the_rim_the_floor_keeps_the_value_of_the_rim(fitted):
     u = 0.5 * (ahead * x + aside * y) / fitted.scale_m
     v = 0.5 * (ahead * y - aside * x) / fitted.scale_m
     powers = [(u**i, v**j) for i, j in fitted.terms]
-    expected = sum(c * u * v for c, (u, v) in zip(fitted.coefficients_m, powers, strict=True))
+    expected = sum(
+        c * u * v for c, (u, v) in zip(fitted.coefficients_m, powers, strict=True)
+    )
     np.testing.assert_allclose(inner, expected, atol=1e-12)
 
 
@@ -263,7 +283,9 @@ def test_goes_through_json(bent, fitted):
 def test_names_the_foot_that_is_never_at_rest(bent):
     positions = bent.positions.copy()
     positions[:, 4, 2] += (10.0 * bent.time) % 0.7
-    with pytest.raises(AnalysisError, match=r"floor: f2 hardly ever at rest.*rest_speed_m_s"):
+    with pytest.raises(
+        AnalysisError, match=r"floor: f2 hardly ever at rest.*rest_speed_m_s"
+    ):
         fit_floor(replace(bent, positions=positions))
 
 
@@ -304,7 +326,9 @@ def test_regressions_are_those_of_statsmodels():
     heights[::4] += rng.exponential(0.02, 225)  # feet that hang
     robust = sm.RLM(1e3 * heights, columns, M=sm.robust.norms.TukeyBiweight())
     found = robust.fit(conv="coefs", tol=1e-10, maxiter=300).params / 1e3
-    np.testing.assert_allclose(robust_regression(columns, heights), found, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        robust_regression(columns, heights), found, rtol=0, atol=1e-12
+    )
     low = sm.QuantReg(heights, columns).fit(q=0.05, max_iter=300).params
     np.testing.assert_allclose(_low_surface(heights, columns), low, rtol=0, atol=2e-5)
 
@@ -334,7 +358,10 @@ def test_the_order_of_the_feet_changes_nothing(bent):
     low = positions[:, 3, 2] - curved(*positions[:, 3, :2].T) - MOUNTS[0] < 0.003
     positions[low & (bent.time > 0.5 * bent.time[-1]), 3, 2] += 0.015
     hanging = replace(bent, positions=positions)
-    feet, others = bent.indices("foot"), [k for k, r in enumerate(bent.roles) if r != "foot"]
+    feet, others = (
+        bent.indices("foot"),
+        [k for k, r in enumerate(bent.roles) if r != "foot"],
+    )
     columns = [*others, *feet[::-1]]
     turned_round = replace(
         hanging,
@@ -348,7 +375,8 @@ def test_the_order_of_the_feet_changes_nothing(bent):
     assert (other.n_points, other.n_outliers) == (one.n_points, one.n_outliers)
 
 
-# Two, four and six feet, at 50 to 2000 Hz, with any axis pointing up, against the truth.
+# Two, four and six feet, at 50 to 2000 Hz, with any axis pointing up, against the
+# truth.
 
 THREE = HopperParameters()
 BODY = [f"body{k + 1}" for k in range(8)]
@@ -387,7 +415,9 @@ def test_a_floor_that_moves_is_told_and_followed(bent, fitted, motion):
     moved = MOTIONS[motion](bent.time)
     up = moved[:, None, None] * np.array([0.0, 0.0, 1.0])
     moving_deck = replace(bent, positions=bent.positions + up)
-    (told,) = re.findall(r"floor moves: .* together by (\d+) mm; hopdata uses", moving(moving_deck))
+    (told,) = re.findall(
+        r"floor moves: .* together by (\d+) mm; hopdata uses", moving(moving_deck)
+    )
     assert float(told) == pytest.approx(
         1e3 * np.subtract(*np.quantile(moved, [0.95, 0.05])), rel=0.1
     )
@@ -401,7 +431,9 @@ def test_a_floor_that_moves_is_told_and_followed(bent, fitted, motion):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_feet_that_stand_for_a_tenth_of_a_second_show_that_the_floor_sinks_and_turns(seed):
+def test_feet_that_stand_for_a_tenth_of_a_second_show_that_the_floor_sinks_and_turns(
+    seed,
+):
     rng, hop_s = np.random.default_rng(seed), 0.35
     time = np.arange(0, 30, 1 / 200)
     hop = (time / hop_s).astype(int)
@@ -415,7 +447,12 @@ def test_feet_that_stand_for_a_tenth_of_a_second_show_that_the_floor_sinks_and_t
     positions = np.hstack([markers, markers + np.array([0.0, 0.0, 0.4])])
     positions += rng.normal(0, 3e-4, positions.shape)
     recording = Recording.from_arrays(
-        time, positions, list("abcdef"), feet=list("abc"), body=list("def"), name="sinks"
+        time,
+        positions,
+        list("abcdef"),
+        feet=list("abc"),
+        body=list("def"),
+        name="sinks",
     )
     assert "floor moves" in moving(recording)
     heights = level(recording, fit_floor(recording)).feet[(s > 0.03) & (s < 0.07), :, 2]
@@ -457,12 +494,21 @@ def test_feet_that_roll_alike_are_no_floor_that_moves(bent):
 def test_feet_that_are_held_and_let_go_are_no_floor_that_moves():
     rng = np.random.default_rng(np.random.SeedSequence(8))
     second, height = np.linspace(0.0, 1.0, 100, endpoint=False), [np.zeros(100)]
-    for held_m in rng.uniform(0.06, 0.14, 30):  # lifted slowly, held, released, then standing
+    for held_m in rng.uniform(
+        0.06, 0.14, 30
+    ):  # lifted slowly, held, released, then standing
         fall = held_m - 0.5 * 9.81 * second**2
         height += [held_m * second, np.full(100, held_m), np.maximum(fall, 0.0)]
     z = np.concatenate(height)
-    positions = rng.normal(scale=5e-4, size=(len(z), 6, 3)) + z[:, None, None] * [0.0, 0.0, 1.0]
-    positions += [*([0.2 * k, 0.1 * k**2, 0.0] for k in range(3)), *([[0.1, 0.1, 0.4]] * 3)]
+    positions = rng.normal(scale=5e-4, size=(len(z), 6, 3)) + z[:, None, None] * [
+        0.0,
+        0.0,
+        1.0,
+    ]
+    positions += [
+        *([0.2 * k, 0.1 * k**2, 0.0] for k in range(3)),
+        *([[0.1, 0.1, 0.4]] * 3),
+    ]
     names = ["a", "b", "c", "d", "e", "f"]
     time = 0.01 * np.arange(len(z))
     held = Recording.from_arrays(time, positions, names, feet=names[:3], body=names[3:])
@@ -531,7 +577,9 @@ def test_instants_and_orders_are_those_of_the_truth(feet, rate_hz, rms_ms):
     assert table.loc[table["excluded"], "reason"].ne("").all()
     error, right, closest = errors_and_gaps(table, truth)
     assert 1e3 * (error - error.mean()).std() < rms_ms
-    assert right[closest > 4e-3 * rms_ms].all(), "contacts further apart than four errors"
+    assert right[closest > 4e-3 * rms_ms].all(), (
+        "contacts further apart than four errors"
+    )
     schedules = table.loc[~table["excluded"], "schedule"]
     assert schedules.str.count(">").eq(feet - 1).all()
     assert schedules.map(lambda name: sorted(name.split(">"))).str.len().eq(feet).all()
@@ -570,7 +618,9 @@ def test_the_vertical_axis_of_the_file_changes_nothing(axis, tmp_path):
     tables = {}
     for name, file in {
         "z": recording,
-        axis: replace(recording, positions=np.ascontiguousarray(recording.positions @ turn.T)),
+        axis: replace(
+            recording, positions=np.ascontiguousarray(recording.positions @ turn.T)
+        ),
     }.items():
         write_recording(tmp_path / f"{name}.h5", file, None)
         read, _ = import_recording(
@@ -606,7 +656,9 @@ def ground(n=3000, seed=0):
     contrasts = np.vstack([np.eye(2), [[-1.0, -1.0]]])
     columns = np.hstack([design(places, polynomial_terms(4)), contrasts[foot]])
     heights = (
-        0.003 * places[:, 0] ** 2 - 0.002 * places[:, 1] + [0.001, 0.0, -0.001] @ np.eye(3)[:, foot]
+        0.003 * places[:, 0] ** 2
+        - 0.002 * places[:, 1]
+        + [0.001, 0.0, -0.001] @ np.eye(3)[:, foot]
     )
     return heights + NOISE_M * rng.standard_normal(n), columns, foot, places
 

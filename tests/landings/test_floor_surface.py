@@ -15,7 +15,9 @@ from hopdata.recording import Recording
 def test_columns_of_the_design_are_products_of_powers():
     places = np.random.default_rng(0).uniform(-1, 1, (50, 2))
     terms = polynomial_terms(4)
-    expected = np.column_stack([places[:, 0] ** i * places[:, 1] ** j for i, j in terms])
+    expected = np.column_stack(
+        [places[:, 0] ** i * places[:, 1] ** j for i, j in terms]
+    )
     np.testing.assert_allclose(design(places, terms), expected, rtol=1e-14)
     assert design(np.empty((0, 2)), terms).shape == (0, 15)
 
@@ -28,8 +30,12 @@ def test_places_beyond_the_rim_go_straight_to_it():
     inside = beyond <= 1.0
     assert 0.05 < inside.mean() < 0.95
     np.testing.assert_array_equal(moved[inside], places[inside])
-    np.testing.assert_allclose((moved @ directions(24).T / rim).max(axis=1)[~inside], 1.0)
-    np.testing.assert_allclose(moved * np.maximum(beyond, 1.0)[:, None], places, rtol=1e-14)
+    np.testing.assert_allclose(
+        (moved @ directions(24).T / rim).max(axis=1)[~inside], 1.0
+    )
+    np.testing.assert_allclose(
+        moved * np.maximum(beyond, 1.0)[:, None], places, rtol=1e-14
+    )
 
 
 def test_unknown_places_stay_unknown_and_the_given_ones_are_kept():
@@ -65,7 +71,9 @@ def test_a_foot_that_comes_to_rest_slowly_counts_in_a_short_recording_alone():
         positions = np.zeros((len(z), 1, 3))
         positions[:, 0, 2] = z
         return rest_points(
-            Recording("r", 0.01 * np.arange(len(z)), positions, ("f",), ("foot",), 100.0)
+            Recording(
+                "r", 0.01 * np.arange(len(z)), positions, ("f",), ("foot",), 100.0
+            )
         )
 
     short = rest(height)

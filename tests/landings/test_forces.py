@@ -39,7 +39,10 @@ def touchdowns(scene):
 def overlay(scene, touchdowns, *, window_s=0.05, **blocks):
     configured = {"contacts": block("contacts"), "forces": block("forces"), **blocks}
     return overlay_external_truth(
-        [scene.recording], touchdowns, {scene.recording.name: configured}, window_s=window_s
+        [scene.recording],
+        touchdowns,
+        {scene.recording.name: configured},
+        window_s=window_s,
     )
 
 
@@ -57,9 +60,13 @@ def force_file(path, scene, clock_s):
     return str(path)
 
 
-def test_truth_as_a_table_with_an_offset_a_loss_and_an_invention(scene, touchdowns, tmp_path):
+def test_truth_as_a_table_with_an_offset_a_loss_and_an_invention(
+    scene, touchdowns, tmp_path
+):
     known = pd.DataFrame(1000 * (scene.contact_times - 12.5), columns=list(FEET))
-    known.loc[30, "foot2"] = np.nan  # so the contact that hopdata finds there is invented
+    known.loc[30, "foot2"] = (
+        np.nan
+    )  # so the contact that hopdata finds there is invented
     extra = pd.DataFrame({"foot3": [1000 * (scene.contact_times[10, 2] + 0.3 - 12.5)]})
     file = tmp_path / "contacts.csv"
     pd.concat([known, extra]).to_csv(file, index=False, float_format="%.12g")
@@ -73,7 +80,9 @@ def test_truth_as_a_table_with_an_offset_a_loss_and_an_invention(scene, touchdow
     error = touchdowns["contact_foot1_s"] - scene.contact_times[:, 0]
     off = error - error.median()
     assert summary["bias_s"]["foot1"] == pytest.approx(error.median(), abs=1e-8)
-    assert summary["robust_sd_s"]["foot1"] == pytest.approx(1.482602 * off.abs().median(), rel=1e-4)
+    assert summary["robust_sd_s"]["foot1"] == pytest.approx(
+        1.482602 * off.abs().median(), rel=1e-4
+    )
     (invented,) = found.contacts[found.contacts["status"] == "invented"]["index"]
     assert invented == 30
     (missed,) = found.contacts[found.contacts["status"] == "missed"]["external_s"]
@@ -129,7 +138,9 @@ def test_a_runner_over_a_force_plate(external_recording, side):
     recording = level(raw, fit_floor(raw))
     sections = select_sections([recording], frames="landings")
     touchdowns = touchdown_table(
-        recording, pre_height_m=sections.pre_height_m, post_height_m=sections.post_height_m
+        recording,
+        pre_height_m=sections.pre_height_m,
+        post_height_m=sections.post_height_m,
     )
     forces = block(
         "forces", file=str(external_recording.with_name("RBDS001runT25forces.txt")), rate_hz=300,
@@ -160,7 +171,9 @@ def signal(force, **options):
     time = np.arange(len(force)) / FORCE_CONTACTS_RATE_HZ
     column = Column("Fz", ("heel", "toe"))
     unit = options.pop("unit", "N")
-    return ForceSignal(column, time, np.asarray(force, float), unit, {**OPTIONS, **options})
+    return ForceSignal(
+        column, time, np.asarray(force, float), unit, {**OPTIONS, **options}
+    )
 
 
 def stances(onsets, *, n=2000, rise_n_s=20_000.0, load_n=800.0, length_s=0.2):
@@ -188,7 +201,9 @@ def test_a_ramp_crosses_the_threshold_when_it_must():
 def test_rattles_and_dips_make_no_contacts():
     force = stances(ONSETS)
     force[40:44] = 150.0  # a rattle of the plate
-    force[(np.abs(np.arange(2000) / FORCE_CONTACTS_RATE_HZ - 1.2)) < 0.004] = 0.0  # a dip in stance
+    force[(np.abs(np.arange(2000) / FORCE_CONTACTS_RATE_HZ - 1.2)) < 0.004] = (
+        0.0  # a dip in stance
+    )
     found = instants(signal(force), 50.0)
     np.testing.assert_allclose(found, ONSETS + 50 / 20_000, atol=1e-12)
 
@@ -215,7 +230,9 @@ def test_a_signal_that_begins_loaded_has_no_first_onset():
 
 
 def test_a_load_that_is_never_reached_is_told():
-    with pytest.raises(AnalysisError, match=r"more than twice the threshold of 500 N.*800"):
+    with pytest.raises(
+        AnalysisError, match=r"more than twice the threshold of 500 N.*800"
+    ):
         instants(signal(stances(ONSETS)), 500.0)
     with pytest.raises(AnalysisError, match="found at most 0"):
         instants(signal(np.zeros(100)), 20.0)
@@ -230,7 +247,9 @@ def test_thresholds():
 
 
 def test_contact_times_carry_column_span_and_other_feet():
-    times = contact_times_of(signal(stances(ONSETS), threshold_n=100.0, other_feet_above_m=0.02))
+    times = contact_times_of(
+        signal(stances(ONSETS), threshold_n=100.0, other_feet_above_m=0.02)
+    )
     assert times.column.feet == ("heel", "toe")
     assert times.source == "forces"
     assert times.span_s == (0.0, pytest.approx(1999 / FORCE_CONTACTS_RATE_HZ))

@@ -26,7 +26,9 @@ def brute_force(first, second, window_s):
     best = (0, 0.0)
     padded = [*range(len(second)), *[None] * len(first)]
     for chosen in set(permutations(padded, len(first))):
-        apart = [abs(first[i] - second[j]) for i, j in enumerate(chosen) if j is not None]
+        apart = [
+            abs(first[i] - second[j]) for i, j in enumerate(chosen) if j is not None
+        ]
         if all(d <= window_s for d in apart):
             best = min(best, (-len(apart), sum(apart)))
     return -best[0], best[1]
@@ -56,7 +58,9 @@ def test_long_lists_with_losses():
     np.testing.assert_array_equal(np.flatnonzero(kept_a)[i], np.flatnonzero(kept_b)[j])
 
 
-@pytest.mark.parametrize(("first", "second"), [([], []), ([1.0], []), ([], [1.0]), ([1.0], [2.0])])
+@pytest.mark.parametrize(
+    ("first", "second"), [([], []), ([1.0], []), ([], [1.0]), ([1.0], [2.0])]
+)
 def test_nothing_to_match(first, second):
     i, j = match_instants(np.array(first), np.array(second), window_s=0.1)
     assert len(i) == len(j) == 0
@@ -90,7 +94,9 @@ def touchdowns(scene):
 def known(instants, feet=("foot1",), *, span_s=None, other_feet_above_m=None):
     instants = np.sort(np.asarray(instants, float))
     span = span_s or (float(instants[0]), float(instants[-1]))
-    return ContactTimes(Column("switch", feet), instants, "contacts", span, other_feet_above_m)
+    return ContactTimes(
+        Column("switch", feet), instants, "contacts", span, other_feet_above_m
+    )
 
 
 def compare(scene, touchdowns, contacts, window_s=0.05):
@@ -99,12 +105,16 @@ def compare(scene, touchdowns, contacts, window_s=0.05):
 
 @pytest.mark.parametrize("foot", range(3))
 def test_each_foot_against_the_truth(scene, touchdowns, foot):
-    table = compare(scene, touchdowns, known(scene.contact_times[:, foot], FEET[foot : foot + 1]))
+    table = compare(
+        scene, touchdowns, known(scene.contact_times[:, foot], FEET[foot : foot + 1])
+    )
     assert list(table.columns) == list(COLUMNS)
     assert (table["status"] == "matched").all()
     assert (table["first_foot"] == FEET[foot]).all()
     np.testing.assert_array_equal(table["index"], np.arange(40))
-    np.testing.assert_array_equal(table["found_s"], touchdowns[f"contact_{FEET[foot]}_s"])
+    np.testing.assert_array_equal(
+        table["found_s"], touchdowns[f"contact_{FEET[foot]}_s"]
+    )
     np.testing.assert_allclose(
         table["difference_s"], table["found_s"] - scene.contact_times[:, foot]
     )
@@ -135,18 +145,27 @@ def test_a_contact_that_hopdata_lost_is_missed_with_the_reason(scene, touchdowns
     table = compare(scene, lost, known(scene.contact_times[:, 0]))
     missed = table[table["status"] == "missed"]
     assert missed["index"].tolist() == [7, pd.NA]
-    assert missed["reason"].tolist() == ["poor fit of foot 1", "no descent through the pre section"]
+    assert missed["reason"].tolist() == [
+        "poor fit of foot 1",
+        "no descent through the pre section",
+    ]
     np.testing.assert_array_equal(missed["external_s"], scene.contact_times[[7, 12], 0])
     assert (table["status"] == "matched").sum() == 38
 
 
-def test_a_foot_that_lands_after_the_post_section_belongs_to_that_touchdown(scene, touchdowns):
+def test_a_foot_that_lands_after_the_post_section_belongs_to_that_touchdown(
+    scene, touchdowns
+):
     late = touchdowns.copy()
     late.loc[7, ["contact_foot1_s", "se_foot1_s"]] = np.nan
     late.loc[7, ["excluded", "reason"]] = [True, "foot 1 not down by the post section"]
     instants = scene.contact_times[:, 0].copy()
     instants[7] = late.loc[7, "t_post_s"] + 0.06
-    (row,) = compare(scene, late, known(instants)).query("status == 'missed'").to_dict("records")
+    (row,) = (
+        compare(scene, late, known(instants))
+        .query("status == 'missed'")
+        .to_dict("records")
+    )
     assert (row["index"], row["reason"]) == (7, "foot 1 not down by the post section")
 
 
@@ -173,7 +192,9 @@ def test_what_lies_beyond_the_recording_is_not_compared(scene, touchdowns):
     assert table.iloc[-1]["reason"] == "outside the recording"
 
 
-def test_contacts_of_excluded_touchdowns_are_matched_but_never_invented(scene, touchdowns):
+def test_contacts_of_excluded_touchdowns_are_matched_but_never_invented(
+    scene, touchdowns
+):
     out = touchdowns.copy()
     out.loc[[5, 6], "excluded"] = True
     out.loc[[5, 6], "reason"] = "order ambiguous"
@@ -201,19 +222,25 @@ def test_contacts_of_feet_that_are_not_followed(scene, touchdowns):
 
 
 def test_times_that_do_not_overlap_are_told(scene, touchdowns):
-    with pytest.raises(AnalysisError, match=r"within the recording \(0.000 to .* found 1000.*unit"):
+    with pytest.raises(
+        AnalysisError, match=r"within the recording \(0.000 to .* found 1000.*unit"
+    ):
         compare(scene, touchdowns, known(scene.contact_times[:, 0] + 1000))
 
 
 def test_where_nothing_was_found_all_known_contacts_are_missed(scene, touchdowns):
-    table = compare(scene, touchdowns.iloc[:0], known(np.sort(scene.contact_times[:, 0])))
+    table = compare(
+        scene, touchdowns.iloc[:0], known(np.sort(scene.contact_times[:, 0]))
+    )
     assert set(table["status"]) == {"missed"}
     assert len(table) == 40
 
 
 def test_an_offset_between_the_clocks_is_told(scene, touchdowns):
     shifted = known(np.sort(scene.contact_times[:, 0]) + 0.1503)
-    with pytest.raises(AnalysisError, match=r"found none among 40 and 40.*larger by -0.150"):
+    with pytest.raises(
+        AnalysisError, match=r"found none among 40 and 40.*larger by -0.150"
+    ):
         compare(scene, touchdowns, shifted, window_s=0.02)
 
 
@@ -244,11 +271,16 @@ def overlay(difference, *, recording="a", column="Fz", se=0.001):
 def test_counts_by_status():
     table = overlay(np.zeros(9))
     table["status"] = (
-        ["matched"] * 3 + ["missed"] * 2 + ["invented", "other foot"] + ["not compared"] * 2
+        ["matched"] * 3
+        + ["missed"] * 2
+        + ["invented", "other foot"]
+        + ["not compared"] * 2
     )
     table.loc[1, "excluded"] = True
     (row,) = summarise_overlay(table).to_dict("records")
-    counts = {key: row[f"n_{key}"] for key in ("external", "matched", "excluded", "missed")}
+    counts = {
+        key: row[f"n_{key}"] for key in ("external", "matched", "excluded", "missed")
+    }
     assert counts == {"external": 5, "matched": 3, "excluded": 1, "missed": 2}
     assert (row["n_invented"], row["n_other_foot"], row["n_not_compared"]) == (1, 1, 2)
     assert row["first_feet"] == "heel 2, toe 1"
@@ -270,10 +302,14 @@ def test_bias_and_scatter_of_a_normal_with_outliers():
 def test_clocks_that_run_apart_are_told_from_those_that_do_not(seed):
     rng = np.random.default_rng(seed)
     sound = rng.normal(0.003, 0.001, 120)
-    sound[rng.integers(0, 30, 4)] += 0.03  # a few that are wrong, early in the recording
+    sound[rng.integers(0, 30, 4)] += (
+        0.03  # a few that are wrong, early in the recording
+    )
     assert summarise_overlay(overlay(sound))["drift_s"][0] == 0.0
     apart = sound - 50e-6 * np.arange(120)  # 50 ppm over 119 s
-    assert summarise_overlay(overlay(apart))["drift_s"][0] == pytest.approx(-0.006, abs=5e-4)
+    assert summarise_overlay(overlay(apart))["drift_s"][0] == pytest.approx(
+        -0.006, abs=5e-4
+    )
     assert np.isnan(summarise_overlay(overlay(apart[:9]))["drift_s"][0])
 
 
@@ -281,7 +317,9 @@ def test_the_interval_covers_the_median_as_often_as_it_says():
     rng = np.random.default_rng(5)
     draws = rng.exponential(1.0, (2000, 38))
     inside = [low <= np.log(2) <= high for low, high in map(median_interval, draws)]
-    assert 0.94 <= np.mean(inside) <= 0.985  # order statistics are discrete: 0.95 at least
+    assert (
+        0.94 <= np.mean(inside) <= 0.985
+    )  # order statistics are discrete: 0.95 at least
 
 
 def test_the_interval_is_that_of_the_textbook():
@@ -306,7 +344,9 @@ def test_nothing_matched_has_no_bias():
 
 
 def test_a_column_of_several_recordings_has_a_row_for_all():
-    both = pd.concat([overlay(np.full(8, 0.001)), overlay(np.full(6, 0.002), recording="b")])
+    both = pd.concat(
+        [overlay(np.full(8, 0.001)), overlay(np.full(6, 0.002), recording="b")]
+    )
     table = summarise_overlay(pd.concat([both, overlay(np.zeros(6), column="Fy")]))
     assert table[["recording", "column", "n_matched"]].to_numpy().tolist() == [
         ["a", "Fz", 8],

@@ -22,7 +22,9 @@ def test_names_follow_the_order_and_skip_what_is_unknown():
 
 
 def test_spread_is_the_population_sd():
-    np.testing.assert_allclose(spread(np.array([[0.0, 0.003, 0.006]])), [np.sqrt(6) * 1e-3])
+    np.testing.assert_allclose(
+        spread(np.array([[0.0, 0.003, 0.006]])), [np.sqrt(6) * 1e-3]
+    )
 
 
 def test_two_feet_against_the_closed_form():
@@ -79,14 +81,19 @@ def test_the_unknown_have_no_probability_even_if_all_are():
 def test_chunks_do_not_matter():
     rng = np.random.default_rng(3)
     mean, sd = rng.normal(size=(1203, 3)), np.full((1203, 3), 0.5)
-    each = [order_probability(mean[i : i + 1], sd[i : i + 1])[0] for i in (0, 499, 500, 1202)]
+    each = [
+        order_probability(mean[i : i + 1], sd[i : i + 1])[0]
+        for i in (0, 499, 500, 1202)
+    ]
     np.testing.assert_allclose(order_probability(mean, sd)[[0, 499, 500, 1202]], each)
 
 
 def test_the_probabilities_of_all_orders_add_up_to_one():
     rng = np.random.default_rng(2)
     mean, sd = rng.normal(0, 0.003, (50, 4)), rng.uniform(2e-4, 9e-4, (50, 4))
-    each = np.stack([order_probability(mean, sd, np.array(o)) for o in permutations(range(4))])
+    each = np.stack(
+        [order_probability(mean, sd, np.array(o)) for o in permutations(range(4))]
+    )
     np.testing.assert_allclose(each.sum(axis=0), 1.0, atol=1e-9)
     own, ranked = order_probability(mean, sd), np.sort(each, axis=0)
     sure = ranked[-1] > 0.5  # then it is the order of every two estimates

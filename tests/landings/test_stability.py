@@ -35,8 +35,13 @@ def sections(recordings):
 
 
 def tables_of(recordings, sections):
-    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
-    return pd.concat([touchdown_table(one, **heights) for one in recordings], ignore_index=True)
+    heights = {
+        "pre_height_m": sections.pre_height_m,
+        "post_height_m": sections.post_height_m,
+    }
+    return pd.concat(
+        [touchdown_table(one, **heights) for one in recordings], ignore_index=True
+    )
 
 
 def test_the_chosen_sections_stand_first_and_every_variant_once(recordings, sections):
@@ -44,7 +49,12 @@ def test_the_chosen_sections_stand_first_and_every_variant_once(recordings, sect
     assert table["pre_height_m"][0] == sections.pre_height_m
     counts = dict(table["kind"].value_counts(sort=False))
     assert counts.pop("second") in (1, 2)
-    assert counts == {"chosen": 1, "bandwidth": len(BANDWIDTH_FACTORS), "half": 2, "recording": 2}
+    assert counts == {
+        "chosen": 1,
+        "bandwidth": len(BANDWIDTH_FACTORS),
+        "half": 2,
+        "recording": 2,
+    }
     assert table["pre_height_m"].notna().all()
     moved = (table["pre_height_m"] - sections.pre_height_m).abs()
     assert moved.max() < 0.03
@@ -77,7 +87,9 @@ def test_a_single_recording_has_no_variants_by_recording(recordings, sections):
 
 def test_heights_from_the_configuration_stay(recordings):
     options = {"pre_height_m": 0.45, "post_height_m": 0.3}
-    table = section_stability(recordings, select_sections(recordings, **options), options)
+    table = section_stability(
+        recordings, select_sections(recordings, **options), options
+    )
     assert set(table["kind"]) == {"chosen", "second", "half", "recording"}
     assert (table["pre_height_m"] == 0.45).all()
     assert (table["post_height_m"] == 0.3).all()
@@ -127,7 +139,9 @@ def test_a_moved_marker_is_drift_of_the_body_alone(recordings, sections):
 
 def test_a_single_recording_is_compared_by_quarters(recordings, sections):
     drift = drift_table(recordings[:1], tables_of(recordings[:1], sections))
-    assert list(dict.fromkeys(drift["part"])) == [f"part {k} of 4" for k in (1, 2, 3, 4)]
+    assert list(dict.fromkeys(drift["part"])) == [
+        f"part {k} of 4" for k in (1, 2, 3, 4)
+    ]
     sizes = drift[drift["quantity"] == "contact spread"]["touchdowns"]
     assert sizes.max() - sizes.min() <= 1
 

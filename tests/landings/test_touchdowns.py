@@ -18,7 +18,12 @@ from hopdata.landings.contacts.descents import (
     descents,
     find_hidden_landings,
 )
-from hopdata.landings.contacts.find import METHODS, Contacts, find_landings, floor_instants
+from hopdata.landings.contacts.find import (
+    METHODS,
+    Contacts,
+    find_landings,
+    floor_instants,
+)
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.floor import fit_floor, level
@@ -54,12 +59,20 @@ def with_feet(recording, heights):
 def test_what_is_left_out_by_hand_says_why(table):
     begin, end = table["t_pre_s"][10], table["t_post_s"][12]
     spans = [
-        {"from_s": begin - 0.01, "to_s": begin + 0.001, "reason": "a cable"},  # part of the first
+        {
+            "from_s": begin - 0.01,
+            "to_s": begin + 0.001,
+            "reason": "a cable",
+        },  # part of the first
         {"from_s": end - 0.001, "to_s": end + 0.01, "reason": "fell"},
         {"from_s": begin, "to_s": end, "reason": "both"},
     ]
     found = left_out(table, spans)
-    assert found["reason"][10:13].tolist() == ["by hand: a cable", "by hand: both", "by hand: fell"]
+    assert found["reason"][10:13].tolist() == [
+        "by hand: a cable",
+        "by hand: both",
+        "by hand: fell",
+    ]
     assert found["excluded"].sum() == table["excluded"].sum() + 3
     pd.testing.assert_frame_equal(found.drop([10, 11, 12]), table.drop([10, 11, 12]))
     assert not table["excluded"][10:13].any()
@@ -77,12 +90,16 @@ def test_landings_feet_and_recordings_are_left_out_by_hand(scene, table):
     ):
         left_out(table, [{"landings": [9999], "reason": "typo"}])
     begin, end = table["t_pre_s"][4], table["t_post_s"][5]
-    found = left_out(table, [{"from_s": begin, "to_s": end, "markers": [foot], "reason": "loose"}])
+    found = left_out(
+        table, [{"from_s": begin, "to_s": end, "markers": [foot], "reason": "loose"}]
+    )
     assert (found["reason"][4:6] == f"by hand: {foot}: loose").all()
     assert found["excluded"][4:6].all()
     pd.testing.assert_frame_equal(found.drop([4, 5]), table.drop([4, 5]))
     entry = {"from_s": begin, "to_s": end, "markers": [body], "reason": "loose"}
-    pd.testing.assert_frame_equal(left_out(table, [entry]), table)  # the other recordings carry it
+    pd.testing.assert_frame_equal(
+        left_out(table, [entry]), table
+    )  # the other recordings carry it
     gone = table.assign(excluded=table["excluded"] | (table.index == 4))
     assert left_out(gone, [entry])["reason"][4] == f"by hand: {body}: loose"
     whole = left_out(table, [{"reason": "the belt slipped"}])
@@ -93,7 +110,9 @@ def test_landings_feet_and_recordings_are_left_out_by_hand(scene, table):
 @pytest.mark.parametrize(
     ("lifted_m", "said"), [(0.3, "no foot landed"), (0.0, "post section never reached")]
 )
-def test_a_descent_that_ends_early_is_another_leg_s_if_no_foot_comes_down(scene, lifted_m, said):
+def test_a_descent_that_ends_early_is_another_leg_s_if_no_foot_comes_down(
+    scene, lifted_m, said
+):
     recording, t = scene.recording, scene.recording.time
     table = touchdown_table(recording, **SECTIONS)
     inside = (t > table["t_pre_s"][20] - 0.01) & (t < table["t_pre_s"][21] - 0.1)
@@ -135,7 +154,9 @@ def test_columns(table):
 
 
 def test_contents_against_the_truth(scene, table):
-    contacts = table[["contact_foot1_s", "contact_foot2_s", "contact_foot3_s"]].to_numpy()
+    contacts = table[
+        ["contact_foot1_s", "contact_foot2_s", "contact_foot3_s"]
+    ].to_numpy()
     assert np.abs(contacts - scene.contact_times).max() < 0.0015
     np.testing.assert_allclose(table["spread_s"], contacts.std(axis=1))
     order = np.argsort(scene.contact_times, axis=1) + 1
@@ -217,13 +238,17 @@ def test_landings_with_the_body_hidden_are_listed_too(scene, table, part):
 
 
 def test_contacts_outside_the_transition_are_left_out(scene):
-    late = touchdown_table(scene.recording, **(SECTIONS | {"post_height_m": POST_HEIGHT_M + 0.035}))
+    late = touchdown_table(
+        scene.recording, **(SECTIONS | {"post_height_m": POST_HEIGHT_M + 0.035})
+    )
     contacts = scene.contact_times
     truly_late = (contacts > late["t_post_s"].to_numpy()[:, None]).any(axis=1)
     assert 0 < truly_late.sum() < 120
     said_late = late["reason"].str.contains("not down by the post section").to_numpy()
     assert (said_late == truly_late).mean() > 0.97
-    early = touchdown_table(scene.recording, **(SECTIONS | {"pre_height_m": PRE_HEIGHT_M - 0.05}))
+    early = touchdown_table(
+        scene.recording, **(SECTIONS | {"pre_height_m": PRE_HEIGHT_M - 0.05})
+    )
     continued = early["t_pre_s"].to_numpy() - CONTINUED_S * scene.recording.pace
     truly_early = (contacts < continued[:, None]).any(axis=1)
     assert 0 < truly_early.sum() < 120
@@ -253,7 +278,9 @@ def test_ambiguous_orders_can_be_left_out(scene, table):
 
 
 def test_an_unknown_treatment_of_the_ambiguous_is_named(scene):
-    with pytest.raises(ConfigError, match=r"touchdowns.ambiguous.*did you mean 'exclude'"):
+    with pytest.raises(
+        ConfigError, match=r"touchdowns.ambiguous.*did you mean 'exclude'"
+    ):
         touchdown_table(scene.recording, **SECTIONS, ambiguous="excluded")
 
 
@@ -264,7 +291,9 @@ def test_the_printed_method_is_selectable(scene):
     np.testing.assert_allclose(frames, frames.round(), atol=1e-6)
 
 
-def test_example_is_of_median_spread_in_the_surer_half_of_the_commonest_schedule(scene, table):
+def test_example_is_of_median_spread_in_the_surer_half_of_the_commonest_schedule(
+    scene, table
+):
     example = example_touchdown([scene.recording], table)
     assert list(example.columns) == [
         "recording",
@@ -278,9 +307,13 @@ def test_example_is_of_median_spread_in_the_surer_half_of_the_commonest_schedule
     counts = table["schedule"].value_counts()
     assert counts[row["schedule"]] == counts.max()
     alike = table[(table["schedule"] == row["schedule"]) & ~table["excluded"]]
-    of_kind = alike.loc[alike["probability"] >= alike["probability"].median(), "spread_s"]
+    of_kind = alike.loc[
+        alike["probability"] >= alike["probability"].median(), "spread_s"
+    ]
     assert row["probability"] >= alike["probability"].median()
-    assert abs((of_kind < row["spread_s"]).sum() - (of_kind > row["spread_s"]).sum()) <= 1
+    assert (
+        abs((of_kind < row["spread_s"]).sum() - (of_kind > row["spread_s"]).sum()) <= 1
+    )
     assert example["time_s"].min() >= -0.05
     assert example["time_s"].max() <= row["t_post_s"] - row["t_pre_s"] + 0.05
     assert example["velocity_m_s"].min() < -1.0
@@ -318,13 +351,17 @@ def test_a_runner(external_recording):
     assert (~table["excluded"]).sum() >= 30
     assert (np.diff(np.flatnonzero(landed)) == 2).all()  # left and right in turn
     used = table[~table["excluded"]]
-    gaps = used[["contact_R_heel_s", "contact_R_mt5_s"]].sub(used["contact_R_mt1_s"], axis=0)
+    gaps = used[["contact_R_heel_s", "contact_R_mt5_s"]].sub(
+        used["contact_R_mt1_s"], axis=0
+    )
     assert (gaps.median() > 0.01).all()
     assert (gaps.std() < 0.006).all()
 
 
 @pytest.mark.parametrize(("side", "turn"), [("L", 0), ("R", 1)])
-def test_a_runner_against_the_force_plate(external_recording, external_forces, side, turn):
+def test_a_runner_against_the_force_plate(
+    external_recording, external_forces, side, turn
+):
     table = runner_table(external_recording, side)
     contacts = table[[name for name in table if name.startswith("contact_")]]
     first = contacts[table["t_pre_s"] > 0].min(axis=1).dropna().to_numpy()
@@ -345,7 +382,9 @@ def test_a_quick_runner_s_foot_is_down_where_it_stands(quick_runner, side):
         "body": ["R.ASIS", "L.ASIS", "R.PSIS"],
         "feet": [f"{side}.{name}" for name in ("Heel.Bottom", "MT1", "MT5")],
     }
-    seen, _ = import_recording([quick_runner], name="run", markers=markers, vertical_axis="y")
+    seen, _ = import_recording(
+        [quick_runner], name="run", markers=markers, vertical_axis="y"
+    )
     seen = level(seen, fit_floor(seen))
     landings = find_landings(seen)
     landed = landings[landings[f"status_{side}.MT1"] == LANDED]
@@ -354,14 +393,20 @@ def test_a_quick_runner_s_foot_is_down_where_it_stands(quick_runner, side):
     for instant in landed[f"contact_{side}.MT1_s"]:
         later = forefoot[(seen.time > instant) & (seen.time < instant + 0.1)]
         assert np.interp(instant, seen.time, forefoot) - later.min() < 0.025
-    columns = [[f"{kind}_{foot}_s" for foot in markers["feet"]] for kind in ("contact", "se")]
+    columns = [
+        [f"{kind}_{foot}_s" for foot in markers["feet"]] for kind in ("contact", "se")
+    ]
     instant, se = (landed[names].to_numpy() for names in columns)
     sure = order_probability(instant, se) > 0.9
     assert sure.sum() >= 20
-    assert {name for name, s in zip(schedule_names(instant), sure, strict=True) if s} == {"1>3>2"}
+    assert {
+        name for name, s in zip(schedule_names(instant), sure, strict=True) if s
+    } == {"1>3>2"}
 
 
-def test_a_marker_that_is_hidden_for_half_of_the_run_makes_no_landings(external_recording):
+def test_a_marker_that_is_hidden_for_half_of_the_run_makes_no_landings(
+    external_recording,
+):
     """This foot, where it is seen, does not land in the other leg's descents."""
     table = runner_table(external_recording, "L", hidden=4)
     landed = table["reason"] != "no foot landed"
@@ -393,7 +438,9 @@ def test_contacts_are_found_once_and_serve_any_sections(scene, table):
         touchdown_table(scene.recording, landings=found, **SECTIONS), table
     )
     other = touchdown_table(
-        scene.recording, landings=found, **{**SECTIONS, "pre_height_m": PRE_HEIGHT_M + 0.01}
+        scene.recording,
+        landings=found,
+        **{**SECTIONS, "pre_height_m": PRE_HEIGHT_M + 0.01},
     )
     contacts = [name for name in table if name.startswith(("contact_", "se_"))]
     pd.testing.assert_frame_equal(other[contacts], table[contacts])
@@ -465,10 +512,15 @@ def test_minima_are_not_taken_for_kinks(scene, table):
 def test_a_foot_of_two_markers_has_a_contact_by_every_method(scene):
     """The foot is where its lower marker is; here both are at the same height."""
     recording = scene.recording
-    (first, *_), feet = recording.names("foot"), recording.positions[:, recording.indices("foot")]
+    (first, *_), feet = (
+        recording.names("foot"),
+        recording.positions[:, recording.indices("foot")],
+    )
     seen = replace(
         recording,
-        positions=np.concatenate([recording.positions, feet[:, :1] + [0.01, 0.0, 0.0]], axis=1),
+        positions=np.concatenate(
+            [recording.positions, feet[:, :1] + [0.01, 0.0, 0.0]], axis=1
+        ),
         markers=(*recording.markers, "heel"),
         roles=(*recording.roles, "foot"),
     )
@@ -476,24 +528,34 @@ def test_a_foot_of_two_markers_has_a_contact_by_every_method(scene):
     for method in PRINTED:
         alone = find_landings(recording, method=method)
         both = find_landings(joined, method=method)
-        np.testing.assert_array_equal(both["contact_left_s"], alone[f"contact_{first}_s"])
+        np.testing.assert_array_equal(
+            both["contact_left_s"], alone[f"contact_{first}_s"]
+        )
 
 
 @pytest.mark.parametrize("after_s", [0.02, 0.06, 0.1])
 def test_a_recording_that_ends_in_a_landing_keeps_it(scene, table, after_s):
     """The recording ends at this time after the last contact, before or after the section."""
-    stop = np.searchsorted(scene.recording.time, scene.contact_times[60].max() + after_s)
+    stop = np.searchsorted(
+        scene.recording.time, scene.contact_times[60].max() + after_s
+    )
     found = touchdown_table(scene.recording.part(slice(stop)), **SECTIONS)
     assert len(found) == 61
-    assert found["reason"][60] == ("post section never reached" if after_s < 0.05 else "")
+    assert found["reason"][60] == (
+        "post section never reached" if after_s < 0.05 else ""
+    )
     contacts = [f"contact_foot{k}_s" for k in (1, 2, 3)]
-    np.testing.assert_allclose(found.loc[60, contacts], table.loc[60, contacts], atol=1e-3)
+    np.testing.assert_allclose(
+        found.loc[60, contacts], table.loc[60, contacts], atol=1e-3
+    )
 
 
 def test_a_landing_from_below_the_pre_section_is_listed(scene, table):
     """The pre section lies above the top of some flights; their landings stay in the table."""
     time, height = scene.recording.time, scene.recording.body_height
-    tops = np.array([height[(time >= t - 0.3) & (time < t)].max() for t in table["t_pre_s"]])
+    tops = np.array(
+        [height[(time >= t - 0.3) & (time < t)].max() for t in table["t_pre_s"]]
+    )
     sections = {**SECTIONS, "pre_height_m": float(np.quantile(tops, 0.1))}
     found = touchdown_table(scene.recording, **sections)
     low = found["reason"] == "body stayed below the pre section"
@@ -501,7 +563,9 @@ def test_a_landing_from_below_the_pre_section_is_listed(scene, table):
     assert found.loc[low, "excluded"].all()
     assert found["index"].tolist() == list(range(len(found)))
     contacts = [f"contact_foot{i}_s" for i in (1, 2, 3)]
-    near = table.loc[np.searchsorted(table["t_post_s"], found.loc[low, "t_post_s"] - 0.05)]
+    near = table.loc[
+        np.searchsorted(table["t_post_s"], found.loc[low, "t_post_s"] - 0.05)
+    ]
     np.testing.assert_allclose(found.loc[low, contacts], near[contacts], atol=0.002)
 
 
@@ -511,11 +575,16 @@ def test_a_body_that_sways_on_its_feet_does_not_land(settle_m):
     positions = scene.recording.positions.copy()
     time = scene.recording.time
     standing = time > time[-1] * 0.6
-    middle, half = 0.5 * (PRE_HEIGHT_M + POST_HEIGHT_M), 0.5 * (PRE_HEIGHT_M - POST_HEIGHT_M)
+    middle, half = (
+        0.5 * (PRE_HEIGHT_M + POST_HEIGHT_M),
+        0.5 * (PRE_HEIGHT_M - POST_HEIGHT_M),
+    )
     sway = middle + half * (0.9 * np.sin(20 * time[standing]) - 0.2)
     body, feet = scene.recording.indices("body"), scene.recording.indices("foot")
     positions[np.ix_(standing, body, [2])] = sway[:, None, None]
-    positions[np.ix_(standing, feet, [2])] = settle_m * np.cos(9 * time[standing])[:, None, None]
+    positions[np.ix_(standing, feet, [2])] = (
+        settle_m * np.cos(9 * time[standing])[:, None, None]
+    )
     swaying = replace(scene.recording, positions=positions)
     found = touchdown_table(swaying, **SECTIONS)
     assert (found["t_pre_s"] < time[-1] * 0.62).all()

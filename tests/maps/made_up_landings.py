@@ -22,7 +22,9 @@ def inputs(count, seed=0):
 
 def outcomes(u, instants, bend=0.0):
     """Return outcomes (n, 11) by `MAP`, per standard deviation, plus signed squares of times."""
-    d = np.column_stack([instants[:, i] - instants[:, j] for i, j in ((0, 1), (0, 2), (1, 2))])
+    d = np.column_stack(
+        [instants[:, i] - instants[:, j] for i, j in ((0, 1), (0, 2), (1, 2))]
+    )
     scale = np.repeat([0.02, 0.1], [5, 6])
     return END + (u @ MAP + bend * (d * np.abs(d)) @ BEND * 10) * scale
 
@@ -44,7 +46,9 @@ def noisy(states, position, velocity, shared=0.0, seed=9):
     """Return states with normal noise in each coordinate, correlated by `shared`."""
     rng = np.random.default_rng(seed)
     a, b = (rng.normal(size=(len(states), states.shape[1] // 2)) for _ in range(2))
-    noise = np.hstack([position * a, velocity * (shared * a + np.sqrt(1 - shared**2) * b)])
+    noise = np.hstack(
+        [position * a, velocity * (shared * a + np.sqrt(1 - shared**2) * b)]
+    )
     return states + noise
 
 

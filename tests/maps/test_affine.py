@@ -17,9 +17,9 @@ from hopdata.maps.draws import distinct_draws, named_generator
 
 def landings(rng, n=200, latent=11, noise=6e-4, p=18, offset=1.0):
     """Return inputs of `latent` true dimensions in `p` noisy coordinates, and affine outputs."""
-    x = rng.normal(size=(n, latent)) @ rng.normal(size=(latent, p)) + noise * rng.normal(
-        size=(n, p)
-    )
+    x = rng.normal(size=(n, latent)) @ rng.normal(
+        size=(latent, p)
+    ) + noise * rng.normal(size=(n, p))
     y = x @ rng.normal(size=(p, p)) + 0.01 * rng.normal(size=(n, p))
     return x + offset, y - 3.0
 
@@ -34,7 +34,9 @@ def statsmodels_errors(x, y, train, test):
     errors = []
     for fitted, held in zip(train, test, strict=True):
         model = sm.OLS(y[fitted], sm.add_constant(x[fitted], has_constant="add"))
-        found = sm.add_constant(x[held], has_constant="add") @ model.fit(method="qr").params
+        found = (
+            sm.add_constant(x[held], has_constant="add") @ model.fit(method="qr").params
+        )
         errors.append(np.mean((y[held] - found) ** 2, axis=0))
     return np.array(errors)
 
@@ -45,17 +47,25 @@ def test_errors_are_those_of_the_libraries(oracle, noise):
     x, y = landings(np.random.default_rng(0), noise=noise)
     train, test = splits(len(x))
     expected = oracle(x, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-10)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=1e-10
+    )
 
 
 def test_exact_dependence_and_constant_columns_change_nothing():
     rng = np.random.default_rng(1)
     x, y = landings(rng, noise=1e-2)
-    more = np.column_stack([x, x[:, :2] @ [1.0, -2.0], np.full(len(x), 0.499), np.zeros(len(x))])
+    more = np.column_stack(
+        [x, x[:, :2] @ [1.0, -2.0], np.full(len(x), 0.499), np.zeros(len(x))]
+    )
     train, test = splits(len(x))
     expected = affine_test_errors(x, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(more, y, train, test), expected, rtol=1e-9)
-    np.testing.assert_allclose(affine_predictions(more, y), affine_predictions(x, y), rtol=1e-9)
+    np.testing.assert_allclose(
+        affine_test_errors(more, y, train, test), expected, rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        affine_predictions(more, y), affine_predictions(x, y), rtol=1e-9
+    )
 
 
 def test_eleven_true_dimensions_without_noise():
@@ -65,8 +75,12 @@ def test_eleven_true_dimensions_without_noise():
     y = latent @ rng.normal(size=(11, 18)) + 0.1 * rng.normal(size=(200, 18))
     train, test = splits(len(x))
     expected = affine_test_errors(latent, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-10)
-    np.testing.assert_allclose(affine_predictions(x, y), affine_predictions(latent, y), atol=1e-9)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=1e-10
+    )
+    np.testing.assert_allclose(
+        affine_predictions(x, y), affine_predictions(latent, y), atol=1e-9
+    )
 
 
 def test_duplicated_landings_match_the_library():
@@ -74,7 +88,9 @@ def test_duplicated_landings_match_the_library():
     x, y = np.vstack([x, x]), np.vstack([y, y])
     train, test = splits(len(x))
     expected = sklearn_errors(x, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-10)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=1e-10
+    )
 
 
 def test_a_direction_that_only_a_training_set_lacks_gets_the_minimum_norm_map():
@@ -86,14 +102,18 @@ def test_a_direction_that_only_a_training_set_lacks_gets_the_minimum_norm_map():
     np.testing.assert_allclose(errors, sklearn_errors(x, y, train, test), rtol=1e-10)
     full = np.arange(20, 60)[None], np.arange(20)[None]
     both = [np.vstack(pair) for pair in zip((train, test[:, :20]), full, strict=True)]
-    np.testing.assert_allclose(affine_test_errors(x, y, *both)[0], errors[0], rtol=1e-12)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, *both)[0], errors[0], rtol=1e-12
+    )
 
 
 def test_fewer_landings_than_inputs_match_the_library():
     x, y = landings(np.random.default_rng(5), n=30, noise=0.1)
     train, test = splits(30, train=12, test=8)
     expected = sklearn_errors(x, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=1e-9
+    )
 
 
 def conditioned(rng, condition, n=60, p=6, q=2):
@@ -108,7 +128,8 @@ def exact_errors(x, y, train, test):
     errors = []
     with mpmath.workdps(80):
         x, y = (
-            mpmath.matrix(np.column_stack(part).tolist()) for part in ([np.ones(len(x)), x], [y])
+            mpmath.matrix(np.column_stack(part).tolist())
+            for part in ([np.ones(len(x)), x], [y])
         )
         for fitted, held in zip(train, test, strict=True):
             a, b = (_rows(part, fitted) for part in (x, y))
@@ -120,7 +141,9 @@ def exact_errors(x, y, train, test):
 
 
 def _rows(matrix, rows):
-    return mpmath.matrix([[matrix[int(i), j] for j in range(matrix.cols)] for i in rows])
+    return mpmath.matrix(
+        [[matrix[int(i), j] for j in range(matrix.cols)] for i in rows]
+    )
 
 
 @pytest.mark.parametrize("offset", [0.0, 1.0])
@@ -131,16 +154,22 @@ def test_error_grows_no_faster_than_the_condition_number(condition, offset):
     train, test = splits(len(x), 30, 12, count=2)
     expected = exact_errors(x, y, train, test)
     bound = max(2e-13, 5e-16 * condition)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=bound)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=bound
+    )
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (6, 1), (7, 8), (8, 5), (9, 14), (15, 2), (16, 16)])
+@pytest.mark.parametrize(
+    "shape", [(1, 1), (6, 1), (7, 8), (8, 5), (9, 14), (15, 2), (16, 16)]
+)
 def test_any_number_of_inputs_and_outputs(shape):
     rng = np.random.default_rng(16)
     x, y = rng.normal(size=(90, shape[0])), rng.normal(size=(90, shape[1]))
     train, test = splits(90, 40, 13, count=5)
     expected = sklearn_errors(x, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-11)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=1e-11
+    )
     rows = y[train].mean(axis=1, keepdims=True)
     expected = np.mean((y[test] - rows) ** 2, axis=1)
     np.testing.assert_allclose(mean_test_errors(y, train, test), expected, rtol=1e-12)
@@ -151,7 +180,9 @@ def test_scales_of_the_columns_do_not_matter():
     train, test = splits(len(x))
     scaled = x * np.geomspace(1e-9, 1e6, x.shape[1])
     expected = affine_test_errors(x, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(scaled, y, train, test), expected, rtol=1e-10)
+    np.testing.assert_allclose(
+        affine_test_errors(scaled, y, train, test), expected, rtol=1e-10
+    )
 
 
 def test_replicates_do_not_depend_on_each_other(monkeypatch):
@@ -166,7 +197,10 @@ def test_replicates_do_not_depend_on_each_other(monkeypatch):
 
 
 def test_float32_input_is_computed_in_double():
-    x, y = (part.astype(np.float32) for part in landings(np.random.default_rng(9), noise=0.1))
+    x, y = (
+        part.astype(np.float32)
+        for part in landings(np.random.default_rng(9), noise=0.1)
+    )
     train, test = splits(len(x))
     expected = affine_test_errors(x.astype(float), y.astype(float), train, test)
     assert np.array_equal(affine_test_errors(x, y, train, test), expected)
@@ -208,7 +242,9 @@ def test_constant_inputs_leave_the_mean():
     x, y = np.full((200, 3), 0.288), rng.normal(size=(200, 2))
     train, test = splits(len(x))
     expected = mean_test_errors(y, train, test)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-12)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=1e-12
+    )
 
 
 def test_values_that_are_not_finite_are_refused():

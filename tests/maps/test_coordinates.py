@@ -42,7 +42,11 @@ def markers(centre, rotation, velocity, spin, shape=SHAPE):
 
 def motions(n=50, seed=3, tilt=0.3):
     rng = np.random.default_rng(seed)
-    angles = rng.uniform(-3, 3, n), rng.uniform(-tilt, tilt, n), rng.uniform(-tilt, tilt, n)
+    angles = (
+        rng.uniform(-3, 3, n),
+        rng.uniform(-tilt, tilt, n),
+        rng.uniform(-tilt, tilt, n),
+    )
     centre, velocity, spin = rng.standard_normal((3, n, 3))
     return centre, rotations(*angles), velocity, spin, angles
 
@@ -62,8 +66,12 @@ def test_place_attitude_and_motion_are_found_exactly(n_markers):
 def test_kabsch_gives_rotations_and_never_a_reflection():
     rng = np.random.default_rng(8)
     flat = SHAPE * [1, 1, 0]
-    points = np.einsum("nij,bj->nbi", motions()[1], flat) + 0.05 * rng.standard_normal((50, 3, 3))
-    found = kabsch(points - points.mean(axis=1, keepdims=True), flat - flat.mean(axis=0))
+    points = np.einsum("nij,bj->nbi", motions()[1], flat) + 0.05 * rng.standard_normal(
+        (50, 3, 3)
+    )
+    found = kabsch(
+        points - points.mean(axis=1, keepdims=True), flat - flat.mean(axis=0)
+    )
     np.testing.assert_allclose(np.linalg.det(found), 1.0, atol=1e-12)
     np.testing.assert_allclose(found @ found.transpose(0, 2, 1), np.eye(3)[None] + 0 * found,
                                atol=1e-12)  # fmt: skip
@@ -71,12 +79,16 @@ def test_kabsch_gives_rotations_and_never_a_reflection():
 
 def test_no_other_rotation_brings_noisy_points_nearer():
     rng = np.random.default_rng(9)
-    points = np.einsum("nij,bj->nbi", motions()[1], SHAPE) + 0.01 * rng.standard_normal((50, 3, 3))
+    points = np.einsum("nij,bj->nbi", motions()[1], SHAPE) + 0.01 * rng.standard_normal(
+        (50, 3, 3)
+    )
     points -= points.mean(axis=1, keepdims=True)
     best = kabsch(points, SHAPE)
 
     def misses(rotation):
-        return np.sum((points - np.einsum("nij,bj->nbi", rotation, SHAPE)) ** 2, axis=(1, 2))
+        return np.sum(
+            (points - np.einsum("nij,bj->nbi", rotation, SHAPE)) ** 2, axis=(1, 2)
+        )
 
     for _ in range(20):
         nearby = best @ rotations(*(0.02 * rng.standard_normal((3, 50))))
@@ -98,7 +110,10 @@ def test_the_shape_is_found_from_noisy_attitudes():
     [
         (np.outer([-0.1, 0.03, 0.07], [1.0, 2.0, 0.5]), "not on one line"),
         (np.zeros((3, 3)), "not on one line"),
-        (SHAPE[:2] - SHAPE[:2].mean(axis=0), "at least 3 body markers are needed, found 2"),
+        (
+            SHAPE[:2] - SHAPE[:2].mean(axis=0),
+            "at least 3 body markers are needed, found 2",
+        ),
     ],
 )
 def test_markers_that_fix_no_attitude_are_refused(shape, words):
@@ -129,9 +144,13 @@ def test_a_step_and_a_turn_are_seen_from_the_state_before():
     still = np.zeros((n, 3))
     step = rng.standard_normal((n, 2))
     c, s = np.cos(yaw), np.sin(yaw)
-    moved = np.column_stack([c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]])
+    moved = np.column_stack(
+        [c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]]
+    )
     before = markers(still, rotations(yaw, zero, zero), still, still)
-    after = markers(np.column_stack([moved, zero]), rotations(yaw + turn, zero, zero), still, still)
+    after = markers(
+        np.column_stack([moved, zero]), rotations(yaw + turn, zero, zero), still, still
+    )
     y = section_coordinates(rigid_states(before, SHAPE), rigid_states(after, SHAPE))[1]
     np.testing.assert_allclose(y[:, :3], np.column_stack([step, turn]), atol=1e-12)
 
@@ -150,7 +169,9 @@ def test_nothing_changes_if_each_landing_is_moved_and_turned_in_the_plane():
                 centre = np.einsum("nij,nj->ni", turn, centre) + shift
                 velocity = np.einsum("nij,nj->ni", turn, velocity)
                 rotation = turn @ rotation
-            states.append(rigid_states(markers(centre, rotation, velocity, spin), SHAPE))
+            states.append(
+                rigid_states(markers(centre, rotation, velocity, spin), SHAPE)
+            )
         pairs.append(section_coordinates(*states))
     for one, other in zip(*pairs, strict=True):
         np.testing.assert_allclose(other, one, atol=1e-11)
@@ -167,7 +188,9 @@ def test_outputs_count_by_the_rms_way_of_the_markers(column):
     moved = markers(centre, rotation, value[:, 5:8], value[:, 8:]).reshape(2, 3, 3)
     moved[0] -= SHAPE
     rms = np.sqrt((moved**2).sum(axis=2).mean(axis=1)) / small
-    assert output_weights(SHAPE, unit)[column] == pytest.approx(rms[0] + unit * rms[1], rel=1e-5)
+    assert output_weights(SHAPE, unit)[column] == pytest.approx(
+        rms[0] + unit * rms[1], rel=1e-5
+    )
 
 
 # The kinks, and products of inputs.
@@ -188,7 +211,10 @@ def test_slopes_of_the_kinks_are_their_derivatives(feet):
     for order in permutations(range(feet)):
         t = np.argsort(order) * 1.0
         steps = np.array(
-            [(kinks((t + e)[None]) - kinks((t - e)[None]))[0] / 2e-3 for e in 1e-3 * np.eye(feet)]
+            [
+                (kinks((t + e)[None]) - kinks((t - e)[None]))[0] / 2e-3
+                for e in 1e-3 * np.eye(feet)
+            ]
         )
         assert np.allclose(steps.T, kink_slopes(order), atol=1e-9)
 
@@ -196,7 +222,8 @@ def test_slopes_of_the_kinks_are_their_derivatives(feet):
 def test_every_continuous_function_linear_on_each_order_is_a_sum_of_kinks(rng):
     """Values at the six rays (one foot first, or one foot last) are free; between, linear."""
     rays = np.array(
-        [np.eye(3)[k] - 1 / 3 for k in range(3)] + [1 / 3 - np.eye(3)[k] for k in range(3)]
+        [np.eye(3)[k] - 1 / 3 for k in range(3)]
+        + [1 / 3 - np.eye(3)[k] for k in range(3)]
     )
     design = np.column_stack([kinks(rays), rays[:, :2]])
     assert np.linalg.matrix_rank(design) == 6

@@ -4,7 +4,12 @@ from made_up_landings import sklearn_errors
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import affine_test_errors
-from hopdata.maps.draws import MOST_ONE_BY_ONE, distinct_draws, named_generator, rare_notes
+from hopdata.maps.draws import (
+    MOST_ONE_BY_ONE,
+    distinct_draws,
+    named_generator,
+    rare_notes,
+)
 from hopdata.maps.prediction import bootstrap_prediction
 from hopdata.maps.subspaces import bootstrap_subspaces, measure_distances
 
@@ -17,7 +22,9 @@ def test_a_named_stream_depends_on_seed_and_names_only():
     assert not np.array_equal(named_generator(4, "prediction", "near").random(4), first)
 
 
-@pytest.mark.parametrize(("population", "sizes"), [(161, (120, 41)), (500, (120, 41)), (30, (30,))])
+@pytest.mark.parametrize(
+    ("population", "sizes"), [(161, (120, 41)), (500, (120, 41)), (30, (30,))]
+)
 def test_sets_are_disjoint_distinct_and_in_range(population, sizes):
     sets = distinct_draws(named_generator(1, "x"), population, sizes, 50)
     assert [part.shape for part in sets] == [(50, size) for size in sizes]
@@ -38,8 +45,13 @@ def test_every_item_is_as_likely_in_each_set():
 def test_pairs_of_items_are_as_likely_as_in_any_draw_without_replacement():
     count, population = 20_000, 5
     (drawn,) = distinct_draws(named_generator(2, "x"), population, (2,), count)
-    found = np.bincount(drawn[:, 0] * population + drawn[:, 1], minlength=population**2) / count
-    pairs = [a * population + b for a in range(population) for b in range(a + 1, population)]
+    found = (
+        np.bincount(drawn[:, 0] * population + drawn[:, 1], minlength=population**2)
+        / count
+    )
+    pairs = [
+        a * population + b for a in range(population) for b in range(a + 1, population)
+    ]
     assert found[pairs].sum() == pytest.approx(1)
     assert np.abs(found[pairs] - 0.1).max() < 5 * np.sqrt(0.1 * 0.9 / count)
 
@@ -61,7 +73,9 @@ def test_more_than_there_are_is_refused():
 def test_a_few_are_named():
     sizes = {f"{k}": 10 + k for k in range(MOST_ONE_BY_ONE)}
     notes = rare_notes("subspaces", sizes, "30 wanted")
-    assert [note["what"] for note in notes] == [f"subspaces of schedule {name}" for name in sizes]
+    assert [note["what"] for note in notes] == [
+        f"subspaces of schedule {name}" for name in sizes
+    ]
     assert notes[1]["reason"] == "11 touchdowns, 30 wanted"
     assert rare_notes("subspaces", {}, "30 wanted") == []
 
@@ -99,7 +113,9 @@ def test_duplicate_touchdowns_predict_as_the_library_does():
     x, y = (np.repeat(part, 3, axis=0) for part in study(0, (40,))[:2])
     train, test = distinct_draws(named_generator(1, "s"), 120, (60, 30), 5)
     expected = sklearn_errors(x, y, train, test)
-    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        affine_test_errors(x, y, train, test), expected, rtol=1e-9
+    )
 
 
 def test_a_class_of_copies_has_no_subspaces_and_says_so():
@@ -117,7 +133,9 @@ def test_a_missing_class_leaves_the_others_as_they_were():
     fewer = np.where(part, schedule, "")  # these landings have no schedule
     less = predict(x, y, fewer, spread).errors
     same = [
-        table[(table["model"] == "specialised") & (table["schedule"] == "3>2>1")]["mse"].to_numpy()
+        table[(table["model"] == "specialised") & (table["schedule"] == "3>2>1")][
+            "mse"
+        ].to_numpy()
         for table in (whole, less)
     ]
     assert np.array_equal(*same)
@@ -132,7 +150,8 @@ def test_a_class_of_five_is_left_out_by_name():
     assert "1>3>2" not in set(predict(x, y, schedule, spread).errors["schedule"])
     notes = predict(x, y, schedule, spread).notes
     assert any(
-        note["what"].endswith("1>3>2") and "5 touchdowns" in note["reason"] for note in notes
+        note["what"].endswith("1>3>2") and "5 touchdowns" in note["reason"]
+        for note in notes
     )
     found = bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=4)
     assert list(found.bases) == ["1>2>3"]
@@ -143,13 +162,23 @@ def test_constant_columns_change_no_prediction_and_no_distance():
     x, y, schedule, spread = study(4)
     still = x.copy(), y.copy()
     still[0][:, 5], still[1][:, 5] = 0.0, 0.0
-    moved = still[0] + 0.499 * (np.arange(18) == 5), still[1] - 7.25 * (np.arange(18) == 5)
-    errors = [predict(*pair, schedule, spread).errors["mse"].to_numpy() for pair in (still, moved)]
+    moved = (
+        still[0] + 0.499 * (np.arange(18) == 5),
+        still[1] - 7.25 * (np.arange(18) == 5),
+    )
+    errors = [
+        predict(*pair, schedule, spread).errors["mse"].to_numpy()
+        for pair in (still, moved)
+    ]
     np.testing.assert_allclose(*errors, rtol=1e-9)
     tables = []
     for pair in (still, moved):
         bases = bootstrap_subspaces(*pair, schedule, seed=1, bootstraps=5).bases
-        tables.append(measure_distances(bases, (34, 17), seed=1, pairs=4).distances["distance_rad"])
+        tables.append(
+            measure_distances(bases, (34, 17), seed=1, pairs=4).distances[
+                "distance_rad"
+            ]
+        )
     np.testing.assert_allclose(*tables, atol=1e-9)
 
 
@@ -157,7 +186,9 @@ def test_constant_columns_change_no_prediction_and_no_distance():
 def test_units_that_differ_by_the_condition_number_change_no_prediction(condition):
     x, y, schedule, spread = study(5)
     scaled = x * np.geomspace(1, 1 / condition, 18)
-    errors = [predict(inputs, y, schedule, spread).errors["mse"] for inputs in (x, scaled)]
+    errors = [
+        predict(inputs, y, schedule, spread).errors["mse"] for inputs in (x, scaled)
+    ]
     np.testing.assert_allclose(*errors, rtol=1e-9)
 
 
@@ -165,7 +196,9 @@ def test_single_precision_is_computed_in_double():
     x, y, schedule, spread = study(6, (60, 60))
     single = x.astype(np.float32), y.astype(np.float32)
     double = single[0].astype(float), single[1].astype(float)
-    errors = [predict(*pair, schedule, spread).errors["mse"] for pair in (single, double)]
+    errors = [
+        predict(*pair, schedule, spread).errors["mse"] for pair in (single, double)
+    ]
     assert np.array_equal(*errors)
     bases = [
         bootstrap_subspaces(*pair, schedule, seed=1, bootstraps=5).bases["1>2>3"]
@@ -189,7 +222,9 @@ def test_no_true_motion_but_noise_and_none_at_all():
     noise = rng.normal(size=(2, 120, 18))
     schedule, spread = np.repeat(SCHEDULES[:2], 60), np.linspace(0, 0.03, 120)
     table = predict(*noise, schedule, spread).summary.set_index("model")
-    assert 1.0 < table.loc["specialised", "median"] < 4.0  # a fit to noise is worse than none
+    assert (
+        1.0 < table.loc["specialised", "median"] < 4.0
+    )  # a fit to noise is worse than none
     still = np.zeros((120, 18))
     assert (predict(still, still, schedule, spread).errors["mse"] == 0).all()
     found = bootstrap_subspaces(still, still, schedule, seed=1, bootstraps=5)

@@ -35,7 +35,9 @@ def medians(result):
 
 
 def test_one_map_with_curvature_gives_the_printed_picture():
-    result = bootstrap_prediction(*study(np.random.default_rng(0)), seed=1, bootstraps=100)
+    result = bootstrap_prediction(
+        *study(np.random.default_rng(0)), seed=1, bootstraps=100
+    )
     mse = medians(result)
     assert list(mse) == list(MODELS)
     assert mse["near"] < mse["all"] < mse["far"] < 0.5 * mse["mean"]
@@ -63,42 +65,73 @@ def test_errors_in_millimetres_and_in_metres_per_second():
     y[:, 4] += 0.5 * np.random.default_rng(4).normal(size=len(y))
     y[:, 12] += 0.2 * np.random.default_rng(5).normal(size=len(y))
     units = {"length_unit_m": 0.02913, "time_unit_s": 0.027}
-    result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=100, **units)
+    result = bootstrap_prediction(
+        x, y, schedule, spread, seed=1, bootstraps=100, **units
+    )
     row = result.summary.set_index("model").loc["all"]
-    # 0.5 length units of sd in one coordinate; the rms of a split over 41 tests scatters by 11 %.
+    # 0.5 length units of sd in one coordinate; the rms of a split over 41 tests
+    # scatters by 11 %.
     errors = result.errors[result.errors["model"] == "all"]
-    assert errors["worst_position_mm"].median() == pytest.approx(0.5 * 29.13 * 1.1, rel=0.1)
-    assert errors["worst_velocity_m_s"].median() == pytest.approx(0.2 * 1.0789 * 1.1, rel=0.1)
+    assert errors["worst_position_mm"].median() == pytest.approx(
+        0.5 * 29.13 * 1.1, rel=0.1
+    )
+    assert errors["worst_velocity_m_s"].median() == pytest.approx(
+        0.2 * 1.0789 * 1.1, rel=0.1
+    )
     assert row["worst_position_mm"] == np.quantile(errors["worst_position_mm"], 0.975)
-    assert (errors["mse"] * 2 - errors["mse_position"] - errors["mse_velocity"]).abs().max() < 1e-15
+    assert (
+        errors["mse"] * 2 - errors["mse_position"] - errors["mse_velocity"]
+    ).abs().max() < 1e-15
     for kind in ("position", "velocity"):
         interval = [row[f"{kind}_{level}"] for level in ("p2_5", "median", "p97_5")]
-        assert interval == np.quantile(errors[f"mse_{kind}"], [0.025, 0.5, 0.975]).tolist()
+        assert (
+            interval == np.quantile(errors[f"mse_{kind}"], [0.025, 0.5, 0.975]).tolist()
+        )
 
 
 def test_a_model_does_not_depend_on_which_others_are_there():
     x, y, schedule, spread = study(np.random.default_rng(6))
-    whole = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=10, minimum_class=5)
+    whole = bootstrap_prediction(
+        x, y, schedule, spread, seed=1, bootstraps=10, minimum_class=5
+    )
     order = np.flatnonzero(schedule != "1>2>3")
     part = bootstrap_prediction(
-        x[order], y[order], schedule[order], spread[order], seed=1, bootstraps=10, minimum_class=5
+        x[order],
+        y[order],
+        schedule[order],
+        spread[order],
+        seed=1,
+        bootstraps=10,
+        minimum_class=5,
     )
     columns = ["model", "schedule", "bootstrap", "mse"]
     one, two = (
         table.errors.query("model == 'specialised' and schedule == '3>2>1'")[columns]
         for table in (whole, part)
     )
-    pd.testing.assert_frame_equal(one.reset_index(drop=True), two.reset_index(drop=True))
-    again = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=10, minimum_class=5)
+    pd.testing.assert_frame_equal(
+        one.reset_index(drop=True), two.reset_index(drop=True)
+    )
+    again = bootstrap_prediction(
+        x, y, schedule, spread, seed=1, bootstraps=10, minimum_class=5
+    )
     pd.testing.assert_frame_equal(whole.errors, again.errors)
-    other = bootstrap_prediction(x, y, schedule, spread, seed=2, bootstraps=10, minimum_class=5)
+    other = bootstrap_prediction(
+        x, y, schedule, spread, seed=2, bootstraps=10, minimum_class=5
+    )
     assert (other.errors["mse"] != whole.errors["mse"]).all()
 
 
 def test_arrays_that_do_not_match_are_refused():
     x, y, schedule, spread = study(np.random.default_rng(6), n=100)
-    for wrong in ((x, y, schedule[:10], spread), (x, y, schedule, spread[:10]), (x, y[:10])):
-        with pytest.raises(ValueError, match=r"expected .* of one length, found .*\(10,"):
+    for wrong in (
+        (x, y, schedule[:10], spread),
+        (x, y, schedule, spread[:10]),
+        (x, y[:10]),
+    ):
+        with pytest.raises(
+            ValueError, match=r"expected .* of one length, found .*\(10,"
+        ):
             bootstrap_prediction(*wrong, *(schedule, spread)[len(wrong) - 2 :], seed=1)
     x[3, 2] = np.nan
     with pytest.raises(ValueError, match="finite"):
@@ -107,7 +140,9 @@ def test_arrays_that_do_not_match_are_refused():
 
 def test_a_small_class_is_named_and_left_out():
     x, y, schedule, spread = study(np.random.default_rng(7))
-    keep = np.r_[np.flatnonzero(schedule != "2>1>3"), np.flatnonzero(schedule == "2>1>3")[:5]]
+    keep = np.r_[
+        np.flatnonzero(schedule != "2>1>3"), np.flatnonzero(schedule == "2>1>3")[:5]
+    ]
     result = bootstrap_prediction(
         x[keep], y[keep], schedule[keep], spread[keep], seed=1, bootstraps=10
     )
@@ -140,9 +175,13 @@ def test_thirty_nine_landings_give_what_they_can():
     assert np.isfinite(result.summary.select_dtypes("number").to_numpy()).all()
 
 
-@pytest.mark.parametrize(("n", "models"), [(0, []), (1, []), (2, ["mean"]), (12, ["mean"])])
+@pytest.mark.parametrize(
+    ("n", "models"), [(0, []), (1, []), (2, ["mean"]), (12, ["mean"])]
+)
 def test_almost_no_landings_do_not_crash(n, models):
-    x, y, schedule, spread = (part[:n] for part in study(np.random.default_rng(10), n=40))
+    x, y, schedule, spread = (
+        part[:n] for part in study(np.random.default_rng(10), n=40)
+    )
     result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=5)
     assert result.summary["model"].tolist() == models
     assert "affine (all)" in {note["what"] for note in result.notes}
@@ -163,12 +202,18 @@ def test_ratios_are_those_of_the_medians_and_of_touchdowns_used():
     ).assign(worst_position_mm=1.5, worst_velocity_m_s=0.1)
     order = dict(zip(MODELS, summary["median"], strict=True))
     touchdowns = pd.DataFrame(
-        {"spread_s": [0.010, 0.012, 0.014, np.nan], "excluded": [False, False, False, True]}
+        {
+            "spread_s": [0.010, 0.012, 0.014, np.nan],
+            "excluded": [False, False, False, True],
+        }
     )
     found = error_ratios(summary, touchdowns)
     assert found["spread_ms"] == pytest.approx(12.0)
     assert found["all_over_specialised"] == order["all"] / order["specialised"]
-    assert found["specialised_over_mean"] == order["specialised"] / order["specialised_mean"]
+    assert (
+        found["specialised_over_mean"]
+        == order["specialised"] / order["specialised_mean"]
+    )
     without = error_ratios(summary[summary["model"] != "specialised_mean"], touchdowns)
     assert np.isnan(without["specialised_over_mean"])
     assert without["near"] == found["near"]
@@ -186,18 +231,29 @@ def test_near_and_far_are_below_and_above_the_median_of_all():
         "far": [2, 3],
     }
     assert notes == [
-        {"what": "specialised models of schedule 2>1", "reason": "1 touchdowns, at least 2 wanted"}
+        {
+            "what": "specialised models of schedule 2>1",
+            "reason": "1 touchdowns, at least 2 wanted",
+        }
     ]
 
 
 def test_no_class_is_said_once_more_for_all():
     _, notes = select_populations(np.array(["", ""]), np.array([np.nan, np.nan]), 40)
-    assert notes == [{"what": "specialised models", "reason": "no mode schedule has 40 touchdowns"}]
+    assert notes == [
+        {"what": "specialised models", "reason": "no mode schedule has 40 touchdowns"}
+    ]
 
 
 @pytest.mark.parametrize(
     ("population", "expected"),
-    [(2860, (120, 41)), (161, (120, 41)), (160, (119, 41)), (40, (30, 10)), (2, (1, 1))],
+    [
+        (2860, (120, 41)),
+        (161, (120, 41)),
+        (160, (119, 41)),
+        (40, (30, 10)),
+        (2, (1, 1)),
+    ],
 )
 def test_splits_scale_down_in_proportion(population, expected):
     assert split_sizes(population, 120, 41) == expected
@@ -227,7 +283,9 @@ def test_the_smallest_kept_population_decides_the_split():
     assert common_split([], 120, 41) == ((120, 41), [])
 
 
-@pytest.mark.parametrize(("kind", "words"), [("near", "30 near touchdowns"), ("all", "30 touch")])
+@pytest.mark.parametrize(
+    ("kind", "words"), [("near", "30 near touchdowns"), ("all", "30 touch")]
+)
 def test_a_split_without_classes_says_how_few_touchdowns_there_are(kind, words):
     (note,) = common_split([Population(kind, "", np.arange(30))], 120, 41)[1]
     assert f"there are only {words}" in note["reason"]
@@ -245,7 +303,9 @@ def test_what_is_too_small_does_not_shrink_the_others():
 
 def test_many_thin_classes_are_counted_together():
     schedule = np.repeat([f"{k}" for k in range(9)], np.arange(20, 29))
-    populations, notes = select_populations(schedule, np.arange(len(schedule)) * 1.0, 15)
+    populations, notes = select_populations(
+        schedule, np.arange(len(schedule)) * 1.0, 15
+    )
     assert notes == []
     kept, notes = large_enough(populations, 120, 41, 26)
     assert [item.name for item in kept] == ["near", "all", "far"]

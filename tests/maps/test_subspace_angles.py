@@ -67,7 +67,9 @@ def test_scipy_agrees_where_it_is_accurate_and_not_where_its_mask_is_wrong():
 
     rng = np.random.default_rng(2)
     a, b = (np.linalg.qr(rng.normal(size=(34, 17)))[0] for _ in range(2))
-    np.testing.assert_allclose(principal_angles(a, b), np.sort(subspace_angles(a, b)), atol=1e-12)
+    np.testing.assert_allclose(
+        principal_angles(a, b), np.sort(subspace_angles(a, b)), atol=1e-12
+    )
     a, b = rotated_pair(rng, [0.1, 0.2, np.pi / 2 - 1e-10], 12)
     assert np.abs(np.sort(subspace_angles(a, b)) - exact_angles(a, b)).max() > 1e-13
     assert np.abs(principal_angles(a, b) - exact_angles(a, b)).max() < 1e-15
@@ -89,7 +91,9 @@ def test_batches_equal_single_pairs_and_bases_do_not_matter():
     np.testing.assert_allclose(arc_length(a, b), single, atol=1e-15)
     np.testing.assert_allclose(arc_length(a @ mix, b), single, atol=1e-14)
     np.testing.assert_allclose(arc_length(b, a), single, atol=1e-14)
-    np.testing.assert_allclose(arc_length(a[0], b), [arc_length(a[0], other) for other in b])
+    np.testing.assert_allclose(
+        arc_length(a[0], b), [arc_length(a[0], other) for other in b]
+    )
 
 
 def test_angles_from_nothing_to_a_right_angle_in_one_pair():
@@ -100,7 +104,9 @@ def test_angles_from_nothing_to_a_right_angle_in_one_pair():
 
 
 def test_float32_bases_are_computed_in_double():
-    a, b = orthonormalised(np.random.default_rng(10).normal(size=(2, 6, 10, 4))).astype(np.float32)
+    a, b = orthonormalised(np.random.default_rng(10).normal(size=(2, 6, 10, 4))).astype(
+        np.float32
+    )
     expected = arc_length(a.astype(float), b.astype(float))
     np.testing.assert_allclose(arc_length(a, b), expected, rtol=0, atol=1e-14)
 

@@ -30,22 +30,41 @@ def test_baselines_of_a_line_in_a_plane():
 
 def test_equal_pools_overlap_and_different_ones_do_not():
     apart = clouds(np.random.default_rng(8), 3)
-    table = measure_distances(apart, (12, 5), seed=1, pairs=200).summary.set_index("kind")
+    table = measure_distances(apart, (12, 5), seed=1, pairs=200).summary.set_index(
+        "kind"
+    )
     assert table.loc["cross_class", "auc_against_in_class"] == 1.0
     one = clouds(np.random.default_rng(9), 1, count=120)["a"]
     same = dict(zip("abc", np.split(one, 3), strict=True))
-    table = measure_distances(same, (12, 5), seed=1, pairs=200).summary.set_index("kind")
-    assert table.loc["cross_class", "auc_against_in_class"] == pytest.approx(0.5, abs=0.06)
+    table = measure_distances(same, (12, 5), seed=1, pairs=200).summary.set_index(
+        "kind"
+    )
+    assert table.loc["cross_class", "auc_against_in_class"] == pytest.approx(
+        0.5, abs=0.06
+    )
     assert table.loc["in_class", "auc_against_in_class"] == 0.5
 
 
 def test_tables():
-    result = measure_distances(clouds(np.random.default_rng(10), 3), (12, 5), seed=1, pairs=50)
+    result = measure_distances(
+        clouds(np.random.default_rng(10), 3), (12, 5), seed=1, pairs=50
+    )
     assert result.notes == []
     counts = result.distances.groupby("kind", sort=False).size().to_dict()
-    assert counts == {"in_class": 150, "cross_class": 150, "noised_identity": 50, "random": 50}
-    pairs = result.distances.query("kind == 'cross_class'")[["schedule_a", "schedule_b"]]
-    assert sorted(set(map(tuple, pairs.to_numpy()))) == [("a", "b"), ("a", "c"), ("b", "c")]
+    assert counts == {
+        "in_class": 150,
+        "cross_class": 150,
+        "noised_identity": 50,
+        "random": 50,
+    }
+    pairs = result.distances.query("kind == 'cross_class'")[
+        ["schedule_a", "schedule_b"]
+    ]
+    assert sorted(set(map(tuple, pairs.to_numpy()))) == [
+        ("a", "b"),
+        ("a", "c"),
+        ("b", "c"),
+    ]
     row = result.summary.set_index("kind").loc["random"]
     values = result.distances.query("kind == 'random'")["distance_rad"]
     assert row["mean"] == pytest.approx(values.mean(), rel=1e-12)
@@ -61,7 +80,9 @@ def test_a_schedule_keeps_its_distances_when_others_come_and_go():
     ).distances
     for kind in ("in_class", "random"):
         one, two = (
-            table.query(f"kind == '{kind}' and schedule_a in ['', 'c']")["distance_rad"].to_numpy()
+            table.query(f"kind == '{kind}' and schedule_a in ['', 'c']")[
+                "distance_rad"
+            ].to_numpy()
             for table in (whole, part)
         )
         assert np.array_equal(one, two)
@@ -72,12 +93,18 @@ def test_a_schedule_keeps_its_distances_when_others_come_and_go():
 def test_distances_do_not_depend_on_the_names_of_the_schedules():
     bases = clouds(np.random.default_rng(13), 2)
     streams = {"a": "landing 0", "b": "landing 7"}
-    plain = measure_distances(bases, (12, 5), seed=1, pairs=50, streams=streams).distances
+    plain = measure_distances(
+        bases, (12, 5), seed=1, pairs=50, streams=streams
+    ).distances
     renamed = {"a": bases["b"], "b": bases["a"]}
     swapped = {"a": streams["b"], "b": streams["a"]}
-    other = measure_distances(renamed, (12, 5), seed=1, pairs=50, streams=swapped).distances
+    other = measure_distances(
+        renamed, (12, 5), seed=1, pairs=50, streams=swapped
+    ).distances
     for kind in ("in_class", "cross_class"):
-        one, two = (table[table["kind"] == kind]["distance_rad"] for table in (plain, other))
+        one, two = (
+            table[table["kind"] == kind]["distance_rad"] for table in (plain, other)
+        )
         np.testing.assert_allclose(np.sort(one), np.sort(two), rtol=1e-12)
     unstreamed = measure_distances(renamed, (12, 5), seed=1, pairs=50).distances
     assert not np.allclose(
@@ -93,7 +120,9 @@ def test_missing_classes_are_noted_and_the_baselines_stay():
         "in-class distances",
         "cross-class distances",
     ]
-    one = measure_distances(clouds(np.random.default_rng(12), 1), (12, 5), seed=1, pairs=20)
+    one = measure_distances(
+        clouds(np.random.default_rng(12), 1), (12, 5), seed=1, pairs=20
+    )
     assert one.notes == [
         {
             "what": "cross-class distances",
@@ -103,12 +132,16 @@ def test_missing_classes_are_noted_and_the_baselines_stay():
 
 
 def test_auc_by_hand_with_ties():
-    assert auc(np.array([2.0, 3.0]), np.array([1.0, 2.0, 4.0])) == pytest.approx((1.5 + 2) / 6)
+    assert auc(np.array([2.0, 3.0]), np.array([1.0, 2.0, 4.0])) == pytest.approx(
+        (1.5 + 2) / 6
+    )
     assert np.isnan(auc(np.array([1.0]), np.array([])))
 
 
 def test_summary_of_a_single_distance():
-    row = summarise_distances({"random": np.array([1.25]), "in_class": np.zeros(0)}, {}).iloc[0]
+    row = summarise_distances(
+        {"random": np.array([1.25]), "in_class": np.zeros(0)}, {}
+    ).iloc[0]
     assert row["kind"] == "random"
     assert row["median"] == 1.25
     assert np.isnan(row["sd"])
@@ -117,13 +150,17 @@ def test_summary_of_a_single_distance():
 
 def bases(counts, seed=0):
     rng = np.random.default_rng(seed)
-    return {name: orthonormalised(rng.normal(size=(n, 12, 5))) for name, n in counts.items()}
+    return {
+        name: orthonormalised(rng.normal(size=(n, 12, 5))) for name, n in counts.items()
+    }
 
 
 def test_all_pairs_are_measured_once_where_they_are_few():
     draws = bases({"a": 5, "b": 3})
     a, b = draws.values()
-    table = measure_distances(draws, (12, 5), seed=1, pairs=1000).distances.set_index("kind")
+    table = measure_distances(draws, (12, 5), seed=1, pairs=1000).distances.set_index(
+        "kind"
+    )
     found = table.loc["in_class"].query("schedule_a == 'a'")["distance_rad"]
     expected = [arc_length(a[i], a[j]) for i in range(5) for j in range(i + 1, 5)]
     np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-14)

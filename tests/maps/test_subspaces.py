@@ -58,17 +58,25 @@ def test_bases_are_orthonormal_and_leading():
     draws = np.array([np.arange(30), np.arange(20, 50)])
     bases, full = leading_subspaces(pairs, draws, 4)
     assert full.all()
-    np.testing.assert_allclose(bases.swapaxes(1, 2) @ bases, [np.eye(4)] * 2, atol=1e-14)
+    np.testing.assert_allclose(
+        bases.swapaxes(1, 2) @ bases, [np.eye(4)] * 2, atol=1e-14
+    )
     covariance = np.cov(pairs[draws[1]].T)
     largest = np.sort(np.linalg.eigvalsh(covariance))[::-1][:4]
-    np.testing.assert_allclose(np.diag(bases[1].T @ covariance @ bases[1]), largest, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.diag(bases[1].T @ covariance @ bases[1]), largest, rtol=1e-12
+    )
 
 
 def test_two_maps_stand_apart_and_one_does_not():
     x, y, label, _ = planted(np.random.default_rng(2), 600, maps=2)
-    apart = bootstrap_subspaces(x, y, np.array(["a", "b"])[label], seed=1, bootstraps=30)
+    apart = bootstrap_subspaces(
+        x, y, np.array(["a", "b"])[label], seed=1, bootstraps=30
+    )
     halves = np.where(np.arange(600) < 300, "a", "b")
-    same = bootstrap_subspaces(x[label == 0], y[label == 0], halves[::2], seed=1, bootstraps=30)
+    same = bootstrap_subspaces(
+        x[label == 0], y[label == 0], halves[::2], seed=1, bootstraps=30
+    )
     assert arc_length(apart.bases["a"], apart.bases["b"]).min() > 1.0
     assert arc_length(same.bases["a"], same.bases["b"]).max() < 0.5
 
@@ -128,7 +136,9 @@ def test_many_rare_schedules_are_counted_together():
 
 def test_more_components_than_a_draw_can_have_are_refused_with_the_remedy():
     x, y, _, _ = planted(np.random.default_rng(8), 100, markers=6)
-    study = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5, components=35)
+    study = bootstrap_subspaces(
+        x, y, ["1>2"] * 100, seed=1, bootstraps=5, components=35
+    )
     assert study.bases == {}
     assert "span at most 29 of 70 dimensions, 35 wanted" in study.notes[0]["reason"]
     mended = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5, samples=48)
@@ -136,7 +146,9 @@ def test_more_components_than_a_draw_can_have_are_refused_with_the_remedy():
     assert mended.notes == []
 
 
-@pytest.mark.parametrize(("markers", "components"), [(4, 23), (5, 29), (6, 29), (8, 29)])
+@pytest.mark.parametrize(
+    ("markers", "components"), [(4, 23), (5, 29), (6, 29), (8, 29)]
+)
 def test_many_body_markers_take_as_many_components_as_a_draw_spans(markers, components):
     x, y, _, _ = planted(np.random.default_rng(8), 100, markers=markers)
     study = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5)
@@ -148,7 +160,11 @@ def test_many_body_markers_take_as_many_components_as_a_draw_spans(markers, comp
 
 def test_a_schedule_keeps_its_draws_when_others_come_and_go():
     x, y, _, _ = planted(np.random.default_rng(9), 200)
-    one = bootstrap_subspaces(x, y, np.array(["a", "b"])[np.arange(200) % 2], seed=1, bootstraps=5)
-    two = bootstrap_subspaces(x, y, np.array(["a", ""])[np.arange(200) % 2], seed=1, bootstraps=5)
+    one = bootstrap_subspaces(
+        x, y, np.array(["a", "b"])[np.arange(200) % 2], seed=1, bootstraps=5
+    )
+    two = bootstrap_subspaces(
+        x, y, np.array(["a", ""])[np.arange(200) % 2], seed=1, bootstraps=5
+    )
     assert list(two.bases) == ["a"]
     assert np.array_equal(one.bases["a"], two.bases["a"])

@@ -43,7 +43,9 @@ def test_length_unit_is_the_rms_distance_from_the_mean_outcome():
 
 
 def test_given_units_are_kept_and_named():
-    units = choose_units(*pairs(np.random.default_rng(3)), length_m=0.02913, time_s=0.027)
+    units = choose_units(
+        *pairs(np.random.default_rng(3)), length_m=0.02913, time_s=0.027
+    )
     assert (units.length_unit_m, units.time_unit_s) == (0.02913, 0.027)
     assert units.velocity_unit_m_s == pytest.approx(1.0789, abs=1e-4)
     assert units.length_rule == units.time_rule == "given"

@@ -19,14 +19,23 @@ def write_bids(
     rows += [("latency", "n/a", "LATENCY", "n/a", "s")] * latency
     head = ("name", "component", "type", "tracked_point", "units")
     lines = ["\t".join(row) for row in (head, *rows)]
-    (folder / f"{NAME}_channels.tsv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / f"{NAME}_channels.tsv").write_text(
+        "\n".join(lines) + "\n", encoding="utf-8"
+    )
     told = {"SamplingFrequency": rate, "MissingValues": missing, "TaskName": "hop"}
-    place = folder.parent / "task-hop_motion.json" if above else folder / f"{NAME}_motion.json"
+    place = (
+        folder.parent / "task-hop_motion.json"
+        if above
+        else folder / f"{NAME}_motion.json"
+    )
     place.write_text(json.dumps(told))
     if spatial:
         frame = {"reference_frame": {"Levels": {"global": {"SpatialAxes": spatial}}}}
         (folder / f"{NAME}_channels.json").write_text(json.dumps(frame))
-    numbers = [[missing if np.isnan(x) else f"{x:.6f}" for x in row.ravel()] for row in positions]
+    numbers = [
+        [missing if np.isnan(x) else f"{x:.6f}" for x in row.ravel()]
+        for row in positions
+    ]
     for k, cells in enumerate(numbers):
         cells += ["0.5"] * extra + [f"{k / rate:.5f}"] * latency
     body = [[row[0] for row in rows]] * heads + numbers

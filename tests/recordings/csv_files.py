@@ -8,7 +8,14 @@ def cells(values):
 
 
 def motive(
-    positions, names, *, unit="Millimeters", version="1.23", rate=100.0, kind="Marker", code=False
+    positions,
+    names,
+    *,
+    unit="Millimeters",
+    version="1.23",
+    rate=100.0,
+    kind="Marker",
+    code=False,
 ):
     """Return Motive's text, whose two rigid-body blocks come before the solved markers."""
     scale = {"Millimeters": 1.0, "Centimeters": 0.1, "Meters": 1e-3}[unit]
@@ -19,7 +26,9 @@ def motive(
     )
     own = ["Rigid Body"] * 8 + ["Rigid Body Marker"] * 3
     called = ["pelvis"] * 8 + ["pelvis:Marker1"] * 3
-    parts = ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"] + ["Position"] * 3
+    parts = (
+        ["Rotation"] * 4 + ["Position"] * 3 + ["Mean Marker Error"] + ["Position"] * 3
+    )
     axes = [*"XYZW", *"XYZ", "", *"XYZ"]
     own += [kind] * 3 * len(names) + ["Marker"] * 3
     called += [name for name in names for _ in range(3)] + ["Unlabeled 1042"] * 3
@@ -29,7 +38,8 @@ def motive(
     blank = [""] * code
     lines = [head, ""]
     lines += [
-        ",".join(["", label, *blank, *row]) for label, row in (("Type", own), ("Name", called))
+        ",".join(["", label, *blank, *row])
+        for label, row in (("Type", own), ("Name", called))
     ]
     lines += [",".join(["", "ID", *blank, *(f'"{k:X}"' for k in range(len(own)))])]
     lines += [",".join(["", "", *blank, *parts]), ",".join([*lead, *axes])]
@@ -43,13 +53,30 @@ def motive(
 
 def nexus(positions, names, *, subjects=("cat",), others=True):
     names = [f"{subject}:{name}" for subject in subjects for name in names]
-    lines = ["Devices", "1000", ",,Force,,", "Frame,Sub Frame,Fx,Fy,Fz", ",,N,N,N", "1,0,1,2,3", ""]
+    lines = [
+        "Devices",
+        "1000",
+        ",,Force,,",
+        "Frame,Sub Frame,Fx,Fy,Fz",
+        ",,N,N,N",
+        "1,0,1,2,3",
+        "",
+    ]
     lines = lines if others else []
     lines += ["Trajectories", "100", ",," + ",,,".join(names) + ",,"]
-    lines += ["Frame,Sub Frame" + ",X,Y,Z" * len(names), ",," + ",".join(["mm"] * 3 * len(names))]
+    lines += [
+        "Frame,Sub Frame" + ",X,Y,Z" * len(names),
+        ",," + ",".join(["mm"] * 3 * len(names)),
+    ]
     for frame, place in enumerate(positions):
         lines.append(f"{frame + 1},0,{cells(np.tile(place, (len(subjects), 1)))}")
-    models = ["Model Outputs", "100", ",,cat:Angle,,", "Frame,Sub Frame,X,Y,Z", "1,0,1,2,3"]
+    models = [
+        "Model Outputs",
+        "100",
+        ",,cat:Angle,,",
+        "Frame,Sub Frame,X,Y,Z",
+        "1,0,1,2,3",
+    ]
     if others == "first":
         return "\n".join([*models, "", *lines]) + "\n"
     return "\n".join([*lines, "", *models] if others else lines) + "\n"

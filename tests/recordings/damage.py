@@ -37,8 +37,30 @@ FORCE = "ground_force_vy"
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
 # Words that replace fields of text files.
 WORDS = (
-    *("", "NULL", "NaN", "inf", "-1", "0", "1e300", "-1e-320", "99999999999999999999", "1,5"),
-    *("4294967295", "65536", "2147483648", "0x10", "1_000", "\u0663", "True", '"', "EXT", "\0"),
+    *(
+        "",
+        "NULL",
+        "NaN",
+        "inf",
+        "-1",
+        "0",
+        "1e300",
+        "-1e-320",
+        "99999999999999999999",
+        "1,5",
+    ),
+    *(
+        "4294967295",
+        "65536",
+        "2147483648",
+        "0x10",
+        "1_000",
+        "\u0663",
+        "True",
+        '"',
+        "EXT",
+        "\0",
+    ),
 )
 NUMBERS = (
     0,
@@ -89,7 +111,14 @@ def _texts():
 
 def _storage():
     """Return OpenSim's file of forces under a plate, in a column named like `FORCE`."""
-    head = ["forces", "version=1", f"nRows={N_FRAMES}", "nColumns=2", "inDegrees=yes", "endheader"]
+    head = [
+        "forces",
+        "version=1",
+        f"nRows={N_FRAMES}",
+        "nColumns=2",
+        "inDegrees=yes",
+        "endheader",
+    ]
     rows = [f"{k / 1000:.4f}\t{700 * (k % 9):.3f}" for k in range(N_FRAMES)]
     return "\n".join([*head, f"time\t{FORCE}", *rows]) + "\n"
 
@@ -110,7 +139,9 @@ def _binaries(folder):
     positions[3:5, 1] = np.nan
     time = np.arange(N_FRAMES) / 100
     events = tuple(Event(*event) for event in EVENTS)
-    raw = RawRecording(NAMES, time, positions, 100.0, "mm", events=events, stated_up="z")
+    raw = RawRecording(
+        NAMES, time, positions, 100.0, "mm", events=events, stated_up="z"
+    )
     for processor in ("Intel", "DEC", "MIPS"):
         write_c3d(folder / f"{processor.lower()}.c3d", raw, processor=processor)
     write_c3d(folder / "whole_numbers.c3d", raw, whole_numbers=True)
@@ -179,7 +210,11 @@ def lie(data, rng):
     number = (NUMBERS[rng.integers(len(NUMBERS))] % 256**width).to_bytes(width, order)
     if rng.random() < 0.3:
         special = rng.choice([np.nan, np.inf, -1.0, 1e38, 0.0])
-        number = np.float32(special).tobytes() if width < 8 else np.float64(special).tobytes()
+        number = (
+            np.float32(special).tobytes()
+            if width < 8
+            else np.float64(special).tobytes()
+        )
     return data[:at] + number + data[at + len(number) :]
 
 
@@ -212,12 +247,19 @@ def read(path):
     Other exceptions propagate; an impossible recording is an AssertionError.
     """
     begin = path.read_text("latin-1")
-    stateless = ("EXT" in begin[:400], "scorer" in begin[:40], "ncams" in begin, "pandas" in begin)
+    stateless = (
+        "EXT" in begin[:400],
+        "scorer" in begin[:40],
+        "ncams" in begin,
+        "pandas" in begin,
+    )
     rate_hz = 100.0 if any(stateless) else None
     try:
         if path.suffix == ".mot":
             return _forces(path)
-        recording, _ = import_recording(path, name="trial", markers=MARKERS, rate_hz=rate_hz)
+        recording, _ = import_recording(
+            path, name="trial", markers=MARKERS, rate_hz=rate_hz
+        )
         check_plausible(recording)
     except RecordingError as error:
         message = str(error)
@@ -234,7 +276,11 @@ def read(path):
 
 
 def _forces(path):
-    column = {"columns": [{"name": FORCE, "feet": ["toe"]}], "time_column": None, "rate_hz": None}
+    column = {
+        "columns": [{"name": FORCE, "feet": ["toe"]}],
+        "time_column": None,
+        "rate_hz": None,
+    }
     options = {"file": path, "unit": "N", "inverted": False, "offset_s": 0.0, **column}
     (signal,) = read_force_signals(options, feet=("toe",))
     assert np.isfinite(signal.time).all()

@@ -5,7 +5,9 @@ from hopdata.config.schema import load_schema
 
 def block(name, **given):
     properties = load_schema()["properties"]["recordings"]["items"]["properties"]
-    defaults = {key: value["default"] for key, value in properties[name]["properties"].items()}
+    defaults = {
+        key: value["default"] for key, value in properties[name]["properties"].items()
+    }
     unknown = set(given) - set(defaults)
     assert not unknown, unknown
     return {**defaults, **given}

@@ -1,7 +1,7 @@
 """Sound recordings in every format, with the habits of the programs and people that wrote them.
 
-Every variant holds the same markers at the same positions, so tests check the numbers that a reader
-returns, not only that it accepts the file.
+Every variant holds the same markers at the same positions, so tests check the numbers
+that a reader returns, not only that it accepts the file.
 """
 
 import re
@@ -12,7 +12,14 @@ import numpy as np
 import written_files
 from bids_files import write_bids
 from csv_files import cells, motive, nexus
-from keypoint_files import anipose, columns, deeplabcut, pandas_blocks, pandas_rows, table
+from keypoint_files import (
+    anipose,
+    columns,
+    deeplabcut,
+    pandas_blocks,
+    pandas_rows,
+    table,
+)
 from mat_files import qtm_struct, write_mat5, write_mat73
 from qtm_files import NAMES, data_rows, qtm_text, standing
 from trc_files import trc_text
@@ -63,7 +70,8 @@ class Variant:
 def bare(positions, names, *, lead="Time", axis=""):
     heads = [f"{name}{axis}{a}" for name in names for a in "XYZ"]
     body = [
-        f"{t:.3f}\t" + cells(p).replace(",", "\t") for t, p in zip(TIME, positions, strict=True)
+        f"{t:.3f}\t" + cells(p).replace(",", "\t")
+        for t, p in zip(TIME, positions, strict=True)
     ]
     return "\n".join(["\t".join([lead, *heads]), *body]) + "\n"
 
@@ -80,12 +88,20 @@ def plain(positions, names, *, axis="_"):
 def workstation(positions, names):
     """Return Vicon's export before Nexus 2: another word for the frame, and no units."""
     body = [f"{k + 1}," + cells(p) for k, p in enumerate(positions)]
-    heads = ["TRAJECTORIES", "100,Hz", "," + ",,,".join(names), "Field #" + ",X,Y,Z" * len(names)]
+    heads = [
+        "TRAJECTORIES",
+        "100,Hz",
+        "," + ",,,".join(names),
+        "Field #" + ",X,Y,Z" * len(names),
+    ]
     return "\n".join([*heads, *body]) + "\n"
 
 
 def _jarvis(positions, names):
-    heads = [",".join(name for name in names for _ in range(4)), ",".join("xyz") + ",confidence"]
+    heads = [
+        ",".join(name for name in names for _ in range(4)),
+        ",".join("xyz") + ",confidence",
+    ]
     heads[1] = ",".join([heads[1]] * len(names))
     return "\n".join([*heads, *(cells(row) for row in table(positions, SCORES))]) + "\n"
 
@@ -124,7 +140,9 @@ def by_row(change):
 
     def to_text(text, mark):
         lines = text.splitlines()
-        return "\n".join(change(x, mark) if _is_row(x, mark) else x for x in lines) + "\n"
+        return (
+            "\n".join(change(x, mark) if _is_row(x, mark) else x for x in lines) + "\n"
+        )
 
     return to_text
 
@@ -135,13 +153,17 @@ def _padded(line, mark):
 
 def _exponents(line, mark):
     parts = line.split(mark)
-    return mark.join(f"{float(p):.9e}" if k > 2 and "." in p else p for k, p in enumerate(parts))
+    return mark.join(
+        f"{float(p):.9e}" if k > 2 and "." in p else p for k, p in enumerate(parts)
+    )
 
 
 def _word(word):
     def change(line, mark):
         parts = line.split(mark)
-        return mark.join(word if k > 1 and not part else part for k, part in enumerate(parts))
+        return mark.join(
+            word if k > 1 and not part else part for k, part in enumerate(parts)
+        )
 
     return by_row(change)
 
@@ -151,7 +173,9 @@ def _quoted(line, mark):
 
 
 def decimal_commas(text, mark):
-    changed = re.sub(r"(?<=\d)\.(?=\d)", ",", text if mark != "," else text.replace(",", ";"))
+    changed = re.sub(
+        r"(?<=\d)\.(?=\d)", ",", text if mark != "," else text.replace(",", ";")
+    )
     return changed.replace("Version;1,23", "Version;1.23")
 
 
@@ -165,7 +189,9 @@ HABITS = {  # changes to the text of any format, with cells separated by `m`
     "no end of the last line": lambda t, _: t.rstrip("\r\n"),
     "a mark at each row's end": by_row(lambda line, m: line + m),
     "blanks about numbers": by_row(_padded),
-    "blanks at each line's end": lambda t, _: t.replace("\r\n", "\n").replace("\n", " \n"),
+    "blanks at each line's end": lambda t, _: t.replace("\r\n", "\n").replace(
+        "\n", " \n"
+    ),
     "exponents": by_row(_exponents),
     "missing is Nan": _word("Nan"),
     "missing is NULL": _word("NULL"),
@@ -214,7 +240,9 @@ def _of_texts():
                 elif code == "latin-1" or (habit == "repeated" and hz):
                     continue  # keypoints are columns of one table, whose names differ
                 data = write(POSITIONS, names).encode(code)
-                yield Variant(kind, f"names {habit}, {code}", suffix, data, None, names, hz)
+                yield Variant(
+                    kind, f"names {habit}, {code}", suffix, data, None, names, hz
+                )
         for habit, data in {
             "UTF-16": text.encode("utf-16"),
             "UTF-16, the other order": b"\xfe\xff" + text.encode("utf-16-be"),
@@ -226,7 +254,9 @@ def _of_texts():
             for habit, to in {"tabs": "\t", "semicolons": ";", "commas": ","}.items():
                 for end in (".csv", ".txt"):
                     changed = (
-                        other.replace("2021-01-01, 12", '"2021-01-01, 12') if to == "," else other
+                        other.replace("2021-01-01, 12", '"2021-01-01, 12')
+                        if to == ","
+                        else other
                     )
                     yield Variant(
                         kind,
@@ -253,39 +283,61 @@ def _of_single_formats():
         "an event": {"EVENT": "strike\t6\t0.05000"},
         "no frequency": {"FREQUENCY": None},
         "an unknown key": {"SUBJECT": "cat"},
-        "two dates": {"TIME_STAMP": "2021-01-01, 12:00:00\r\nTIME_STAMP\t2022-01-01, 12:00:00"},
+        "two dates": {
+            "TIME_STAMP": "2021-01-01, 12:00:00\r\nTIME_STAMP\t2022-01-01, 12:00:00"
+        },
     }.items():
         yield text("QTM", habit, tsv(POSITIONS, NAMES, header=header))
     yield text("QTM", "no row of columns", tsv(POSITIONS, NAMES, column_row=False))
     yield text("QTM", "small letters", whole.replace("Frame\tTime", "frame\ttime"))
-    yield text("QTM", "no MARKER_NAMES", tsv(POSITIONS, NAMES, header={"MARKER_NAMES": None}))
+    yield text(
+        "QTM", "no MARKER_NAMES", tsv(POSITIONS, NAMES, header={"MARKER_NAMES": None})
+    )
     for axis in (" ", "_", ".", ""):
-        yield text("table", f"'{axis}' before the axis", bare(POSITIONS, NAMES, axis=axis))
+        yield text(
+            "table", f"'{axis}' before the axis", bare(POSITIONS, NAMES, axis=axis)
+        )
         if axis:
-            yield text("plain CSV", f"'{axis}' before the axis", plain(POSITIONS, NAMES, axis=axis))
+            yield text(
+                "plain CSV",
+                f"'{axis}' before the axis",
+                plain(POSITIONS, NAMES, axis=axis),
+            )
     for unit, factor in {"mm": 1.0, "m": 1e-3, "cm": 0.1}.items():
         names, *rest = bare(POSITIONS * factor, NAMES).splitlines()
         units = "\t".join(["s", *[unit] * 3 * len(NAMES)])
-        yield text("table", f"a row of units, {unit}", "\n".join([names, units, *rest, ""]))
+        yield text(
+            "table", f"a row of units, {unit}", "\n".join([names, units, *rest, ""])
+        )
     trc = trc_text(POSITIONS, NAMES)
     rows = trc.split("\n")
     axes = rows[4]
     for habit, content in {
         "a space after the type": trc.replace("PathFileType\t", "PathFileType \t"),
-        "spaces for tabs in the first line": trc.replace(rows[0], rows[0].replace("\t", " ")),
+        "spaces for tabs in the first line": trc.replace(
+            rows[0], rows[0].replace("\t", " ")
+        ),
         "keys in small letters": trc.replace(rows[1], rows[1].lower()),
         "Times": trc.replace("Frame#\tTime", "Frame\tTimes"),
-        "too many frames stated": trc_text(POSITIONS, NAMES, values={"NumFrames": "99"}),
-        "another number of markers": trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}),
+        "too many frames stated": trc_text(
+            POSITIONS, NAMES, values={"NumFrames": "99"}
+        ),
+        "another number of markers": trc_text(
+            POSITIONS, NAMES, values={"NumMarkers": "6"}
+        ),
         "an unknown key": trc_text(POSITIONS, NAMES, values={"Subject": "cat"}),
         "no rate": trc_text(POSITIONS, NAMES, values={"DataRate": None}),
         "no unit": trc_text(POSITIONS, NAMES, values={"Units": None}),
         "no original rate": trc_text(POSITIONS, NAMES, values={"OrigDataRate": None}),
         "axes not counted": trc.replace(axes, re.sub(r"\d", "", axes)),
         "axes in small letters": trc.replace(axes, axes.lower()),
-        "axes from 0": trc.replace(axes, re.sub(r"\d", lambda d: str(int(d[0]) - 1), axes)),
+        "axes from 0": trc.replace(
+            axes, re.sub(r"\d", lambda d: str(int(d[0]) - 1), axes)
+        ),
         "blanks between values": trc.replace(rows[2], rows[2].replace("\t", "   ")),
-        "axes from 5": trc.replace(axes, re.sub(r"\d", lambda d: str(int(d[0]) + 4), axes)),
+        "axes from 5": trc.replace(
+            axes, re.sub(r"\d", lambda d: str(int(d[0]) + 4), axes)
+        ),
         "seven keys": trc_text(POSITIONS, NAMES, values={"OrigNumFrames": None}),
         "no empty line": trc_text(POSITIONS, NAMES, blank=False),
         "names in each column": trc.replace(
@@ -293,7 +345,13 @@ def _of_single_formats():
         ),
     }.items():
         yield text("TRC", habit, content)
-    for unit, factor in {"m": 1e-3, "cm": 0.1, "MM": 1, "Meters": 1e-3, "inches": 1 / 25.4}.items():
+    for unit, factor in {
+        "m": 1e-3,
+        "cm": 0.1,
+        "MM": 1,
+        "Meters": 1e-3,
+        "inches": 1 / 25.4,
+    }.items():
         yield text("TRC", f"in {unit}", trc_text(POSITIONS * factor, NAMES, unit=unit))
     seen = motive(POSITIONS, NAMES)
     for habit, content in {
@@ -321,7 +379,9 @@ def _of_single_formats():
         "names end early": nexus(POSITIONS, NAMES).replace(",,\nFrame", "\nFrame"),
         "in m": nexus(POSITIONS / 1000, NAMES).replace("mm", "m"),
         "model outputs first": nexus(POSITIONS, NAMES, others="first"),
-        "blanks after the rate": nexus(POSITIONS, NAMES).replace("\n100\n", "\n100 ,\n"),
+        "blanks after the rate": nexus(POSITIONS, NAMES).replace(
+            "\n100\n", "\n100 ,\n"
+        ),
     }.items():
         yield text("Nexus", habit, content, names=NAMES)
     extra = np.concatenate([POSITIONS, POSITIONS[:, :2] + 7.0], axis=1)
@@ -331,7 +391,9 @@ def _of_single_formats():
     people = deeplabcut(POSITIONS, NAMES, SCORES, individual="mouse1")
     named = tuple(f"mouse1 {name}" for name in NAMES)
     yield text("DeepLabCut", "an individual", people, names=named, given_hz=RATE)
-    yield text("DeepLabCut", "no likelihood", deeplabcut(POSITIONS, NAMES), given_hz=RATE)
+    yield text(
+        "DeepLabCut", "no likelihood", deeplabcut(POSITIONS, NAMES), given_hz=RATE
+    )
 
 
 def _of_binaries():
@@ -349,11 +411,18 @@ def _of_binaries():
                 kind, f"names {habit}", write, scored, table(POSITIONS, SCORES), names
             )
             yield keypoint_file(
-                kind, f"names {habit}, no score", write, bare_names, table(POSITIONS), names
+                kind,
+                f"names {habit}, no score",
+                write,
+                bare_names,
+                table(POSITIONS),
+                names,
             )
         who = tuple(f"m1 {name}" for name in NAMES)
         heads = columns(NAMES, individual="m1")
-        yield keypoint_file(kind, "an individual", write, heads, table(POSITIONS, SCORES), who)
+        yield keypoint_file(
+            kind, "an individual", write, heads, table(POSITIONS, SCORES), who
+        )
     bids = {
         "as it is": {}, "json above": {"above": True}, "a row of names": {"heads": True},
         "no latency": {"latency": False}, "points alone": {"extra": False},
@@ -361,7 +430,9 @@ def _of_binaries():
         "missing is NaN": {"missing": "NaN"}, "missing is -999": {"missing": "-999"},
     }  # fmt: skip
     for habit, options in bids.items():
-        yield Variant("Motion-BIDS", habit, "", None, _bids(POSITIONS, NAMES, **options))
+        yield Variant(
+            "Motion-BIDS", habit, "", None, _bids(POSITIONS, NAMES, **options)
+        )
     for habit, names in NAMESETS.items():
         if habit not in ("repeated", "one empty"):  # which the standard excludes
             writer = _bids(POSITIONS, names)
@@ -374,7 +445,13 @@ def _of_binaries():
             for habit, names in NAMESETS.items():
                 yield _c3d(f"{processor}{', whole numbers' * whole}, names {habit}", names,
                            processor=processor, whole_numbers=whole)  # fmt: skip
-    models = ("LHipAngles", "RKneeMoment", "LAnklePower", "LGroundReactionForce", "*113")
+    models = (
+        "LHipAngles",
+        "RKneeMoment",
+        "LAnklePower",
+        "LGroundReactionForce",
+        "*113",
+    )
     yield _c3d("model outputs without lists, and unlabelled", NAMES, more=models)
     event = {"USED": 2, "LABELS": ["strike"], "TIMES": np.array([[0.0, 0.05]], "<f4")}
     for habit, change in {
@@ -383,23 +460,34 @@ def _of_binaries():
         "more labels than events": {"EVENT": {**event, "USED": 0}},
         "a rate of 0 in the parameters": {"POINT": {"RATE": np.float32(0)}},
         "axes of a screen": {"POINT": {"X_SCREEN": ["+X"], "Y_SCREEN": ["+Z"]}},
-        "lists of outputs that are not there": {"POINT": {"ANGLES": ["LHip"], "POWERS": [""]}},
+        "lists of outputs that are not there": {
+            "POINT": {"ANGLES": ["LHip"], "POWERS": [""]}
+        },
     }.items():
         yield _c3d(habit, NAMES, change=change)
     yield _c3d("frames from 101", NAMES, first=101)
-    yield _c3d("no labels", tuple("" for _ in NAMES), change={"POINT": {"LABELS": None}})
+    yield _c3d(
+        "no labels", tuple("" for _ in NAMES), change={"POINT": {"LABELS": None}}
+    )
     for unit, factor in {"m": 1e-3, "cm": 0.1, "MM": 1.0, "in": 1 / 25.4}.items():
         yield _c3d(f"in {unit}", NAMES, unit=unit, factor=factor)
     for habit, names in NAMESETS.items():
         struct = qtm_struct(np.nan_to_num(POSITIONS), names)
         for kind, write in (("MAT 5", write_mat5), ("MAT 7.3", write_mat73)):
             if habit != "one empty" and not (habit == "not ASCII" and kind == "MAT 5"):
-                yield Variant(kind, f"names {habit}", ".mat", None, _of(write, struct), names)
+                yield Variant(
+                    kind, f"names {habit}", ".mat", None, _of(write, struct), names
+                )
         if len(set(names)) == len(names) and all(names):
             roles = ("body",) * 3 + ("foot",) * 2
             own = Recording("trial", TIME, POSITIONS / 1000, names, roles, RATE)
             yield Variant(
-                "our own", f"names {habit}", ".h5", None, _of(write_recording, own), names
+                "our own",
+                f"names {habit}",
+                ".h5",
+                None,
+                _of(write_recording, own),
+                names,
             )
 
 
@@ -411,7 +499,9 @@ def _of(write, content):
     return lambda path: write(path, content)
 
 
-def _c3d(habit, names, *, more=(), unit="mm", factor=1.0, change=None, first=1, **options):
+def _c3d(
+    habit, names, *, more=(), unit="mm", factor=1.0, change=None, first=1, **options
+):
     extra = np.repeat(POSITIONS[:, :1] + 5.0, len(more), axis=1)
     places = np.concatenate([POSITIONS, extra], axis=1) * factor
     time = TIME + (first - 1) / RATE
@@ -419,7 +509,9 @@ def _c3d(habit, names, *, more=(), unit="mm", factor=1.0, change=None, first=1, 
 
     def write(path):
         sound = written_files._groups
-        with patch.object(written_files, "_groups", lambda *a: _changed(sound(*a), change or {})):
+        with patch.object(
+            written_files, "_groups", lambda *a: _changed(sound(*a), change or {})
+        ):
             write_c3d(path, raw, **options)
 
     return Variant("C3D", habit, ".c3d", None, write, names)
@@ -427,7 +519,10 @@ def _c3d(habit, names, *, more=(), unit="mm", factor=1.0, change=None, first=1, 
 
 def _changed(groups, change):
     """Replace parameters of groups, and remove those that are None."""
-    merged = {**groups, **{g: {**groups.get(g, {}), **new} for g, new in change.items()}}
+    merged = {
+        **groups,
+        **{g: {**groups.get(g, {}), **new} for g, new in change.items()},
+    }
     return {
         group: {name: value for name, value in parameters.items() if value is not None}
         for group, parameters in merged.items()

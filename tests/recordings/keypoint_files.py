@@ -20,14 +20,22 @@ def table(positions, scores=None):
     """Return rows of numbers (N, K), with a score after each point if there are scores."""
     if scores is None:
         return positions.reshape(len(positions), -1)
-    return np.concatenate([positions, scores[..., None]], axis=2).reshape(len(positions), -1)
+    return np.concatenate([positions, scores[..., None]], axis=2).reshape(
+        len(positions), -1
+    )
 
 
 def deeplabcut(positions, names, scores=None, **options):
     heads = columns(names, score="likelihood" if scores is not None else "", **options)
-    levels = ("scorer", *(("individuals",) if len(heads[0]) == 4 else ()), "bodyparts", "coords")
+    levels = (
+        "scorer",
+        *(("individuals",) if len(heads[0]) == 4 else ()),
+        "bodyparts",
+        "coords",
+    )
     lines = [
-        ",".join([level, *row]) for level, row in zip(levels, zip(*heads, strict=True), strict=True)
+        ",".join([level, *row])
+        for level, row in zip(levels, zip(*heads, strict=True), strict=True)
     ]
     lines += [f"{k},{cells(row)}" for k, row in enumerate(table(positions, scores))]
     return "\n".join(lines) + "\n"
@@ -35,8 +43,14 @@ def deeplabcut(positions, names, scores=None, **options):
 
 def anipose(positions, names, scores):
     parts = ("x", "y", "z", "error", "ncams", "score")
-    matrix = [f"M_{i}{j}" for i in range(3) for j in range(3)] + [f"center_{i}" for i in range(3)]
-    lines = [",".join([f"{name}_{part}" for name in names for part in parts] + [*matrix, "fnum"])]
+    matrix = [f"M_{i}{j}" for i in range(3) for j in range(3)] + [
+        f"center_{i}" for i in range(3)
+    ]
+    lines = [
+        ",".join(
+            [f"{name}_{part}" for name in names for part in parts] + [*matrix, "fnum"]
+        )
+    ]
     for k, (place, score) in enumerate(zip(positions, scores, strict=True)):
         points = [f"{cells(p)},1.2,3,{s}" for p, s in zip(place, score, strict=True)]
         lines.append(",".join([*points, "1,0,0,0,1,0,0,0,1,0,0,0", str(k)]))
@@ -45,7 +59,9 @@ def anipose(positions, names, scores):
 
 def pandas_rows(path, heads, values):
     """Write what ``to_hdf(..., format="table")`` writes: rows, with pickled column names beside."""
-    rows = np.zeros(len(values), [("index", "<i8"), ("values_block_0", "<f8", (len(heads),))])
+    rows = np.zeros(
+        len(values), [("index", "<i8"), ("values_block_0", "<f8", (len(heads),))]
+    )
     rows["index"], rows["values_block_0"] = np.arange(len(values)), values
     with h5py.File(path, "w") as file:
         group = file.create_group("df_with_missing")
@@ -64,6 +80,10 @@ def pandas_blocks(path, heads, values):
         group["block0_values"] = values
         for k, level in enumerate(zip(*heads, strict=True)):
             known = sorted(set(level))
-            group[f"block0_items_level{k}"] = np.array([name.encode() for name in known])
-            group[f"block0_items_label{k}"] = np.array([known.index(n) for n in level], "i1")
+            group[f"block0_items_level{k}"] = np.array(
+                [name.encode() for name in known]
+            )
+            group[f"block0_items_label{k}"] = np.array(
+                [known.index(n) for n in level], "i1"
+            )
     return path

@@ -26,7 +26,9 @@ def qtm_struct(positions, names, *, rate_hz=100.0, events=(), start=1, types=Non
         "Trajectories": {"Labeled": labelled},
     }
     if events:
-        array = np.empty((1, len(events)), [("Label", "O"), ("Frame", "O"), ("Time", "O")])
+        array = np.empty(
+            (1, len(events)), [("Label", "O"), ("Frame", "O"), ("Time", "O")]
+        )
         for i, (label, seconds) in enumerate(events):
             array[0, i] = (label, round(seconds * rate_hz) + 1, seconds)
         fields["Events"] = array
@@ -34,9 +36,13 @@ def qtm_struct(positions, names, *, rate_hz=100.0, events=(), start=1, types=Non
 
 
 def write_mat5(path, struct, *, name="trial", compressed=False):
-    scipy.io.savemat(path, {name: struct}, do_compression=compressed, long_field_names=True)
+    scipy.io.savemat(
+        path, {name: struct}, do_compression=compressed, long_field_names=True
+    )
     with path.open("r+b") as file:
-        file.write(b"MATLAB 5.0 MAT-file".ljust(116))  # without the date: the same bytes each time
+        file.write(
+            b"MATLAB 5.0 MAT-file".ljust(116)
+        )  # without the date: the same bytes each time
     return path
 
 
@@ -68,7 +74,9 @@ def _put(group, store, name, value):
             inner.create_dataset(key, data=_references(store, value[key].ravel()))
     else:
         array = np.atleast_2d(np.asarray(value, float))
-        group.create_dataset(name, data=array.T).attrs["MATLAB_class"] = np.bytes_("double")
+        group.create_dataset(name, data=array.T).attrs["MATLAB_class"] = np.bytes_(
+            "double"
+        )
 
 
 def _references(store, values):

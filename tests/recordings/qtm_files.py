@@ -4,7 +4,13 @@ import numpy as np
 
 NAMES = ("hip left", "hip right", "back", "heel", "toe")
 UPRIGHT = np.array(
-    [[0.1, 0.0, 0.5], [-0.1, 0.0, 0.5], [0.0, -0.15, 0.55], [0.1, 0.05, 0.02], [-0.1, 0.05, 0.03]]
+    [
+        [0.1, 0.0, 0.5],
+        [-0.1, 0.0, 0.5],
+        [0.0, -0.15, 0.55],
+        [0.1, 0.05, 0.02],
+        [-0.1, 0.05, 0.03],
+    ]
 )
 
 
@@ -43,10 +49,12 @@ def qtm_text(
     }
     lines = [f"{key}\t{value}" for key, value in keys.items() if value is not None]
     if column_row:
-        lines.append("\t".join([*(("Frame", "Time") if counters else ()), *columns(names)]))
-    return line_end.join(lines + (data_rows(positions, counters) if rows is None else rows)) + (
-        line_end
-    )
+        lines.append(
+            "\t".join([*(("Frame", "Time") if counters else ()), *columns(names)])
+        )
+    return line_end.join(
+        lines + (data_rows(positions, counters) if rows is None else rows)
+    ) + (line_end)
 
 
 def columns(names=NAMES):
@@ -57,7 +65,9 @@ def data_rows(positions, counters=True, rate=100.0):
     rows = []
     for i, frame in enumerate(positions):
         numbers = [f"{x:.3f}" for x in np.ravel(frame)]
-        rows.append("\t".join(([str(i + 1), f"{i / rate:.5f}"] if counters else []) + numbers))
+        rows.append(
+            "\t".join(([str(i + 1), f"{i / rate:.5f}"] if counters else []) + numbers)
+        )
     return rows
 
 

@@ -9,7 +9,9 @@ from hopdata.recording import Event
 from hopdata.recordings.raw import RawRecording
 
 NAMES = st.text(
-    st.characters(min_codepoint=33, max_codepoint=0x2FFF, categories=("L", "N", "P", "S")),
+    st.characters(
+        min_codepoint=33, max_codepoint=0x2FFF, categories=("L", "N", "P", "S")
+    ),
     min_size=1,
     max_size=12,
 )
@@ -23,7 +25,9 @@ def raw_recordings(draw, *, largest=5000.0, unit="mm", stated_up=("", "x", "y", 
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     positions = rng.uniform(-largest, largest, (n_frames, n_markers, 3))
     positions[0] = largest / 2  # the first frame is seen
-    positions[rng.random((n_frames, n_markers)) < draw(st.sampled_from([0, 0.3]))] = np.nan
+    positions[rng.random((n_frames, n_markers)) < draw(st.sampled_from([0, 0.3]))] = (
+        np.nan
+    )
     positions[0, 0] = largest / 3
     names = draw(st.lists(NAMES, min_size=n_markers, max_size=n_markers, unique=True))
     first = draw(st.sampled_from([0, 1, 777, 70_000]))
@@ -51,5 +55,8 @@ def assert_same(again, raw, *, atol, time_atol=1e-9, event_atol=1e-9):
     np.testing.assert_allclose(again.time, raw.time, rtol=0, atol=time_atol)
     assert [e.label for e in again.events] == [e.label for e in raw.events]
     np.testing.assert_allclose(
-        [e.time_s for e in again.events], [e.time_s for e in raw.events], rtol=0, atol=event_atol
+        [e.time_s for e in again.events],
+        [e.time_s for e in raw.events],
+        rtol=0,
+        atol=event_atol,
     )

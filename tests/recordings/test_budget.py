@@ -43,7 +43,9 @@ print(used_mb() - before, said)
 def memory_mb(path):
     """Return the memory that a process takes to read a file, MB, and what it says."""
     command = [sys.executable, "-c", READ, str(path)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout
+    said = subprocess.run(
+        command, capture_output=True, text=True, check=True, timeout=120
+    ).stdout
     number, _, words = said.partition(" ")
     return float(number), words.strip()
 
@@ -52,7 +54,9 @@ def memory_mb(path):
 def test_a_mat_file_is_held_once_and_not_several_times(tmp_path, compressed, most):
     """SciPy itself copies what it does not unpack."""
     positions = np.random.default_rng(4).normal(size=(80_000, len(NAMES), 3))
-    path = write_mat5(tmp_path / "a.mat", qtm_struct(positions, NAMES), compressed=compressed)
+    path = write_mat5(
+        tmp_path / "a.mat", qtm_struct(positions, NAMES), compressed=compressed
+    )
     content = positions.size // 3 * 4 * 8
     read_raw(path)  # imports
     tracemalloc.start()
@@ -65,13 +69,19 @@ def test_a_mat_file_is_held_once_and_not_several_times(tmp_path, compressed, mos
 
 
 def test_a_variable_of_another_size_than_it_states_is_refused(tmp_path):
-    path = write_mat5(tmp_path / "a.mat", qtm_struct(standing(20), NAMES), compressed=True)
+    path = write_mat5(
+        tmp_path / "a.mat", qtm_struct(standing(20), NAMES), compressed=True
+    )
     whole = path.read_bytes()
     content = zlib.decompress(whole[136:])
     for wrong in (content + b"x", content[:-1]):
         packed = zlib.compress(wrong)
-        path.write_bytes(whole[:132] + np.array([len(packed)], "<u4").tobytes() + packed)
-        with pytest.raises(RecordingError, match="bytes compressed, found more or less"):
+        path.write_bytes(
+            whole[:132] + np.array([len(packed)], "<u4").tobytes() + packed
+        )
+        with pytest.raises(
+            RecordingError, match="bytes compressed, found more or less"
+        ):
             read_raw(path)
 
 
@@ -84,7 +94,9 @@ def test_matrices_of_a_mat_file_are_counted(tmp_path, monkeypatch):
 
 
 def complex_5(path):
-    return write_mat5(path, qtm_struct(standing(20), NAMES) | {"FrameRate": 100.0 + 1.0j})
+    return write_mat5(
+        path, qtm_struct(standing(20), NAMES) | {"FrameRate": 100.0 + 1.0j}
+    )
 
 
 def complex_73(path):
@@ -97,7 +109,9 @@ def complex_73(path):
 
 @pytest.mark.parametrize("write", [complex_5, complex_73])
 def test_a_rate_that_is_a_complex_number_is_refused(tmp_path, write):
-    with pytest.raises(RecordingError, match=r"expected (a number|numbers), found .*complex128"):
+    with pytest.raises(
+        RecordingError, match=r"expected (a number|numbers), found .*complex128"
+    ):
         read_raw(write(tmp_path / "a.mat"))
 
 
@@ -173,7 +187,10 @@ def test_a_long_line_between_short_ones_is_found_and_a_shorter_one_is_not(tmp_pa
     for n_bytes, is_refused in ((1_499_998, False), (1_500_001, True)):
         path.write_bytes(short + b"9" * n_bytes + b"\n" + short)
         if is_refused:
-            with pytest.raises(RecordingError, match="lines of at most"), text.readable(path):
+            with (
+                pytest.raises(RecordingError, match="lines of at most"),
+                text.readable(path),
+            ):
                 pass
         else:
             with text.readable(path) as file:
@@ -197,7 +214,9 @@ def wide_table(path, n_markers):
     return path
 
 
-def test_as_many_columns_as_no_system_has_are_refused_and_a_thousand_markers_are_read(tmp_path):
+def test_as_many_columns_as_no_system_has_are_refused_and_a_thousand_markers_are_read(
+    tmp_path,
+):
     found = read_raw(wide_table(tmp_path / "a.tsv", 1000))
     assert found.positions.shape == (2, 1000, 3)
     assert len(str(found.remarks)) < 1000

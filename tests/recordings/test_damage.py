@@ -18,7 +18,9 @@ def sound():
 
 
 def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
-    lacking = set(READERS) - {Path(name).suffix for name in sound} - {".hdf5"}  # read as .h5
+    lacking = (
+        set(READERS) - {Path(name).suffix for name in sound} - {".hdf5"}
+    )  # read as .h5
     assert not lacking, f"no sound file in tests/recordings/damage.py: {lacking}"
     for name, data in sound.items():
         recording = read(placed(tmp_path, name, data))
@@ -27,8 +29,12 @@ def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
 
 
 @pytest.mark.parametrize("part", range(5))
-def test_a_damaged_file_gives_a_recording_or_a_message(sound, tmp_path, part, monkeypatch):
-    monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.2)  # on some the HDF5 library hangs
+def test_a_damaged_file_gives_a_recording_or_a_message(
+    sound, tmp_path, part, monkeypatch
+):
+    monkeypatch.setattr(
+        trial, "seconds_to_read", lambda _: 0.2
+    )  # on some the HDF5 library hangs
     names, refused = list(sound), 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # includes warnings of other libraries

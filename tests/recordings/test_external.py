@@ -59,16 +59,26 @@ def test_events_of_a_qtm_file(tmp_path):
     )
     file = written(tmp_path, head + "1\t2\t3\n4\t5\t6\n", "trial.tsv")
     both = columns(**{"L down": ["left"], "R down": ["right"]})
-    left, right = read_contact_times(block("contacts", file=file, columns=both), feet=FEET)
+    left, right = read_contact_times(
+        block("contacts", file=file, columns=both), feet=FEET
+    )
     np.testing.assert_array_equal(left.instant, [0.25, 1.25])
     np.testing.assert_array_equal(right.instant, [0.5])
     later = "FILE_VERSION\t2.0.0\n" + head + "1\t2\t3\n4\t5\t6\n"
-    for text, name in ((later, "2.tsv"), ("\ufeff" + later, "bom.tsv"), (later, "trial.txt")):
+    for text, name in (
+        (later, "2.tsv"),
+        ("\ufeff" + later, "bom.tsv"),
+        (later, "trial.txt"),
+    ):
         file = written(tmp_path, text, name)
-        left, _ = read_contact_times(block("contacts", file=file, columns=both), feet=FEET)
+        left, _ = read_contact_times(
+            block("contacts", file=file, columns=both), feet=FEET
+        )
         np.testing.assert_array_equal(left.instant, [0.25, 1.25])
     wrong = block("contacts", file=file, columns=columns(**{"L dwn": ["left"]}))
-    with pytest.raises(RecordingError, match=r"events: label: expected 'L dwn'.*mean 'L down'"):
+    with pytest.raises(
+        RecordingError, match=r"events: label: expected 'L dwn'.*mean 'L down'"
+    ):
         read_contact_times(wrong, feet=FEET)
 
 
@@ -80,7 +90,11 @@ def test_a_tab_separated_table_is_no_recording(tmp_path):
 
 MISTAKES = {
     "no such column": ("left,rigth\n1,2\n", {}, ["'right'", "did you mean 'rigth'"]),
-    "empty column": ("left,right\n1,\n", {}, ["'right'", "at least one contact", "found none"]),
+    "empty column": (
+        "left,right\n1,\n",
+        {},
+        ["'right'", "at least one contact", "found none"],
+    ),
     "label unknown": (
         "foot,t\nlft,1\nright,2\n",
         {"label_column": "foot", "time_column": "t"},
@@ -100,7 +114,9 @@ def test_mistakes_are_told(tmp_path, mistake):
 
 
 def test_events_of_a_c3d_file_are_on_the_clock_of_its_frames(tmp_path):
-    events = tuple(Event(label, t) for label, t in [("R", 2.5), ("L", 2.25), ("L", 3.25)])
+    events = tuple(
+        Event(label, t) for label, t in [("R", 2.5), ("L", 2.25), ("L", 3.25)]
+    )
     positions = np.random.default_rng(0).uniform(1, 900, (40, 2, 3))
     time = 2.0 + np.arange(40) / 10
     raw = RawRecording(("a", "b"), time, positions, 10.0, "mm", events=events)
@@ -128,7 +144,9 @@ def written_force_signals(tmp_path, force=WAVE, time=None, name="Fz"):
 
 def read(file, **options):
     given = {"columns": columns(Fz=FORCE_SIGNALS_FEET), **options}
-    (signal,) = read_force_signals(block("forces", file=file, **given), feet=FORCE_SIGNALS_FEET)
+    (signal,) = read_force_signals(
+        block("forces", file=file, **given), feet=FORCE_SIGNALS_FEET
+    )
     return signal
 
 
@@ -150,10 +168,23 @@ def test_a_column_of_times(tmp_path):
 @pytest.mark.parametrize("suffix", [".mot", ".STO"])
 def test_forces_of_opensim_have_a_clock_of_their_own(tmp_path, mark, suffix):
     names = ["time", *(f"1_ground_force_v{axis}" for axis in "xyz")]
-    head = ["forces", "version=1", "nRows=400", "nColumns=4", "inDegrees=yes", "", "endheader"]
-    rows = [mark.join((f"{k / 250:.6f}", "1.5", f"{f:.6f}", "0")) for k, f in enumerate(WAVE)]
+    head = [
+        "forces",
+        "version=1",
+        "nRows=400",
+        "nColumns=4",
+        "inDegrees=yes",
+        "",
+        "endheader",
+    ]
+    rows = [
+        mark.join((f"{k / 250:.6f}", "1.5", f"{f:.6f}", "0"))
+        for k, f in enumerate(WAVE)
+    ]
     path = tmp_path / f"forces{suffix}"
-    path.write_text("\n".join([*head, mark.join(names), *(" " * (mark != "\t") + r for r in rows)]))
+    path.write_text(
+        "\n".join([*head, mark.join(names), *(" " * (mark != "\t") + r for r in rows)])
+    )
     signal = read(str(path), columns=columns(**{names[2]: FORCE_SIGNALS_FEET}))
     np.testing.assert_allclose(signal.time, np.arange(400) / 250, atol=1e-9)
     np.testing.assert_allclose(signal.force, WAVE, atol=1e-6)
@@ -165,7 +196,9 @@ def test_forces_of_opensim_have_a_clock_of_their_own(tmp_path, mark, suffix):
         read(str(path))
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("N", 1), ("kN", 1000), ("body_weight", 1)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("N", 1), ("kN", 1000), ("body_weight", 1)]
+)
 def test_units(tmp_path, unit, factor):
     signal = read(written_force_signals(tmp_path), rate_hz=200, unit=unit)
     np.testing.assert_allclose(signal.force, factor * WAVE, rtol=1e-8)
@@ -205,7 +238,11 @@ FORCE_SIGNALS_MISTAKES = {
         {"rate_hz": 200},
         ["'Fz' once among Time, Fzz", "did you mean 'Fzz'"],
     ),
-    "no force": ({"force": np.full(400, np.nan)}, {"rate_hz": 200}, ["a force in each row"]),
+    "no force": (
+        {"force": np.full(400, np.nan)},
+        {"rate_hz": 200},
+        ["a force in each row"],
+    ),
 }
 
 

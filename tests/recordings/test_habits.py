@@ -21,7 +21,9 @@ def read(variant, folder):
     metres = found.positions * METRES_PER_UNIT[found.unit]
     np.testing.assert_allclose(metres, POSITIONS / 1000, atol=2e-5)
     np.testing.assert_allclose(np.diff(found.time), np.diff(TIME), atol=1e-9)
-    expected = [name for name in variant.names if variant.names.count(name) == 1 and name]
+    expected = [
+        name for name in variant.names if variant.names.count(name) == 1 and name
+    ]
     assert [name for name in found.markers if name in variant.names] == expected
     if len(expected) < len(variant.names):
         assert found.remarks, "names were changed and nothing said"
@@ -35,7 +37,11 @@ def test_formats_with_habits_are_read_to_the_same_numbers(tmp_path):
         except RecordingError as error:
             refused.append((variant.format, variant.habit, str(error)))
         except AssertionError as error:
-            raise AssertionError(f"{variant.format}, {variant.habit}: {error}") from error
+            raise AssertionError(
+                f"{variant.format}, {variant.habit}: {error}"
+            ) from error
     print(f"{len(refused)} of {len(ALL)} refused", *refused, sep="\n")
     assert len(ALL) > 300
-    assert len(refused) < MOST_REFUSED * len(ALL), Counter(kind for kind, _, _ in refused)
+    assert len(refused) < MOST_REFUSED * len(ALL), Counter(
+        kind for kind, _, _ in refused
+    )

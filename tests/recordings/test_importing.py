@@ -18,7 +18,10 @@ from hopdata.recordings.readers.formats import READERS, read_raw
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
-SAMPLE_MARKERS = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2", "foot3"]}
+SAMPLE_MARKERS = {
+    "body": ["body1", "body2", "body3"],
+    "feet": ["foot1", "foot2", "foot3"],
+}
 
 
 def imported(path, markers=MARKERS, **options):
@@ -33,8 +36,12 @@ def imported(path, markers=MARKERS, **options):
 def test_frames_between_those_recorded_are_left_out(tmp_path, share, first):
     at = np.arange(800) / 100.0
     rng = np.random.default_rng(share > 0)
-    places = np.array([[0.1, 0, 1], [-0.1, 0.1, 1], [0, -0.1, 1.1], [0.2, 0, 0], [-0.2, 0, 0]])
-    kept = places + 0.05 * np.sin(9 * at)[:, None, None] + rng.normal(0, 3e-4, (800, 5, 3))
+    places = np.array(
+        [[0.1, 0, 1], [-0.1, 0.1, 1], [0, -0.1, 1.1], [0.2, 0, 0], [-0.2, 0, 0]]
+    )
+    kept = (
+        places + 0.05 * np.sin(9 * at)[:, None, None] + rng.normal(0, 3e-4, (800, 5, 3))
+    )
     doubled = np.repeat(kept, 2, axis=0)[:-1]
     doubled[1::2] = (1 - share) * kept[:-1] + share * kept[1:]
     path, original = tmp_path / "a.trc", tmp_path / "b.trc"
@@ -50,12 +57,18 @@ def test_frames_between_those_recorded_are_left_out(tmp_path, share, first):
 def test_markers_come_in_the_order_of_their_roles(tmp_path):
     positions = np.concatenate([standing(), standing()[:, :1] + 200], axis=1)
     path = write(tmp_path, qtm_text(positions, names=(*NAMES, "boom")))
-    wanted = {"boom": ["boom"], "feet": ["toe", "heel"], "body": ["back", "hip right", "hip left"]}
+    wanted = {
+        "boom": ["boom"],
+        "feet": ["toe", "heel"],
+        "body": ["back", "hip right", "hip left"],
+    }
     recording = imported(path, wanted)
     assert recording.markers == ("back", "hip right", "hip left", "toe", "heel", "boom")
     assert recording.roles == ("body", "body", "body", "foot", "foot", "boom")
     order = [2, 1, 0, 4, 3, 5]
-    np.testing.assert_allclose(recording.positions, positions[:, order] / 1000, atol=1e-6)
+    np.testing.assert_allclose(
+        recording.positions, positions[:, order] / 1000, atol=1e-6
+    )
 
 
 def test_names_without_a_subject_fit_any_file_of_one_subject(tmp_path):
@@ -73,16 +86,41 @@ def test_names_without_a_subject_fit_any_file_of_one_subject(tmp_path):
 def test_a_marker_is_unseen_where_the_configuration_says_so(tmp_path):
     path = write(tmp_path, qtm_text(standing()))
     entries = [
-        {"from_s": 0.1, "to_s": 0.2, "markers": ["toe"], "landings": [], "reason": "loose"},
-        {"from_s": None, "to_s": 0.05, "markers": ["back"], "landings": [], "reason": "hidden"},
-        {"from_s": None, "to_s": None, "markers": [], "landings": [], "reason": "all of it"},
+        {
+            "from_s": 0.1,
+            "to_s": 0.2,
+            "markers": ["toe"],
+            "landings": [],
+            "reason": "loose",
+        },
+        {
+            "from_s": None,
+            "to_s": 0.05,
+            "markers": ["back"],
+            "landings": [],
+            "reason": "hidden",
+        },
+        {
+            "from_s": None,
+            "to_s": None,
+            "markers": [],
+            "landings": [],
+            "reason": "all of it",
+        },
     ]
     found, plain = imported(path, exclude=entries), imported(path)
     unseen = np.isnan(found.positions).all(axis=2)
-    assert np.flatnonzero(unseen[:, found.markers.index("toe")]).tolist() == list(range(10, 21))
-    assert np.flatnonzero(unseen[:, found.markers.index("back")]).tolist() == list(range(6))
+    assert np.flatnonzero(unseen[:, found.markers.index("toe")]).tolist() == list(
+        range(10, 21)
+    )
+    assert np.flatnonzero(unseen[:, found.markers.index("back")]).tolist() == list(
+        range(6)
+    )
     np.testing.assert_array_equal(found.positions[~unseen], plain.positions[~unseen])
-    assert "marker 'toe' counts as unseen from 0.1 to 0.2 s, by hand: loose" in found.remarks[-2]
+    assert (
+        "marker 'toe' counts as unseen from 0.1 to 0.2 s, by hand: loose"
+        in found.remarks[-2]
+    )
     assert len(found.remarks) == len(plain.remarks) + 2
 
 
@@ -109,7 +147,10 @@ def test_an_axis_that_nothing_shows_is_asked_for(tmp_path):
     told = "vertical_axis: auto: expected a clear fall, or a body that is clearly above its feet, "
     told += "found nothing clearly falls"
     upright = standing()
-    assert imported(write(tmp_path, qtm_text(upright)), vertical_axis="auto").vertical_axis == "z"
+    assert (
+        imported(write(tmp_path, qtm_text(upright)), vertical_axis="auto").vertical_axis
+        == "z"
+    )
     beside = upright.copy()
     beside[:, :3, 0] += 500.0
     with pytest.raises(RecordingError, match=told):
@@ -121,14 +162,22 @@ def test_the_unit_is_found_or_given(tmp_path, scale, unit):
     path = write(tmp_path, qtm_text(standing(scale=scale, wobble=0.02)))
     found = imported(path, unit="auto")
     assert np.array_equal(found.positions, imported(path, unit=unit).positions)
-    np.testing.assert_allclose(found.body[:, :, 2].mean(), UPRIGHT[:3, 2].mean(), atol=0.02)
+    np.testing.assert_allclose(
+        found.body[:, :, 2].mean(), UPRIGHT[:3, 2].mean(), atol=0.02
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "shown"),
-    [("hip left ", "'hip left '"), (" HIP LEFT", "' HIP LEFT'"), ("hip\xa0left", r"'hip\xa0left'")],
+    [
+        ("hip left ", "'hip left '"),
+        (" HIP LEFT", "' HIP LEFT'"),
+        ("hip\xa0left", r"'hip\xa0left'"),
+    ],
 )
-def test_a_space_in_a_name_is_seen_and_the_name_without_it_is_suggested(tmp_path, name, shown):
+def test_a_space_in_a_name_is_seen_and_the_name_without_it_is_suggested(
+    tmp_path, name, shown
+):
     path = write(tmp_path, qtm_text())
     with pytest.raises(RecordingError) as caught:
         imported(path, {"body": [name, *NAMES[1:3]], "feet": NAMES[3:]})
@@ -163,20 +212,29 @@ def test_truth_comes_along_with_its_feet_in_the_order_asked_for(sample_path):
     truth = sample_truth(sample_path, feet=["foot3", "foot1", "foot2"])
     for key in PER_FOOT:
         expected = getattr(stored, key)[:, [2, 0, 1]]
-        assert np.array_equal(getattr(truth, key), expected, equal_nan=expected.dtype != bool)
+        assert np.array_equal(
+            getattr(truth, key), expected, equal_nan=expected.dtype != bool
+        )
     assert np.array_equal(truth.apex_times, stored.apex_times)
     n_feet = stored.contact_times.shape[1]
-    arrays = {k: v for k, v in vars(stored).items() if isinstance(v, np.ndarray) and v.ndim > 1}
-    assert {k for k, v in arrays.items() if v.shape[1] == n_feet and k != "apex_states"} == (
-        set(PER_FOOT)
-    )
+    arrays = {
+        k: v
+        for k, v in vars(stored).items()
+        if isinstance(v, np.ndarray) and v.ndim > 1
+    }
+    assert {
+        k for k, v in arrays.items() if v.shape[1] == n_feet and k != "apex_states"
+    } == (set(PER_FOOT))
 
 
 def test_truth_is_left_behind_where_it_does_not_apply(tmp_path, sample_path):
     assert sample_truth(sample_path, feet=["foot1", "foot2"]) is None
     assert sample_truth(sample_path, body=["body1", "body2", "boom"]) is None
     assert sample_truth(sample_path, vertical_axis="x") is None
-    assert import_recording(write(tmp_path, qtm_text()), name="a", markers=MARKERS)[1] is None
+    assert (
+        import_recording(write(tmp_path, qtm_text()), name="a", markers=MARKERS)[1]
+        is None
+    )
 
 
 def good(folder):
@@ -220,7 +278,11 @@ MISTAKES = {
         {},
         ["trail.tsv", "expected a file", "did you mean 'trial.tsv'"],
     ),
-    "no such folder": lambda f: (f / "sub/trial.tsv", {}, ["a file", "there is no folder"]),
+    "no such folder": lambda f: (
+        f / "sub/trial.tsv",
+        {},
+        ["a file", "there is no folder"],
+    ),
     "other format": lambda f: (
         f / "trial.xlsx",
         {},
@@ -251,7 +313,11 @@ MISTAKES = {
         {},
         ["vertical axis z", "input.vertical_axis: -z, or are markers.body"],
     ),
-    "marker never seen": lambda f: (without_back(f), {}, ["'back'", "in none of 40 frames"]),
+    "marker never seen": lambda f: (
+        without_back(f),
+        {},
+        ["'back'", "in none of 40 frames"],
+    ),
     "stamps against rate": lambda f: (
         write(f, qtm_text(rows=data_rows(standing(), rate=50.0))),
         {},
@@ -284,10 +350,15 @@ def test_a_damaged_hdf5_file_is_told(tmp_path):
 
 
 def test_the_real_recording(external_recording):
-    markers = {"body": ["body1", "body2", "body3"], "feet": ["R_heel", "R_mt1", "R_mt5"]}
+    markers = {
+        "body": ["body1", "body2", "body3"],
+        "feet": ["R_heel", "R_mt1", "R_mt5"],
+    }
     recording = imported(external_recording, markers)
     assert recording.positions.shape == (4500, 6, 3)
-    np.testing.assert_allclose(recording.positions[0, 0], [1.17022, 2.33784, 1.04126], atol=1e-9)
+    np.testing.assert_allclose(
+        recording.positions[0, 0], [1.17022, 2.33784, 1.04126], atol=1e-9
+    )
     assert 0.8 < np.nanmedian(recording.body_height) < 1.2
     with pytest.raises(RecordingError, match=r"input.vertical_axis: z"):
         imported(external_recording, markers, vertical_axis="y")
@@ -295,7 +366,9 @@ def test_the_real_recording(external_recording):
 
 def test_a_truth_of_another_size_is_told(tmp_path, sample_path):
     recording, truth = read_recording(sample_path), read_truth(sample_path)
-    fewer = replace(truth, foot_down=truth.foot_down[:-1], body_height=truth.body_height[:-1])
+    fewer = replace(
+        truth, foot_down=truth.foot_down[:-1], body_height=truth.body_height[:-1]
+    )
     write_recording(tmp_path / "a.h5", recording, fewer)
     with pytest.raises(RecordingError, match=r"truth: expected \d+ frames and 3 feet"):
         imported(tmp_path / "a.h5", SAMPLE_MARKERS)
@@ -318,7 +391,12 @@ PATHS = [Path("a.tsv"), Path("b.tsv")]
 
 def raw(start=0.0, **changes):
     made = RawRecording(
-        NAMES, start + np.arange(50) / 100, standing(50), 100.0, "mm", events=(Event("e", start),)
+        NAMES,
+        start + np.arange(50) / 100,
+        standing(50),
+        100.0,
+        "mm",
+        events=(Event("e", start),),
     )
     return replace(made, **changes)
 
@@ -382,9 +460,13 @@ def test_a_recording_of_two_files(tmp_path):
 def test_a_marker_that_one_file_lacks_is_told_with_that_file(tmp_path):
     first = write(tmp_path, qtm_text(), "a.tsv")
     second = write(
-        tmp_path, qtm_text(names=("hip left", "hip right", "bak", "heel", "toe")), "b.tsv"
+        tmp_path,
+        qtm_text(names=("hip left", "hip right", "bak", "heel", "toe")),
+        "b.tsv",
     )
-    with pytest.raises(RecordingError, match=r"b.tsv: .*found 'back'; did you mean 'bak'"):
+    with pytest.raises(
+        RecordingError, match=r"b.tsv: .*found 'back'; did you mean 'bak'"
+    ):
         import_recording([first, second], name="day", markers=JOINING_MARKERS)
 
 
@@ -395,7 +477,9 @@ def test_no_file_at_all_is_refused():
 
 def test_a_session_with_other_names_is_told_what_to_do(tmp_path):
     path = write(tmp_path, qtm_text(names=tuple(f"{name} new" for name in NAMES)))
-    with pytest.raises(RecordingError, match=r"none of the configured markers, .* rename them"):
+    with pytest.raises(
+        RecordingError, match=r"none of the configured markers, .* rename them"
+    ):
         imported(path, {"body": NAMES[:3], "feet": NAMES[3:]})
 
 

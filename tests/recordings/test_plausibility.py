@@ -85,7 +85,9 @@ def test_scale():
     assert "input.unit" not in neither
 
 
-@pytest.mark.parametrize(("vertical_axis", "order"), [("z", [0, 1, 2]), ("y", [2, 0, 1])])
+@pytest.mark.parametrize(
+    ("vertical_axis", "order"), [("z", [0, 1, 2]), ("y", [2, 0, 1])]
+)
 def test_body_beside_the_feet_names_the_axis_of_the_file(vertical_axis, order):
     """Canonical y is up by mistake: the file's y, or its x if y was configured as vertical."""
     positions = recording().positions[..., [1, 2, 0]]
@@ -95,7 +97,9 @@ def test_body_beside_the_feet_names_the_axis_of_the_file(vertical_axis, order):
 
 def test_body_below_the_feet():
     positions = recording().positions * [1, -1, -1]
-    hint = "set input.vertical_axis: -z, or are markers.body and markers.feet exchanged?"
+    hint = (
+        "set input.vertical_axis: -z, or are markers.body and markers.feet exchanged?"
+    )
     assert hint in refused(recording(positions=positions))
     assert hint in refused(recording(roles=("foot", "foot", "body", "body", "body")))
     assert "set input.vertical_axis: y, or" in refused(
@@ -119,7 +123,10 @@ def test_a_foot_that_stays_high_is_noted():
     positions[:, 4, 2] += 0.5 * body_over_feet(recording())[2]
     (note,) = notes(recording(positions=positions))
     assert f"foot '{NAMES[4]}' comes no nearer to the floor than" in note
-    assert f"above '{NAMES[3]}'; does it touch the ground, or does the floor slope?" in note
+    assert (
+        f"above '{NAMES[3]}'; does it touch the ground, or does the floor slope?"
+        in note
+    )
 
 
 def hopping(offset_m, noise_m, *, n_frames=400):
@@ -135,7 +142,8 @@ def hopping(offset_m, noise_m, *, n_frames=400):
 
 
 @pytest.mark.parametrize(
-    ("offset_m", "said"), [((0.1, 0.2, 0.0), "always the same"), ((0, 0, 0.012), "12.0 mm apart")]
+    ("offset_m", "said"),
+    [((0.1, 0.2, 0.0), "always the same"), ((0, 0, 0.012), "12.0 mm apart")],
 )
 def test_feet_that_move_as_one_are_noted(offset_m, said):
     copied = hopping(offset_m, 0.0)
@@ -159,7 +167,9 @@ def test_dropped_frames_are_noted():
         "trial.tsv: 3 frames are missing between the time stamps"
     ]
     time = np.delete(np.arange(101) / 100.0, 10)
-    assert notes(recording(time=time)) == ["trial.tsv: 1 frame is missing between the time stamps"]
+    assert notes(recording(time=time)) == [
+        "trial.tsv: 1 frame is missing between the time stamps"
+    ]
 
 
 def test_pauses_are_no_missing_frames():
@@ -183,7 +193,9 @@ def test_a_marker_under_two_names_is_refused():
 def test_infinite_positions_are_refused():
     positions = recording().positions.copy()
     positions[5, 3, 1] = np.inf
-    assert "marker 'heel': expected finite positions" in refused(recording(positions=positions))
+    assert "marker 'heel': expected finite positions" in refused(
+        recording(positions=positions)
+    )
 
 
 def test_too_few_markers():
@@ -201,7 +213,8 @@ def test_extent_and_offset_by_hand():
     assert extent(np.concatenate([frame, alone])) == 13
     assert np.isnan(extent(np.full((3, 4, 3), np.nan)))
     up = recording(
-        positions=np.tile([[0, 0, 1.0]], (100, 5, 1)) * np.array([1, 1, 1, 0, 0])[:, None]
+        positions=np.tile([[0, 0, 1.0]], (100, 5, 1))
+        * np.array([1, 1, 1, 0, 0])[:, None]
     )
     np.testing.assert_array_equal(body_over_feet(up), [0, 0, 1])
 
@@ -219,7 +232,10 @@ def test_a_frozen_marker_is_refused_and_one_that_rests_is_not():
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 @pytest.mark.parametrize(
     ("step", "text"),
-    [(0.01, "10 mm, which adds noise of 2.9 mm"), (0.001, "1 mm, which adds noise of 0.29 mm")],
+    [
+        (0.01, "10 mm, which adds noise of 2.9 mm"),
+        (0.001, "1 mm, which adds noise of 0.29 mm"),
+    ],
 )
 def test_whole_millimetres_are_noted(step, text, kind):
     """This also holds for float32, in which files keep them, and far from the origin."""

@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from hopdata.recordings.raw import FILE_AXES, along_file, opposite, rate_of, rotate_up, settle
+from hopdata.recordings.raw import (
+    FILE_AXES,
+    along_file,
+    opposite,
+    rate_of,
+    rotate_up,
+    settle,
+)
 
 
 @pytest.mark.parametrize("axis", FILE_AXES)
@@ -40,14 +47,18 @@ def test_rounded_stamps_of_a_part_of_a_recording(rate_hz, decimals, first):
     np.testing.assert_allclose(time, number / rate_hz, atol=0.5001 * 10.0**-decimals)
 
 
-@pytest.mark.parametrize(("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (250, 4)])
+@pytest.mark.parametrize(
+    ("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (250, 4)]
+)
 def test_rows_that_were_cut_out_stay_out_and_leave_the_rate(rate_hz, decimals):
     true = np.delete(np.arange(900) / rate_hz, [100, *range(300, 420), 600, 601])
     stamps, counted = np.round(true, decimals), np.arange(len(true), dtype=float)
     assert rate_of(stamps, counted) == rate_hz
     time, remarks = settle("a.tsv", stamps, counted, float(rate_hz))
     np.testing.assert_allclose(time, true, atol=0.5001 * 10.0**-decimals)
-    np.testing.assert_allclose(np.diff(time) * rate_hz, np.round(np.diff(true) * rate_hz))
+    np.testing.assert_allclose(
+        np.diff(time) * rate_hz, np.round(np.diff(true) * rate_hz)
+    )
     assert remarks == ()
 
 
@@ -62,7 +73,9 @@ def test_stamps_in_ms_tell_a_rate_that_is_no_whole_number(rate_hz, first):
     assert remarks == ()
 
 
-@pytest.mark.parametrize(("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (360, 3)])
+@pytest.mark.parametrize(
+    ("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (360, 3)]
+)
 def test_a_repeated_stamp_stays_as_it_is(rate_hz, decimals):
     stamps = np.round(np.arange(40) / rate_hz, decimals)
     stamps[9] = stamps[8]

@@ -16,11 +16,15 @@ ROLES = ("body",) * 3 + ("foot",) * 3 + ("boom",)
 
 def recording(seed=1, *, rate_hz=100.0, noise_m=6e-4, **changes):
     time, positions = hopping(seed, rate_hz=rate_hz, noise_m=noise_m)
-    return replace(Recording("trial", time, positions, MARKERS, ROLES, rate_hz), **changes)
+    return replace(
+        Recording("trial", time, positions, MARKERS, ROLES, rate_hz), **changes
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize(("rate_hz", "noise_m"), [(50.0, 1e-3), (100.0, 2e-3), (1000.0, 3e-4)])
+@pytest.mark.parametrize(
+    ("rate_hz", "noise_m"), [(50.0, 1e-3), (100.0, 2e-3), (1000.0, 3e-4)]
+)
 def test_sound_recordings_pass(seed, rate_hz, noise_m):
     check_plausible(recording(seed, rate_hz=rate_hz, noise_m=noise_m))
 
@@ -49,24 +53,34 @@ def test_a_wrong_unit_is_told_by_how_things_fall(seed, factor, told):
 def test_an_axis_that_points_down_is_told_by_how_things_fall(vertical_axis):
     turned = recording(vertical_axis=vertical_axis, source="trial.tsv")
     turned = replace(turned, positions=turned.positions * [1, -1, -1])
-    up = {"x": "-x", "y": "-y", "z": "-z", "-x": "x", "-y": "y", "-z": "z"}[vertical_axis]
+    up = {"x": "-x", "y": "-y", "z": "-z", "-x": "x", "-y": "y", "-z": "z"}[
+        vertical_axis
+    ]
     told = f"the markers fall against {up}: set input.vertical_axis: {up}$"
     with pytest.raises(RecordingError, match=told):
         check_plausible(turned)
 
 
 def test_what_does_not_fall_cannot_be_told():
-    still = np.random.default_rng(1).normal(0, 1e-3, (500, 7, 3)) + np.arange(7)[:, None]
+    still = (
+        np.random.default_rng(1).normal(0, 1e-3, (500, 7, 3)) + np.arange(7)[:, None]
+    )
     check_fall(recording(time=np.arange(500) / 100.0, positions=0.1 * still))
 
 
 def test_a_foot_among_the_body_is_named():
-    exchanged = recording(roles=("body", "body", "foot", "body", "foot", "foot", "boom"))
+    exchanged = recording(
+        roles=("body", "body", "foot", "body", "foot", "foot", "boom")
+    )
     with pytest.raises(RecordingError) as caught:
         check_rigid(exchanged)
     message = str(caught.value)
-    assert message.startswith("recording 'trial': markers.body: expected distances that vary by")
-    assert "at most 2.5 % (half quality.largest_body_strain) of the body's size" in message
+    assert message.startswith(
+        "recording 'trial': markers.body: expected distances that vary by"
+    )
+    assert (
+        "at most 2.5 % (half quality.largest_body_strain) of the body's size" in message
+    )
     assert "'toe1' coming down to the feet" in message
     assert message.endswith("is 'toe1' on the body?")
 

@@ -1,8 +1,8 @@
 """Deliberate mistakes in files of every format, and the messages that a user gets.
 
-Each entry makes a file with a single mistake, and names what the message must contain besides the
-file, `expected` and `found`: the place, both values, and the nearest name if there is one. The
-files are processed fully, as in `hopdata check`.
+Each entry makes a file with a single mistake, and names what the message must contain
+besides the file, `expected` and `found`: the place, both values, and the nearest name
+if there is one. The files are processed fully, as in `hopdata check`.
 """
 
 from dataclasses import replace
@@ -32,7 +32,9 @@ LINES = qtm_text().split("\r\n")  # 11 lines of header, the column row, 40 frame
 
 
 def tsv(text):
-    return lambda path: path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return lambda path: path.write_bytes(
+        text if isinstance(text, bytes) else text.encode()
+    )
 
 
 def tsv_row(row, column, text):
@@ -63,7 +65,9 @@ def renamed(old, new):
 def hdf5(edit):
     def make(path):
         roles = ("body",) * 3 + ("foot",) * 2
-        write_recording(path, Recording("a", RAW.time, standing() / 1000, NAMES, roles, 100.0))
+        write_recording(
+            path, Recording("a", RAW.time, standing() / 1000, NAMES, roles, 100.0)
+        )
         with h5py.File(path, "a") as file:
             edit(file)
 
@@ -95,13 +99,22 @@ MISTAKES = {
     ),
     "name twice.tsv": (
         tsv(qtm_text(names=("hip left", "hip right", "back", "heel", "heel"))),
-        ["markers.feet", "line 10", "each marker name once", "'heel' twice", "'heel 1', 'heel 2'"],
+        [
+            "markers.feet",
+            "line 10",
+            "each marker name once",
+            "'heel' twice",
+            "'heel 1', 'heel 2'",
+        ],
     ),
     "no rate.tsv": (
         tsv(qtm_text(frequency="EXT", counters=False)),
         ["line 4: frame rate", "input.rate_hz", "neither"],
     ),
-    "6D.tsv": (tsv(qtm_text(header={"DATA_INCLUDED": "6D"})), ["line 9", "'3D'", "'6D'"]),
+    "6D.tsv": (
+        tsv(qtm_text(header={"DATA_INCLUDED": "6D"})),
+        ["line 9", "'3D'", "'6D'"],
+    ),
     "a number for missing.tsv": (
         tsv_row(4, 3, "9.99e+37"),
         ["frame 5, marker hip left, y", "below 1e+09 mm", "found 9.99e+37"],
@@ -110,13 +123,22 @@ MISTAKES = {
         tsv(qtm_text(frequency="4294967295", counters=False)),
         ["line 4: frame rate", "at most 100000 Hz", "4.29497e+09 Hz"],
     ),
-    "time twice.tsv": (tsv_row(9, 1, "0.08000"), ["frame 10", "after 0.08 s", "found 0.08 s"]),
+    "time twice.tsv": (
+        tsv_row(9, 1, "0.08000"),
+        ["frame 10", "after 0.08 s", "found 0.08 s"],
+    ),
     "rate halved.tsv": (
         tsv(qtm_text(frequency="50")),
         ["time stamps", "0.02 s", "(50 Hz)", "0.01 s (100 Hz)"],
     ),
-    "a marker that froze.tsv": (tsv(qtm_text(frozen())), ["'toe'", "to move", "40 frames"]),
-    "a text document.txt": (tsv("To whom it may concern\n"), ["line 1", "header key", "'To whom"]),
+    "a marker that froze.tsv": (
+        tsv(qtm_text(frozen())),
+        ["'toe'", "to move", "40 frames"],
+    ),
+    "a text document.txt": (
+        tsv("To whom it may concern\n"),
+        ["line 1", "header key", "'To whom"],
+    ),
     "inches.trc": (
         tsv(trc_text(standing(), NAMES, unit="inch")),
         ["scale", "15.3 m", "set input.unit: mm"],
@@ -138,7 +160,10 @@ MISTAKES = {
         ["markers.body", "unnamed 1", "found 'hip left'"],
     ),
     "unit.c3d": (c3d(renamed(b"mm", b"kg")), ["POINT:UNITS", "mm", "'kg'"]),
-    "a picture.c3d": (tsv(b"\xff\xd8\xff\xe0" * 200), ["byte 1", "0x50", "0x50 in a header"]),
+    "a picture.c3d": (
+        tsv(b"\xff\xd8\xff\xe0" * 200),
+        ["byte 1", "0x50", "0x50 in a header"],
+    ),
     "other frames.mat": (mat(Frames=41.0), ["trial.Frames", "expected 41", "found 40"]),
     "no trajectories.mat": (
         mat(Trajectories={"Label": {}}),
@@ -153,7 +178,12 @@ MISTAKES = {
         ["attribute 'markers'", "a list of texts", "none"],
     ),
     "frames that differ.h5": (
-        hdf5(lambda file: (file.__delitem__("time"), file.__setitem__("time", np.arange(39.0)))),
+        hdf5(
+            lambda file: (
+                file.__delitem__("time"),
+                file.__setitem__("time", np.arange(39.0)),
+            )
+        ),
         ["positions", "(39, 5, 3)", "(40, 5, 3)"],
     ),
     "y up.c3d": (
@@ -196,7 +226,9 @@ TOLD = {
 
 
 @pytest.mark.parametrize("mistake", TOLD)
-def test_a_count_or_a_key_that_does_not_hold_is_told_beside_what_is_there(tmp_path, mistake):
+def test_a_count_or_a_key_that_does_not_hold_is_told_beside_what_is_there(
+    tmp_path, mistake
+):
     make, parts = TOLD[mistake]
     make(tmp_path / mistake)
     (remark,) = checked(tmp_path / mistake).remarks
@@ -221,7 +253,9 @@ def test_the_files_are_sound_but_for_the_mistake(tmp_path):
 # Readers read what writers write: properties over recordings of any shape.
 
 many = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 
@@ -289,8 +323,16 @@ def test_metres(tmp_path, write):
     [
         (write_qtm_tsv, {"markers": ("a\tb", "c")}, ["marker name", r"'a\tb'"]),
         (write_qtm_tsv, {"events": (Event("", 0.01),)}, ["event label", "''"]),
-        (write_qtm_tsv, {"positions": np.zeros((5, 2, 3))}, ["frame 1, marker 1", "(0, 0, 0)"]),
-        (write_c3d, {"positions": np.zeros((5, 2, 3))}, ["frame 1, marker 1", "(0, 0, 0)"]),
+        (
+            write_qtm_tsv,
+            {"positions": np.zeros((5, 2, 3))},
+            ["frame 1, marker 1", "(0, 0, 0)"],
+        ),
+        (
+            write_c3d,
+            {"positions": np.zeros((5, 2, 3))},
+            ["frame 1, marker 1", "(0, 0, 0)"],
+        ),
         (write_c3d, {"time": np.arange(5) / 90}, ["frame 5", "1/100 s", "0.0444444"]),
         (write_c3d, {"markers": ("a" * 256, "b")}, ["LABELS", "255 bytes", "of 256"]),
         (write_c3d, {"time": np.arange(5) / 100 - 1}, ["frame", "from 0 on", "-1"]),
@@ -305,7 +347,9 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path, write, changes, parts):
 
 
 @pytest.mark.parametrize("suffix", [".tsv", ".c3d", ".mat", ".trc", ".h5"])
-def test_what_programs_write_for_an_unseen_marker_is_so_in_every_format(tmp_path, suffix):
+def test_what_programs_write_for_an_unseen_marker_is_so_in_every_format(
+    tmp_path, suffix
+):
     positions = standing()
     positions[4, 3, 2] = 0.0
     positions[6, 2] = -9999.0
@@ -318,7 +362,10 @@ def test_what_programs_write_for_an_unseen_marker_is_so_in_every_format(tmp_path
         ".mat": lambda: write_mat5(path, qtm_struct(positions, NAMES)),
         ".trc": lambda: path.write_text(trc_text(positions, NAMES)),
         ".h5": lambda: write_recording(
-            path, Recording("one", RAW.time, positions, NAMES, ("other",) * len(NAMES), 100.0)
+            path,
+            Recording(
+                "one", RAW.time, positions, NAMES, ("other",) * len(NAMES), 100.0
+            ),
         ),
     }
     writers[suffix]()

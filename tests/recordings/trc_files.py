@@ -3,7 +3,9 @@
 import numpy as np
 
 
-def trc_text(positions, names, *, rate_hz=100.0, unit="mm", values=None, blank=True, tab=""):
+def trc_text(
+    positions, names, *, rate_hz=100.0, unit="mm", values=None, blank=True, tab=""
+):
     """Return the text of a TRC file; `values` replaces entries of the third line."""
     n_frames = len(positions)
     entries = {

@@ -13,7 +13,12 @@ from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
 from hopdata.recording import Event
 from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
-from hopdata.recordings.readers.c3d_parameters import BLOCK, MOST_16_BIT, PROCESSORS, Processor
+from hopdata.recordings.readers.c3d_parameters import (
+    BLOCK,
+    MOST_16_BIT,
+    PROCESSORS,
+    Processor,
+)
 
 
 def from_whole(processor: Processor, values: Any) -> bytes:
@@ -50,7 +55,9 @@ def parameter_bytes(processor: Processor, groups: dict[str, dict[str, Any]]) -> 
     for number, (group, parameters) in enumerate(groups.items(), start=1):
         body += _record(processor, group, -number, b"\0")
         for name, value in parameters.items():
-            body += _record(processor, name, number, _content(processor, name, value) + b"\0")
+            body += _record(
+                processor, name, number, _content(processor, name, value) + b"\0"
+            )
     body += b"\0\0"
     n_blocks = -(-(len(body) + 4) // BLOCK)
     number = next(key for key, kind in PROCESSORS.items() if kind == processor)
@@ -87,12 +94,16 @@ _WIDEST = 255  # texts in one list
 
 
 def write_c3d(
-    path: str | Path, raw: RawRecording, *, whole_numbers: bool = False, processor: str = "Intel"
+    path: str | Path,
+    raw: RawRecording,
+    *,
+    whole_numbers: bool = False,
+    processor: str = "Intel",
 ) -> None:
     """Write markers and events to a C3D file.
 
-    Positions are rounded to 32-bit floats, or to 1/32,000 of the largest. Unseen markers get the
-    residual -1.
+    Positions are rounded to 32-bit floats, or to 1/32,000 of the largest. Unseen
+    markers get the residual -1.
 
     Parameters
     ----------
@@ -162,7 +173,9 @@ def _first_frame(path: str | Path, raw: RawRecording) -> int:
     return first
 
 
-def _groups(raw: RawRecording, first: int, scale: float, start: int) -> dict[str, dict[str, Any]]:
+def _groups(
+    raw: RawRecording, first: int, scale: float, start: int
+) -> dict[str, dict[str, Any]]:
     n_frames, last = len(raw.time), first + len(raw.time) - 1
     point: dict[str, Any] = {
         "USED": len(raw.markers),
@@ -209,14 +222,23 @@ def _event_group(events: tuple[Event, ...]) -> dict[str, Any]:
     return {
         "USED": len(events),
         **_lists("LABELS", [event.label for event in events]),
-        **{f"TIMES{i + 1 if i else ''}": times[k : k + _WIDEST] for i, k in enumerate(pieces)},
+        **{
+            f"TIMES{i + 1 if i else ''}": times[k : k + _WIDEST]
+            for i, k in enumerate(pieces)
+        },
     }
 
 
-def _header(processor: Processor, raw: RawRecording, first: int, scale: float, start: int) -> bytes:
+def _header(
+    processor: Processor, raw: RawRecording, first: int, scale: float, start: int
+) -> bytes:
     last = min(first + len(raw.time) - 1, MOST_16_BIT)
     words = [len(raw.markers), 0, min(first, MOST_16_BIT), last, 0]
-    lead = bytes([2, 0x50]) + from_whole(processor, words) + from_floats(processor, [scale])
+    lead = (
+        bytes([2, 0x50])
+        + from_whole(processor, words)
+        + from_floats(processor, [scale])
+    )
     rest = from_whole(processor, [start, 0]) + from_floats(processor, [raw.rate_hz])
     return (lead + rest).ljust(BLOCK, b"\0")
 
@@ -256,19 +278,26 @@ def write_qtm_tsv(path: str | Path, raw: RawRecording, *, missing: str = "") -> 
     Raises
     ------
     RecordingError
-        If a name or label is empty or contains a tab or a line end, or a seen marker is at exactly
-        (0, 0, 0), which readers interpret as unseen.
+        If a name or label is empty or contains a tab or a line end, or a seen marker is
+        at exactly (0, 0, 0), which readers interpret as unseen.
     """
     import pandas as pd
 
     for what, text in _texts(raw):
-        if not text.strip() or text != text.strip() or {"\t", "\n", "\r", "\0"} & set(text):
+        if (
+            not text.strip()
+            or text != text.strip()
+            or {"\t", "\n", "\r", "\0"} & set(text)
+        ):
             raise RecordingError(
                 f"{path}: {what}: expected a text without tabs, line ends or spaces about it, "
                 f"found {text!r}"
             )
     check_no_origin(path, raw.positions)
-    with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+    with (
+        whole_file(path) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
         file.write(LINE_END.join(_header_qtm_tsv_writing(raw)) + LINE_END)
         pd.DataFrame(_table(raw)).to_csv(
             file,
@@ -305,11 +334,20 @@ def _header_qtm_tsv_writing(raw: RawRecording) -> list[str]:
         *([("TIME_STAMP", started)] if started else []),
         ("DATA_INCLUDED", "3D"),
         *(
-            ("EVENT", event.label, f"{_frame(raw, event.time_s)}", repr(float(event.time_s)))
+            (
+                "EVENT",
+                event.label,
+                f"{_frame(raw, event.time_s)}",
+                repr(float(event.time_s)),
+            )
             for event in raw.events
         ),
         ("MARKER_NAMES", *raw.markers),
-        ("Frame", "Time", *(f"{name} {axis}" for name in raw.markers for axis in "XYZ")),
+        (
+            "Frame",
+            "Time",
+            *(f"{name} {axis}" for name in raw.markers for axis in "XYZ"),
+        ),
     ]
     return ["\t".join(row) for row in rows]
 
@@ -320,11 +358,15 @@ def _frame(raw: RawRecording, time_s: float) -> int:
 
 def _table(raw: RawRecording) -> dict[str, object]:
     """Return the columns of the rows of numbers; frames are numbered by the clock."""
-    millimetres = raw.positions.reshape(len(raw.time), -1) * (METRES_PER_UNIT[raw.unit] / 1e-3)
+    millimetres = raw.positions.reshape(len(raw.time), -1) * (
+        METRES_PER_UNIT[raw.unit] / 1e-3
+    )
     number = np.round(raw.time * raw.rate_hz).astype(np.int64) + 1
     times = np.char.mod(_TIME, raw.time)
     columns: dict[str, object] = {"Frame": number, "Time": times}
-    return columns | {f"{i}": _unseen(millimetres, i) for i in range(millimetres.shape[1])}
+    return columns | {
+        f"{i}": _unseen(millimetres, i) for i in range(millimetres.shape[1])
+    }
 
 
 def _unseen(millimetres: FloatArray, column: int) -> FloatArray:

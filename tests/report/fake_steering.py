@@ -58,7 +58,9 @@ def outcomes() -> pd.DataFrame:
 
 
 def horizons() -> pd.DataFrame:
-    return pd.DataFrame({"horizon": [3, 10], "runs": 10, "succeeded": [1, 9], "hops": [12, 27.5]})
+    return pd.DataFrame(
+        {"horizon": [3, 10], "runs": 10, "succeeded": [1, 9], "hops": [12, 27.5]}
+    )
 
 
 def examples(controller: str = "planner", *, success: bool = True) -> pd.DataFrame:

@@ -11,7 +11,12 @@ import pandas as pd
 from hopdata.report.inputs import ReportFigure, ReportInputs
 
 CAPTIONS = Path(__file__).parents[2] / "workflow" / "captions"
-NUMBERED = ("fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances")
+NUMBERED = (
+    "fig2_2_sections",
+    "fig2_3_schedule",
+    "fig2_4_prediction",
+    "fig2_5_distances",
+)
 QUALITY = ("stability", "recording_gaps")
 OTHERS = ("contact_overlay", "map_matrices", "scaling_study")
 NAMES = ("verdict", *QUALITY, *NUMBERED, *OTHERS)
@@ -23,16 +28,25 @@ def captions() -> dict[str, str]:
 
 
 def figures(image: bytes = SVG) -> list[ReportFigure]:
-    return [ReportFigure(name, image, "image/svg+xml", text) for name, text in captions().items()]
+    return [
+        ReportFigure(name, image, "image/svg+xml", text)
+        for name, text in captions().items()
+    ]
 
 
 def touchdowns(
-    n: int = 431, n_feet: int = 3, recordings: tuple[str, ...] = ("hopper",), seed: int = 5
+    n: int = 431,
+    n_feet: int = 3,
+    recordings: tuple[str, ...] = ("hopper",),
+    seed: int = 5,
 ) -> pd.DataFrame:
     rng = np.random.default_rng(seed)
     orders = [">".join(str(i + 1) for i in p) for p in permutations(range(n_feet))]
     bad = rng.random(n) < 0.06
-    reasons = ["foot 2 down before the pre section", "foot 1 not down at the post section"]
+    reasons = [
+        "foot 2 down before the pre section",
+        "foot 1 not down at the post section",
+    ]
     return pd.DataFrame(
         {
             "recording": rng.choice(recordings, n),
@@ -62,7 +76,11 @@ def sections() -> dict[str, object]:
         "post_speed_m_s": 1.43,
         "beside": {"rule": "printed", "pre_height_m": 0.5087, "post_height_m": 0.3075},
         "frames": "all",
-        "min_foot_mode": {"height_m": -0.0002, "sigma_m": 0.00054, "bandwidth_m": 0.00011},
+        "min_foot_mode": {
+            "height_m": -0.0002,
+            "sigma_m": 0.00054,
+            "bandwidth_m": 0.00011,
+        },
     }
 
 
@@ -114,17 +132,31 @@ def distances() -> pd.DataFrame:
 
 def truth() -> dict[str, dict[str, object]]:
     return {
-        "labels_right_of_all_kink": _entry(0.951, "1", "Right over all true landings, kink method"),
-        "labels_right_unambiguous_kink": _entry(0.9989, "1", "Right where sure, kink method"),
-        "labels_right_kink": _entry(0.9791, "1", "Share of right mode schedules, kink method"),
+        "labels_right_of_all_kink": _entry(
+            0.951, "1", "Right over all true landings, kink method"
+        ),
+        "labels_right_unambiguous_kink": _entry(
+            0.9989, "1", "Right where sure, kink method"
+        ),
+        "labels_right_kink": _entry(
+            0.9791, "1", "Share of right mode schedules, kink method"
+        ),
         "labels_right_velocity_minimum": _entry(
             0.949, "1", "Share of right mode schedules, printed"
         ),
-        "contact_rms_kink": _entry(0.912, "ms", "Rms error of the contact instants, kink method"),
-        "unmatched_kink": _entry(0, "touchdowns", "Touchdowns without a true landing nearby"),
-        "section_pre_error": _entry(-0.42, "mm", "pre section found minus that of the truth"),
+        "contact_rms_kink": _entry(
+            0.912, "ms", "Rms error of the contact instants, kink method"
+        ),
+        "unmatched_kink": _entry(
+            0, "touchdowns", "Touchdowns without a true landing nearby"
+        ),
+        "section_pre_error": _entry(
+            -0.42, "mm", "pre section found minus that of the truth"
+        ),
         "near_below_all_below_far": _entry(True, "yes/no", "Whether near < all < far"),
-        "floor_residual_rms": _entry(None, "mm", "Rms of fitted minus true floor height"),
+        "floor_residual_rms": _entry(
+            None, "mm", "Rms of fitted minus true floor height"
+        ),
     }
 
 
@@ -171,8 +203,18 @@ def no_answer() -> dict[str, object]:
 
 
 def quality() -> list[dict[str, object]]:
-    seen = {"what": "frames seen, worst marker", "value": 97.2, "unit": "%", "good": 99.0}
-    noise = {"what": "noise of a coordinate over expected", "value": None, "unit": "", "good": 1.5}
+    seen = {
+        "what": "frames seen, worst marker",
+        "value": 97.2,
+        "unit": "%",
+        "good": 99.0,
+    }
+    noise = {
+        "what": "noise of a coordinate over expected",
+        "value": None,
+        "unit": "",
+        "good": 1.5,
+    }
     seen, noise = ({**one, "about": "Recordings"} for one in (seen, noise))
     return [
         seen | {"poor": 95.0, "status": "look", "remark": "foot2 in hopper; longest gap 0.4 s"},
@@ -196,7 +238,9 @@ def faults(n: int = 2) -> pd.DataFrame:
 
 
 def remarks(n: int = 1) -> pd.DataFrame:
-    return pd.DataFrame({"recording": "hopper", "remark": ["a.trc: unit: taken for mm"] * n})
+    return pd.DataFrame(
+        {"recording": "hopper", "remark": ["a.trc: unit: taken for mm"] * n}
+    )
 
 
 def provenance() -> dict[str, object]:
@@ -240,6 +284,11 @@ def full_study(**changes: object) -> ReportInputs:
         "quality": quality(),
         "faults": faults(),
         "remarks": remarks(),
-        "notes": [{"what": "splits of 52/18 instead of 120/41", "reason": "class 1>2>3 has 70"}],
+        "notes": [
+            {
+                "what": "splits of 52/18 instead of 120/41",
+                "reason": "class 1>2>3 has 70",
+            }
+        ],
     }
     return ReportInputs(**(parts | changes))  # type: ignore[arg-type]

@@ -78,7 +78,9 @@ def two_panels():
 
 def seen(page, folder, *options, width=1280):
     """Return what a browser finds on a page, in a frame of this width."""
-    asked = page.replace("<head>", "<head>" + LISTEN, 1).replace("</body>", axe() + ASK + "</body>")
+    asked = page.replace("<head>", "<head>" + LISTEN, 1).replace(
+        "</body>", axe() + ASK + "</body>"
+    )
     frame = folder / "framed.html"
     frame.write_text(
         f'<body style="margin:0"><iframe style="border:0" width="{width}" height="900" '
@@ -89,8 +91,12 @@ def seen(page, folder, *options, width=1280):
     home = f"--user-data-dir={folder / 'browser'}"
     budget = "--virtual-time-budget=20000"
     command = [CHROMIUM, *QUIET, *options, home, budget, "--dump-dom", frame.as_uri()]
-    dump = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
-    return json.loads(html.unescape(re.search(r'<body[^>]*data-found="(.*?)"', dump)[1]))
+    dump = subprocess.run(
+        command, capture_output=True, text=True, timeout=120, check=True
+    ).stdout
+    return json.loads(
+        html.unescape(re.search(r'<body[^>]*data-found="(.*?)"', dump)[1])
+    )
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium")

@@ -13,8 +13,8 @@ from hopdata.landings.contacts.find import METHODS
 from hopdata.report.formatting import NOTES
 from hopdata.report.page import CONTROLS, PLACES, build_report
 
-# Numbers that a caption may state, since they say how a figure is drawn or a quantity defined.
-# Every other number comes from the study's own tables.
+# Numbers that a caption may state, since they say how a figure is drawn or a quantity
+# defined. Every other number comes from the study's own tables.
 OWN_NUMBERS = {
     "fig2_3_schedule": {"0.07"},  # s, the filter of the drawn velocities
     "fig2_4_prediction": {"2.5", "97.5"},  # %, whiskers
@@ -23,9 +23,17 @@ OWN_NUMBERS = {
     "fig3_6_turn": {"180"},  # degrees
     "steering_outcomes": {"5", "95"},
     "steering_learning": {"5", "95"},
-    "steering_kernels": {"3", "2", "1", "5", "0.15"},  # smoothness 3/2 and 5/2 (C1, C2), axis' end
+    "steering_kernels": {
+        "3",
+        "2",
+        "1",
+        "5",
+        "0.15",
+    },  # smoothness 3/2 and 5/2 (C1, C2), axis' end
 }
-NAMED = re.compile(r"Fig(?:ure|\.)\s*\d+\.\d+|\bC[12]\b|\{\{.*?\}\}|\{%.*?%\}", re.DOTALL)
+NAMED = re.compile(
+    r"Fig(?:ure|\.)\s*\d+\.\d+|\bC[12]\b|\{\{.*?\}\}|\{%.*?%\}", re.DOTALL
+)
 
 
 # The caption of the sections has a test of its own.
@@ -50,7 +58,9 @@ def test_only_contacts_by_kinks_are_said_to_be_kinks(method):
         assert (words in text) == (method == "kink"), words
     for words in printed:
         assert (words in text) == (method != "kink"), words
-    assert ("from the rounding to a frame alone" in text) == (method == "velocity_minimum")
+    assert ("from the rounding to a frame alone" in text) == (
+        method == "velocity_minimum"
+    )
     parabola = method == "velocity_minimum_parabola"
     assert ("from the noise of the heights alone" in text) == parabola
     assert ("at the vertex of a parabola" in text) == parabola
@@ -101,13 +111,20 @@ def test_the_scaling_study_is_of_the_scene_that_was_simulated():
     }
     text = page(truth=entries)
     assert "for the quadruped and for 1 kind of control" in text
-    assert "hopper" not in text.partition("Scaling study:")[2].partition("Estimates and truth")[0]
+    assert (
+        "hopper"
+        not in text.partition("Scaling study:")[2].partition("Estimates and truth")[0]
+    )
     assert "scaling_slope_hopper" in truth() or "for the" in page()
 
 
 def test_forces_are_spoken_of_where_there_are_some():
-    thresholds = pd.DataFrame({"threshold": [20.0], "unit": "N", "recording": "a", "column": "f"})
-    thresholds = thresholds.assign(n_missed=0, n_invented=0, bias_s=0.001, robust_sd_s=0.001)
+    thresholds = pd.DataFrame(
+        {"threshold": [20.0], "unit": "N", "recording": "a", "column": "f"}
+    )
+    thresholds = thresholds.assign(
+        n_missed=0, n_invented=0, bias_s=0.001, robust_sd_s=0.001
+    )
     with_forces = page(overlay={"contact_overlay_thresholds": thresholds})
     for words in ("and (d) the force under them", "A force begins when"):
         assert words in with_forces
@@ -122,4 +139,6 @@ def test_distances_that_were_not_asked_for_are_said_to_be_so():
     assert told in text
     assert "was not made" not in text
     assert told not in page()
-    assert "The figure of the distances was not made." in page(distances=None, figures=figures)
+    assert "The figure of the distances was not made." in page(
+        distances=None, figures=figures
+    )

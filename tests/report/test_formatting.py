@@ -96,6 +96,8 @@ def test_a_column_of_long_texts_is_prose():
 
 def test_the_style_knows_every_kind_that_it_must_treat_apart():
     style = (TEMPLATES / "report.css").read_text()
-    assert ".picture img { background: #fff;" in style  # figures stay white in dark mode
+    assert (
+        ".picture img { background: #fff;" in style
+    )  # figures stay white in dark mode
     for kind in (".prose", ".number", ".unit"):
         assert kind in style

@@ -14,7 +14,9 @@ def recording(n=5):
     names = ("b1", "b2", "b3", "f1", "f2", "boom")
     roles = ("body",) * 3 + ("foot",) * 2 + ("boom",)
     time = np.arange(n) / 100
-    return Recording("run", time, positions, names, roles, 100.0, source="some/where/run.tsv")
+    return Recording(
+        "run", time, positions, names, roles, 100.0, source="some/where/run.tsv"
+    )
 
 
 def test_a_recording_is_described():
@@ -43,7 +45,9 @@ def test_the_description_reaches_the_page():
 
 
 def test_a_caption_has_title_paragraphs_and_alternative_text():
-    text = "# A\u00a0title\n\nOne\nparagraph of {{ n }}.\n\nAnother.\n\nAlt: A\npicture.\n"
+    text = (
+        "# A\u00a0title\n\nOne\nparagraph of {{ n }}.\n\nAnother.\n\nAlt: A\npicture.\n"
+    )
     caption = render_caption(text, {"n": 3}, name="fig")
     assert caption.title == "A\u00a0title"
     assert caption.paragraphs == ("One paragraph of 3.", "Another.")
@@ -67,7 +71,9 @@ def test_a_mistake_in_a_caption_is_named(text):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("inputs", [full_study(), ReportInputs("none")], ids=["full", "bare"])
+@pytest.mark.parametrize(
+    "inputs", [full_study(), ReportInputs("none")], ids=["full", "bare"]
+)
 def test_the_workflows_captions_can_be_filled_from_any_study(name, inputs):
     caption = render_caption(captions()[name], study_facts(inputs), name=name)
     if name in NUMBERED:
@@ -88,7 +94,9 @@ def test_sections_from_landings_alone_are_said():
 def test_one_order_occurs_and_two_occur():
     for n, words in ((1, "1 order occurs"), (2, "2 orders occur")):
         facts = study_facts(full_study()) | {"n_schedules": n}
-        text = " ".join(render_caption(captions()["fig2_3_schedule"], facts, name="f").paragraphs)
+        text = " ".join(
+            render_caption(captions()["fig2_3_schedule"], facts, name="f").paragraphs
+        )
         assert f"{words}, and" in text
 
 
@@ -97,7 +105,10 @@ def test_captions_name_the_numbers_of_the_study():
     shown = {name: " ".join(render_caption(captions()[name], facts, name=name).paragraphs)
              for name in NAMES}  # fmt: skip
     assert "211\u00a0mm" in shown["fig2_2_sections"]
-    assert f"{facts['n_used']} of {facts['n_landings']} landings" in shown["fig2_3_schedule"]
+    assert (
+        f"{facts['n_used']} of {facts['n_landings']} landings"
+        in shown["fig2_3_schedule"]
+    )
     assert "29.1\u00a0mm and 27\u00a0ms" in shown["fig2_4_prediction"]
     assert "3.10 rad" in shown["fig2_5_distances"]
 
@@ -118,22 +129,32 @@ def test_the_caption_of_the_verdict_says_what_is_drawn():
 
 
 def test_the_caption_of_the_maps_gives_their_errors():
-    errors = {"map_estimate_error_printed": 0.133, "map_estimate_error_corrected_curved": 0.038}
-    truth = {name: {"value": value, "unit": "1", "what": ""} for name, value in errors.items()}
+    errors = {
+        "map_estimate_error_printed": 0.133,
+        "map_estimate_error_corrected_curved": 0.038,
+    }
+    truth = {
+        name: {"value": value, "unit": "1", "what": ""}
+        for name, value in errors.items()
+    }
     shown = {}
     for name, known in (("simulated", truth), ("real", {})):
         facts = study_facts(ReportInputs("study", truth=known))
         caption = render_caption(captions()["map_matrices"], facts, name="map_matrices")
         shown[name] = " ".join(caption.paragraphs)
     assert (
-        "printed map has a relative error of 0.13, the corrected one of 0.04" in shown["simulated"]
+        "printed map has a relative error of 0.13, the corrected one of 0.04"
+        in shown["simulated"]
     )
     assert "exact" not in shown["real"]
 
 
 def test_the_caption_of_the_scaling_study_gives_its_slopes():
     slopes = {"scaling_slope_hopper": 1.947, "scaling_slope_delay": 1.2, "other": 3.0}
-    truth = {name: {"value": value, "unit": "1", "what": ""} for name, value in slopes.items()}
+    truth = {
+        name: {"value": value, "unit": "1", "what": ""}
+        for name, value in slopes.items()
+    }
     facts = study_facts(ReportInputs("study", truth=truth))
     caption = render_caption(captions()["scaling_study"], facts, name="scaling_study")
     assert "itself (slopes hopper 1.95, delay 1.20). (b)" in caption.paragraphs[0]

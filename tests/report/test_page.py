@@ -22,7 +22,12 @@ from fake_study import (
 from hopdata.errors import ConfigError
 from hopdata.landings.checks import check_study
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
-from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures, render_caption
+from hopdata.report.inputs import (
+    ReportFigure,
+    ReportInputs,
+    read_figures,
+    render_caption,
+)
 from hopdata.report.page import build_report, study_facts
 from hopdata.report.tables import quality_summary
 
@@ -131,7 +136,15 @@ def test_the_quality_is_seen_at_a_glance(full):
     text = full.text.replace("\u202f", " ").replace("\u00a0", " ")
     assert "1 of 3 good" in text
     assert "look: frames seen, worst marker" in text
-    for words in ("◐ look", "97.2 %", "≥ 99 %", "< 95 %", "● good", "– not known", "61.0 mm"):
+    for words in (
+        "◐ look",
+        "97.2 %",
+        "≥ 99 %",
+        "< 95 %",
+        "● good",
+        "– not known",
+        "61.0 mm",
+    ):
         assert words in text
 
 
@@ -151,7 +164,10 @@ def test_long_lists_of_faults_and_exclusions_end_with_how_many_more():
 
 
 def test_without_remarks_that_is_said():
-    assert "no remarks on the recordings" in Page(build_report(full_study(remarks=remarks(0)))).text
+    assert (
+        "no remarks on the recordings"
+        in Page(build_report(full_study(remarks=remarks(0)))).text
+    )
 
 
 def test_the_figures_are_inside_and_described(full):
@@ -186,7 +202,13 @@ def test_simulated_recordings_are_said_to_be_simulated(full, bare):
 
 def test_key_numbers_open_the_page(full):
     opening = full.text[: full.text.index("What could not be done")]
-    for fact in ("29.1 mm and 27 ms", "211 mm", "97.9 %", "of 431 landings", "29 440 frames"):
+    for fact in (
+        "29.1 mm and 27 ms",
+        "211 mm",
+        "97.9 %",
+        "of 431 landings",
+        "29 440 frames",
+    ):
         assert fact in opening.replace("\u202f", " ").replace("\u00a0", " ")
 
 
@@ -198,14 +220,19 @@ def test_a_single_landing_is_one_landing():
 @pytest.mark.parametrize(
     ("models", "shown"),
     [
-        (("specialised", "specialised_mean", "all", "mean"), "0.13 ratio of median MSE, both spec"),
+        (
+            ("specialised", "specialised_mean", "all", "mean"),
+            "0.13 ratio of median MSE, both spec",
+        ),
         (("all", "mean"), "0.11 ratio of median MSE, both unspec"),
         (("mean",), "not known"),
     ],
 )
 def test_the_gain_is_that_of_the_models_that_were_fitted(models, shown):
     table = prediction()
-    text = Page(build_report(full_study(prediction=table[table["model"].isin(models)]))).text
+    text = Page(
+        build_report(full_study(prediction=table[table["model"].isin(models)]))
+    ).text
     assert f"Affine model over mean {shown}" in text
 
 
@@ -237,7 +264,9 @@ def test_what_is_missing_is_said_in_words(bare):
 
 
 def test_a_lower_floor_degree_is_among_what_could_not_be_done():
-    lower = {"a": floors()["hopper"] | {"degree": 1, "note": "feet cover little ground"}}
+    lower = {
+        "a": floors()["hopper"] | {"degree": 1, "note": "feet cover little ground"}
+    }
     text = Page(build_report(full_study(floors=lower))).text
     assert "floor of a: degree 1 instead of 3 (feet cover little ground)" in text
     assert "instead of 3" not in Page(build_report(full_study())).text
@@ -253,7 +282,11 @@ def test_names_from_the_user_are_escaped():
         notes=[nasty, {"what": nasty, "reason": nasty}],
         truth={nasty: {"value": 1.0, "unit": nasty, "what": nasty}},
         provenance={"inputs": {nasty: nasty}, "config": {nasty: nasty}},
-        figures=[ReportFigure(nasty, SVG, "image/svg+xml", '# {{ study }}\n\nAlt: "{{ study }}')],
+        figures=[
+            ReportFigure(
+                nasty, SVG, "image/svg+xml", '# {{ study }}\n\nAlt: "{{ study }}'
+            )
+        ],
     )
     text = build_report(inputs)
     assert "<script>alert" not in text
@@ -359,7 +392,9 @@ def test_texts_with_units():
 def test_models_that_are_missing_are_listed():
     table = prediction()
     table.loc[table["model"] == "near", "median"] = None
-    facts = study_facts(ReportInputs("s", prediction=table[table["model"] != "specialised"]))
+    facts = study_facts(
+        ReportInputs("s", prediction=table[table["model"] != "specialised"])
+    )
     assert facts["not_fitted"] == "affine (specialised) and affine (near)"
     assert facts["medians"]["near"] is None
 

@@ -99,12 +99,19 @@ def test_lights_show_the_worst_check_of_their_kind():
 def test_what_nobody_asked_for_keeps_no_light_grey():
     """A study of one's own has no expected noise unless it states one."""
     seen = {"what": "seen", "about": "Recordings", "status": "good", "remark": "all"}
-    noise = {"what": "noise", "about": "Recordings", "status": "not asked", "remark": "set it"}
+    noise = {
+        "what": "noise",
+        "about": "Recordings",
+        "status": "not asked",
+        "remark": "set it",
+    }
     assert lights([seen, noise]) == [("Recordings", "good", "1 check; noise: set it")]
     assert quality_summary([seen, noise])[0] == "1 of 1 good"
     unknown = noise | {"status": "not known"}
     assert lights([seen, unknown]) == [("Recordings", "not known", "noise: set it")]
-    assert lights([seen | {"status": "poor"}, noise]) == [("Recordings", "poor", "seen: all")]
+    assert lights([seen | {"status": "poor"}, noise]) == [
+        ("Recordings", "poor", "seen: all")
+    ]
     assert lights([noise]) == []
 
 

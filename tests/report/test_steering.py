@@ -28,7 +28,9 @@ def test_the_page_is_well_formed_and_loads_nothing(inputs):
     assert made.open == []
     assert len(made.ids) == len(set(made.ids))
     assert all(link.startswith(("#", "data:")) for link in made.links)
-    assert {f"#{name}" for name in made.ids} >= {x for x in made.links if x.startswith("#")}
+    assert {f"#{name}" for name in made.ids} >= {
+        x for x in made.links if x.startswith("#")
+    }
 
 
 def test_every_figure_is_there_with_its_caption_and_the_film_moves(page):
@@ -41,7 +43,14 @@ def test_every_figure_is_there_with_its_caption_and_the_film_moves(page):
 
 
 def test_the_worst_seed_its_hops_and_the_horizon_are_shown(page):
-    for words in ("28 of 30", "29.5 of 30", "1.05", "1.12", "worst of 10 seeds", "simulated"):
+    for words in (
+        "28 of 30",
+        "29.5 of 30",
+        "1.05",
+        "1.12",
+        "worst of 10 seeds",
+        "simulated",
+    ):
         assert words in page.text
     assert "9 of 10" in page.text
     assert "27.5" in page.text
@@ -86,11 +95,24 @@ def test_captions_say_what_was_done_and_no_more(page):
         examples=examples("none", success=False),
     )
     other = Page(build_steering_report(alone))
-    planner_only = ("with the planner", "the planner must reach", "Required of the planner")
+    planner_only = (
+        "with the planner",
+        "the planner must reach",
+        "Required of the planner",
+    )
     with_success = ("among those that succeeded", "so the path is an arc")
     of_predictions = ("pure simulation", "what the model predicted")
-    of_many = ("in each of 10 seeds", "Each seed has its own excitation and its own model")
-    for words in (*planner_only, *with_success, *of_predictions, *of_many, "different horizons"):
+    of_many = (
+        "in each of 10 seeds",
+        "Each seed has its own excitation and its own model",
+    )
+    for words in (
+        *planner_only,
+        *with_success,
+        *of_predictions,
+        *of_many,
+        "different horizons",
+    ):
         assert words.lower() in page.text.lower(), words
         assert words.lower() not in other.text.lower(), words
     for words in ("with the boom at rest", "since in its seed none succeeded"):
@@ -113,7 +135,8 @@ def test_a_recorded_robot_has_no_experiments_and_the_page_says_so():
     recorded = replace(full_steering(), outcomes=None, horizons=None, truth=None)
     told, asked = "there is no simulation of it to steer", "reaches its goals with it"
     of_recorded, simulated = (
-        Page(build_steering_report(inputs)).text for inputs in (recorded, full_steering())
+        Page(build_steering_report(inputs)).text
+        for inputs in (recorded, full_steering())
     )
     assert told in of_recorded
     assert told not in simulated

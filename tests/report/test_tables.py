@@ -312,7 +312,9 @@ def test_truth_is_measured_as_elsewhere_on_the_page():
     rows = {row[0]: row[1:] for row in tables.truth_table(truth()).rows}
     assert rows["Share of right mode schedules, kink method"] == ("97.9", "%")
     assert rows["Touchdowns without a true landing nearby"] == ("0", "touchdowns")
-    height = {"section_pre_true": {"value": 0.50318, "unit": "m", "what": "pre section"}}
+    height = {
+        "section_pre_true": {"value": 0.50318, "unit": "m", "what": "pre section"}
+    }
     assert tables.truth_table(height).rows == (("Pre section", "503.2", "mm"),)
 
 
@@ -322,8 +324,14 @@ def test_the_worst_coordinate_is_explained():
 
 def test_a_check_that_must_find_nothing_wants_zero():
     check = {"what": "faults", "value": 0.0, "unit": "", "status": "good", "remark": ""}
-    assert quality_table([check | {"good": 0.0, "poor": 10.0}]).rows[0][-2:] == ("0", "> 10")
-    assert quality_table([check | {"good": 0.5, "poor": 1.0}]).rows[0][-2:] == ("≤ 0.5", "> 1")
+    assert quality_table([check | {"good": 0.0, "poor": 10.0}]).rows[0][-2:] == (
+        "0",
+        "> 10",
+    )
+    assert quality_table([check | {"good": 0.5, "poor": 1.0}]).rows[0][-2:] == (
+        "≤ 0.5",
+        "> 1",
+    )
 
 
 def test_times_stand_longest_first():
@@ -345,8 +353,14 @@ def test_what_is_missing_has_no_table():
 
 def filled():
     columns = ["marker", "gaps", "longest_s", "missing", "filled", "left"]
-    rows = [("b1", 2, 0.05, 8, 8, 0), ("b2", 3, 0.5, 70, 20, 50), ("b3", 0, 0.0, 0, 0, 0)]
-    return pd.DataFrame(rows, columns=columns).assign(recording="hopper", role="body", frames=1000)
+    rows = [
+        ("b1", 2, 0.05, 8, 8, 0),
+        ("b2", 3, 0.5, 70, 20, 50),
+        ("b3", 0, 0.0, 0, 0, 0),
+    ]
+    return pd.DataFrame(rows, columns=columns).assign(
+        recording="hopper", role="body", frames=1000
+    )
 
 
 def test_filled_gaps_with_the_marker_most_often_unseen_first():
@@ -358,7 +372,10 @@ def test_filled_gaps_with_the_marker_most_often_unseen_first():
     resting = touchdowns().assign(filled_share=0.0)
     resting.loc[~resting["excluded"], "filled_share"] = 0.1
     used = int((~resting["excluded"]).sum())
-    assert f"{used} of {used} used touchdowns" in tables.filled_table(filled(), resting).note
+    assert (
+        f"{used} of {used} used touchdowns"
+        in tables.filled_table(filled(), resting).note
+    )
     assert tables.filled_table(filled(), touchdowns()).note == table.note
     assert tables.filled_table(None) is None
     assert tables.filled_table(filled().iloc[2:]) is None
@@ -370,4 +387,6 @@ def test_ambiguous_touchdowns_are_counted_by_schedule():
     data["class"] = data["schedule"].where(data.index % 7 != 0, "ambiguous")
     table = tables.schedules_table(data)
     used = data[~data["excluded"]]
-    assert sum(int(row[2]) for row in table.rows) == (used["class"] == "ambiguous").sum()
+    assert (
+        sum(int(row[2]) for row in table.rows) == (used["class"] == "ambiguous").sum()
+    )

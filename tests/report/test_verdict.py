@@ -25,7 +25,10 @@ def test_the_true_difference_of_a_simulation_stands_beside_the_estimate():
     assert facts["remark"].endswith("; true in this simulation: 5.1\u00a0%")
     page = Page(build_report(full_study(truth=truth)))
     assert "true in this simulation: 5.1 %" in page.text
-    assert verdict_facts(verdict(), {"verdict_true_effect": {"value": None}})["true"] is None
+    assert (
+        verdict_facts(verdict(), {"verdict_true_effect": {"value": None}})["true"]
+        is None
+    )
 
 
 def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
@@ -38,7 +41,9 @@ def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
 def test_the_verdict_opens_the_page():
     page = Page(build_report(full_study()))
     sentence = "No difference larger than 0.12 of the map"
-    assert page.text.index(sentence) < page.text.index("Is landing on several feet one smooth map")
+    assert page.text.index(sentence) < page.text.index(
+        "Is landing on several feet one smooth map"
+    )
     assert page.text.index("Difference of the maps 4") < page.text.index("Recordings 1")
     assert page.ids.index("verdict") == page.ids.index("glance") + 1
     assert "you would need about 600 landings" in page.text

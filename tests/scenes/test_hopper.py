@@ -9,7 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from hopdata.hybrid import solve
 from hopdata.scenes import hopper_parameters as hp
-from hopdata.scenes.body import cross, euler_rates, flight_mode, rotation_entries, rotation_matrices
+from hopdata.scenes.body import (
+    cross,
+    euler_rates,
+    flight_mode,
+    rotation_entries,
+    rotation_matrices,
+)
 from hopdata.scenes.hopper import (
     boom_motion,
     foot_gap,
@@ -60,7 +66,11 @@ def momenta(t, y, parameters):
     speed = y[6:9] + turn @ (np.cross(w, c) + c_rate)
     small, large = parameters.counterweight_mass_kg, parameters.mass_kg
     inertia = np.array(
-        [parameters.inertia_x_kg_m2, parameters.inertia_y_kg_m2, parameters.inertia_z_kg_m2]
+        [
+            parameters.inertia_x_kg_m2,
+            parameters.inertia_y_kg_m2,
+            parameters.inertia_z_kg_m2,
+        ]
     )
     linear = large * y[6:9] + small * speed
     angular = large * np.cross(y[:3], y[6:9]) + small * np.cross(point, speed)
@@ -72,14 +82,22 @@ def energy(y, standing, parameters):
     linear, _, point = momenta(0.0, y, parameters)
     turn, w = rotation_matrices(y[3:6]), y[9:12]
     inertia = np.array(
-        [parameters.inertia_x_kg_m2, parameters.inertia_y_kg_m2, parameters.inertia_z_kg_m2]
+        [
+            parameters.inertia_x_kg_m2,
+            parameters.inertia_y_kg_m2,
+            parameters.inertia_z_kg_m2,
+        ]
     )
     small, large = parameters.counterweight_mass_kg, parameters.mass_kg
     speed = (linear - large * y[6:9]) / small
     kinetic = (large * y[6:9] @ y[6:9] + small * speed @ speed + w @ (inertia * w)) / 2
     gaps = (y[:3] + parameters.rest_feet() @ turn.T)[standing, 2]
-    elastic = np.sum(parameters.stiffness_n_m * gaps**2 / 2 - parameters.preload_n * gaps)
-    return kinetic + parameters.gravity_m_s2 * (large * y[2] + small * point[2]) + elastic
+    elastic = np.sum(
+        parameters.stiffness_n_m * gaps**2 / 2 - parameters.preload_n * gaps
+    )
+    return (
+        kinetic + parameters.gravity_m_s2 * (large * y[2] + small * point[2]) + elastic
+    )
 
 
 def floor_forces(y, legs, parameters):
@@ -96,7 +114,11 @@ def floor_forces(y, legs, parameters):
             - parameters.stiffness_n_m * foot[2]
             - parameters.damping_n_s_m * gap_rate
         )
-        drag = -parameters.friction * normal / math.hypot(*sliding, parameters.slip_velocity_m_s)
+        drag = (
+            -parameters.friction
+            * normal
+            / math.hypot(*sliding, parameters.slip_velocity_m_s)
+        )
         yield point, np.array([*(drag * sliding), normal])
 
 
@@ -106,7 +128,9 @@ def test_momentum_changes_by_the_forces_from_outside(legs):
     for _ in range(5):
         y = random_state(rng)
         dy = rate(t, y, modes(*legs), SWINGING)
-        ahead, behind = (momenta(t + s * step, y + s * step * dy, SWINGING) for s in (1, -1))
+        ahead, behind = (
+            momenta(t + s * step, y + s * step * dy, SWINGING) for s in (1, -1)
+        )
         point = momenta(t, y, SWINGING)[2]
         small, large = SWINGING.counterweight_mass_kg, SWINGING.mass_kg
         weight = np.array([0.0, 0.0, -SWINGING.gravity_m_s2])
@@ -115,8 +139,12 @@ def test_momentum_changes_by_the_forces_from_outside(legs):
         for where, push in floor_forces(y, legs, SWINGING):
             force = force + push
             torque = torque + np.cross(where, push)
-        np.testing.assert_allclose((ahead[0] - behind[0]) / (2 * step), force, atol=1e-6)
-        np.testing.assert_allclose((ahead[1] - behind[1]) / (2 * step), torque, atol=1e-6)
+        np.testing.assert_allclose(
+            (ahead[0] - behind[0]) / (2 * step), force, atol=1e-6
+        )
+        np.testing.assert_allclose(
+            (ahead[1] - behind[1]) / (2 * step), torque, atol=1e-6
+        )
 
 
 def fly(parameters, state, t_span, *, rtol=1e-10, **options):
@@ -150,7 +178,9 @@ def test_boom_swing_in_flight_turns_the_body_and_keeps_the_momenta():
     for t, now in zip(times, y, strict=True):
         linear, angular = about_centre(t, now)
         np.testing.assert_allclose(angular, start[1], atol=1e-10)
-        np.testing.assert_allclose(linear - start[0], [0, 0, -total * 9.81 * t], atol=1e-9)
+        np.testing.assert_allclose(
+            linear - start[0], [0, 0, -total * 9.81 * t], atol=1e-9
+        )
     assert np.abs(y[-1, 3:6]).max() > 0.02
     still = fly(HopperParameters(), state, (0, 0.4), t_eval=times).y.T
     np.testing.assert_allclose(still[:, 3:6], 0, atol=1e-12)
@@ -220,7 +250,9 @@ def saltations(y, hopper, guard_delay_s):
     slopes = np.array(
         [
             [
-                np.subtract(*(surfaces(y + s * d, modes(), hopper)[0][leg] for s in (1, -1)))
+                np.subtract(
+                    *(surfaces(y + s * d, modes(), hopper)[0][leg] for s in (1, -1))
+                )
                 for d in step * np.eye(12)
             ]
             for leg in range(3)
@@ -232,7 +264,9 @@ def saltations(y, hopper, guard_delay_s):
         for k, leg in enumerate(order):
             before = rate(0.0, y, modes(*order[:k]), hopper)
             jump = rate(0.0, y, modes(*order[: k + 1]), hopper) - before
-            product = (np.eye(12) + np.outer(jump, slopes[leg]) / (slopes[leg] @ before)) @ product
+            product = (
+                np.eye(12) + np.outer(jump, slopes[leg]) / (slopes[leg] @ before)
+            ) @ product
         yield product
 
 
@@ -259,16 +293,22 @@ def test_legs_are_released_together_and_armed_one_by_one():
     mode[0] = -1
     hopper_event(0.0, y, mode, p, 0, -1)
     np.testing.assert_array_equal(mode[5:], [0, 1, 1, 1])
-    np.testing.assert_allclose(surfaces(y, mode, hopper)[0][:3], [0, 0.125, 0.125], atol=1e-15)
+    np.testing.assert_allclose(
+        surfaces(y, mode, hopper)[0][:3], [0, 0.125, 0.125], atol=1e-15
+    )
 
 
 @pytest.mark.parametrize(
-    ("legs", "touched", "stops"), [((), 1, 1), ((), 0, 0), ((1,), 1, 0), ((0, 1, 2), 1, 0)]
+    ("legs", "touched", "stops"),
+    [((), 1, 1), ((), 0, 0), ((1,), 1, 0), ((0, 1, 2), 1, 0)],
 )
 def test_an_apex_ends_a_hop_only_in_flight_and_after_contact(legs, touched, stops):
     mode = modes(*legs)
     mode[-1] = touched
-    assert hopper_event(0.0, np.zeros(12), mode, HopperParameters().vector(), 3, -1) == stops
+    assert (
+        hopper_event(0.0, np.zeros(12), mode, HopperParameters().vector(), 3, -1)
+        == stops
+    )
 
 
 def test_a_hopper_that_tips_over_stops_as_fallen():
@@ -293,7 +333,9 @@ def test_any_number_of_legs_lands_and_takes_off_again(n_legs):
     state[2] = 0.27 + 0.24
     solution = fly(hopper, state, (0, 2.0))
     assert solution.status == 1
-    assert sorted(solution.events.guard[solution.events.direction > 0]) == list(range(n_legs))
+    assert sorted(solution.events.guard[solution.events.direction > 0]) == list(
+        range(n_legs)
+    )
     assert solution.events.time[-1] == pytest.approx(0.6354, abs=2e-3)
 
 
@@ -304,9 +346,13 @@ def test_boom_moves_by_its_swing_and_its_rates_are_its_derivatives():
     p, step = BOOM_SWINGING.vector(), 1e-5
     for t in (-0.1, 0.05, 0.17, 0.29, 0.5):
         place, speed, acceleration = (np.array(v) for v in boom_motion.py_func(t, p))
-        before, after = (np.array(boom_motion.py_func(t + s * step, p)[0]) for s in (-1, 1))
+        before, after = (
+            np.array(boom_motion.py_func(t + s * step, p)[0]) for s in (-1, 1)
+        )
         np.testing.assert_allclose((after - before) / (2 * step), speed, atol=1e-8)
-        np.testing.assert_allclose((after - 2 * place + before) / step**2, acceleration, atol=1e-4)
+        np.testing.assert_allclose(
+            (after - 2 * place + before) / step**2, acceleration, atol=1e-4
+        )
     angles = [
         np.arctan2(place[1], place[0] - BOOM_SWINGING.boom_offset_m)
         for place in (boom_motion.py_func(t, p)[0] for t in (0.0, 0.3))
@@ -331,7 +377,9 @@ HOPPER = HopperParameters()
 
 def wrench(state, hopper=HOPPER, leg=0):
     """Return the force in the world frame and the torque about O in the body frame."""
-    force, torque = leg_wrench(leg, state, rotation_entries(*state[3:6]), hopper.vector())
+    force, torque = leg_wrench(
+        leg, state, rotation_entries(*state[3:6]), hopper.vector()
+    )
     return rotation_matrices(state[3:6]) @ force, np.array(torque)
 
 
@@ -371,12 +419,16 @@ def test_force_acts_at_the_floor_under_the_foot():
     force, torque = wrench(state, leg=1)
     turn = rotation_matrices(state[3:6])
     point = (state[:3] + turn @ HOPPER.rest_feet()[1]) * [1, 1, 0]
-    np.testing.assert_allclose(turn @ torque, np.cross(point - state[:3], force), atol=1e-12)
+    np.testing.assert_allclose(
+        turn @ torque, np.cross(point - state[:3], force), atol=1e-12
+    )
 
 
 def test_each_leg_has_its_own_preload():
     y, p = level(0.0), HOPPER.vector(np.array([20.0, 21.0, 23.0]))
-    found = [leg_wrench(leg, y, rotation_entries(0.0, 0.0, 0.0), p)[0][2] for leg in range(3)]
+    found = [
+        leg_wrench(leg, y, rotation_entries(0.0, 0.0, 0.0), p)[0][2] for leg in range(3)
+    ]
     assert found == pytest.approx([20.0, 21.0, 23.0])
     assert p[hp.N_LEGS] == 3
 
@@ -412,7 +464,9 @@ def test_euler_rates_turn_the_body_at_its_angular_velocity(rng):
 
 def test_cross_product(rng):
     a, b = rng.normal(size=(2, 3))
-    np.testing.assert_allclose(cross.py_func(*a, *b), np.cross(a, b), rtol=1e-15, atol=1e-15)
+    np.testing.assert_allclose(
+        cross.py_func(*a, *b), np.cross(a, b), rtol=1e-15, atol=1e-15
+    )
 
 
 def test_solve_with_point_mass_solves_the_full_matrix(rng):

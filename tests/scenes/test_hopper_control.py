@@ -65,7 +65,11 @@ def tilted_start():
 
 def hop(system, params):
     return solve(
-        system, (0, 2.0), tilted_start(), params=params, mode=flight_mode(hopper_system(), 0.0)
+        system,
+        (0, 2.0),
+        tilted_start(),
+        params=params,
+        mode=flight_mode(hopper_system(), 0.0),
     )
 
 
@@ -90,7 +94,9 @@ def test_a_control_hops_too_but_otherwise(control):
     assert np.abs(other.y_end - plain.y_end).max() > 1e-3
 
 
-@pytest.mark.parametrize(("legs", "share"), [((), 1), ((1,), 0.6), ((0, 2), 0.8), ((0, 1, 2), 1)])
+@pytest.mark.parametrize(
+    ("legs", "share"), [((), 1), ((1,), 0.6), ((0, 2), 0.8), ((0, 1, 2), 1)]
+)
 def test_coupling_scales_the_forces_of_all_legs(legs, share):
     rng = np.random.default_rng(2)
     y = 0.2 * rng.normal(size=12)
@@ -111,21 +117,29 @@ def test_delayed_guards_are_ahead_and_their_rates_are_derivatives():
     hopper_guards(0.0, y, dy, modes(), HOPPER.vector(), plain, plain_rate)
     np.testing.assert_allclose(h[:3], plain[:3] + 0.02 * plain_rate[:3], rtol=1e-15)
     np.testing.assert_array_equal(h[3:], plain[3:])
-    ahead, behind = (surfaces(y + s * step * dy, modes(), control, dy)[0] for s in (1, -1))
+    ahead, behind = (
+        surfaces(y + s * step * dy, modes(), control, dy)[0] for s in (1, -1)
+    )
     np.testing.assert_allclose((ahead - behind) / (2 * step), hdot, atol=1e-7)
 
 
 def foot_velocity(y, leg, hopper):
-    return y[6:9] + rotation_matrices(y[3:6]) @ np.cross(y[9:12], hopper.rest_feet()[leg])
+    return y[6:9] + rotation_matrices(y[3:6]) @ np.cross(
+        y[9:12], hopper.rest_feet()[leg]
+    )
 
 
 def momenta(t, y, hopper):
     """Return linear momentum, and angular momentum about the centre of the chassis (world axes)."""
     c, c_rate, _ = (np.array(v) for v in boom_motion.py_func(t, hopper.vector()))
     turn, w = rotation_matrices(y[3:6]), y[9:12]
-    inertia = np.array([hopper.inertia_x_kg_m2, hopper.inertia_y_kg_m2, hopper.inertia_z_kg_m2])
+    inertia = np.array(
+        [hopper.inertia_x_kg_m2, hopper.inertia_y_kg_m2, hopper.inertia_z_kg_m2]
+    )
     point = hopper.counterweight_mass_kg * (y[6:9] + turn @ (np.cross(w, c) + c_rate))
-    return hopper.mass_kg * y[6:9] + point, turn @ (inertia * w) + np.cross(turn @ c, point)
+    return hopper.mass_kg * y[6:9] + point, turn @ (inertia * w) + np.cross(
+        turn @ c, point
+    )
 
 
 def test_the_impulse_acts_at_the_foot_and_takes_its_share_of_the_velocity():
@@ -141,7 +155,10 @@ def test_the_impulse_acts_at_the_foot_and_takes_its_share_of_the_velocity():
         before_z, after_z = (foot_velocity(s, leg, SWINGING)[2] for s in (y, after))
         assert after_z == pytest.approx((1 - eps) * before_z, rel=1e-12)
         linear, angular = (
-            a - b for a, b in zip(momenta(t, after, SWINGING), momenta(t, y, SWINGING), strict=True)
+            a - b
+            for a, b in zip(
+                momenta(t, after, SWINGING), momenta(t, y, SWINGING), strict=True
+            )
         )
         np.testing.assert_allclose(linear[:2], 0, atol=1e-12)
         arm = rotation_matrices(y[3:6]) @ SWINGING.rest_feet()[leg]
@@ -180,7 +197,8 @@ def end_spread(control, hopper=HOPPER):
 def orthogonal_hopper():
     """Return a hopper in which an impulse at one foot does not change the other feet's speeds.
 
-    With masses m and m_t, c below O, and I about the common centre of mass: 1/m_t = R^2 / (2 I).
+    With masses m and m_t, c below O, and I about the common centre of mass: 1/m_t = R^2
+    / (2 I).
     """
     share = HOPPER.counterweight_mass_kg / HOPPER.total_mass_kg
     reduced = HOPPER.counterweight_mass_kg * (1 - share)
@@ -207,7 +225,11 @@ def test_six_orders_have_one_jacobian_without_a_control():
 
 @pytest.mark.parametrize(
     ("name", "weak", "strong", "apart"),
-    [("coupling", 0.1, 0.2, 0.149), ("impulse", 0.1, 0.2, 0.285), ("delay_s", 0.005, 0.01, 0.049)],
+    [
+        ("coupling", 0.1, 0.2, 0.149),
+        ("impulse", 0.1, 0.2, 0.285),
+        ("delay_s", 0.005, 0.01, 0.049),
+    ],
 )
 def test_a_control_has_several_and_the_stronger_the_more(name, weak, strong, apart):
     little, much = (spread(Control(**{name: value})) for value in (weak, strong))

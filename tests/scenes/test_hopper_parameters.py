@@ -7,7 +7,9 @@ from hopdata.scenes.hopper_parameters import HopperParameters
 
 
 def test_every_place_of_the_vector_holds_the_parameter_of_its_name():
-    parameters = HopperParameters(counterweight_mass_kg=0.37, boom_swing_rad=0.9, friction=0.41)
+    parameters = HopperParameters(
+        counterweight_mass_kg=0.37, boom_swing_rad=0.9, friction=0.41
+    )
     vector = parameters.vector()
     assert vector[hp.COUNTERWEIGHT] == 0.37
     assert vector[hp.BOOM_SWING] == 0.9
@@ -35,5 +37,7 @@ def test_preloads_go_to_their_legs():
 def test_the_default_hopper_can_lift_off_and_a_weak_one_cannot():
     strong, weak = HopperParameters(), HopperParameters(preload_n=19.0)
     strong.require_take_off("key")
-    with pytest.raises(ConfigError, match=r"key: .* > 8.83 N, the weight per leg, found 7.75 N"):
+    with pytest.raises(
+        ConfigError, match=r"key: .* > 8.83 N, the weight per leg, found 7.75 N"
+    ):
         weak.require_take_off("key")

@@ -37,7 +37,12 @@ from hopdata.synthesis.simulate import first_contacts
 from hopdata.synthesis.trial import run_trial
 
 QUADRUPED, COUPLED = Quadruped(), Control(coupling=0.2)
-BODY = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
+BODY = [
+    [0.2, 0.03, 0.05],
+    [-0.05, 0.12, 0.075],
+    [-0.2, -0.07, 0.055],
+    [0.06, -0.1, 0.09],
+]
 SECTIONS = SectionHeights(0.51, 0.29, np.array(BODY))
 
 
@@ -59,7 +64,11 @@ def rate(y, mode, quadruped=QUADRUPED, control=None):
 
 def energy(y, mode, quadruped):
     feet = y[:3] + quadruped.rest_feet() @ rotation_matrices(y[3:6]).T
-    inertia = [quadruped.inertia_x_kg_m2, quadruped.inertia_y_kg_m2, quadruped.inertia_z_kg_m2]
+    inertia = [
+        quadruped.inertia_x_kg_m2,
+        quadruped.inertia_y_kg_m2,
+        quadruped.inertia_z_kg_m2,
+    ]
     total = quadruped.mass_kg * (0.5 * y[6:9] @ y[6:9] + quadruped.gravity_m_s2 * y[2])
     total += 0.5 * np.array(inertia) @ y[9:12] ** 2
     for leg in np.flatnonzero(mode[:N_LEGS] > 0):
@@ -80,7 +89,9 @@ def test_without_damping_energy_is_kept(legs):
     assert np.abs(rate(y, mode) - dy).max() > 0.1 or not legs
 
 
-@pytest.mark.parametrize(("legs", "share"), [((1,), 0.4), ((0, 2), 0.6), ((0, 1, 2, 3), 1.0)])
+@pytest.mark.parametrize(
+    ("legs", "share"), [((1,), 0.4), ((0, 2), 0.6), ((0, 1, 2, 3), 1.0)]
+)
 def test_a_coupling_scales_the_forces_of_all_legs(legs, share):
     y, mode = standing(3, legs)
     free = rate(y, flight_mode(SYSTEM, -1.0))
@@ -103,7 +114,9 @@ def test_rates_of_the_guards_are_derivatives():
 
 
 def test_the_middle_of_a_level_drop_does_not_move():
-    hop = fly_hop(QUADRUPED, level_state(QUADRUPED, 0.24), frame_times_s=np.arange(100) / 100)
+    hop = fly_hop(
+        QUADRUPED, level_state(QUADRUPED, 0.24), frame_times_s=np.arange(100) / 100
+    )
     assert hop.ending == "apex"
     assert hop.all_stood()
     assert np.abs(hop.states[:, [0, 1, 3, 4, 5]]).max() < 1e-12
@@ -118,7 +131,9 @@ def trial():
 def test_it_hops_thousands_of_times_and_touches_in_eight_orders(trial):
     assert not any(hop.fell for hop in trial.hops)
     assert all(hop.all_stood() for hop in trial.hops)
-    orders = Counter(map(tuple, np.argsort(first_contacts(trial, QUADRUPED)[0], axis=1)))
+    orders = Counter(
+        map(tuple, np.argsort(first_contacts(trial, QUADRUPED)[0], axis=1))
+    )
     often = [count for count in orders.values() if count > 0.05 * len(trial.hops)]
     assert len(often) == 8
     assert sum(often) > 0.95 * len(trial.hops)
@@ -138,7 +153,11 @@ def test_landings_to_the_sections_are_those_of_single_hops(apexes, control):
     for k in np.flatnonzero(found.whole):
         at = np.array([found.pre_time_s[k], found.post_time_s[k]])
         hop = fly_hop(
-            QUADRUPED, apexes[k], variant=control, preloads_n=preloads[0], frame_times_s=at
+            QUADRUPED,
+            apexes[k],
+            variant=control,
+            preloads_n=preloads[0],
+            frame_times_s=at,
         )
         both = [found.pre_state[k], found.post_state[k]]
         np.testing.assert_allclose(hop.states, both, rtol=0, atol=2e-8)
@@ -155,7 +174,9 @@ def jacobians(apexes):
 
 
 def spread(maps):
-    return max(np.linalg.norm(a - b) for a in maps for b in maps) / np.linalg.norm(maps[0])
+    return max(np.linalg.norm(a - b) for a in maps for b in maps) / np.linalg.norm(
+        maps[0]
+    )
 
 
 def test_its_eight_maps_are_one_and_those_of_the_control_are_not(jacobians):
@@ -167,7 +188,9 @@ def test_its_eight_maps_are_one_and_those_of_the_control_are_not(jacobians):
 
 
 @pytest.mark.parametrize("control", [Control(), COUPLED], ids=["c1", "coupled"])
-def test_a_small_deviation_does_what_the_map_of_its_schedule_says(apexes, jacobians, control):
+def test_a_small_deviation_does_what_the_map_of_its_schedule_says(
+    apexes, jacobians, control
+):
     exact = jacobians[control]
     middle = exact.landing.apex_state
     states = middle + 1e-4 * (homed(apexes) - middle)
@@ -190,7 +213,9 @@ def recorded():
 
 def test_feet_of_the_recording_stay_where_they_touch():
     clean = {**FLAT, "noise_m": 0.0, "resolution_m": 0.0, "rate_hz": 500.0}
-    recording, truth = simulate_recording({"scene": "quadruped", "hops": 30}, clean, seed=5)
+    recording, truth = simulate_recording(
+        {"scene": "quadruped", "hops": 30}, clean, seed=5
+    )
     assert recording.markers[4:] == ("foot1", "foot2", "foot3", "foot4")
     down = truth.foot_down[1:] & truth.foot_down[:-1]
     steps = np.abs(np.diff(recording.feet, axis=0))
@@ -217,7 +242,11 @@ def test_its_orders_are_found_between_sections_from_the_data(recorded):
 
 def test_the_scene_is_read_from_the_truth(recorded):
     known = known_scene(recorded[1])
-    assert (known.name, known.scene, known.control) == ("quadruped", QUADRUPED, Control())
+    assert (known.name, known.scene, known.control) == (
+        "quadruped",
+        QUADRUPED,
+        Control(),
+    )
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -232,7 +261,9 @@ def test_every_scene_of_the_table_is_one(name):
 
 
 def test_an_unknown_scene_is_answered_with_those_there_are():
-    with pytest.raises(ConfigError, match=rf"one of {', '.join(SCENES)}, found 'pronk'"):
+    with pytest.raises(
+        ConfigError, match=rf"one of {', '.join(SCENES)}, found 'pronk'"
+    ):
         simulate_recording({"scene": "pronk"}, seed=1)
 
 
@@ -246,11 +277,15 @@ def test_an_unknown_scene_is_answered_with_those_there_are():
     ],
 )
 def test_a_parameter_out_of_range_is_refused_by_name(scene, key, value, wanted):
-    with pytest.raises(ConfigError, match=rf"simulation\.{scene}\.{key}: expected {wanted}"):
+    with pytest.raises(
+        ConfigError, match=rf"simulation\.{scene}\.{key}: expected {wanted}"
+    ):
         synthesize(scene, simulation={scene: {key: value}})
 
 
 @pytest.mark.parametrize("fraction", [-0.1, 1.1])
 def test_an_impulse_is_a_fraction(fraction):
-    with pytest.raises(ConfigError, match=r"simulation\.control\.impulse: expected a number"):
+    with pytest.raises(
+        ConfigError, match=r"simulation\.control\.impulse: expected a number"
+    ):
         synthesize(simulation={"control": {"impulse": fraction}})

@@ -53,7 +53,11 @@ def steered(*, hops=40, rate_hz=100.0, angle=np.pi, seed=1, noise_m=0.0006):
     x, y = trial.boom[:, 0] - hopper.boom_offset_m, trial.boom[:, 1]
     middle = tracks.positions[:, :3].mean(axis=1)
     return Steered(
-        recording, trial.states[:, 3], middle, np.arctan2(y, x), *_landings(hops, angle, seed)
+        recording,
+        trial.states[:, 3],
+        middle,
+        np.arctan2(y, x),
+        *_landings(hops, angle, seed),
     )
 
 
@@ -64,7 +68,8 @@ def _landings(hops, angle, seed):
     ends = trial.hop_start_s + [hop.end_time_s for hop in trial.hops]
     assert all(hop.all_stood() and not hop.fell for hop in trial.hops)
     lowest = [
-        (int(1000 * a) + 1 + np.argmin(height[int(1000 * a) + 1 : int(1000 * b)])) / 1000
+        (int(1000 * a) + 1 + np.argmin(height[int(1000 * a) + 1 : int(1000 * b)]))
+        / 1000
         for a, b in zip(trial.hop_start_s, ends, strict=True)
     ]
     on = np.append(np.abs(ends[:-1] - trial.hop_start_s[1:]) < 1e-6, False)

@@ -25,7 +25,9 @@ RATE = 100.0
 STANCES = np.arange(10, 310, 60)
 PAIRS = np.column_stack([STANCES[:-1], STANCES[1:]])
 SWINGS = np.array([0.5, -0.8, 1.0, 0.3])
-CHANGES = np.array([[0.05, 0.01, 0.1], [0.02, -0.03, -0.2], [0.08, 0.0, 3.0], [0.03, 0.02, 0.4]])
+CHANGES = np.array(
+    [[0.05, 0.01, 0.1], [0.02, -0.03, -0.2], [0.08, 0.0, 3.0], [0.03, 0.02, 0.4]]
+)
 
 
 def motion(first_boom=6.0):
@@ -41,12 +43,16 @@ def motion(first_boom=6.0):
 def collected(poses, booms, pairs=PAIRS, **options):
     frames, stances = np.unique(pairs, return_inverse=True)
     options = {"swing_limit_rad": 1.2} | options
-    return frame_changes(states(poses, booms, frames, stances.reshape(-1, 2)), **options)
+    return frame_changes(
+        states(poses, booms, frames, stances.reshape(-1, 2)), **options
+    )
 
 
 def states(poses, booms, frames, pairs, tilt_rad=np.nan):
     tilts = np.broadcast_to(tilt_rad, len(frames))
-    return StanceStates(frames / RATE, poses[frames], booms[frames], np.asarray(pairs), tilts)
+    return StanceStates(
+        frames / RATE, poses[frames], booms[frames], np.asarray(pairs), tilts
+    )
 
 
 def test_swings_and_changes_are_those_that_were_made():
@@ -70,7 +76,9 @@ def test_wrapped_boom_angles_are_the_same():
     poses, booms = motion()
     wrapped = (booms + np.pi) % (2 * np.pi) - np.pi
     np.testing.assert_allclose(
-        collected(poses, wrapped).swing_rad, collected(poses, booms).swing_rad, atol=1e-12
+        collected(poses, wrapped).swing_rad,
+        collected(poses, booms).swing_rad,
+        atol=1e-12,
     )
 
 
@@ -89,7 +97,9 @@ def test_a_robot_that_tips_over_is_not_used():
     numbers = np.column_stack([np.arange(4), np.arange(1, 5)])
     booms = np.where(np.arange(320) == STANCES[4], np.nan, booms)
     tilts = [0.05, 0.1, np.nan, 0.1, UPRIGHT_RAD + 0.01]
-    found = frame_changes(states(poses, booms, STANCES, numbers, tilts), swing_limit_rad=1.2)
+    found = frame_changes(
+        states(poses, booms, STANCES, numbers, tilts), swing_limit_rad=1.2
+    )
     assert found.reason.tolist() == [USED, USED, USED, TILTED]
     assert found.excluded() == {TILTED: 1}
 
@@ -109,7 +119,9 @@ def test_no_pairs_make_an_empty_table():
 def test_a_table_comes_back_from_its_file(tmp_path):
     poses, booms = motion()
     poses[PAIRS[0, 0]] = np.nan
-    both = joined([collected(poses, booms, recording="a"), collected(*motion(), recording="b")])
+    both = joined(
+        [collected(poses, booms, recording="a"), collected(*motion(), recording="b")]
+    )
     write_table(tmp_path / "hops.csv", to_table(both))
     back = from_table(read_table(tmp_path / "hops.csv"))
     assert back.reason.tolist() == both.reason.tolist()

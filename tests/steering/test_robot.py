@@ -14,7 +14,9 @@ from hopdata.synthesis.trial import FloorOptions
 
 ROBOT = SteeredHopper()
 STILL = ROBOT.still()
-EXACT = MotionCapture(noise_m=0.0, resolution_m=0.0, floor=FloorOptions(bowl_depth_m=0.0, waves=0))
+EXACT = MotionCapture(
+    noise_m=0.0, resolution_m=0.0, floor=FloorOptions(bowl_depth_m=0.0, waves=0)
+)
 
 
 def rng(seed=0):
@@ -32,7 +34,9 @@ def fly(robot, apex, swings, **options):
 def test_a_release_puts_the_markers_where_they_were_asked_for():
     apex = released(STILL, [0.4, -0.3, 2.0], 1.0)
     hop = steer_hop(STILL, apex, 0.0, rng=rng(), rate_hz=100.0)
-    np.testing.assert_allclose(hop.markers[0, :3, :2].mean(axis=0), [0.4, -0.3], atol=1e-12)
+    np.testing.assert_allclose(
+        hop.markers[0, :3, :2].mean(axis=0), [0.4, -0.3], atol=1e-12
+    )
 
 
 def test_frame_changes_do_not_depend_on_place_and_heading():
@@ -54,10 +58,13 @@ def test_the_boom_goes_where_it_is_told_and_no_farther_than_the_limit():
 def test_the_stance_is_the_lowest_point_of_the_markers():
     hop = fly(STILL, released(STILL, np.zeros(3)), [0.3], rate_hz=1000.0)[0]
     height = hop.markers[:, :3, 2].mean(axis=1)
-    assert hop.frame_time_s[np.argmin(height)] == pytest.approx(hop.stance.time_s, abs=1e-3)
+    assert hop.frame_time_s[np.argmin(height)] == pytest.approx(
+        hop.stance.time_s, abs=1e-3
+    )
 
 
-# Stances are near 0.35 and 0.41 s, where a frame is not quite 35 or 41 times the search step.
+# Stances are near 0.35 and 0.41 s, where a frame is not quite 35 or 41 times the search
+# step.
 @pytest.mark.parametrize("height_m", [0.345, 0.495])
 def test_frames_within_rounding_of_the_search_do_not_move_the_stance(height_m):
     robot = replace(STILL, release_height_m=height_m)
@@ -129,15 +136,25 @@ def test_handling_breaks_the_chain_of_stances():
 
 @pytest.mark.parametrize(
     ("swings", "found"),
-    [([], r"\[\]"), (0.3, "0.3"), (["far"], "far"), ([0.1, np.nan], "nan"), ([[0.1]], "0.1")],
+    [
+        ([], r"\[\]"),
+        (0.3, "0.3"),
+        (["far"], "far"),
+        ([0.1, np.nan], "nan"),
+        ([[0.1]], "0.1"),
+    ],
 )
 def test_swings_that_are_no_numbers_are_refused(swings, found):
-    with pytest.raises(ConfigError, match=rf"swings_rad: expected a list of .*found .*{found}"):
+    with pytest.raises(
+        ConfigError, match=rf"swings_rad: expected a list of .*found .*{found}"
+    ):
         record_trial(ROBOT, swings, seed=1)
 
 
 def test_the_same_seed_gives_the_same_recording():
-    a, b = (record_trial(ROBOT, [0.1, -0.2], seed=6).recording.positions for _ in range(2))
+    a, b = (
+        record_trial(ROBOT, [0.1, -0.2], seed=6).recording.positions for _ in range(2)
+    )
     assert a.tobytes() == b.tobytes()
 
 
@@ -158,7 +175,9 @@ def test_preloads_must_fit_the_legs():
 
 @pytest.mark.parametrize("height_m", [0.2, 0.3])
 def test_a_recorded_robot_is_let_go_at_its_own_height(height_m):
-    trial = record_trial(replace(STILL, release_height_m=height_m), [0.0], seed=1, camera=EXACT)
+    trial = record_trial(
+        replace(STILL, release_height_m=height_m), [0.0], seed=1, camera=EXACT
+    )
     apex = released(replace(STILL, release_height_m=height_m), np.zeros(3))
     hop = steer_hop(STILL, apex, 0.0, rng=rng(), rate_hz=100.0)
     found = trial.recording.body[0, :, 2].mean()

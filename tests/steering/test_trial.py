@@ -40,7 +40,9 @@ def trial(config):
     """Return a short excitation and its truth: 3 x 24 hops."""
     excitation = {"n_angles": 8, "n_steps": 1, "repeats": 3}
     steering = {**config["steering"], "excitation": excitation}
-    return simulate_excitation(steering, config["motion_capture"], seed=np.random.SeedSequence(5))
+    return simulate_excitation(
+        steering, config["motion_capture"], seed=np.random.SeedSequence(5)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -52,12 +54,23 @@ def rng(seed=0):
     return np.random.default_rng(np.random.SeedSequence(seed))
 
 
-def test_the_defaults_of_the_configuration_are_those_of_the_robot_and_the_camera(config):
-    robot, camera = robot_and_camera(config["steering"]["robot"], config["motion_capture"])
+def test_the_defaults_of_the_configuration_are_those_of_the_robot_and_the_camera(
+    config,
+):
+    robot, camera = robot_and_camera(
+        config["steering"]["robot"], config["motion_capture"]
+    )
     standard = SteeredHopper()
     assert camera == MotionCapture()
     assert robot.swing_limit_rad == pytest.approx(standard.swing_limit_rad, rel=1e-15)
-    for name in ("hopper", "preload_shares", "kicks", "markers", "release_height_m", "hop_limit_s"):
+    for name in (
+        "hopper",
+        "preload_shares",
+        "kicks",
+        "markers",
+        "release_height_m",
+        "hop_limit_s",
+    ):
         assert getattr(robot, name) == getattr(standard, name), name
 
 
@@ -85,7 +98,9 @@ def test_hops_are_observed_and_all_accounted_for(trial, observed):
 
 
 def test_recordings_are_joined_one_after_the_other(trial, observed):
-    both = observe_recordings([trial.recording, trial.recording], swing_limit_rad=3 * np.pi / 8)
+    both = observe_recordings(
+        [trial.recording, trial.recording], swing_limit_rad=3 * np.pi / 8
+    )
     assert len(both.changes) == 2 * len(observed.changes)
     assert [count["recording"] for count in both.counts] == ["excitation"] * 2
 
@@ -102,7 +117,9 @@ def test_a_recording_without_a_boom_is_refused_in_words(trial):
         rate_hz=whole.rate_hz,
         source="test",
     )
-    with pytest.raises(AnalysisError, match="monday: expected a marker with the role boom"):
+    with pytest.raises(
+        AnalysisError, match="monday: expected a marker with the role boom"
+    ):
         observe_recordings([bare], swing_limit_rad=1.2)
 
 
@@ -117,18 +134,24 @@ def test_which_recording_cannot_be_calibrated_is_said(trial):
 
 
 def test_hops_of_a_robot_that_tips_over_are_left_out_and_counted():
-    robot = replace(SteeredHopper(), preload_shares=(0.6, 1.3, 1.1))  # one leg carries little
+    robot = replace(
+        SteeredHopper(), preload_shares=(0.6, 1.3, 1.1)
+    )  # one leg carries little
     trial = record_trial(robot, [0.5, -0.5] * 12, seed=3)
     seen = observe_recordings([trial.recording], swing_limit_rad=1.2)
     stances, count = seen.stances, seen.counts[0]
     true = trial.motion["tilt_rad"][stances["frame"]]
-    np.testing.assert_allclose(stances["tilt_rad"], true, atol=np.deg2rad(3))  # level by its feet
+    np.testing.assert_allclose(
+        stances["tilt_rad"], true, atol=np.deg2rad(3)
+    )  # level by its feet
     tilted = (stances["tilt_rad"] > np.deg2rad(20)).to_numpy()
     follows = np.flatnonzero(stances["follows"])
     from_or_to = tilted[follows] | tilted[follows - 1]
     assert count["excluded"] == {TILTED: from_or_to.sum()}
     assert count["excluded"][TILTED] > 10
-    assert seen.changes.reason.tolist() == [TILTED if over else USED for over in from_or_to]
+    assert seen.changes.reason.tolist() == [
+        TILTED if over else USED for over in from_or_to
+    ]
 
 
 MODEL = {"kernel": "recommended", "training_hops": 60}
@@ -148,12 +171,18 @@ def hops(n=150, seed=3):
 
 def law(angle, swing):
     return np.column_stack(
-        [0.05 - 0.03 * np.cos(angle), 0.02 * np.sin(angle), 0.1 * swing + 0.02 * np.sin(angle)]
+        [
+            0.05 - 0.03 * np.cos(angle),
+            0.02 * np.sin(angle),
+            0.1 * swing + 0.02 * np.sin(angle),
+        ]
     )
 
 
 def test_a_recording_with_hardly_a_hop_is_not_blamed_on_the_configuration():
-    with pytest.raises(AnalysisError, match=r"steering: expected at least 12 hops .* found 11"):
+    with pytest.raises(
+        AnalysisError, match=r"steering: expected at least 12 hops .* found 11"
+    ):
         learn(hops(11), MODEL, seed=SEED)
 
 
@@ -171,15 +200,21 @@ def test_a_model_is_tested_on_the_hops_that_it_has_not_seen():
 def test_too_few_hops_are_told_with_what_was_left_out():
     few = hops(40)
     few.reason[:5] = "pose missing"
-    with pytest.raises(AnalysisError, match=r"at most 33, .* found 60 .*'pose missing': 5"):
+    with pytest.raises(
+        AnalysisError, match=r"at most 33, .* found 60 .*'pose missing': 5"
+    ):
         learn(few, MODEL, seed=SEED)
 
 
 def test_a_learning_curve_is_refused_before_anything_is_learned(monkeypatch):
     monkeypatch.setattr(learning_curve, "learning_scores", None)
-    with pytest.raises(AnalysisError, match=r"at most 98, .* the 100 hops .* found 120"):
+    with pytest.raises(
+        AnalysisError, match=r"at most 98, .* the 100 hops .* found 120"
+    ):
         learning_tables(hops(100), training_hops=120, draws=2, seed=1)
-    with pytest.raises(AnalysisError, match=r"learning curve: expected at least 50 .* found 49"):
+    with pytest.raises(
+        AnalysisError, match=r"learning curve: expected at least 50 .* found 49"
+    ):
         learning_tables(hops(49), training_hops=20, draws=2, seed=1)
 
 
@@ -208,7 +243,9 @@ class Law:
 
 def test_scores_against_the_truth(trial, observed):
     stances, motion = trial.stances, trial.motion
-    entries = truth_entries(observed.motion, motion, observed.stances, stances, Law(), true_map())
+    entries = truth_entries(
+        observed.motion, motion, observed.stances, stances, Law(), true_map()
+    )
     value = {name: entry["value"] for name, entry in entries.items()}
     assert value["true_pairs"] == stances["follows"].sum()
     assert value["missed_pairs"] == value["invented_pairs"] == 0
@@ -220,7 +257,9 @@ def test_scores_against_the_truth(trial, observed):
     lost.loc[10, "follows"] = False
     entries = truth_entries(observed.motion, motion, lost, stances, Law(), true_map())
     assert entries["missed_pairs"]["value"] == 1
-    entries = truth_entries(observed.motion, motion, observed.stances, lost, Law(), true_map())
+    entries = truth_entries(
+        observed.motion, motion, observed.stances, lost, Law(), true_map()
+    )
     assert entries["invented_pairs"]["value"] == 1
 
 
@@ -272,7 +311,8 @@ def test_all_eulerian_circuits_are_equally_likely():
     for seed in range(n):
         lap = tuple(moves(eulerian_excitation(grid, rng(seed)), grid))
         seen[lap] = seen.get(lap, 0) + 1
-    # The BEST theorem: 3 trees, 2!^3 circuits up to rotation, each from its 3 starts at 0.
+    # The BEST theorem: 3 trees, 2!^3 circuits up to rotation, each from its 3 starts at
+    # 0.
     assert len(seen) == 3 * 2**3 * 3
     expected = n / len(seen)
     chi_square = sum((count - expected) ** 2 / expected for count in seen.values())
@@ -286,7 +326,9 @@ def test_the_largest_swing_is_the_dissertation_s_and_all_end_where_they_began():
 
 
 def test_a_seed_gives_the_same_sequence_again():
-    first, again, other = (eulerian_excitation(ControlGrid(), rng(s)) for s in (3, 3, 4))
+    first, again, other = (
+        eulerian_excitation(ControlGrid(), rng(s)) for s in (3, 3, 4)
+    )
     np.testing.assert_array_equal(first, again)
     assert (other != first).any()
 
@@ -294,7 +336,9 @@ def test_a_seed_gives_the_same_sequence_again():
 @pytest.mark.parametrize("name", ["n_angles", "n_steps", "repeats"])
 @pytest.mark.parametrize("size", [0, 2.5, "16"])
 def test_sizes_below_one_are_refused(name, size):
-    with pytest.raises(ConfigError, match=rf"{name}: expected a whole .* found {size!r}"):
+    with pytest.raises(
+        ConfigError, match=rf"{name}: expected a whole .* found {size!r}"
+    ):
         ControlGrid(**{name: size})
 
 
@@ -320,8 +364,9 @@ def test_the_random_sequence_as_printed_is_near_minimal():
 
 
 def test_the_draw_prefers_angles_with_more_moves_left():
-    # From angle 0 of three, with one repeat and n_steps 1, weights are 3 + 1 each. A move back to
-    # angle 0 leaves one fewer there for the second draw: 2 + 1 against 3 + 1.
+    # From angle 0 of three, with one repeat and n_steps 1, weights are 3 + 1 each. A
+    # move back to angle 0 leaves one fewer there for the second draw: 2 + 1 against 3 +
+    # 1.
     grid = ControlGrid(n_angles=3, n_steps=1, repeats=1)
     second = []
     for seed in range(2000):

@@ -86,7 +86,9 @@ def test_bowl_rises_to_half_its_depth_at_its_radius():
 
 
 def test_waves_add_up_and_repeat_after_their_length():
-    floor = draw_floor(FloorOptions(bowl_depth_m=0.0, waves=1), np.random.default_rng(2))
+    floor = draw_floor(
+        FloorOptions(bowl_depth_m=0.0, waves=1), np.random.default_rng(2)
+    )
     k = floor.wave_vectors[0]
     period = 2 * np.pi * k / (k @ k)
     assert 2.4 <= np.linalg.norm(period) <= 3.6
@@ -96,14 +98,18 @@ def test_waves_add_up_and_repeat_after_their_length():
 
 
 def test_a_floor_of_no_depth_and_no_waves_is_flat():
-    floor = draw_floor(FloorOptions(bowl_depth_m=0.0, waves=0), np.random.default_rng(3))
+    floor = draw_floor(
+        FloorOptions(bowl_depth_m=0.0, waves=0), np.random.default_rng(3)
+    )
     np.testing.assert_array_equal(floor.height(arena()), 0)
 
 
 def test_floor_height_keeps_the_shape_of_its_points():
     floor = draw_floor(FloorOptions(), np.random.default_rng(4))
     assert floor.height(np.zeros((5, 3, 2))).shape == (5, 3)
-    assert floor.height(np.zeros(2)) == pytest.approx(0.001 * np.sin(floor.phases).sum())
+    assert floor.height(np.zeros(2)) == pytest.approx(
+        0.001 * np.sin(floor.phases).sum()
+    )
 
 
 def drawn(options, frames=200_000, seed=1):
@@ -130,7 +136,8 @@ def test_markers_are_hidden_independently_and_reproducibly():
     assert np.any(hidden != drawn(options, seed=2))
 
 
-# True marker positions: rigid on the body, on the floor in contact, continuous in between.
+# True marker positions: rigid on the body, on the floor in contact, continuous in
+# between.
 
 HOPPER, OPTIONS = HopperParameters(), MarkerOptions()
 
@@ -146,27 +153,46 @@ def tracks(trial):
 
 
 def feet_of(tracks):
-    return tracks.positions[:, [i for i, role in enumerate(tracks.roles) if role == "foot"]]
+    return tracks.positions[
+        :, [i for i, role in enumerate(tracks.roles) if role == "foot"]
+    ]
 
 
 def test_names_and_roles(tracks):
-    assert tracks.names == ("body1", "body2", "body3", "foot1", "foot2", "foot3", "boom")
+    assert tracks.names == (
+        "body1",
+        "body2",
+        "body3",
+        "foot1",
+        "foot2",
+        "foot3",
+        "boom",
+    )
     assert tracks.roles == ("body",) * 3 + ("foot",) * 3 + ("boom",)
 
 
 def test_body_markers_move_rigidly_with_the_body(trial, tracks):
     turn = rotation_matrices(trial.states[:, 3:6])
-    in_body = np.einsum("nji,nbj->nbi", turn, tracks.positions[:, :3] - trial.states[:, None, :3])
-    np.testing.assert_allclose(in_body, np.broadcast_to(OPTIONS.body_m, in_body.shape), atol=1e-12)
+    in_body = np.einsum(
+        "nji,nbj->nbi", turn, tracks.positions[:, :3] - trial.states[:, None, :3]
+    )
+    np.testing.assert_allclose(
+        in_body, np.broadcast_to(OPTIONS.body_m, in_body.shape), atol=1e-12
+    )
     boom = np.einsum("nji,nj->ni", turn, tracks.positions[:, 6] - trial.states[:, :3])
-    np.testing.assert_allclose(boom, np.broadcast_to([0, 0, -0.03], boom.shape), atol=1e-12)
+    np.testing.assert_allclose(
+        boom, np.broadcast_to([0, 0, -0.03], boom.shape), atol=1e-12
+    )
 
 
 def test_boom_marker_follows_the_counterweight_to_and_fro():
     hopper = replace(HOPPER, boom_swing_rad=0.3, boom_duration_s=0.15)
     swinging = run_trial(hopper, hops=6, rate_hz=100.0, rng=np.random.default_rng(7))
     options = MarkerOptions(boom_m=(0.0, 0.0, 0.08))
-    marker = track_markers(swinging, hopper, options).positions[:, -1] - swinging.states[:, :3]
+    marker = (
+        track_markers(swinging, hopper, options).positions[:, -1]
+        - swinging.states[:, :3]
+    )
     turn = rotation_matrices(swinging.states[:, 3:6])
     x, y, z = np.einsum("nji,nj->in", turn, marker)
     np.testing.assert_allclose(z, 0.05, atol=1e-12)
@@ -192,7 +218,9 @@ def test_feet_in_contact_are_on_the_floor_and_others_above_it(tracks):
 
 
 def test_contact_follows_the_gap_and_the_release(trial, tracks):
-    gaps = np.stack([rest_foot(HOPPER, trial.states, leg)[:, 2] for leg in range(3)], axis=1)
+    gaps = np.stack(
+        [rest_foot(HOPPER, trial.states, leg)[:, 2] for leg in range(3)], axis=1
+    )
     assert gaps[tracks.foot_down].max() < HOPPER.release_extension_m + 1e-9
     assert gaps[~tracks.foot_down].min() > -1e-9
 
@@ -216,14 +244,18 @@ def test_legs_are_back_at_rest_length_before_they_land(trial, tracks):
             feet[before, leg], rest_foot(HOPPER, trial.states[before], leg), atol=1e-12
         )
         lifted = np.flatnonzero(np.diff(tracks.foot_down[:, leg].astype(int)) == -1) + 1
-        below = rest_foot(HOPPER, trial.states[lifted], leg)[:, 2] - feet[lifted, leg, 2]
+        below = (
+            rest_foot(HOPPER, trial.states[lifted], leg)[:, 2] - feet[lifted, leg, 2]
+        )
         np.testing.assert_allclose(below, HOPPER.release_extension_m, atol=1e-3)
 
 
 def test_smooth_step_rises_from_zero_to_one_and_is_flat_at_both_ends():
     s = np.linspace(-0.2, 1.2, 1401)
     values = smooth_step(s)
-    np.testing.assert_allclose(values[[0, 200, 700, 1200, 1400]], [0, 0, 0.5, 1, 1], atol=1e-12)
+    np.testing.assert_allclose(
+        values[[0, 200, 700, 1200, 1400]], [0, 0, 0.5, 1, 1], atol=1e-12
+    )
     assert np.all(np.diff(values) >= -1e-15)
     curvature = np.diff(values, 2) / 1e-6
     assert np.abs(curvature[[199, 200, 1198, 1199]]).max() < 0.1

@@ -66,9 +66,13 @@ def test_all_feet_touch_at_once_near_the_mean_landing():
             HOPPER, control, found.apex_state[None], preloads, SECTIONS, rtol=1e-12
         )
         assert np.ptp(flown.contact_s) < 1e-11
-        np.testing.assert_allclose(flown.contact_s, found.contact_time_s, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(
+            flown.contact_s, found.contact_time_s, rtol=0, atol=1e-11
+        )
         mine = homed(apexes())[:, 4:]
-        assert np.all(np.abs(found.apex_state[4:] - mine.mean(axis=0)) < 0.5 * mine.std(axis=0))
+        assert np.all(
+            np.abs(found.apex_state[4:] - mine.mean(axis=0)) < 0.5 * mine.std(axis=0)
+        )
 
 
 def test_the_six_maps_of_the_hopper_are_one(jacobians):
@@ -86,7 +90,9 @@ def test_many_legs_have_one_map_in_the_orders_that_occur(hopper):
     n = hopper.n_legs
     assert found.maps.shape == (len(found.schedules), 11, 8)
     assert largest_difference(found.maps) < 1e-12
-    assert 2 * n <= len(found.schedules) < 4 * n, "of a rigid body: 2 n, and a few narrow ones"
+    assert 2 * n <= len(found.schedules) < 4 * n, (
+        "of a rigid body: 2 n, and a few narrow ones"
+    )
     middle = found.landing.apex_state
     states = middle + 1e-5 * (homed(apexes()) - middle)
     preloads = np.full((len(states), n), hopper.preload_n)
@@ -108,7 +114,9 @@ def test_a_small_deviation_does_what_the_map_of_its_schedule_says(jacobians, kin
     middle = exact.landing.apex_state
     states = middle + size * (homed(apexes(size=1.0)) - homed(apexes()).mean(axis=0))
     preloads = np.full((len(states), 3), HOPPER.preload_n)
-    found = true_landings(HOPPER, CONTROLS[kind], states, preloads, SECTIONS, rtol=1e-12)
+    found = true_landings(
+        HOPPER, CONTROLS[kind], states, preloads, SECTIONS, rtol=1e-12
+    )
     x = input_coordinates(found.pre_state, SECTIONS.centre_m) - exact.x
     y = output_coordinates(found.pre_state, found.post_state, SECTIONS.centre_m)
     assert set(found.schedule) == set(exact.schedules)
@@ -142,7 +150,9 @@ def test_tangents_stay_on_the_section_and_change_one_coordinate_each():
     tangents, step = section_tangents(state, centre), 1e-6
     np.testing.assert_allclose(height_slope(state, centre) @ tangents, 0, atol=1e-13)
     for k, tangent in enumerate(tangents.T):
-        ahead, back = (input_coordinates(state + s * tangent, centre) for s in (step, -step))
+        ahead, back = (
+            input_coordinates(state + s * tangent, centre) for s in (step, -step)
+        )
         np.testing.assert_allclose((ahead - back) / (2 * step), np.eye(8)[k], atol=1e-8)
 
 
@@ -157,4 +167,6 @@ def test_what_cannot_be_is_refused():
 
 def test_impulses_and_a_delay_together_have_no_simultaneous_contact():
     with pytest.raises(AnalysisError, match="impulses or a delay, found both"):
-        section_jacobians(HOPPER, Control(impulse=0.1, delay_s=0.005), apexes(), SECTIONS)
+        section_jacobians(
+            HOPPER, Control(impulse=0.1, delay_s=0.005), apexes(), SECTIONS
+        )

@@ -12,7 +12,14 @@ from hopdata.recordings.readers.hdf5 import write_recording
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
 from hopdata.synthesis import simulate_recording
-from hopdata.synthesis.hops import control_hop, fly_hop, led_to, level_state, pose_rate, rest_foot
+from hopdata.synthesis.hops import (
+    control_hop,
+    fly_hop,
+    led_to,
+    level_state,
+    pose_rate,
+    rest_foot,
+)
 from hopdata.synthesis.trial import Kicks, Operator, run_trial
 
 HOPPER = HopperParameters()
@@ -38,7 +45,9 @@ def test_a_dropped_hopper_keeps_its_energy_through_the_landing():
 def test_a_scene_whose_guards_have_other_names_is_told_them(monkeypatch):
     named = SimpleNamespace(guard_names=("leg1", "apex", "fallen"))
     monkeypatch.setattr(HopperParameters, "system", lambda *_: named)
-    with pytest.raises(AnalysisError, match=r"expected foot1, foot2, .* found .*'leg1'"):
+    with pytest.raises(
+        AnalysisError, match=r"expected foot1, foot2, .* found .*'leg1'"
+    ):
         fly_hop(HOPPER, level_state(HOPPER, HOP_HEIGHT_M))
 
 
@@ -62,7 +71,9 @@ def test_feet_are_on_the_floor_when_they_touch():
     state[9:12] = [0.3, -0.2, 0.1]
     hop = fly_hop(HOPPER, state)
     first = hop.first_contacts()
-    gaps = [rest_foot(HOPPER, hop.event_state[k], leg)[2] for leg, k in enumerate(first)]
+    gaps = [
+        rest_foot(HOPPER, hop.event_state[k], leg)[2] for leg, k in enumerate(first)
+    ]
     np.testing.assert_allclose(gaps, 0, atol=1e-9)
     assert np.ptp(hop.event_time[first]) > 1e-3
 
@@ -87,7 +98,9 @@ def test_a_tumbling_hopper_falls():
 
 def test_a_hopper_too_weak_to_take_off_counts_as_fallen():
     weak = replace(HOPPER, preload_n=12.0)
-    hop = fly_hop(weak, level_state(weak, 0.01), frame_times_s=np.arange(100) / 100, limit_s=1.0)
+    hop = fly_hop(
+        weak, level_state(weak, 0.01), frame_times_s=np.arange(100) / 100, limit_s=1.0
+    )
     assert hop.ending == "no apex in time"
     assert hop.fell
     assert hop.end_time_s == 1.0
@@ -105,19 +118,29 @@ def test_a_hopper_set_down_on_its_preload_is_stuck_and_one_let_go_above_is_not()
 CONTROL_HOPS_HOPPER = HopperParameters()
 FINE = np.arange(20_000) / 10_000
 KINDS = {"coupling": 0.4, "impulse": 0.3, "delay_s": 0.005}
-CLEAN = {"noise_m": 0.0, "resolution_m": 0.0, "floor": {"bowl_depth_m": 0.0, "waves": 0}}
+CLEAN = {
+    "noise_m": 0.0,
+    "resolution_m": 0.0,
+    "floor": {"bowl_depth_m": 0.0, "waves": 0},
+}
 
 
 def gait_and_control(**strength):
     start = level_state(CONTROL_HOPS_HOPPER, 0.24)
     start[3:6], start[6:12] = [0.5, 0.02, -0.03], [0.1, -0.05, 0.0, 0.2, -0.3, 0.1]
-    gait = fly_hop(CONTROL_HOPS_HOPPER, start, limit_s=2.0)  # steps follow from the whole span
+    gait = fly_hop(
+        CONTROL_HOPS_HOPPER, start, limit_s=2.0
+    )  # steps follow from the whole span
     control = Control(**strength)
-    hop = control_hop(CONTROL_HOPS_HOPPER, control, gait, frame_times_s=FINE, limit_s=2.0)
+    hop = control_hop(
+        CONTROL_HOPS_HOPPER, control, gait, frame_times_s=FINE, limit_s=2.0
+    )
     return (
         gait,
         hop,
-        fly_hop(CONTROL_HOPS_HOPPER, start, variant=control, frame_times_s=FINE, limit_s=2.0),
+        fly_hop(
+            CONTROL_HOPS_HOPPER, start, variant=control, frame_times_s=FINE, limit_s=2.0
+        ),
     )
 
 
@@ -144,7 +167,9 @@ def test_the_way_there_has_no_jump_in_place_speed_or_acceleration():
     bend = np.abs(np.diff(added, 2, axis=0))
     assert np.all(bend[[0, -1]] < 0.02 * bend.max(axis=0))
     np.testing.assert_allclose(
-        np.gradient(pose[:, :3], dt, axis=0)[1:-1], hop.states[flying][1:-1, 6:9], atol=2e-6
+        np.gradient(pose[:, :3], dt, axis=0)[1:-1],
+        hop.states[flying][1:-1, 6:9],
+        atol=2e-6,
     )
     rate = (3 * pose[-1] - 4 * pose[-2] + pose[-3]) / (2 * dt)
     np.testing.assert_allclose(rate, pose_rate(gait.end_state), atol=3e-3)
@@ -153,7 +178,9 @@ def test_the_way_there_has_no_jump_in_place_speed_or_acceleration():
 def test_a_hop_that_ends_where_the_gait_does_is_left_alone():
     gait, hop, _ = gait_and_control()
     times = FINE[: len(hop.states)]
-    np.testing.assert_allclose(hop.states, led_to(hop, hop.end_state, times).states, atol=1e-15)
+    np.testing.assert_allclose(
+        hop.states, led_to(hop, hop.end_state, times).states, atol=1e-15
+    )
     np.testing.assert_array_equal(hop.event_time, gait.event_time)
 
 
@@ -172,7 +199,9 @@ def test_every_landing_begins_in_the_apex_of_the_same_hop_of_the_hopper(kind):
     np.testing.assert_allclose(
         found, before - runs_ahead, rtol=0, atol=1e-3 if runs_ahead else 1e-12
     )
-    assert np.abs(np.diff(truth.contact_times - plain.contact_times, axis=1)).max() > 1e-4
+    assert (
+        np.abs(np.diff(truth.contact_times - plain.contact_times, axis=1)).max() > 1e-4
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -210,7 +239,9 @@ def test_a_control_that_falls_is_carried_to_the_next_apex_of_the_gait():
         )
         for control in (None, Control(coupling=0.6))
     )  # fmt: skip
-    lost = [k for k, hop in enumerate(trial.hops) if hop.fell and not plain.hops[k].fell]
+    lost = [
+        k for k, hop in enumerate(trial.hops) if hop.fell and not plain.hops[k].fell
+    ]
     assert 0 < len(lost) < 100
     assert trial.n_carries >= max(plain.n_carries, len(lost))
     for mine, its in zip(trial.hops, plain.hops, strict=True):
@@ -219,7 +250,9 @@ def test_a_control_that_falls_is_carried_to_the_next_apex_of_the_gait():
     assert np.all(np.diff(trial.event_time) >= 0)
 
 
-def test_at_strength_zero_a_recording_has_the_same_bytes_and_does_not_name_a_control(tmp_path):
+def test_at_strength_zero_a_recording_has_the_same_bytes_and_does_not_name_a_control(
+    tmp_path,
+):
     files = [tmp_path / "plain.h5", tmp_path / "zero.h5"]
     for file, control in zip(files, ({}, dict.fromkeys(KINDS, 0.0)), strict=True):
         recording, truth = simulate_recording({"hops": 5, "control": control}, seed=5)

@@ -35,14 +35,18 @@ def apexes(count=12):
 
 
 @pytest.mark.parametrize("hopper", [HOPPER, SWINGING], ids=["still", "swinging"])
-@pytest.mark.parametrize("control", CONTROLS, ids=["hopper", "coupling", "impulse", "delay"])
+@pytest.mark.parametrize(
+    "control", CONTROLS, ids=["hopper", "coupling", "impulse", "delay"]
+)
 def test_states_and_contacts_are_those_of_the_single_hops(hopper, control):
     states, preloads = apexes()
     found = true_landings(hopper, control, states, preloads, SECTIONS, rtol=1e-11)
     assert found.whole.all()
     for k, (state, preload) in enumerate(zip(states, preloads, strict=True)):
         at = np.array([found.pre_time_s[k], found.post_time_s[k]])
-        hop = fly_hop(hopper, state, variant=control, preloads_n=preload, frame_times_s=at)
+        hop = fly_hop(
+            hopper, state, variant=control, preloads_n=preload, frame_times_s=at
+        )
         np.testing.assert_allclose(
             hop.states, [found.pre_state[k], found.post_state[k]], rtol=0, atol=2e-8
         )
@@ -57,7 +61,12 @@ def test_states_and_contacts_are_those_of_the_single_hops(hopper, control):
 
 @pytest.mark.parametrize(
     ("pre", "post", "reason"),
-    [(0.7, 0.282, "no pre"), (0.33, 0.282, "early"), (0.5, 0.332, "late"), (0.5, 0.05, "no post")],
+    [
+        (0.7, 0.282, "no pre"),
+        (0.33, 0.282, "early"),
+        (0.5, 0.332, "late"),
+        (0.5, 0.05, "no post"),
+    ],
 )
 def test_a_landing_that_does_not_count(pre, post, reason):
     states, preloads = apexes()
@@ -85,7 +94,8 @@ def test_a_body_too_slow_for_the_section_is_told_from_one_that_passes():
 def test_the_number_of_threads_does_not_change_a_byte():
     states, preloads = apexes(150)
     one, two = (
-        true_landings(HOPPER, CONTROLS[1], states, preloads, SECTIONS, workers=n) for n in (1, 2)
+        true_landings(HOPPER, CONTROLS[1], states, preloads, SECTIONS, workers=n)
+        for n in (1, 2)
     )
     for name in ("pre_state", "post_state", "contact_s", "post_time_s"):
         assert getattr(one, name).tobytes() == getattr(two, name).tobytes()

@@ -30,21 +30,26 @@ def test_sample_is_small_and_long_enough(sample):
     assert sample[1].complete.sum() >= 400
 
 
-def test_positions_are_made_again_to_the_last_step_of_the_resolution(sample, made_again):
+def test_positions_are_made_again_to_the_last_step_of_the_resolution(
+    sample, made_again
+):
     resolution = json.loads(sample[1].parameters_json)["motion_capture"]["resolution_m"]
     recording, again = sample[0], made_again[0]
     assert recording.markers == again.markers
     assert recording.roles == again.roles
     np.testing.assert_array_equal(recording.time, again.time)
     steps = np.abs(recording.positions - again.positions) / resolution
-    # Another processor rounds differently, so a value at the edge of a step may move by one step.
+    # Another processor rounds differently, so a value at the edge of a step may move by
+    # one step.
     assert steps.max() <= 1
     assert np.mean(steps > 0) < 1e-3
 
 
 def test_truth_is_made_again(sample, made_again):
     truth, again = sample[1], made_again[1]
-    np.testing.assert_allclose(truth.contact_times, again.contact_times, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        truth.contact_times, again.contact_times, rtol=0, atol=1e-6
+    )
     np.testing.assert_allclose(truth.apex_states, again.apex_states, rtol=0, atol=1e-6)
     np.testing.assert_array_equal(truth.complete, again.complete)
     assert np.mean(truth.foot_down != again.foot_down) < 1e-4

@@ -109,9 +109,14 @@ def test_recordings_of_two_scenes_are_no_study(truths):
         common_scene([*truths, other])
 
 
-# True marker states against a noise-free recording of many frames, and the maps as plain data.
+# True marker states against a noise-free recording of many frames, and the maps as
+# plain data.
 
-CLEAN = {"noise_m": 0.0, "resolution_m": 0.0, "floor": {"bowl_depth_m": 0.0, "waves": 0}}
+CLEAN = {
+    "noise_m": 0.0,
+    "resolution_m": 0.0,
+    "floor": {"bowl_depth_m": 0.0, "waves": 0},
+}
 RATE_HZ = 1000.0
 
 
@@ -158,7 +163,11 @@ def test_schedules_and_spreads_are_those_of_the_truth(study):
 def test_exact_maps_are_plain_data(study):
     _, truth, sections, _ = study
     found = json.loads(json.dumps(exact_maps([truth], sections)))
-    assert np.shape(found["maps"]) == (6, len(OUTPUT_NAMES), len(INPUT_NAMES)) == (6, 11, 8)
+    assert (
+        np.shape(found["maps"])
+        == (6, len(OUTPUT_NAMES), len(INPUT_NAMES))
+        == (6, 11, 8)
+    )
     assert len(found["schedules"]) == len(found["y"]) == 6
     assert np.ptp(found["maps"], axis=0).max() < 1e-12
     np.testing.assert_array_equal(found["body_points_m"], sections.points_m)

@@ -8,7 +8,11 @@ import pytest
 from hopdata.errors import HopdataError
 from hopdata.synthesis import simulate_recording
 
-CLEAN = {"noise_m": 0.0, "resolution_m": 0.0, "floor": {"bowl_depth_m": 0.0, "waves": 0}}
+CLEAN = {
+    "noise_m": 0.0,
+    "resolution_m": 0.0,
+    "floor": {"bowl_depth_m": 0.0, "waves": 0},
+}
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +111,12 @@ def test_duration_cuts_the_recording_and_unfinished_landings(simulated):
 
 
 def test_other_numbers_of_legs_and_body_markers():
-    hopper = {"n_legs": 4, "stiffness_n_m": 67.5, "preload_n": 16.5, "damping_n_s_m": 3.6}
+    hopper = {
+        "n_legs": 4,
+        "stiffness_n_m": 67.5,
+        "preload_n": 16.5,
+        "damping_n_s_m": 3.6,
+    }
     body = [[0.1, 0.0, 0.1], [-0.1, 0.1, 0.1], [-0.1, -0.1, 0.12], [0.0, 0.0, 0.2]]
     recording, truth = simulate_recording(
         {"hops": 10, "hopper": hopper}, {"markers": {"body_m": body}}, seed=1
@@ -121,7 +130,11 @@ def test_other_numbers_of_legs_and_body_markers():
     ("simulation", "camera", "message"),
     [
         ({"hop": 3}, {}, r"Simulation: .*'hop'; did you mean 'hops'"),
-        ({"hopper": {"mass": 2.0}}, {}, r"HopperParameters: .*'mass'; did you mean 'mass_kg'"),
+        (
+            {"hopper": {"mass": 2.0}},
+            {},
+            r"HopperParameters: .*'mass'; did you mean 'mass_kg'",
+        ),
         ({"hopper": {"preload_n": 18.0}}, {}, "cannot lift off"),
         ({}, {"floor": {"depth": 1}}, r"FloorOptions: .*'depth'"),
     ],

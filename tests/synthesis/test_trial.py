@@ -24,7 +24,9 @@ HOPPER = HopperParameters()
 
 @pytest.fixture(scope="module")
 def long_trial():
-    return run_trial(HOPPER, hops=10_000, rate_hz=100.0, rng=np.random.default_rng(20261121))
+    return run_trial(
+        HOPPER, hops=10_000, rate_hz=100.0, rng=np.random.default_rng(20261121)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +60,9 @@ def test_contacts_are_about_ten_milliseconds_apart(contacts):
 
 def test_stronger_kicks_throw_it_over():
     kicks = Kicks(angular_velocity_rad_s=1.5)
-    trial = run_trial(HOPPER, hops=60, rate_hz=100.0, rng=np.random.default_rng(2), kicks=kicks)
+    trial = run_trial(
+        HOPPER, hops=60, rate_hz=100.0, rng=np.random.default_rng(2), kicks=kicks
+    )
     falls = sum(hop.fell for hop in trial.hops)
     assert falls > 0
     assert trial.n_carries >= falls
@@ -66,7 +70,9 @@ def test_stronger_kicks_throw_it_over():
 
 def test_without_kicks_all_legs_land_at_once():
     still = Kicks(velocity_m_s=0.0, angular_velocity_rad_s=0.0, preload_fraction=0.0)
-    trial = run_trial(HOPPER, hops=5, rate_hz=100.0, rng=np.random.default_rng(2), kicks=still)
+    trial = run_trial(
+        HOPPER, hops=5, rate_hz=100.0, rng=np.random.default_rng(2), kicks=still
+    )
     assert np.ptp(first_contacts(trial, HOPPER)[0], axis=1).max() < 1e-9
 
 
@@ -76,7 +82,9 @@ def test_the_operator_keeps_the_hopper_in_the_arena(long_trial):
     assert np.abs(places).max() < 0.9
     assert np.abs(long_trial.states[:, :2]).max() > 0.85
     tight = Operator(arena_m=0.3)
-    trial = run_trial(HOPPER, hops=300, rate_hz=100.0, rng=np.random.default_rng(3), operator=tight)
+    trial = run_trial(
+        HOPPER, hops=300, rate_hz=100.0, rng=np.random.default_rng(3), operator=tight
+    )
     assert np.abs([hop.start_state[:2] for hop in trial.hops]).max() < 0.3
 
 
@@ -124,7 +132,9 @@ def test_the_same_generator_gives_the_same_trial():
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first.states, again.states)
-    assert first.states.shape != other.states.shape or np.any(first.states != other.states)
+    assert first.states.shape != other.states.shape or np.any(
+        first.states != other.states
+    )
 
 
 def test_given_keys_replace_defaults_and_lists_become_tuples():
@@ -135,5 +145,7 @@ def test_given_keys_replace_defaults_and_lists_become_tuples():
 
 
 def test_a_misspelt_key_is_answered_with_the_nearest():
-    with pytest.raises(ArgumentError, match=r"Kicks: .*'velocity_ms'; did you mean 'velocity_m_s'"):
+    with pytest.raises(
+        ArgumentError, match=r"Kicks: .*'velocity_ms'; did you mean 'velocity_m_s'"
+    ):
         from_mapping(Kicks, {"velocity_ms": 0.1})

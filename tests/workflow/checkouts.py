@@ -53,7 +53,10 @@ def part_of_sample(path, seconds):
 def snakemake(folder, *arguments, cores=2):
     """Run Snakemake as a user does, except that its imports are already loaded (on Linux)."""
     environment = {**os.environ, "PYTHONPATH": str((folder / "src").resolve())}
-    arguments = [*([] if cores is None else ["--cores", str(cores)]), *map(str, arguments)]
+    arguments = [
+        *([] if cores is None else ["--cores", str(cores)]),
+        *map(str, arguments),
+    ]
     if sys.platform != "linux":
         return subprocess.run(
             [sys.executable, "-m", "snakemake", *arguments],
@@ -72,7 +75,10 @@ def _forked():
     """Return a process that has imported Snakemake and forks for each run."""
     program = Path(__file__).with_name("forked.py")
     server = subprocess.Popen(
-        [sys.executable, program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, program],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     atexit.register(server.communicate)
     return server
@@ -97,4 +103,6 @@ def edit_config(folder, edit, *, source="config/config.yaml"):
 def planned_rules(folder, *arguments):
     """Return the names of the rules that a dry run would execute."""
     lines = completed(folder, "--dry-run", *arguments).splitlines()
-    return {x.split()[1].rstrip(":") for x in lines if x.startswith(("rule ", "localrule "))}
+    return {
+        x.split()[1].rstrip(":") for x in lines if x.startswith(("rule ", "localrule "))
+    }

@@ -1,9 +1,9 @@
 """Run Snakemake like ``python -m snakemake``, without importing it each time: saves 1 s a run.
 
-Each line on stdin is a run: its folder, environment, arguments, and files for stdout and stderr. It
-is executed by a fork of this process, which has imported Snakemake but nothing of hopdata; its exit
-code is written as a line to stdout. A script that it runs is a fork in turn, which saves another
-half second each.
+Each line on stdin is a run: its folder, environment, arguments, and files for stdout
+and stderr. It is executed by a fork of this process, which has imported Snakemake but
+nothing of hopdata; its exit code is written as a line to stdout. A script that it runs
+is a fork in turn, which saves another half second each.
 """
 
 import gc
@@ -25,8 +25,19 @@ from snakemake.script import PythonScript
 # Imports of Snakemake, its rules and the scripts at run time.
 LIBRARIES = (
     *("h5py", "jinja2", "jsonschema", "numba", "numpy", "pandas", "smart_open"),
-    *("matplotlib.backends.backend_svg", "matplotlib.figure", "matplotlib.style", "nbformat"),
-    *("scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.spatial", "scipy.special"),
+    *(
+        "matplotlib.backends.backend_svg",
+        "matplotlib.figure",
+        "matplotlib.style",
+        "nbformat",
+    ),
+    *(
+        "scipy.linalg",
+        "scipy.optimize",
+        "scipy.signal",
+        "scipy.spatial",
+        "scipy.special",
+    ),
     *("scipy.stats", "sklearn.gaussian_process", "threadpoolctl"),
 )
 TIMEOUT_S = 1200
@@ -52,8 +63,11 @@ def execute_script(script, file, edit=False):
 
 
 def _code_of(file):
-    # A thread that does not exist in this fork may have held the locks of the old streams.
-    sys.stdout, sys.stderr = (os.fdopen(number, "w", closefd=False) for number in (1, 2))
+    # A thread that does not exist in this fork may have held the locks of the old
+    # streams.
+    sys.stdout, sys.stderr = (
+        os.fdopen(number, "w", closefd=False) for number in (1, 2)
+    )
     try:
         runpy.run_path(file, run_name="__main__")
     except SystemExit as end:

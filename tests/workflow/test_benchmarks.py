@@ -22,7 +22,9 @@ pytestmark = pytest.mark.workflow
 def programs():
     """Return the names of the programs that measure; other files are imported by them, or draw."""
     files = (ROOT / "benchmarks").glob("*.py")
-    found = {file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()}
+    found = {
+        file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()
+    }
     return found - {"benchmark_figures"}
 
 
@@ -30,7 +32,15 @@ def programs():
 def linked(tmp_path_factory):
     """Return a folder like the checkout, without results."""
     folder = tmp_path_factory.mktemp("linked")
-    for part in ("Snakefile", "workflow", "config", "data", "src", "benchmarks", "tests"):
+    for part in (
+        "Snakefile",
+        "workflow",
+        "config",
+        "data",
+        "src",
+        "benchmarks",
+        "tests",
+    ):
         (folder / part).symlink_to(ROOT / part)
     return folder
 
@@ -45,12 +55,18 @@ def jobs(linked):
 
 def test_every_program_has_a_rule(jobs):
     assert len(programs()) >= 12
-    rules = {name.removeprefix("benchmark_") for name in jobs if name.startswith("benchmark_")}
+    rules = {
+        name.removeprefix("benchmark_")
+        for name in jobs
+        if name.startswith("benchmark_")
+    }
     assert rules - {"page"} == programs()
 
 
 def test_every_figure_has_a_rule_and_a_caption(jobs):
-    drawn = {name.removeprefix("figure_"): jobs[name] for name in jobs if "figure_" in name}
+    drawn = {
+        name.removeprefix("figure_"): jobs[name] for name in jobs if "figure_" in name
+    }
     assert set(drawn) == set(DRAWN)
     for figure, text in drawn.items():
         for suffix in ("svg", "png"):
@@ -58,9 +74,13 @@ def test_every_figure_has_a_rule_and_a_caption(jobs):
         assert f"workflow/captions/{figure}.md" in jobs["benchmark_page"]
 
 
-@pytest.mark.parametrize("name", [name for drawings in FIGURES.values() for name in drawings])
+@pytest.mark.parametrize(
+    "name", [name for drawings in FIGURES.values() for name in drawings]
+)
 def test_every_figure_has_a_caption_and_a_function(name):
-    assert (ROOT / f"workflow/captions/{name}.md").is_file() or name == "fig2_5_both_sides"
+    assert (
+        ROOT / f"workflow/captions/{name}.md"
+    ).is_file() or name == "fig2_5_both_sides"
     drawing = next(drawings[name] for drawings in FIGURES.values() if name in drawings)
     assert f"\ndef {drawing.place.partition(':')[2]}(" in source_of(name).read_text()
 
@@ -68,15 +88,25 @@ def test_every_figure_has_a_caption_and_a_function(name):
 @pytest.mark.parametrize("program", sorted(programs()))
 def test_the_tables_that_a_program_names_are_declared(jobs, program):
     text = (ROOT / "benchmarks" / f"{program}.py").read_text()
-    declared = next(x for x in jobs[f"benchmark_{program}"].splitlines() if "output:" in x)
+    declared = next(
+        x for x in jobs[f"benchmark_{program}"].splitlines() if "output:" in x
+    )
     assert f"results/benchmarks/{program}.csv" in declared
     for name in re.findall(r'with_name\(f?"([^"]+)"\)', text):
         assert "results/benchmarks/" + name.replace("{out.stem}", program) in declared
 
 
 def test_a_program_depends_on_what_it_imports(jobs):
-    inputs = next(x for x in jobs["benchmark_work_precision"].splitlines() if "input:" in x)
-    for module in ("work_precision", "machine", "peers/__init__", "peers/mujoco_peer", "exact"):
+    inputs = next(
+        x for x in jobs["benchmark_work_precision"].splitlines() if "input:" in x
+    )
+    for module in (
+        "work_precision",
+        "machine",
+        "peers/__init__",
+        "peers/mujoco_peer",
+        "exact",
+    ):
         assert f"benchmarks/{module}.py" in inputs
     assert "benchmarks/plate.py" not in inputs
 
@@ -85,14 +115,16 @@ def test_the_digest_of_the_code_is_one_that_snakemake_compares():
     """Snakemake does not rerun a rule for a parameter that is made from inputs."""
     for file in (ROOT / "workflow" / "rules").glob("*.smk"):
         digests = re.findall(r"^\s+code=(.*)$", file.read_text(), flags=re.MULTILINE)
-        assert not [one for one in digests if re.match(r"lambda [^:]*\binput\b", one)], file.name
+        assert not [
+            one for one in digests if re.match(r"lambda [^:]*\binput\b", one)
+        ], file.name
 
 
 def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch):
     """The tables have no rows, which the figures state; the page has every table.
 
-    Snakemake starts one of the rules, which are made in a loop; the commands of the others run
-    here.
+    Snakemake starts one of the rules, which are made in a loop; the commands of the
+    others run here.
     """
     tables = {
         "order.csv": "method,max_step,error_rms,in_fit,fitted_order,fitted_error",
@@ -113,13 +145,21 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs, monkeypatch
     }
     results = linked / "results" / "benchmarks"
     results.mkdir(parents=True)
-    every = {name for job in jobs.values() for name in re.findall(r"benchmarks/(\w+\.csv)", job)}
+    every = {
+        name
+        for job in jobs.values()
+        for name in re.findall(r"benchmarks/(\w+\.csv)", job)
+    }
     for name in every:
         (results / name).write_text(tables.get(name, "nothing") + "\n")
     monkeypatch.chdir(linked)
     for name in set(DRAWN) - {"fig4_4_scaling"}:
-        command = next(x for x in jobs[f"figure_{name}"].splitlines() if ".py" in x and " > " in x)
-        monkeypatch.setattr("sys.argv", shlex.split(command.split("python ")[1].split(" > ")[0]))
+        command = next(
+            x for x in jobs[f"figure_{name}"].splitlines() if ".py" in x and " > " in x
+        )
+        monkeypatch.setattr(
+            "sys.argv", shlex.split(command.split("python ")[1].split(" > ")[0])
+        )
         draw()
     page = "results/benchmarks/README.md"
     printed = completed(linked, page, "--rerun-triggers", "mtime")
@@ -159,7 +199,9 @@ def test_what_programs_take_from_each_other_is_there(program):
 
 def test_a_swing_under_faults_is_judged_by_its_own_stance():
     """When its pose was seen does not matter; a wrong pose, boom angle or stance is found."""
-    stances = [Stance(k, np.array([0.1 * k, 0, 6 + k]), 3.0 + k, False, False) for k in (1, 2)]
+    stances = [
+        Stance(k, np.array([0.1 * k, 0, 6 + k]), 3.0 + k, False, False) for k in (1, 2)
+    ]
     stances.append(Stance(np.nan, np.full(3, np.nan), 5.0, True, False))
     hops = [TrueHop(k - 0.3, 0.5, stance) for k, stance in enumerate(stances, start=1)]
 

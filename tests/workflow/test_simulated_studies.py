@@ -85,7 +85,12 @@ def test_a_small_study_of_a_control_runs_to_a_report(checkout):
     assert truth["exact_map_difference_coupling"]["value"] > 1
     assert abs(truth["scaling_slope_hopper"]["value"] - 2) < 0.15
     assert truth["scaling_slope_coupling"]["value"] < 1.4
-    assert 0 < truth["velocity_rms_pre"]["value"] < truth["velocity_rms_post"]["value"] < 100
+    assert (
+        0
+        < truth["velocity_rms_pre"]["value"]
+        < truth["velocity_rms_post"]["value"]
+        < 100
+    )
     assert 0 < truth["map_estimate_error_printed"]["value"] < 2
     assert (results / "figures" / "scaling_study.svg").exists()
     assert (results / "figures" / "map_matrices.svg").exists()
@@ -106,7 +111,9 @@ def small(config, hops):
 
 
 def test_a_small_study_of_a_hexapod_runs_to_a_report(checkout):
-    edited = edit_config(checkout, lambda c: small(c, 400), source="config/hexapod.yaml")
+    edited = edit_config(
+        checkout, lambda c: small(c, 400), source="config/hexapod.yaml"
+    )
     completed(checkout, "--configfile", edited)
     results = checkout / "results" / "hexapod"
     truth = json.loads((results / "truth.json").read_text())
@@ -130,7 +137,9 @@ def test_a_small_study_of_a_hexapod_runs_to_a_report(checkout):
 
 def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     edited = edit_config(checkout, lambda c: small(c, 160), source="config/biped.yaml")
-    completed(checkout, "--configfile", edited, "--", "results/biped/simulated/trial1.h5")
+    completed(
+        checkout, "--configfile", edited, "--", "results/biped/simulated/trial1.h5"
+    )
     made = checkout / "results" / "biped" / "simulated" / "trial1.h5"
     recording, truth = read_recording(made), read_truth(made)
     y_up = np.ascontiguousarray(recording.positions[..., [1, 2, 0]])
@@ -146,7 +155,8 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
         config["input"] = {"vertical_axis": "y"}
         config["distances"] = {"enabled": False}
         config["markers"] = {
-            role: [CALLED[name] for name in names] for role, names in config["markers"].items()
+            role: [CALLED[name] for name in names]
+            for role, names in config["markers"].items()
         }
         del config["simulation"]
 
@@ -157,8 +167,12 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     used = table[~table["excluded"]]
     assert len(used) >= 150
     assert set(used["schedule"]) == {"1>2", "2>1"}
-    found = used[[f"contact_{CALLED[foot]}_s" for foot in ("foot1", "foot2")]].to_numpy()
-    nearest = np.abs(found.mean(axis=1)[:, None] - truth.contact_times.mean(axis=1)).argmin(axis=1)
+    found = used[
+        [f"contact_{CALLED[foot]}_s" for foot in ("foot1", "foot2")]
+    ].to_numpy()
+    nearest = np.abs(
+        found.mean(axis=1)[:, None] - truth.contact_times.mean(axis=1)
+    ).argmin(axis=1)
     error = found - truth.contact_times[nearest]
     assert 1e3 * error.std() < 0.5, "ms"
     axis = read_recording(results / "recordings" / "trial1.h5").vertical_axis
@@ -169,7 +183,8 @@ def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     drawn = {path.stem for path in (results / "figures").iterdir()}
     assert {*FIGURES} - drawn == {OF_DISTANCES}
     assert escape(CALLED["foot1"]) in page
-    # The file has no truth and the study wants no distances, so there is nothing of either.
+    # The file has no truth and the study wants no distances, so there is nothing of
+    # either.
     assert "does not ask for constraint subspaces" in page
     for name in ("truth.json", "tables/distances.csv", "landings/velocity_minimum"):
         assert not (results / name).exists(), name
@@ -195,7 +210,9 @@ def steered(checkout):
             },
         }
 
-    own = "config/steered.yaml"  # other tests write to the place of edited configurations
+    own = (
+        "config/steered.yaml"  # other tests write to the place of edited configurations
+    )
     shutil.copy(checkout / edit_config(checkout, shorten), checkout / own)
     completed(checkout, "steering", "--configfile", own)
     return checkout, own
@@ -210,7 +227,9 @@ def test_a_steering_study_runs_to_a_page(steered):
     as_printed = {f"{name}, printed observation" for name in ("printed", "planner")}
     assert set(outcomes["controller"]) == who | as_printed
     trajectories = pd.read_csv(results / "tables" / "trajectories.csv")
-    assert trajectories.groupby(["seed", "experiment", "controller", "run"]).ngroups == 28
+    assert (
+        trajectories.groupby(["seed", "experiment", "controller", "run"]).ngroups == 28
+    )
     truth = json.loads((results / "truth.json").read_text())
     assert truth["missed_pairs"]["value"] == truth["invented_pairs"]["value"] == 0
     assert truth["heading_rms"]["value"] < 3, "mrad"
@@ -228,7 +247,9 @@ def test_a_steering_study_runs_to_a_page(steered):
 def test_a_key_of_the_experiments_leaves_the_model_alone(steered):
     folder, edited = steered
     config = (folder / edited).read_text()
-    (folder / "config" / "drag.yaml").write_text(config.replace("starts: 1", "starts: 3"))
+    (folder / "config" / "drag.yaml").write_text(
+        config.replace("starts: 1", "starts: 3")
+    )
     planned = planned_rules(folder, "steering", "--configfile", "config/drag.yaml")
     assert {"steering_experiments", "steering_outcomes", "steering_report"} <= planned
     assert "steering_learn" not in planned
@@ -244,7 +265,9 @@ def test_the_study_s_page_does_not_wait_for_the_steering(steered):
 def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
     """The excitation is a user's recording: there is a model and a page, but no experiments."""
     folder, _ = steered
-    recorded = folder / "results" / "steered" / "steering" / "seeds" / "1" / "excitation.h5"
+    recorded = (
+        folder / "results" / "steered" / "steering" / "seeds" / "1" / "excitation.h5"
+    )
     shutil.copy(recorded, folder / "data" / "mine.h5")
 
     def use(config):
@@ -277,4 +300,6 @@ def test_a_boom_that_does_not_move_is_told_in_words(steered):
     run = snakemake(folder, "steering", "--configfile", edit_config(folder, use))
     assert run.returncode != 0
     assert "hopdata: error:" in run.stdout + run.stderr
-    assert "boom" in (run.stdout + run.stderr).split("hopdata: error:")[1].splitlines()[0]
+    assert (
+        "boom" in (run.stdout + run.stderr).split("hopdata: error:")[1].splitlines()[0]
+    )

@@ -64,10 +64,15 @@ def test_nothing_is_left_to_do(sample):
 
 @pytest.mark.parametrize(
     ("block", "key", "value", "rules"),
-    [("distances", "noise_sd", 0.2, {"maps", "score"}), ("verdict", "margin", 0.15, {"verdict"})],
+    [
+        ("distances", "noise_sd", 0.2, {"maps", "score"}),
+        ("verdict", "margin", 0.15, {"verdict"}),
+    ],
 )
 def test_a_key_runs_only_its_stage_and_what_follows(sample, block, key, value, rules):
-    changed = edit_config(sample, lambda config: config.setdefault(block, {}).update({key: value}))
+    changed = edit_config(
+        sample, lambda config: config.setdefault(block, {}).update({key: value})
+    )
     planned = planned_rules(sample, "--configfile", changed)
     assert planned == {"all", "figures_maps", "report", *rules}
 
@@ -76,15 +81,25 @@ def test_the_verdict_on_the_sample(sample):
     """The bundled hopper is C1; whether its landings suffice to say so depends on them."""
     verdict = json.loads((sample / "results" / "sample" / "verdict.json").read_text())
     assert verdict["conclusion"] in {"no difference", "cannot tell"}
-    assert verdict["sentence"] in (sample / "results" / "sample" / "report.html").read_text()
-    assert verdict["effect"]["low"] <= verdict["effect"]["estimate"] <= verdict["effect"]["high"]
+    assert (
+        verdict["sentence"]
+        in (sample / "results" / "sample" / "report.html").read_text()
+    )
+    assert (
+        verdict["effect"]["low"]
+        <= verdict["effect"]["estimate"]
+        <= verdict["effect"]["high"]
+    )
 
 
 def test_the_check_foretells_what_the_study_found(sample, monkeypatch):
     monkeypatch.chdir(sample)
     config = load_config("config/config.yaml")
     recording, _ = import_recording(
-        ["data/sample/hopper.h5"], name="hopper", markers=config["markers"], **config["input"]
+        ["data/sample/hopper.h5"],
+        name="hopper",
+        markers=config["markers"],
+        **config["input"],
     )
     verdict = json.loads((sample / "results/sample/verdict.json").read_text())
     part = foretell(config, [recording])
@@ -93,10 +108,16 @@ def test_the_check_foretells_what_the_study_found(sample, monkeypatch):
     monkeypatch.setattr("hopdata.commands.forecast.MOST_FRAMES", len(recording.time))
     forecast = foretell(config, [recording])
     assert (forecast.used, forecast.stops) == (verdict["n_landings"], False)
-    assert forecast.detectable == pytest.approx(verdict["effect"]["detectable"], rel=0.01)
-    table = pd.read_csv(sample / "results/sample/tables/touchdowns.csv", keep_default_na=False)
+    assert forecast.detectable == pytest.approx(
+        verdict["effect"]["detectable"], rel=0.01
+    )
+    table = pd.read_csv(
+        sample / "results/sample/tables/touchdowns.csv", keep_default_na=False
+    )
     found = table.loc[table["excluded"], "reason"].value_counts()
-    assert forecast.left_out() == found.drop("no foot landed", errors="ignore").to_dict()
+    assert (
+        forecast.left_out() == found.drop("no foot landed", errors="ignore").to_dict()
+    )
 
 
 def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
@@ -128,7 +149,9 @@ def test_one_process_has_the_same_bytes(sample, tmp_path, monkeypatch):
 def test_accuracy_against_truth(sample):
     truth = json.loads((sample / "results" / "sample" / "truth.json").read_text())
     value = {name: entry["value"] for name, entry in truth.items()}
-    assert value["labels_right_of_all_kink"] >= 0.96, "of all landings, excluded ones included"
+    assert value["labels_right_of_all_kink"] >= 0.96, (
+        "of all landings, excluded ones included"
+    )
     assert value["labels_right_kink"] >= value["labels_right_of_all_kink"]
     assert value["labels_right_velocity_minimum"] < 0.9 < value["labels_right_kink"]
     assert value["unmatched_kink"] == 0
@@ -137,7 +160,9 @@ def test_accuracy_against_truth(sample):
     assert abs(value["section_post_error"]) <= 2, "mm"
     assert value["near_below_all_below_far"]
     assert value["random_clearance"] > 0.5, "rad above the 95 % quantile of all others"
-    sections = json.loads((sample / "results/sample/landings/sections.json").read_text())
+    sections = json.loads(
+        (sample / "results/sample/landings/sections.json").read_text()
+    )
     assert sections["pre_height_m"] - sections["post_height_m"] >= 0.14
     summary = pd.read_csv(sample / "results/sample/tables/prediction_summary.csv")
     median = summary.set_index("model")["median"]
@@ -156,7 +181,9 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
     target = sample / "data" / "external"
     target.mkdir(parents=True, exist_ok=True)
     shutil.copy(external_recording, target)
-    svg = edit_config(sample, lambda config: config.update(SVG), source="config/runner.yaml")
+    svg = edit_config(
+        sample, lambda config: config.update(SVG), source="config/runner.yaml"
+    )
     completed(sample, "--configfile", svg)
     results = sample / "results" / "runner"
     table = pd.read_csv(results / "tables" / "touchdowns.csv")
@@ -174,14 +201,18 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
 def test_contacts_known_from_elsewhere_are_laid_over(sample):
     """The truth serves as a table of another device, on its own clock, with one contact missing."""
     truth = read_truth(sample / "data" / "sample" / "hopper.h5")
-    known = pd.DataFrame(truth.contact_times * 1000 - 250, columns=["foot1", "foot2", "foot3"])
+    known = pd.DataFrame(
+        truth.contact_times * 1000 - 250, columns=["foot1", "foot2", "foot3"]
+    )
     known.loc[100, "foot2"] = None
     known.to_csv(sample / "data" / "known.csv", index=False)
     contacts = {"file": "data/known.csv", "unit": "ms", "offset_s": 0.25}
     config = edit_config(sample, lambda c: c["recordings"][0].update(contacts=contacts))
     completed(sample, "--configfile", config, cores=1)
     results = sample / "results" / "sample"
-    summary = pd.read_csv(results / "tables" / "contact_overlay_summary.csv", index_col="column")
+    summary = pd.read_csv(
+        results / "tables" / "contact_overlay_summary.csv", index_col="column"
+    )
     assert summary["n_invented"].tolist() == [0, 1, 0]
     assert (summary["n_matched"] >= 0.99 * summary["n_external"]).all()
     assert (summary["bias_s"].abs() < 1e-4).all()
@@ -200,11 +231,18 @@ def test_gaps_are_filled_only_where_they_can_be(tmp_path, body, filling, fills):
     def simulate(config):
         config["recordings"] = [{"name": "hopper"}]
         config["markers"]["body"] = [f"body{i + 1}" for i in range(body)]
-        places = [[0.13, 0.03, 0.05], [-0.08, 0.11, 0.075], [-0.07, -0.14, 0.055], [0.0, 0.0, 0.1]]
+        places = [
+            [0.13, 0.03, 0.05],
+            [-0.08, 0.11, 0.075],
+            [-0.07, -0.14, 0.055],
+            [0.0, 0.0, 0.1],
+        ]
         config["motion_capture"] = {"markers": {"body_m": places[:body]}}
         config["filling"] = filling
 
-    printed = completed(folder, "--dry-run", "--configfile", edit_config(folder, simulate))
+    printed = completed(
+        folder, "--dry-run", "--configfile", edit_config(folder, simulate)
+    )
     assert ("tables/filled.csv" in printed) == fills
 
 
@@ -236,7 +274,10 @@ def test_a_python_that_snakemake_cannot_start_is_told_at_once(tmp_path):
     (tmp_path / "my tools").mkdir()
     python = tmp_path / "my tools" / "python"
     python.symlink_to(sys.executable)
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), *sys.path])}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), *sys.path]),
+    }
     run = subprocess.run(
         [python, "-m", "snakemake", "--cores", "1", "--dry-run", "--snakefile", ROOT / "Snakefile",
          "--configfile", ROOT / "config/config.yaml"],
@@ -262,7 +303,9 @@ def test_a_mistake_is_one_clear_message_and_nothing_half_written(sample, name):
     assert all(word in message[0] for word in words), message
     assert "Traceback" not in run.stderr
     written = [
-        p for p in (sample / "results" / "mistake").rglob("*") if p.suffix in {".h5", ".csv"}
+        p
+        for p in (sample / "results" / "mistake").rglob("*")
+        if p.suffix in {".h5", ".csv"}
     ]
     assert written == []
 
@@ -274,7 +317,9 @@ def test_a_mistake_is_one_clear_message_and_nothing_half_written(sample, name):
         ("sample_control", "sample_control/bundled/control.h5", True),
     ],
 )
-def test_the_bundled_recordings_are_what_the_committed_rules_make(sample, config, made, differs):
+def test_the_bundled_recordings_are_what_the_committed_rules_make(
+    sample, config, made, differs
+):
     """Their truth has the difference of the exact maps, shown on the page with both verdicts."""
     made = Path("results") / made
     completed(sample, "--configfile", f"config/{config}.yaml", "--", str(made))
@@ -282,10 +327,15 @@ def test_the_bundled_recordings_are_what_the_committed_rules_make(sample, config
     bundled = sample / "data" / "sample" / made.name
     assert bundled.stat().st_size < 4_700_000  # positions are float64
     np.testing.assert_allclose(
-        read_recording(made).positions, read_recording(bundled).positions, rtol=0, atol=2e-5
+        read_recording(made).positions,
+        read_recording(bundled).positions,
+        rtol=0,
+        atol=2e-5,
     )
     truth, again = read_truth(bundled), read_truth(made)
-    np.testing.assert_allclose(again.contact_times, truth.contact_times, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        again.contact_times, truth.contact_times, rtol=0, atol=1e-6
+    )
     assert np.isfinite(truth.contact_times).all(axis=1).sum() >= 400
     assert again.true_effect == pytest.approx(truth.true_effect, rel=1e-5, abs=1e-9)
     assert truth.true_effect > 0.5 if differs else truth.true_effect < 1e-9
@@ -299,7 +349,10 @@ def test_a_file_where_the_results_belong_is_told_at_once(tmp_path, taken):
     config = edit_config(folder, lambda config: config.update(study="taken"))
     run = snakemake(folder, "--dry-run", "--configfile", config)
     assert run.returncode == 1
-    assert f"hopdata: error: {taken}: expected a folder for the results, found a file" in run.stderr
+    assert (
+        f"hopdata: error: {taken}: expected a folder for the results, found a file"
+        in run.stderr
+    )
     assert "Traceback" not in run.stderr
 
 
@@ -323,7 +376,9 @@ def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path)
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
     config["recordings"][0]["file"] = str(part_of_sample(tmp_path / "hopper.h5", 60))
     (tmp_path / "landing.yaml").write_text(yaml.safe_dump({"landing": config}))
-    (tmp_path / "Snakefile").write_text(MODULE.format(snakefile=str(ROOT / "Snakefile")))
+    (tmp_path / "Snakefile").write_text(
+        MODULE.format(snakefile=str(ROOT / "Snakefile"))
+    )
     run = snakemake(
         tmp_path, "--executor", "cluster-generic", "--cluster-generic-submit-cmd", "bash",
         "--jobs", "1", "--until", "landing_recording", "--seconds-between-status-checks", "1",
@@ -349,7 +404,9 @@ def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
 
 def test_the_profile_groups_rules_that_there_are():
     profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
-    rules = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
+    rules = "".join(
+        path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk")
+    )
     names = set(re.findall(r"^rule (\w+):", rules, re.MULTILINE))
     names |= {f"figures_{kind}" for kind in CATALOGUE}
     assert {entry.split("=")[0] for entry in profile["groups"]} <= names
@@ -370,7 +427,9 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
     lock.write_text(f"{figure}\n")
     run = snakemake(sample, figure)
     assert run.returncode == 1
-    said = next(line for line in run.stderr.splitlines() if line.startswith("hopdata: "))
+    said = next(
+        line for line in run.stderr.splitlines() if line.startswith("hopdata: ")
+    )
     unlock = shlex.split(said.split("unlock the folder: ")[1])
     assert unlock[-1] == "--unlock"
     assert subprocess.run(unlock, cwd=sample, check=False, timeout=120).returncode == 0
@@ -383,7 +442,10 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
 
 def test_a_clock_that_jumps_is_told_and_what_another_file_replaced_is_read(sample):
     """A source dated ahead is refused, such results are named, and an older source is read anew."""
-    source, made = sample / "data/sample/hopper.h5", "results/sample/recordings/hopper.h5"
+    source, made = (
+        sample / "data/sample/hopper.h5",
+        "results/sample/recordings/hopper.h5",
+    )
     seconds, before = source.stat().st_mtime, (sample / made).read_bytes()
     os.utime(source, (seconds, time.time() + 86_400))
     run = snakemake(sample, made)

@@ -12,4 +12,6 @@ with reported(snakemake.log[0]):
     recording, truth = read_recording(source.recording), read_truth(source.recording)
     states = read_pairs(source.pairs).x
     effect = true_effect(read_json(source.maps), states, truth.contact_times)
-    write_recording(snakemake.output[0], recording, truth=replace(truth, true_effect=effect))
+    write_recording(
+        snakemake.output[0], recording, truth=replace(truth, true_effect=effect)
+    )

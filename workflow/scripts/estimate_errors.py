@@ -4,12 +4,21 @@ import numpy as np
 
 from hopdata.jobs import read_json, read_table, reported, write_table
 from hopdata.landings.states.pairs import read_pairs
-from hopdata.maps.truth.maps import estimate_errors, exact_map, true_effect, verdict_errors
+from hopdata.maps.truth.maps import (
+    estimate_errors,
+    exact_map,
+    true_effect,
+    verdict_errors,
+)
 from hopdata.maps.truth.scoring import state_errors, true_rows
 from hopdata.recordings.readers.hdf5 import read_truth
 
 with reported(snakemake.log[0]):
-    source, output, names = snakemake.input, snakemake.output, snakemake.params.recordings
+    source, output, names = (
+        snakemake.input,
+        snakemake.output,
+        snakemake.params.recordings,
+    )
     pairs, true = read_pairs(source.pairs), read_pairs(source.true_pairs)
     contacts = {
         name: read_truth(path).contact_times

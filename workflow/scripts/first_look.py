@@ -19,7 +19,10 @@ with reported(snakemake.log[0]):
             "true": read_truth(recording).true_effect,
         }
     pictures = [
-        picture_of(figure, facts) for figure in read_figures(source.figures, [source.captions])
+        picture_of(figure, facts)
+        for figure in read_figures(source.figures, [source.captions])
     ]
     with whole_file(snakemake.output[0]) as file:
-        file.write_text(rendered("first_look.html.j2", pictures=pictures), encoding="utf-8")
+        file.write_text(
+            rendered("first_look.html.j2", pictures=pictures), encoding="utf-8"
+        )

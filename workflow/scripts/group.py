@@ -17,7 +17,11 @@ with reported(snakemake.log[0]):
     table = pd.DataFrame(flat).drop(columns=["further", "quality"], errors="ignore")
     write_table(snakemake.output.table, table)
     write_json(snakemake.output.answer, group)
-    save_figure(group_figure(group), Path(snakemake.output.figure).with_suffix(""), formats=["svg"])
+    save_figure(
+        group_figure(group),
+        Path(snakemake.output.figure).with_suffix(""),
+        formats=["svg"],
+    )
     drawn = [snakemake.output.figure] * any(not row["reason"] for row in rows)
     figures = read_figures(drawn, [snakemake.input.captions])
     with whole_file(snakemake.output.page) as temporary:

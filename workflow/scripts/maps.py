@@ -7,7 +7,11 @@ from hopdata.maps.prediction import bootstrap_prediction
 from hopdata.maps.subspaces import bootstrap_subspaces, measure_distances
 
 with reported(snakemake.log[0]):
-    pairs, params, output = read_pairs(snakemake.input.pairs), snakemake.params, snakemake.output
+    pairs, params, output = (
+        read_pairs(snakemake.input.pairs),
+        snakemake.params,
+        snakemake.output,
+    )
     states, seed = (*pairs.normalised(), pairs.schedule), {"seed": params.seed}
     units = {"time_unit_s": pairs.time_unit_s}
     lengths = {"length_unit_m": pairs.length_unit_m}
@@ -22,7 +26,9 @@ with reported(snakemake.log[0]):
     write_json(output.maps, estimates.to_dict())
     write_json(output.estimate_notes, estimates.notes)
     if params.distances["enabled"]:
-        options = {key: value for key, value in params.distances.items() if key != "enabled"}
+        options = {
+            key: value for key, value in params.distances.items() if key != "enabled"
+        }
         subspaces = bootstrap_subspaces(*states, **seed, **params.subspaces)
         options |= {"streams": subspaces.streams, **seed}
         apart = measure_distances(subspaces.bases, subspaces.shape, **options)

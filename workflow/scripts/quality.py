@@ -14,7 +14,9 @@ with reported(snakemake.log[0]):
     sections = Sections.from_dict(read_json(source.sections))
     landings = zip(levelled, map(read_table, source.landings), strict=True)
     landings = {recording.name: table for recording, table in landings}
-    options = {key: value for key, value in params.sections.items() if key != "grid_nodes"}
+    options = {
+        key: value for key, value in params.sections.items() if key != "grid_nodes"
+    }
     tables = {
         "stability": section_stability(levelled, sections, options, landings),
         "drift": drift_table(levelled, touchdowns),

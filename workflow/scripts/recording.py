@@ -29,6 +29,10 @@ with reported(snakemake.log[0]):
         ready = fill_gaps(ready, longest_s=params.longest_s, overwrite=True)
     write_recording(snakemake.output.ready, ready)
     write_json(snakemake.output.floor, floor.to_dict())
-    del recording, truth, ready  # free the memory, then read the recording as later stages do
+    del (
+        recording,
+        truth,
+        ready,
+    )  # free the memory, then read the recording as later stages do
     ready = read_recording(snakemake.output.ready)
     write_table(snakemake.output.landings, find_landings(ready, **params.contacts))

@@ -12,10 +12,14 @@ TABLES = ("touchdowns", "prediction", "faults", "remarks")
 
 with reported(snakemake.log[0]):
     source = snakemake.input
-    read = map(read_recording, source.recordings)  # lazy, so that no recording stays in memory
+    read = map(
+        read_recording, source.recordings
+    )  # lazy, so that no recording stays in memory
     facts = [(describe_recording(r), r.source, r.source_sha256) for r in read]
     recordings, names = [one for one, *_ in facts], [one["name"] for one, *_ in facts]
-    stage_times = [Path(path) for path in snakemake.params.stage_times if Path(path).exists()]
+    stage_times = [
+        Path(path) for path in snakemake.params.stage_times if Path(path).exists()
+    ]
     digests = {file: sha256 for _, file, sha256 in facts}
     record = provenance(snakemake.params.study, digests, stage_times)
     page = build_report(

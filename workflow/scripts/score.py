@@ -9,7 +9,11 @@ from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 
 with reported(snakemake.log[0]):
     source = snakemake.input
-    truths = dict(zip(snakemake.params.recordings, map(read_truth, source.recordings), strict=True))
+    truths = dict(
+        zip(
+            snakemake.params.recordings, map(read_truth, source.recordings), strict=True
+        )
+    )
     floors = [FloorModel.from_dict(read_json(path)) for path in source.floors]
     tables = {
         method: read_tables(source[f"{method}_{name}"] for name in truths)
@@ -22,7 +26,8 @@ with reported(snakemake.log[0]):
         tables=tables,
         sections=read_json(source.sections),
         recordings={
-            name: read_recording(path) for name, path in zip(truths, source.recordings, strict=True)
+            name: read_recording(path)
+            for name, path in zip(truths, source.recordings, strict=True)
         },
         prediction_summary=read_table(source.prediction),
         distance_summary=read_table(source.distances) if source.distances else None,

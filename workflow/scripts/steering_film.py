@@ -4,6 +4,8 @@ from hopdata.figures.steering import save_film
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):
-    film, example = (read_table(path) for path in (snakemake.input.film, snakemake.input.example))
+    film, example = (
+        read_table(path) for path in (snakemake.input.film, snakemake.input.example)
+    )
     chosen = [table[table["experiment"] == "origin"] for table in (film, example)]
     save_film(snakemake.output.film, *chosen)

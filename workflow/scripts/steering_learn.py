@@ -18,14 +18,19 @@ with reported(snakemake.log[0]):
     recordings = [read_recording(path) for path in snakemake.input]
     if not recordings:
         trial = simulate_excitation(
-            steering, snakemake.params.motion_capture, seed=seed, observation=observation
+            steering,
+            snakemake.params.motion_capture,
+            seed=seed,
+            observation=observation,
         )
         recordings = [trial.recording]
         write_recording(output.recording, trial.recording)
         write_table(output.true_stances, trial.stances)
         write_table(output.true_motion, trial.motion)
     limit = steering["robot"]["swing_limit_rad"]
-    observed = observe_recordings(recordings, swing_limit_rad=limit, observation=observation)
+    observed = observe_recordings(
+        recordings, swing_limit_rad=limit, observation=observation
+    )
     process, scores = learn(observed.changes, steering["model"], seed=seed)
     save_process(output.model, process)
     observed.geometry.save(output.geometry)

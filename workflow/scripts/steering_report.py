@@ -11,9 +11,13 @@ from hopdata.report.steering import build_steering_report
 with reported(snakemake.log[0]):
     source = snakemake.input
     recordings = [read_recording(path) for path in source.recordings]
-    stage_times = [Path(path) for path in snakemake.params.stage_times if Path(path).exists()]
+    stage_times = [
+        Path(path) for path in snakemake.params.stage_times if Path(path).exists()
+    ]
     record = provenance(
-        snakemake.params.study, {r.source: r.source_sha256 for r in recordings}, stage_times
+        snakemake.params.study,
+        {r.source: r.source_sha256 for r in recordings},
+        stage_times,
     )
     simulated = ("outcomes", "horizons", "examples")  # a recorded robot has none
     inputs = SteeringInputs(

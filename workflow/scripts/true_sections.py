@@ -12,9 +12,15 @@ with reported(snakemake.log[0]):
     found, body = read_json(snakemake.input.sections), snakemake.params.markers["body"]
     truths = [read_truth(path) for path in snakemake.input.recordings]
     scene = common_scene(truths)
-    sections = SectionHeights(found["pre_height_m"], found["post_height_m"], scene.points_of(body))
+    sections = SectionHeights(
+        found["pre_height_m"], found["post_height_m"], scene.points_of(body)
+    )
     states = [true_states(truth, scene, sections) for truth in truths]
-    names = [name for name, s in zip(snakemake.params.recordings, states, strict=True) for _ in s.x]
+    names = [
+        name
+        for name, s in zip(snakemake.params.recordings, states, strict=True)
+        for _ in s.x
+    ]
     columns = {
         name: np.concatenate([getattr(s, name) for s in states])
         for name in ("x", "y", "schedule", "spread_s", "index")

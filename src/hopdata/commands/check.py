@@ -13,7 +13,11 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2
 from hopdata.commands import terminal
 from hopdata.errors import AnalysisError, RecordingError
-from hopdata.recordings.external import ForceSignal, read_contact_times, read_force_signals
+from hopdata.recordings.external import (
+    ForceSignal,
+    read_contact_times,
+    read_force_signals,
+)
 
 if TYPE_CHECKING:
     from hopdata.recording import Recording
@@ -33,26 +37,43 @@ def check(options: argparse.Namespace) -> int:
     bring_bundled(Path(options.config))
     content, studies = read_yaml(options.config), [options.config]
     if isinstance(content, Mapping) and "samples" in content:
-        studies = [one["config"] for one in read_group(options.config)["members"].values()]
+        studies = [
+            one["config"] for one in read_group(options.config)["members"].values()
+        ]
     first, *others = (load_config(one, files=[options.config]) for one in studies)
-    print(f"study {first['study']}" + f", the first of {len(studies)} of a group" * bool(others))
+    print(
+        f"study {first['study']}"
+        + f", the first of {len(studies)} of a group" * bool(others)
+    )
     mistakes: list[str] = []
     remarks: list[str] = []
     sound: list[Recording] = []
-    for config, entry in ((one, entry) for one in (first, *others) for entry in one["recordings"]):
+    for config, entry in (
+        (one, entry) for one in (first, *others) for entry in one["recordings"]
+    ):
         if not (files := files_of(entry)):
-            hops, cut_s = map(simulation_of(config, entry["name"]).get, ("hops", "duration_s"))
+            hops, cut_s = map(
+                simulation_of(config, entry["name"]).get, ("hops", "duration_s")
+            )
             cut = "" if cut_s is None else f", cut at {cut_s:g} s"
             print(f"{entry['name']}: simulated, {hops} hops{cut}: see hopdata plan")
             continue
         asked = {key: entry[key] for key in ("name", "exclude")} | config["input"]
         try:
             with terminal.progress_line(f"reading {', '.join(files)}") as progress:
-                recording, _ = import_recording(files, markers=config["markers"], **asked)
+                recording, _ = import_recording(
+                    files, markers=config["markers"], **asked
+                )
                 progress(f"checking {', '.join(files)}")
                 check_plausible(recording, **config["quality"])
-            span_s, rate_hz = recording.time[[0, -1]].tolist(), config["input"]["rate_hz"]
-            of: dict[str, Any] = {"feet": feet_of(config), "extent_m": extent(recording.positions)}
+            span_s, rate_hz = (
+                recording.time[[0, -1]].tolist(),
+                config["input"]["rate_hz"],
+            )
+            of: dict[str, Any] = {
+                "feet": feet_of(config),
+                "extent_m": extent(recording.positions),
+            }
             known = describe_external(entry, span_s=span_s, rate_hz=rate_hz, **of)
         except RecordingError as error:
             key = re.search(r"markers\.\w+: expected .*", str(error))
@@ -60,10 +81,16 @@ def check(options: argparse.Namespace) -> int:
             mistakes.append(f"{place}: {error}" if place else str(error))
             continue
         brief = f"study {config['study']}: {recording.told()}"
-        print("\n".join([_summary(recording, config), *known]) if config is first else brief)
+        print(
+            "\n".join([_summary(recording, config), *known])
+            if config is first
+            else brief
+        )
         sound += [recording] * (config is first)
         remarks += [*notes(recording), *_suspects(recording, rate_hz)]
-        remarks += [f"{recording.place}: {moves}" for moves in [moving(recording)] if moves]
+        remarks += [
+            f"{recording.place}: {moves}" for moves in [moving(recording)] if moves
+        ]
     for remark in remarks:
         print(f"note: {remark}")
     if mistakes:
@@ -129,11 +156,17 @@ def _percent(share: float) -> str:
 
 # Contents of a recording's external files, in a few lines.
 
-# Mass over the cube of the markers' span, kg/m³: about 40 for a runner, 20 for the hopper, 5000 for
-# a runner of whom only a shoe is seen. A wrong unit changes it by a factor of 1000.
+# Mass over the cube of the markers' span, kg/m³: about 40 for a runner, 20 for the
+# hopper, 5000 for a runner of whom only a shoe is seen. A wrong unit changes it by a
+# factor of 1000.
 PLAUSIBLE_MASS = (1.0, 5000.0)
-PLAUSIBLE_SHARE = (0.02, 3.0)  # mean force over body weight, including a plate under one foot
-LEAST_OVERLAP = 0.75  # of the recording and of the signal; below it, their clocks are doubtful
+PLAUSIBLE_SHARE = (
+    0.02,
+    3.0,
+)  # mean force over body weight, including a plate under one foot
+LEAST_OVERLAP = (
+    0.75  # of the recording and of the signal; below it, their clocks are doubtful
+)
 
 
 def describe_external(
@@ -171,7 +204,9 @@ def describe_external(
     """
     lines = []
     if recording["contacts"]["file"] is not None:
-        for known in read_contact_times(recording["contacts"], feet=feet, rate_hz=rate_hz):
+        for known in read_contact_times(
+            recording["contacts"], feet=feet, rate_hz=rate_hz
+        ):
             first, last = known.span_s
             told = f"{known.column.name}: {len(known.instant)}, {first:.3f} to {last:.3f} s"
             lines.append(f"  contacts  {told}, of {', '.join(known.column.feet)}")

@@ -39,7 +39,11 @@ def drive(options: argparse.Namespace) -> int:
     from hopdata.steering.live.drive import drive as driven
     from hopdata.steering.live.log import DriveLog
     from hopdata.steering.live.safety import Limits, NoBoom, UdpBoom
-    from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
+    from hopdata.steering.live.simulated import (
+        LiveHopper,
+        SimulatedBoom,
+        SimulatedStream,
+    )
     from hopdata.steering.robot import SteeredHopper
 
     if options.rehearse:
@@ -61,7 +65,11 @@ def drive(options: argparse.Namespace) -> int:
     if options.host is None:
         boom = simulated = SimulatedBoom()
         hopper = LiveHopper(
-            SteeredHopper(), simulated.newest, pose=START, rate_hz=options.rate, seed=SEED
+            SteeredHopper(),
+            simulated.newest,
+            pose=START,
+            rate_hz=options.rate,
+            seed=SEED,
         )
         stream = SimulatedStream(hopper)
     if options.dry_run:
@@ -84,7 +92,9 @@ def drive(options: argparse.Namespace) -> int:
         if log.failure:
             print(f"log: {path} holds the drive up to when {log.failure}")
         print(f"log: {path}; hopdata replay {path} plays it again")
-    print(f"{counted(len(done.decisions), 'stance')}, {counted(len(done.rests), 'rest')}:")
+    print(
+        f"{counted(len(done.decisions), 'stance')}, {counted(len(done.rests), 'rest')}:"
+    )
     for rest in done.rests:
         print(f"  {rest.cause}")
     return terminal.OK
@@ -113,8 +123,12 @@ def _rehearse(options: argparse.Namespace) -> int:
     if options.host is not None:
         geometry = _named_geometry(options.model)
         names = (*geometry.body_names, str(geometry.boom_name))
-        print("With the robot on a rope, and a hand on the emergency stop. Begin each act while it")
-        print("hops, or while you lift it and set it down: without a stance no swing is sent.\n")
+        print(
+            "With the robot on a rope, and a hand on the emergency stop. Begin each act while it"
+        )
+        print(
+            "hops, or while you lift it and set it down: without a stance no swing is sent.\n"
+        )
         print(f"  {'do this':{ACT_WIDTH}}  the boom must rest, and the screen must say")
         for act in acts(names, limits):
             if act.by_hand:
@@ -124,7 +138,9 @@ def _rehearse(options: argparse.Namespace) -> int:
         progress("learning the geometry of the simulated hopper")
         geometry = simulated_geometry()
     print("SIMULATED hopper; there is no robot\n")
-    print(f"  {'act':{ACT_WIDTH}}  {'rest expected':{REST_WIDTH}}  {'ms':>5}  what happened")
+    print(
+        f"  {'act':{ACT_WIDTH}}  {'rest expected':{REST_WIDTH}}  {'ms':>5}  what happened"
+    )
     missing = 0
     logging.disable(logging.ERROR)  # the table says what the loop would log
     try:
@@ -157,7 +173,9 @@ def _named_geometry(folder: Path | None) -> HopperGeometry:
     from hopdata.steering.observation.geometry import load_geometry
 
     if folder is None:
-        raise ConfigError("--model: expected the folder of what was learned from this robot")
+        raise ConfigError(
+            "--model: expected the folder of what was learned from this robot"
+        )
     return load_geometry(folder / GEOMETRY)
 
 
@@ -170,7 +188,10 @@ def replay(options: argparse.Namespace) -> int:
 
     log = read_log(options.log)
     geometry, controller = _parts(log.setup, log.files)
-    observers, limits = observers_of(geometry, log.setup["rate_hz"]), Limits(**log.setup["limits"])
+    observers, limits = (
+        observers_of(geometry, log.setup["rate_hz"]),
+        Limits(**log.setup["limits"]),
+    )
     plans = replayed(log, observers, controller, limits=limits)
     what = "simulated hopper" if log.setup["simulated"] else "recorded robot"
     print(f"{options.log}: {what}, {counted(len(log.frames), 'frame')}, ", end="")
@@ -178,8 +199,12 @@ def replay(options: argparse.Namespace) -> int:
     for event in log.events[log.events["kind"] == "rest"].itertuples():
         print(f"  at rest at {event.sent_s:.3f} s: {event.text}")
     for plan in (other := plans[~plans["same"]]).itertuples():
-        print(f"  {plan.told_s:.3f} s: planned {plan.then_rad!r} then, {plan.now_rad!r} now")
-    print(f"{len(plans) - len(other)} of {counted(len(plans), 'plan')} the same to the bit")
+        print(
+            f"  {plan.told_s:.3f} s: planned {plan.then_rad!r} then, {plan.now_rad!r} now"
+        )
+    print(
+        f"{len(plans) - len(other)} of {counted(len(plans), 'plan')} the same to the bit"
+    )
     return terminal.PROBLEM if len(other) else terminal.OK
 
 
@@ -187,13 +212,24 @@ def _require_whole(options: argparse.Namespace) -> None:
     """Refuse options that would move nothing, or something that nobody has named."""
     real = options.host is not None
     if real and options.model is None:
-        raise ConfigError("--model: expected the folder of what was learned from this robot")
+        raise ConfigError(
+            "--model: expected the folder of what was learned from this robot"
+        )
     if real and (options.boom is None) != options.dry_run:
-        raise ConfigError("--host: expected either --boom HOST:PORT or --dry-run with it")
+        raise ConfigError(
+            "--host: expected either --boom HOST:PORT or --dry-run with it"
+        )
     if not real and options.boom is not None:
-        raise ConfigError("--boom: expected --host with it; the simulated hopper has its own boom")
+        raise ConfigError(
+            "--boom: expected --host with it; the simulated hopper has its own boom"
+        )
     port = "" if options.boom is None else options.boom.rpartition(":")[2]
-    require(options.boom is None or port.isdecimal(), "--boom", "HOST:PORT", f"{options.boom!r}")
+    require(
+        options.boom is None or port.isdecimal(),
+        "--boom",
+        "HOST:PORT",
+        f"{options.boom!r}",
+    )
 
 
 def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:
@@ -208,7 +244,9 @@ def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:
             folder = Path(temporary)
             geometry.save(folder / GEOMETRY)
             save_process(folder / MODEL, process)
-        load_geometry(folder / GEOMETRY)  # these report what is wrong, and with which file
+        load_geometry(
+            folder / GEOMETRY
+        )  # these report what is wrong, and with which file
         load_process(folder / MODEL)
         return {name: (folder / name).read_bytes() for name in (GEOMETRY, MODEL)}
 
@@ -225,7 +263,9 @@ def _learned() -> tuple[Any, Any]:
     swings = eulerian_excitation(ControlGrid(), rng)[: LEARNED_HOPS + 20]
     recording = record_trial(robot, swings, seed=SEED).recording
     seen = observe_recordings([recording], swing_limit_rad=robot.swing_limit_rad)
-    return seen.geometry, trained_process(seen.changes.used().rows(np.arange(LEARNED_HOPS)))
+    return seen.geometry, trained_process(
+        seen.changes.used().rows(np.arange(LEARNED_HOPS))
+    )
 
 
 def _parts(
@@ -240,7 +280,10 @@ def _parts(
     with tempfile.TemporaryDirectory() as folder:
         for name, content in files.items():
             Path(folder, name).write_bytes(content)
-        geometry, process = load_geometry(f"{folder}/{GEOMETRY}"), load_process(f"{folder}/{MODEL}")
+        geometry, process = (
+            load_geometry(f"{folder}/{GEOMETRY}"),
+            load_process(f"{folder}/{MODEL}"),
+        )
     goal: ToPoint | ToHeading = ToPoint(point_m=tuple(setup["to"]))
     if setup["heading_deg"] is not None:
         goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
@@ -262,16 +305,22 @@ def _title(options: argparse.Namespace) -> str:
 class Screen:
     """Shows pose, hop, plan, time left and faults: a picture on a terminal, else a line per hop.
 
-    On a terminal, Enter is the operator's stop key: the boom rests and the drive is over.
+    On a terminal, Enter is the operator's stop key: the boom rests and the drive is
+    over.
     """
 
-    def __init__(self, title: str, seconds: float | None, command_s: float, log: DriveLog) -> None:
+    def __init__(
+        self, title: str, seconds: float | None, command_s: float, log: DriveLog
+    ) -> None:
         self._title, self._seconds, self._command_s = title, seconds, command_s
         self._log = log
         self._begun = self._drawn = time.monotonic()
         self._hops, self._rests, self._last = 0, 0, "no stance yet"
         self._live, self._lines = sys.stdout.isatty() and sys.stdin.isatty(), 0
-        print(title + ("\nEnter or Ctrl-C: the boom rests, and it ends" if self._live else ""))
+        print(
+            title
+            + ("\nEnter or Ctrl-C: the boom rests, and it ends" if self._live else "")
+        )
 
     def decided(self, decision: Decision) -> None:
         """Record the decision at a stance; called in the loop's thread."""
@@ -302,7 +351,11 @@ class Screen:
         if now < self._drawn + DRAW_S:
             return
         self._drawn, passed = now, now - self._begun
-        left = "" if self._seconds is None else f", {max(0.0, self._seconds - passed):.0f} s left"
+        left = (
+            ""
+            if self._seconds is None
+            else f", {max(0.0, self._seconds - passed):.0f} s left"
+        )
         counts = stream.counts
         lines = [
             f"{passed:6.0f} s{left}; stream {stream.states.status.state}, {counts.frames} frames, "
@@ -322,5 +375,7 @@ class Screen:
 def _enter_pressed() -> bool:
     import select
 
-    ready = select.select([sys.stdin], [], [], 0.0)[0] if sys.platform != "win32" else []
+    ready = (
+        select.select([sys.stdin], [], [], 0.0)[0] if sys.platform != "win32" else []
+    )
     return bool(ready) and sys.stdin.readline() != ""

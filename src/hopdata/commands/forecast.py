@@ -1,7 +1,8 @@
 """Forecast of a study before it runs: landings used, and what its verdict can show.
 
-The study runs in one process, without tables and figures. Of the verdict, only the smallest
-difference that it can show is reported, so that no choice depends on its answer.
+The study runs in one process, without tables and figures. Of the verdict, only the
+smallest difference that it can show is reported, so that no choice depends on its
+answer.
 """
 
 from __future__ import annotations
@@ -31,11 +32,16 @@ from hopdata.report.formatting import WORDS
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
 MOST_FRAMES = 60_000  # frames examined; of longer studies, the middle of each recording
 LEAST_SHARE = 0.1  # of the landings: least cost of a reason that is worth a change
-LEFT_BY_BEST = 0.5  # of the landings: a section that holds fewer at any height cannot be improved
-MOST_ALIKE = 0.8  # of the landings in one contact order: beyond it, more of them hardly help
+LEFT_BY_BEST = (
+    0.5  # of the landings: a section that holds fewer at any height cannot be improved
+)
+MOST_ALIKE = (
+    0.8  # of the landings in one contact order: beyond it, more of them hardly help
+)
 MOST_UNSURE = 0.5  # of the orders: beyond it they reveal little
 FEW_LANDINGS = 10  # per recording; with fewer, contacts are learned less well
-#: Bound of a study without a difference, as a share of the difference it detects (0.75 to 1).
+#: Bound of a study without a difference, as a share of the difference it detects (0.75
+#: to 1).
 BOUND_SHARE = 0.75
 #: Advice for each reason that costs landings.
 CHANGES: dict[str, str] = WORDS["changes"]
@@ -52,8 +58,8 @@ class Forecast:
     frames_share
         Share of the study's frames that were examined.
     detectable
-        Difference that the verdict detects with its power, given all landings; None if it cannot
-        show any.
+        Difference that the verdict detects with its power, given all landings; None if
+        it cannot show any.
     allowed
         Largest difference that is no evidence, with any number of landings.
     reason
@@ -61,7 +67,8 @@ class Forecast:
     stops
         Whether the study has too few touchdowns to run to its end.
     best
-        Share of the landings held by each section that was chosen to hold as many as it can.
+        Share of the landings held by each section that was chosen to hold as many as it
+        can.
     kinds
         What divides the landings into two kinds; empty if they are of one.
     """
@@ -98,8 +105,14 @@ class Forecast:
 
     def unsure_without(self, foot: str, feet: Sequence[str], below: float) -> float:
         """Return the share of landings used with an order too improbable without a foot."""
-        used, others = self.touchdowns[~self.touchdowns["excluded"]], [f for f in feet if f != foot]
-        of = [used[[f"{what}_{f}_s" for f in others]].to_numpy() for what in ("contact", "se")]
+        used, others = (
+            self.touchdowns[~self.touchdowns["excluded"]],
+            [f for f in feet if f != foot],
+        )
+        of = [
+            used[[f"{what}_{f}_s" for f in others]].to_numpy()
+            for what in ("contact", "se")
+        ]
         return float((order_probability(*of) < below).mean())
 
     @property
@@ -136,13 +149,17 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     AnalysisError
         If the study stops before it has touchdowns.
     """
-    numbered = any(e.get("landings") for r in config["recordings"] for e in r["exclude"])
+    numbered = any(
+        e.get("landings") for r in config["recordings"] for e in r["exclude"]
+    )
     parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
     study = Study(config, tuple(parts))
     looked_at, made = study.candidates, study.sections
     best = dict[str, float]()
     for side, held in made.held.items():
-        by_landings = made.rule == "landings" and made.decided[f"{side}_height_m"] == "data"
+        by_landings = (
+            made.rule == "landings" and made.decided[f"{side}_height_m"] == "data"
+        )
         if by_landings and held is not None:
             best[side] = held
     some = partial(Forecast, frames_share=share, best=best)
@@ -154,12 +171,18 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     if verdict.effect is None:
         return some(touchdowns, reason=verdict.notes[-1]["reason"])
     allowed = verdict.effect.allowed
-    seen = allowed + max(0.0, verdict.effect.detectable - allowed) * float(np.sqrt(share))
-    kinds = "".join(note["reason"] for note in verdict.notes if note["what"] == TWO_KINDS)
+    seen = allowed + max(0.0, verdict.effect.detectable - allowed) * float(
+        np.sqrt(share)
+    )
+    kinds = "".join(
+        note["reason"] for note in verdict.notes if note["what"] == TWO_KINDS
+    )
     return some(touchdowns, detectable=seen, allowed=allowed, kinds=kinds)
 
 
-def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording], float]:
+def _parts(
+    recordings: Sequence[Recording], most: float
+) -> tuple[list[Recording], float]:
     """Return the recordings, or their middles with at most `most` frames, and that share."""
     total = sum(len(one.time) for one in recordings)
     share, parts = min(1.0, most / total), []
@@ -188,7 +211,9 @@ def told(
         *([f"  note      {TWO_KINDS} {forecast.kinds}"] if forecast.kinds else []),
         f"  verdict   {_reach(forecast, config)}",
     ]
-    return lines + [f"  change    {change}" for change in _changes(forecast, config, recordings)]
+    return lines + [
+        f"  change    {change}" for change in _changes(forecast, config, recordings)
+    ]
 
 
 def _reach(forecast: Forecast, config: Mapping[str, Any]) -> str:
@@ -197,10 +222,18 @@ def _reach(forecast: Forecast, config: Mapping[str, Any]) -> str:
     if seen is None:
         return f"out of reach: {forecast.reason}"
     if seen > 1:
-        return "out of reach: a difference would have to be larger than the map to be seen"
+        return (
+            "out of reach: a difference would have to be larger than the map to be seen"
+        )
     shows = f"a difference of {100 * seen:.2g} % of the map shows in "
     shows += f"{100 * config['verdict']['power']:g} % of such studies"
-    reach = "in reach" if seen <= margin else "in doubt" if BOUND_SHARE * seen <= margin else ""
+    reach = (
+        "in reach"
+        if seen <= margin
+        else "in doubt"
+        if BOUND_SHARE * seen <= margin
+        else ""
+    )
     asked = f"verdict.margin is {100 * margin:g} %"
     return f"{reach or 'in reach only if the difference is large'}: {shows}, {asked}"
 
@@ -212,11 +245,16 @@ def _changes(
     feet, body = feet_of(config), config["markers"]["body"]
     idle = [foot for foot in feet if forecast.timed(foot) < LEAST_SHARE]
     if idle and len(feet) - len(idle) >= MIN_FEET:
-        return [f"{foot} is hardly ever seen to land: take it off markers.feet" for foot in idle]
+        return [
+            f"{foot} is hardly ever seen to land: take it off markers.feet"
+            for foot in idle
+        ]
     if not forecast.landings and len(forecast.touchdowns):
         raise_it = "raise touchdowns.down_height_m above where they stand"
         return [f"no foot comes down to z = 0: {raise_it}"]
-    seen = {x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings) for x in body}
+    seen = {
+        x: sum(fraction_seen(r)[r.markers.index(x)] for r in recordings) for x in body
+    }
     hidden = min(seen, default="", key=seen.__getitem__)
     by_landings = ""
     if config["sections"]["rule"] == "printed":
@@ -226,16 +264,22 @@ def _changes(
         sections[side] = f"set sections.{side}_height_m{by_landings}"
         if (share := forecast.best.get(side, 1.0)) < LEFT_BY_BEST:
             most = f"in more than {100 * share:.0f} % of the landings: drop from markers.feet those"
-            sections[side] = f"at no height are all feet {state} {most} that touch {last}"
+            sections[side] = (
+                f"at no height are all feet {state} {most} that touch {last}"
+            )
     for reason, count in forecast.left_out().items():
         foot = "".join(feet[int(number) - 1] for number in re.findall(FOOT, reason))
         texts = [text for key, text in CHANGES.items() if key in reason]
         if texts and count >= LEAST_SHARE * forecast.landings:
             or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
-            changes.append(texts[0].format(foot=foot, body=hidden, or_else=or_else, **sections))
+            changes.append(
+                texts[0].format(foot=foot, body=hidden, or_else=or_else, **sections)
+            )
     if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
         below = config["touchdowns"]["ambiguous_below"]
-        share, foot = min((forecast.unsure_without(foot, feet, below), foot) for foot in feet)
+        share, foot = min(
+            (forecast.unsure_without(foot, feet, below), foot) for foot in feet
+        )
         if share < forecast.unsure / 2:
             left = f"of the others' orders {100 * share:.0f} % are unsure"
             changes.append(f"take {foot} off markers.feet: {left}")
@@ -245,9 +289,17 @@ def _changes(
         changes.append(f"{joined}: with few landings each, contacts are less sure")
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
-    known = forecast.used, forecast.detectable or 0.0, forecast.allowed, margin, len(feet)
+    known = (
+        forecast.used,
+        forecast.detectable or 0.0,
+        forecast.allowed,
+        margin,
+        len(feet),
+    )
     if margin <= forecast.allowed < 1:
-        changes.append(f"ask verdict.margin for more than {forecast.allowed:.2g}: see its notes")
+        changes.append(
+            f"ask verdict.margin for more than {forecast.allowed:.2g}: see its notes"
+        )
     elif (needed := landings_needed(*known)) > forecast.used and not enough:
         more = f"record some {float(f'{needed:.2g}'):,.0f} landings in all for verdict.margin"
         more += MORE_SPREAD * (needed > MOST_LANDINGS)
@@ -257,7 +309,9 @@ def _changes(
         changes.append(more)
     orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]
     alike = orders.value_counts(normalize=True).max() > MOST_ALIKE
-    if ("contact order" in forecast.reason and alike) or "no two feet" in forecast.reason:
+    if (
+        "contact order" in forecast.reason and alike
+    ) or "no two feet" in forecast.reason:
         vary = "vary how the body lands (push, tilt, speed) until other feet come first"
         single = "maps of one contact order cannot be compared"
         changes.append(f"{vary}, or name feet that do: {single}")

@@ -111,17 +111,28 @@ def draft_config(draft: Draft, *, path: str) -> str:
         *_markers(draft),
     ]  # fmt: skip
     if draft.joined:
-        lines += ["", "feet:  # each of markers that keep their distance; the first to land counts"]
+        lines += [
+            "",
+            "feet:  # each of markers that keep their distance; the first to land counts",
+        ]
     for name, names in draft.joined.items():
-        lines.append(f"  - {{name: {scalar(name)}, markers: [{', '.join(map(scalar, names))}]}}")
+        lines.append(
+            f"  - {{name: {scalar(name)}, markers: [{', '.join(map(scalar, names))}]}}"
+        )
     for section, values in draft.settings.items():
         lines += ["", f"{section}:"]
         for key, value in values.items():
             lines += _comment(draft.reasons.get(f"{section}.{key}", ""), indent="  ")
             lines.append(f"  {key}: {scalar(value)}")
     if draft.home:
-        lines += ["", "home:", *_comment(draft.reasons.get("home.marker", ""), indent="  ")]
-        lines.append(f"  marker: {scalar(draft.home)}  # the home frame's x-axis runs through it")
+        lines += [
+            "",
+            "home:",
+            *_comment(draft.reasons.get("home.marker", ""), indent="  "),
+        ]
+        lines.append(
+            f"  marker: {scalar(draft.home)}  # the home frame's x-axis runs through it"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -133,7 +144,9 @@ def scalar(value: object) -> str:
         return json.dumps(value)
     if _PLAIN.fullmatch(value) and value.lower() not in _WORDS:
         return value
-    quoted: str = yaml.safe_dump(value, default_style='"', allow_unicode=True, width=float("inf"))
+    quoted: str = yaml.safe_dump(
+        value, default_style='"', allow_unicode=True, width=float("inf")
+    )
     return quoted.rstrip("\n")
 
 
@@ -149,7 +162,9 @@ def _markers(draft: Draft) -> list[str]:
     used = {name for names in draft.markers.values() for name in names}
     left = [name for name in draft.all_markers if name not in used]
     why = draft.reasons.get("markers.unused", "")
-    return lines + (_comment("Not used: " + ", ".join(left) + why, indent="  ") if left else [])
+    return lines + (
+        _comment("Not used: " + ", ".join(left) + why, indent="  ") if left else []
+    )
 
 
 def _list(key: str, names: Sequence[str]) -> list[str]:
@@ -160,11 +175,14 @@ def _list(key: str, names: Sequence[str]) -> list[str]:
 
 def _comment(text: str, *, indent: str = "") -> list[str]:
     text = printable(text[:1].upper() + text[1:])
-    return [f"{indent}# {line}" for line in textwrap.wrap(text, WIDTH - len(indent) - 2)]
+    return [
+        f"{indent}# {line}" for line in textwrap.wrap(text, WIDTH - len(indent) - 2)
+    ]
 
 
 READABLE_UNITS = ("mm", "m")
-ROUGH = 0.005  # of the scale: largest error, at its rim, of a sloping floor used to find feet
+# Of the scale: largest error, at its rim, of a sloping floor used to find feet
+ROUGH = 0.005
 
 
 def init(options: argparse.Namespace) -> int:
@@ -174,18 +192,26 @@ def init(options: argparse.Namespace) -> int:
 
     out = options.out or Path("config", f"{study_name(options.file.stem)}.yaml")
     if out.exists() and not options.force:
-        raise HopdataError(f"{out}: expected no such file yet, found one; --force replaces it")
+        raise HopdataError(
+            f"{out}: expected no such file yet, found one; --force replaces it"
+        )
     inspection = inspected(options)
     check_order(str(options.file), inspection.time)
     roles = guessed_roles(inspection)
     guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
-    asked = [f"markers.{key}: {guessed[key]}, or {other}?" for key, other in roles.unsure.items()]
+    asked = [
+        f"markers.{key}: {guessed[key]}, or {other}?"
+        for key, other in roles.unsure.items()
+    ]
     moves = moving(inspection.recording(roles.feet, roles.body))
     remarks = [*roles.problems, *asked, *_remarks(inspection), *[moves] * bool(moves)]
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
-    guessed |= {"home": draft.home, "unit": str(draft.settings.get("input", {}).get("unit", ""))}
+    guessed |= {
+        "home": draft.home,
+        "unit": str(draft.settings.get("input", {}).get("unit", "")),
+    }
     for key, found in guessed.items():
         if names := found or "not guessed" * (key in ("body", "feet")):
             reason = (roles.reasons | {"unit": inspection.unit.reason}).get(key)
@@ -194,7 +220,9 @@ def init(options: argparse.Namespace) -> int:
         print(f"note: {remark}")
     quoted = shlex.quote(str(out))
     if roles.problems:
-        print(f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}")
+        print(
+            f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}"
+        )
         return terminal.PROBLEM
     print("These are guesses: correct any that are wrong in the file.")
     print(f"next: hopdata check {quoted}\n      hopdata run {quoted}")
@@ -210,15 +238,29 @@ def guessed_roles(inspection: Inspection) -> Roles:
     found, names = guess_roles(inspection), inspection.markers
     named = [name for name in names if part_by_name(name) == "foot"]
     feet = named if len(named) > 1 else [*found.feet]
-    while feet and len(feet) < len(names) and ({*feet} - {*found.feet} or found.reasons["unused"]):
-        recording = inspection.recording(feet, [name for name in names if name not in feet])
+    while (
+        feet
+        and len(feet) < len(names)
+        and ({*feet} - {*found.feet} or found.reasons["unused"])
+    ):
+        recording = inspection.recording(
+            feet, [name for name in names if name not in feet]
+        )
         try:
-            floor = fit_floor(recording, degree=1, largest_error_m=ROUGH * recording.scale)
+            floor = fit_floor(
+                recording, degree=1, largest_error_m=ROUGH * recording.scale
+            )
         except AnalysisError:
             break
         plane = replace(floor, rim_m=1e3 * floor.rim_m)  # extends beyond the known feet
-        roles = guess_roles(replace(inspection, positions=level(recording, plane).positions))
-        if "slopes" not in floor.note or roles.problems or not {*found.feet} < {*roles.feet}:
+        roles = guess_roles(
+            replace(inspection, positions=level(recording, plane).positions)
+        )
+        if (
+            "slopes" not in floor.note
+            or roles.problems
+            or not {*found.feet} < {*roles.feet}
+        ):
             break
         roles.reasons["feet"] += "; on a floor that slopes"
         found, feet = roles, [*roles.feet]
@@ -226,23 +268,37 @@ def guessed_roles(inspection: Inspection) -> Roles:
 
 
 def _draft(
-    options: argparse.Namespace, out: Path, inspection: Inspection, roles: Roles, remarks: list[str]
+    options: argparse.Namespace,
+    out: Path,
+    inspection: Inspection,
+    roles: Roles,
+    remarks: list[str],
 ) -> Draft:
     told = {key: what for key, what in _WHAT.items() if roles.reasons.get(key)}
-    reasons = {f"markers.{key}": f"{what} {roles.reasons[key]}." for key, what in told.items()}
+    reasons = {
+        f"markers.{key}": f"{what} {roles.reasons[key]}." for key, what in told.items()
+    }
     if roles.reasons["unused"]:
         reasons["markers.unused"] = f" ({roles.reasons['unused']})"
     home = ""
-    if roles.reasons["home"]:  # otherwise the default, which no order of markers decides
+    if roles.reasons[
+        "home"
+    ]:  # otherwise the default, which no order of markers decides
         home = roles.home
         reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}
     unit, up = inspection.unit, inspection.up
-    if unit.is_sure and unit.value in READABLE_UNITS and (options.unit or not options.more):
+    if (
+        unit.is_sure
+        and unit.value in READABLE_UNITS
+        and (options.unit or not options.more)
+    ):
         settings["input"]["unit"] = unit.value
         reasons["input.unit"] = f"{unit.reason}."
     if options.more and not options.vertical_axis:
-        up = replace(up, value="auto", reason="of each file that along which its markers fall")
+        up = replace(
+            up, value="auto", reason="of each file that along which its markers fall"
+        )
     if up.value != "z":
         settings["input"]["vertical_axis"] = up.value
         reasons["input.vertical_axis"] = f"{up.reason}."
@@ -253,7 +309,9 @@ def _draft(
         settings["sections"] = {"frames": "landings"}
         others = "; ".join(", ".join(group) for group in roles.other_feet)
         only = "Fig. 2.2 shows only the landings of those named above"
-        reasons["sections.frames"] = f"Other feet land in between ({others}), so {only}."
+        reasons["sections.frames"] = (
+            f"Other feet land in between ({others}), so {only}."
+        )
     return Draft(
         study_name(out.stem),
         _relative(options.file),
@@ -266,29 +324,48 @@ def _draft(
     )  # fmt: skip
 
 
-_WHAT = {"body": "The body:", "feet": "The feet, numbered in this order:", "boom": "The boom:"}
+_WHAT = {
+    "body": "The body:",
+    "feet": "The feet, numbered in this order:",
+    "boom": "The boom:",
+}
 
 
 def _recordings(files: Sequence[Path]) -> list[tuple[str, str]]:
     """Name the recordings after their files, with a number if two share a name."""
     names = [study_name(file.stem) for file in files]
-    numbers = [f"-{k}" * (names.count(name) > 1) for k, name in enumerate(names, start=1)]
-    return [(n + k, _relative(file)) for n, k, file in zip(names, numbers, files, strict=True)]
+    numbers = [
+        f"-{k}" * (names.count(name) > 1) for k, name in enumerate(names, start=1)
+    ]
+    return [
+        (n + k, _relative(file))
+        for n, k, file in zip(names, numbers, files, strict=True)
+    ]
 
 
 def _relative(file: Path) -> str:
     """Return the path relative to the working directory if below it; else as it was given."""
     path = Path(os.path.abspath(file))
-    return path.relative_to(Path.cwd()).as_posix() if path.is_relative_to(Path.cwd()) else str(file)
+    return (
+        path.relative_to(Path.cwd()).as_posix()
+        if path.is_relative_to(Path.cwd())
+        else str(file)
+    )
 
 
 def _remarks(inspection: Inspection) -> list[str]:
     """List what in the file needs manual attention before the study can be trusted."""
     remarks, unit = terminal.notes(inspection), inspection.unit
     if unit.value not in READABLE_UNITS:
-        remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
+        remarks.append(
+            f"the numbers look like {unit.value} ({unit.reason}): export in mm or m"
+        )
     if found := inspection.suspects():
-        more = f", and {len(found) - 1} more: hopdata inspect --html lists all" if found[1:] else ""
+        more = (
+            f", and {len(found) - 1} more: hopdata inspect --html lists all"
+            if found[1:]
+            else ""
+        )
         first = f"frame {found[0].start + 1}: {found[0].text}"
         remarks.append(first + more)
     return remarks

@@ -46,7 +46,10 @@ def view(options: argparse.Namespace) -> int:
     roles = guessed_roles(inspection)
     shown = inspection.recording(roles.feet, roles.body, name=options.file.name)
     page = rendered(
-        "view.html.j2", title=options.file.name, told=shown.told(), scene=recording_scene(shown)
+        "view.html.j2",
+        title=options.file.name,
+        told=shown.told(),
+        scene=recording_scene(shown),
     )
     out = options.out or Path(tempfile.gettempdir(), f"{options.file.name}.html")
     terminal.write_text(out, page)
@@ -74,12 +77,18 @@ def inspected(options: argparse.Namespace) -> Inspection:
             rate = guess_rate(raw, unit, is_stated=False)
             try_it = f": --rate {rate.value} or {rate.other}?" if rate.value else ""
             raise RecordingError(f"{error}; {rate.reason}{try_it}") from None
-        likely = choose_unit(raw.positions, unit="auto", nominal=options.unit or raw.unit)
+        likely = choose_unit(
+            raw.positions, unit="auto", nominal=options.unit or raw.unit
+        )
         if likely != (options.unit or likely):
             size = METRES_PER_UNIT[likely] * extent(raw.positions)
             wanted = f"{likely}, in which the markers span {size:.3g} m"
             raise RecordingError.at(f"{options.file}: --unit", wanted, options.unit)
-        guessed = {"unit": options.unit, "up": options.vertical_axis, "rate_hz": options.rate}
+        guessed = {
+            "unit": options.unit,
+            "up": options.vertical_axis,
+            "rate_hz": options.rate,
+        }
         return inspect_recording(raw, **guessed, progress=progress)
 
 
@@ -110,7 +119,11 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     noise = f"{1e3 * inspection.typical_noise_m:.2f} mm"
     return [
         ("Frames", f"{len(inspection.time)}", f"{inspection.duration_s:.1f} s"),
-        ("Rate", f"{inspection.rate_hz:g} Hz", f"{counted(timing.n_dropped, 'frame')} dropped"),
+        (
+            "Rate",
+            f"{inspection.rate_hz:g} Hz",
+            f"{counted(timing.n_dropped, 'frame')} dropped",
+        ),
         ("Markers", f"{len(inspection.markers)}", "their names beside the picture"),
         ("Unit", unit.value, unit.reason),
         ("Up", up.value, up.reason),
@@ -118,7 +131,9 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     ]
 
 
-def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tuple[float, ...]]:
+def _timeline(
+    inspection: Inspection, found: list[Suspect]
+) -> tuple[bytes, tuple[float, ...]]:
     """Draw the timeline as SVG; return it with the span of its time axis as shares of its width."""
     from hopdata.figures.catalogue import FORMATS
     from hopdata.figures.quality import recording_gaps_figure
@@ -126,10 +141,20 @@ def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tupl
 
     time = inspection.time - inspection.time[0]
     columns = ["recording", "marker", "start_s", "stop_s"]
-    stretches = [(g.marker, *stretch) for g in inspection.gaps for stretch in g.stretches]
-    gaps = [("", name, time[a], time[min(b, len(time) - 1)]) for name, a, b in stretches]
-    faults = [("", name, s.time_s, s.kind) for s in found for name in (s.markers or ("",))]
-    markers = {"recording": "", "marker": inspection.markers, "duration_s": inspection.duration_s}
+    stretches = [
+        (g.marker, *stretch) for g in inspection.gaps for stretch in g.stretches
+    ]
+    gaps = [
+        ("", name, time[a], time[min(b, len(time) - 1)]) for name, a, b in stretches
+    ]
+    faults = [
+        ("", name, s.time_s, s.kind) for s in found for name in (s.markers or ("",))
+    ]
+    markers = {
+        "recording": "",
+        "marker": inspection.markers,
+        "duration_s": inspection.duration_s,
+    }
     figure = recording_gaps_figure(
         pd.DataFrame(markers),
         pd.DataFrame(gaps, columns=columns),
@@ -145,17 +170,31 @@ def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tupl
 def _suspect_table(found: list[Suspect]) -> Table:
     rows = tuple((s.kind, s.text, f"{s.start + 1}", f"{s.time_s:.3f}") for s in found)
     head = ("kind", "what", "frame", "time (s)")
-    return Table("What looks wrong", head, rows, text_columns=2, note="Frames count from 1.")
+    return Table(
+        "What looks wrong", head, rows, text_columns=2, note="Frames count from 1."
+    )
 
 
 def _gap_table(inspection: Inspection) -> Table:
     rows = []
     for g, noise in zip(inspection.gaps, inspection.noise_m, strict=True):
-        seconds, noise_mm = f"{g.longest / inspection.rate_hz:.3f}", f"{1e3 * noise:.2f}"
+        seconds, noise_mm = (
+            f"{g.longest / inspection.rate_hz:.3f}",
+            f"{1e3 * noise:.2f}",
+        )
         numbers = (f"{g.count}", f"{g.longest}", seconds, f"{100 * g.share:.2f}")
         rows.append((g.marker, *numbers, noise_mm if np.isfinite(noise) else "—"))
-    head = ("marker", "gaps", "longest (frames)", "longest (s)", "unseen (%)", "noise (mm)")
-    return Table("Markers", head, tuple(rows), note="Noise of a coordinate, from frame to frame.")
+    head = (
+        "marker",
+        "gaps",
+        "longest (frames)",
+        "longest (s)",
+        "unseen (%)",
+        "noise (mm)",
+    )
+    return Table(
+        "Markers", head, tuple(rows), note="Noise of a coordinate, from frame to frame."
+    )
 
 
 def _rigid_table(inspection: Inspection) -> Table:

@@ -1,9 +1,10 @@
 """Who is at work in a folder: a run that was killed is told from one that lives.
 
-Snakemake locks the files of a run but does not say whose lock it is, so the lock of a killed
-run stands for ever. Each run therefore leaves a record: host, process, and when that process
-began, since the system gives the number of a dead process to another. A Snakemake that hopdata
-did not start leaves none, so a lock is removed only if no Snakemake is at work in the folder.
+Snakemake locks the files of a run but does not say whose lock it is, so the lock of a
+killed run stands for ever. Each run therefore leaves a record: host, process, and when
+that process began, since the system gives the number of a dead process to another. A
+Snakemake that hopdata did not start leaves none, so a lock is removed only if no
+Snakemake is at work in the folder.
 """
 
 import json
@@ -19,10 +20,11 @@ from typing import Any
 
 LOCKS = Path(".snakemake/locks")
 RECORDS = Path(".snakemake/hopdata")
-# s; a day. Where the system does not count from its own start, the start of a process follows
-# the clock, which may be set by hours: by a wrong time zone, or by the network after a wrong
-# battery clock. 1.5 times larger: another process with the number of a killed run is told from
-# it only if they began 1.5 days apart, and until then the lock has to be removed by hand.
+# s; a day. Where the system does not count from its own start, the start of a process
+# follows the clock, which may be set by hours: by a wrong time zone, or by the network
+# after a wrong battery clock. 1.5 times larger: another process with the number of a
+# killed run is told from it only if they began 1.5 days apart, and until then the lock
+# has to be removed by hand.
 _CLOCK_S = 86_400.0
 _PROC = Path("/proc")
 
@@ -41,8 +43,8 @@ class Owner:
     began_s : float
         When this process began, s since 1970.
     ticks : str
-        The same, by the start of the machine and the ticks since then, which no change of the
-        clock moves; empty where the system does not tell.
+        The same, by the start of the machine and the ticks since then, which no change
+        of the clock moves; empty where the system does not tell.
     """
 
     study: str
@@ -105,8 +107,8 @@ def _ticks(pid: int) -> str:
         stat = (_PROC / str(pid) / "stat").read_text(errors="replace")
     except OSError:
         return ""
-    # The second field is the name in parentheses, which may itself hold spaces and parentheses.
-    # The start is field 22, so it is the twentieth after the name.
+    # The second field is the name in parentheses, which may itself hold spaces and
+    # parentheses. The start is field 22, so it is the twentieth after the name.
     after_name = stat.rpartition(")")[2].split()
     if not boot or len(after_name) < 20:
         return ""
@@ -144,7 +146,9 @@ def owners() -> dict[Path, Owner]:
                 str(content["host"]),
                 int(content["pid"]),
                 float(content["began_s"]),
-                str(content.get("ticks", "")),  # absent from records of earlier versions
+                str(
+                    content.get("ticks", "")
+                ),  # absent from records of earlier versions
             )
     return found
 
@@ -157,8 +161,8 @@ def is_locked() -> bool:
 def lock_is_dead() -> bool:
     """Tell whether the lock of the current folder is known to be that of a killed run.
 
-    It is if hopdata knows of a run, each run that it knows of is dead, and no Snakemake that
-    somebody else started is at work here, or may be.
+    It is if hopdata knows of a run, each run that it knows of is dead, and no Snakemake
+    that somebody else started is at work here, or may be.
     """
     known = owners().values()
     if not known or not all(owner.is_dead for owner in known):
@@ -221,16 +225,20 @@ def _may_own_lock(process: Any) -> bool:
         return user in {lock.stat().st_uid for lock in LOCKS.glob("*.lock")}
     except psutil.NoSuchProcess:
         return False
-    except (psutil.AccessDenied, AttributeError, OSError):  # Windows has no such numbers
+    except (
+        psutil.AccessDenied,
+        AttributeError,
+        OSError,
+    ):  # Windows has no such numbers
         return True
 
 
 def release_dead() -> str:
     """Remove the lock of a killed run, and its record; return what was done, or nothing.
 
-    The lock stays while any run here is alive or may be, since it may be that run's. If that
-    is a Snakemake without a record, the records stay too: it may be a job that has outlived
-    its killed run, and the lock can be removed after its end.
+    The lock stays while any run here is alive or may be, since it may be that run's. If
+    that is a Snakemake without a record, the records stay too: it may be a job that has
+    outlived its killed run, and the lock can be removed after its end.
     """
     known = owners()
     dead = {record: owner for record, owner in known.items() if owner.is_dead}
@@ -254,7 +262,9 @@ def who_is_at_work() -> str:
     how = f"if none is at work: rm -r {LOCKS}"
     if alive:
         told = " and ".join(map(str, alive))
-        return f"{told} is at work here" + (f"; {how}" if elsewhere else "; wait for its end")
+        return f"{told} is at work here" + (
+            f"; {how}" if elsewhere else "; wait for its end"
+        )
     here, perhaps = snakemakes()
     if here:
         numbers = " and ".join(map(str, here))

@@ -34,7 +34,9 @@ GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE, SAMPLE_CONFIG = Path("data/sample/hopper.h5"), Path("config/config.yaml")
 OPTIONAL = {"xarray": "Recording.to_xarray", "qtm-rt": "hopdata drive --host"}
 # Snakemake's messages on jobs: start, end and count.
-_SAID = re.compile(r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \(")
+_SAID = re.compile(
+    r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \("
+)
 _LAST_LINES, _DRY = 12, {"-n", "--dry-run", "--dryrun"}
 
 
@@ -54,13 +56,20 @@ def run(options: argparse.Namespace) -> int:
         from hopdata.group import read_group
 
         study, snakefile = read_group(config)["study"], GROUP
-        answer, page = Path("results", study, "group.json"), Path("results", study, "group.html")
+        answer, page = (
+            Path("results", study, "group.json"),
+            Path("results", study, "group.html"),
+        )
     else:
         study, snakefile = load_config(config)["study"], SNAKEFILE
-        answer, page = (Path("results", study, name) for name in ("verdict.json", "report.html"))
+        answer, page = (
+            Path("results", study, name) for name in ("verdict.json", "report.html")
+        )
     chosen = {"--dry-run": options.dry_run, "--forceall": options.force}
     passed = [*(flag for flag, is_set in chosen.items() if is_set), *options.passed_on]
-    if run_workflow(config, study, "--cores", options.cores, *passed, snakefile=snakefile):
+    if run_workflow(
+        config, study, "--cores", options.cores, *passed, snakefile=snakefile
+    ):
         return PROBLEM
     if page.exists() and answer.exists() and not _DRY & set(passed):
         print(read_json(answer)["sentence"])
@@ -82,13 +91,21 @@ def _run_again(options: argparse.Namespace) -> int:
     record = _provenance(place)
     config = record["config"]
     try:
-        load_config(config, check_files=False)  # before its values are used for anything
+        load_config(
+            config, check_files=False
+        )  # before its values are used for anything
     except ConfigError as error:
         raise ConfigError(
-            *(f"{place}: config: {line.removeprefix('configuration: ')}" for line in error.args)
+            *(
+                f"{place}: config: {line.removeprefix('configuration: ')}"
+                for line in error.args
+            )
         ) from None
     if record["code_sha256"] != package_digest():
-        print(f"note: {place}: made by other code of version {__version__}", file=sys.stderr)
+        print(
+            f"note: {place}: made by other code of version {__version__}",
+            file=sys.stderr,
+        )
     again = f"{config['study'][:94]}_again"
     copy = Path("results", again, "config.yaml")
     copy.parent.mkdir(parents=True, exist_ok=True)
@@ -98,7 +115,10 @@ def _run_again(options: argparse.Namespace) -> int:
     old, new = place.parent, copy.parent
     if read_json(new / place.name)["inputs"] != record["inputs"]:
         raise ConfigError.at(place, "the recordings that it names", "other content")
-    names = ["verdict.json", *(f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv")))]
+    names = [
+        "verdict.json",
+        *(f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv"))),
+    ]
     same, *others = filecmp.cmpfiles(old, new, names, shallow=False)
     print(f"{new}: {len(same)} of {len(names)} files are the same bytes")
     for name in sorted(others[0] + others[1]):
@@ -128,7 +148,9 @@ def _provenance(file: Path) -> dict[str, Any]:
         wanted = "the version of hopdata that made it"
         raise ConfigError.at(f"{file}: versions", wanted, f"{version!r}"[:40])
     found = f"those of {version}; to make them again: pip install hopdata=={version}"
-    require(version == __version__, str(file), f"results of hopdata {__version__}", found)
+    require(
+        version == __version__, str(file), f"results of hopdata {__version__}", found
+    )
     take("config", dict)
     take("inputs", dict)
     take("code_sha256", str)
@@ -146,31 +168,61 @@ def _values(file: Path, name: str, *keys: str) -> list[Any]:
         raise ConfigError.at(file, f"the {name} of a study", "another file") from None
 
 
-def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE) -> int:
+def run_workflow(
+    config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE
+) -> int:
     """Run Snakemake on a configuration, show progress, and return its exit code.
 
     Its stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
     """
-    require(snakefile.exists(), str(snakefile), "the workflow", "no file; install hopdata anew")
+    require(
+        snakefile.exists(),
+        str(snakefile),
+        "the workflow",
+        "no file; install hopdata anew",
+    )
     log = Path("results", study, "logs", "run.log")
-    # The order matters: --configfile takes any number of files, so a target would be one.
+    # The order matters: --configfile takes any number of files, so a target would be
+    # one.
     profile = SNAKEFILE.parent / "profiles" / "default"  # also that of a group
-    places = ["--configfile", config, "--snakefile", snakefile, "--workflow-profile", profile]
+    places = [
+        "--configfile",
+        config,
+        "--snakefile",
+        snakefile,
+        "--workflow-profile",
+        profile,
+    ]
     listed = ["--quiet", "rules", "host", "reason"] * ("--dry-run" in options)
-    command = [sys.executable, "-m", "snakemake", *map(str, places), "--nocolor", *options, *listed]
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        *map(str, places),
+        "--nocolor",
+        *options,
+        *listed,
+    ]
     if said_of_lock := release_dead():
         print(f"hopdata: {said_of_lock}", file=sys.stderr, flush=True)
-    if not os.access(os.path.expanduser("~"), os.W_OK):  # Snakemake caches downloads there
+    if not os.access(
+        os.path.expanduser("~"), os.W_OK
+    ):  # Snakemake caches downloads there
         os.environ.setdefault("XDG_CACHE_HOME", os.path.abspath(".snakemake"))
     given = options[options.index("--cores") + 1]
     cores = int(given) if given.isdigit() else os.cpu_count() or 1
     said, begun, took, last = [], {"": time.monotonic()}, [], ""
-    pipes: Any = {"stderr": subprocess.PIPE, "stdout": subprocess.PIPE if listed else None}
-    # Python would look for modules in the working folder first, for Snakemake and for its jobs.
-    # That is a study's folder, into which anyone may have put files.
+    pipes: Any = {
+        "stderr": subprocess.PIPE,
+        "stdout": subprocess.PIPE if listed else None,
+    }
+    # Python would look for modules in the working folder first, for Snakemake and for
+    # its jobs. That is a study's folder, into which anyone may have put files.
     pipes |= {"env": os.environ | {"PYTHONSAFEPATH": "1"}}
     with (
-        subprocess.Popen(command, **pipes, encoding="utf-8", errors="replace") as snakemake,
+        subprocess.Popen(
+            command, **pipes, encoding="utf-8", errors="replace"
+        ) as snakemake,
         recorded(study, snakemake.pid),
     ):
         try:
@@ -189,15 +241,26 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
                 else:
                     left = (int(number) - int(done)) * fmean(took or [0.0]) / cores
                     seconds = left or time.monotonic() - begun[""]
-                    words = f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+                    words = (
+                        f"{seconds:.0f} s"
+                        if seconds < 100
+                        else f"{seconds / 60:.0f} min"
+                    )
                     last = f"{last}, about {words} left" if left else f"after {words}"
-                    print(f"{study}: {done} of {number} jobs done, {last}", file=sys.stderr)
+                    print(
+                        f"{study}: {done} of {number} jobs done, {last}",
+                        file=sys.stderr,
+                    )
             told, code = "".join(snakemake.stdout or ()), snakemake.wait()
-        except KeyboardInterrupt:  # Snakemake receives it too, ends its jobs and unlocks the folder
+        except (
+            KeyboardInterrupt
+        ):  # Snakemake receives it too, ends its jobs and unlocks the folder
             snakemake.wait()
             raise
     if not _DRY & set(options):
-        with suppress(OSError):  # Snakemake itself complains if a folder is not writable
+        with suppress(
+            OSError
+        ):  # Snakemake itself complains if a folder is not writable
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_text("".join(said), encoding="utf-8")
     if listed and not code:
@@ -205,17 +268,24 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     if code:
         if any("cannot be locked" in line for line in said):
             wanted = "expected files that are not locked"
-            print(f"hopdata: error: {LOCKS}: {wanted}, found: {who_is_at_work()}", file=sys.stderr)
+            print(
+                f"hopdata: error: {LOCKS}: {wanted}, found: {who_is_at_work()}",
+                file=sys.stderr,
+            )
         elif not any(line.startswith("hopdata:") for line in said):
             print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
-        print(f"hopdata: {log}: all that Snakemake said" * log.exists(), file=sys.stderr)
+        print(
+            f"hopdata: {log}: all that Snakemake said" * log.exists(), file=sys.stderr
+        )
     return code
 
 
 def _stages(study: str, told: str) -> str:
     """List what would run, a line per stage, from Snakemake's table of a dry run."""
     table = re.findall(r"^(\w+) +(\d+)$", told.partition("\ntotal ")[0], re.MULTILINE)
-    lines = [f"  {rule:18} {counted(int(n), 'job')}" for rule, n in table if rule != "all"]
+    lines = [
+        f"  {rule:18} {counted(int(n), 'job')}" for rule, n in table if rule != "all"
+    ]
     return "\n".join([f"{study}: {'would run' if lines else 'nothing to do'}", *lines])
 
 
@@ -224,7 +294,9 @@ def bring_bundled(config: Path) -> None:
     bundled = SNAKEFILE.parent / config
     if config.exists() or config.is_absolute() or not bundled.is_file():
         return
-    named = re.findall(r"(?:config|data/sample)/\w+\.\w+", bundled.read_text(encoding="utf-8"))
+    named = re.findall(
+        r"(?:config|data/sample)/\w+\.\w+", bundled.read_text(encoding="utf-8")
+    )
     for file in dict.fromkeys([config, *map(Path, named)]):
         _bring(file)
 
@@ -237,7 +309,9 @@ def _bring(file: Path) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, file)
     elif not filecmp.cmp(source, file, shallow=False):
-        raise ConfigError.at(file, "the bundled one", "another file; go to another folder")
+        raise ConfigError.at(
+            file, "the bundled one", "another file; go to another folder"
+        )
 
 
 def plan(options: argparse.Namespace) -> int:
@@ -249,9 +323,13 @@ def plan(options: argparse.Namespace) -> int:
     keys = ("n_landings", "n_feet", "power", "effect")
     landings, feet, power, effect = _values(file, "verdict.json", *keys)
     if effect is None:
-        raise ConfigError(f"{file}: the pilot has no answer: {_values(file, '', 'sentence')[0]}")
+        raise ConfigError(
+            f"{file}: the pilot has no answer: {_values(file, '', 'sentence')[0]}"
+        )
     if "allowed" not in effect:
-        raise ConfigError.at(file, "a verdict of this version", "an older one; run the pilot again")
+        raise ConfigError.at(
+            file, "a verdict of this version", "an older one; run the pilot again"
+        )
     seen, allowed = effect["detectable"], effect["allowed"]
     found = f"{100 * seen:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
@@ -266,7 +344,10 @@ def plan(options: argparse.Namespace) -> int:
         from hopdata.figures.verdict import plan_figure
 
         figure = plan_figure(needed, (landings, seen), power)
-        base, suffix = options.figure.with_suffix(""), options.figure.suffix.removeprefix(".")
+        base, suffix = (
+            options.figure.with_suffix(""),
+            options.figure.suffix.removeprefix("."),
+        )
         print(f"\n{save_figure(figure, base, formats=(suffix or 'svg',))[0]}: written")
     return OK
 
@@ -289,20 +370,52 @@ def doctor(_options: argparse.Namespace) -> int:
 
     places = [Path(hopdata.__file__).parent, os.environ.get("NUMBA_CACHE_DIR")]
     places.append(Path("~/.cache/hopdata").expanduser())
-    compiled = [file for place in places if place for file in Path(place).rglob("*.nbi")]
-    lines = [("python", f"{platform.python_version()}, {platform.system()} {platform.machine()}")]
+    compiled = [
+        file for place in places if place for file in Path(place).rglob("*.nbi")
+    ]
+    lines = [
+        (
+            "python",
+            f"{platform.python_version()}, {platform.system()} {platform.machine()}",
+        )
+    ]
     lines += [(name, version_of(name)) for name in REPORTED]
     problems = [f"{name}: expected it installed; install hopdata anew" for name, version in lines
                 if version == MISSING]  # fmt: skip
-    lines += [(name, f"{version_of(name)} (for {use} alone)") for name, use in OPTIONAL.items()]
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    lines += [("cores", f"{cores}"), ("memory", _memory()), ("workflow", str(SNAKEFILE))]
-    lines += [("compiled", f"{len(compiled)} functions" if compiled else "none; once, some 20 s")]
-    lines += [("this folder", f"{Path.cwd()}, {shutil.disk_usage('.').free / 1e9:.1f} GB free")]
+    lines += [
+        (name, f"{version_of(name)} (for {use} alone)")
+        for name, use in OPTIONAL.items()
+    ]
+    cores = (
+        len(os.sched_getaffinity(0))
+        if hasattr(os, "sched_getaffinity")
+        else os.cpu_count()
+    )
+    lines += [
+        ("cores", f"{cores}"),
+        ("memory", _memory()),
+        ("workflow", str(SNAKEFILE)),
+    ]
+    lines += [
+        (
+            "compiled",
+            f"{len(compiled)} functions" if compiled else "none; once, some 20 s",
+        )
+    ]
+    lines += [
+        (
+            "this folder",
+            f"{Path.cwd()}, {shutil.disk_usage('.').free / 1e9:.1f} GB free",
+        )
+    ]
     if not SNAKEFILE.exists():
-        problems.append(f"{SNAKEFILE}: expected the workflow, found no file; install hopdata anew")
+        problems.append(
+            f"{SNAKEFILE}: expected the workflow, found no file; install hopdata anew"
+        )
     if not os.access(Path.cwd(), os.W_OK):
-        problems.append(f"{Path.cwd()}: expected a folder that can be written; go to another")
+        problems.append(
+            f"{Path.cwd()}: expected a folder that can be written; go to another"
+        )
     if is_locked():
         problems.append(f"{LOCKS}: {_why_locked()}")
     print("\n".join(f"{name:12} {what}" for name, what in lines))
@@ -320,7 +433,9 @@ def _why_locked() -> str:
 def _memory() -> str:
     with suppress(ValueError, OSError, AttributeError):
         size = os.sysconf("SC_PAGE_SIZE")
-        whole, free = (size * os.sysconf(f"SC_{name}_PAGES") / 1e9 for name in ("PHYS", "AVPHYS"))
+        whole, free = (
+            size * os.sysconf(f"SC_{name}_PAGES") / 1e9 for name in ("PHYS", "AVPHYS")
+        )
         return f"{whole:.1f} GB, {free:.1f} GB free"
     return "not known here"
 
@@ -330,7 +445,9 @@ def clean(options: argparse.Namespace) -> int:
     from hopdata.config.loading import read_yaml
 
     if options.config is None and not options.all:
-        raise ConfigError.at("hopdata clean", "a CONFIG, or --all for every study", "none")
+        raise ConfigError.at(
+            "hopdata clean", "a CONFIG, or --all for every study", "none"
+        )
     if said := release_dead():
         print(f"hopdata: {said}", file=sys.stderr)
     if is_locked():
@@ -343,13 +460,20 @@ def clean(options: argparse.Namespace) -> int:
         if not study or Path(study).name != study or study.startswith("."):
             raise ConfigError.at(f"{options.config}: study", "a name", f"'{study}'")
         found = [Path("results", study)]
-        record = found[0] / "provenance.json"  # another study may have the same name by mistake
+        record = (
+            found[0] / "provenance.json"
+        )  # another study may have the same name by mistake
         known = read_json(record)["config"] if record.exists() else {}
-        files = ([str(x.get("file")) for x in y.get("recordings") or ()] for y in (config, known))
+        files = (
+            [str(x.get("file")) for x in y.get("recordings") or ()]
+            for y in (config, known)
+        )
         own, others = map(", ".join, files)
         if others and own != others:
             own += f"; to remove it all the same: rm -r {found[0]}"
-            raise ConfigError.at(options.config, f"the recordings of {found[0]} ({others})", own)
+            raise ConfigError.at(
+                options.config, f"the recordings of {found[0]} ({others})", own
+            )
     for folder in (one for one in found if one.is_dir()):
         print(f"{folder}: " + ("would be removed" if options.dry_run else "removed"))
         if not options.dry_run:

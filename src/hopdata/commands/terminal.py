@@ -63,7 +63,9 @@ def answer(inspection: Inspection) -> str:
     kinds = Counter(suspect.kind for suspect in inspection.suspects())
     if not kinds:
         return "No swapped or frozen markers, spikes, jumps, dropped frames or irregular stamps."
-    parts = ", ".join(counted(count, KINDS.get(kind, kind)) for kind, count in kinds.items())
+    parts = ", ".join(
+        counted(count, KINDS.get(kind, kind)) for kind, count in kinds.items()
+    )
     return f"{counted(kinds.total(), 'suspect')}: {parts}."
 
 
@@ -76,7 +78,9 @@ def _facts(inspection: Inspection) -> list[str]:
     unit, up = inspection.unit, inspection.up
     return [
         f"  {'frames':8} {rate}; {stamps}",
-        *_wrapped("markers", f"{len(inspection.markers)}: {', '.join(inspection.markers)}"),
+        *_wrapped(
+            "markers", f"{len(inspection.markers)}: {', '.join(inspection.markers)}"
+        ),
         *_wrapped("unit", f"{unit.value}: {unit.reason}"),
         *_wrapped("up", f"{up.value}: {up.reason}"),
     ]
@@ -85,7 +89,8 @@ def _facts(inspection: Inspection) -> list[str]:
 def notes(inspection: Inspection) -> list[str]:
     """Ask about what is unsure, with two candidates, and list what needs no answer.
 
-    The latter are remarks of the reader, processing of the positions, and unseen markers.
+    The latter are remarks of the reader, processing of the positions, and unseen
+    markers.
     """
     questions = question("input.unit", inspection.unit)
     questions += question("input.vertical_axis", inspection.up)
@@ -95,7 +100,13 @@ def notes(inspection: Inspection) -> list[str]:
     told += ", ".join(f"{one.marker} ({100 * one.share:.0f} %)" for one in gaps)
     told += "; that may lose landings, and on a foot those of other legs would count in their place"
     lost = [f"{told}: choose markers that are seen"] * bool(gaps)
-    return [*questions, *inspection.remarks, *inspection.treated, *inspection.lost, *lost]
+    return [
+        *questions,
+        *inspection.remarks,
+        *inspection.treated,
+        *inspection.lost,
+        *lost,
+    ]
 
 
 def question(key: str, guess: Guess) -> list[str]:
@@ -127,13 +138,19 @@ def _gaps(inspection: Inspection) -> list[str]:
     signs = f"{HEIGHTS[0]} low to {HEIGHTS[-1]} high, {PARTLY} partly unseen, {UNSEEN} unseen"
     lines = [f"  height and gaps (a column is {column:.3g} s; {signs})"]
     heights = inspection.positions[:, :, 2]
-    low, high = np.nanquantile(heights, [0.01, 0.99]) if np.isfinite(heights).any() else (0, 1)
-    levels = (len(HEIGHTS) * (heights - low) / max(high - low, 1e-9)).clip(0, len(HEIGHTS) - 1)
+    low, high = (
+        np.nanquantile(heights, [0.01, 0.99]) if np.isfinite(heights).any() else (0, 1)
+    )
+    levels = (len(HEIGHTS) * (heights - low) / max(high - low, 1e-9)).clip(
+        0, len(HEIGHTS) - 1
+    )
     for gaps, level in zip(inspection.gaps, levels.T, strict=True):
         longest = f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
         share = f"{float(f'{100 * gaps.share:.2g}'):g} % unseen"
         numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
-        numbers = "never seen" if gaps.share == 1 else numbers if gaps.count else "no gap"
+        numbers = (
+            "never seen" if gaps.share == 1 else numbers if gaps.count else "no gap"
+        )
         lines.append(f"  {gaps.marker:{width}} {_bar(level, n_columns)} {numbers}")
     return lines
 
@@ -160,7 +177,9 @@ def _suspects(inspection: Inspection) -> list[str]:
 
 
 def _wrapped(key: str, text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, initial_indent=f"  {key:8} ", subsequent_indent=" " * 11)
+    return textwrap.wrap(
+        text, WIDTH, initial_indent=f"  {key:8} ", subsequent_indent=" " * 11
+    )
 
 
 # Progress on stderr: one line, replaced, on a terminal; elsewhere lines, or nothing.

@@ -15,7 +15,9 @@ from hopdata.errors import ConfigError, did_you_mean, mismatch
 from hopdata.scenes import STANDARD
 
 
-def _unknown(what: str, known: list[str], places: Iterable[tuple[str, str]]) -> Iterator[str]:
+def _unknown(
+    what: str, known: list[str], places: Iterable[tuple[str, str]]
+) -> Iterator[str]:
     """Yield an error for each name, given as (key, name), that is not among the known ones."""
     for key, name in places:
         if name not in known:
@@ -57,10 +59,14 @@ def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
         columns = list(enumerate(block["columns"]))
         if columns and block["file"] is None:
             yield mismatch(f"{key}.file", "a file beside the columns", "null (nothing)")
-        yield from _once("column", ((f"{key}.columns[{k}].name", c["name"]) for k, c in columns))
+        yield from _once(
+            "column", ((f"{key}.columns[{k}].name", c["name"]) for k, c in columns)
+        )
         for k, column in columns:
             of, place = column["feet"] or [column["name"]], f"{key}.columns[{k}].feet"
-            yield from _unknown("feet of markers.feet", feet, ((place, foot) for foot in of))
+            yield from _unknown(
+                "feet of markers.feet", feet, ((place, foot) for foot in of)
+            )
         if block.get("label_column") is not None and block["time_column"] is None:
             wanted = "the column of the instants beside label_column"
             yield mismatch(f"{key}.time_column", wanted, "null (nothing)")
@@ -82,7 +88,9 @@ def simulation_of(config: dict[str, Any], name: str) -> dict[str, Any]:
     name : str
         Name of the recording, whose own values override those of the block.
     """
-    own = next(entry["simulation"] for entry in config["recordings"] if entry["name"] == name)
+    own = next(
+        entry["simulation"] for entry in config["recordings"] if entry["name"] == name
+    )
     given = {key: value for key, value in own.items() if value is not None}
     return {**config["simulation"], **given}
 
@@ -98,7 +106,9 @@ def files_of(entry: Mapping[str, Any]) -> list[str]:
 
 def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the ``touchdowns`` keys that `find_landings` takes; others judge what it found."""
-    taken = signature(resolve_name("hopdata.landings.contacts.find:find_landings")).parameters
+    taken = signature(
+        resolve_name("hopdata.landings.contacts.find:find_landings")
+    ).parameters
     return {key: value for key, value in config["touchdowns"].items() if key in taken}
 
 
@@ -112,15 +122,17 @@ def is_simulated(config: Mapping[str, Any]) -> bool:
     return not any(files_of(entry) for entry in config["recordings"])
 
 
-# Formats with a place for a truth, and axes of the file for which it holds: see `import_recording`.
+# Formats with a place for a truth, and axes of the file for which it holds: see
+# `import_recording`.
 _WITH_TRUTH, _UPRIGHT = (".h5", ".hdf5"), ("z", "auto")
 
 
 def knows_truth(config: Mapping[str, Any]) -> bool:
     """Tell whether the truth of any recording is known, so that the study is scored against it.
 
-    That of a simulated recording is. That of a file is if it stands in the file and holds for the
-    markers that the study takes; files that are joined to one recording lose theirs.
+    That of a simulated recording is. That of a file is if it stands in the file and
+    holds for the markers that the study takes; files that are joined to one recording
+    lose theirs.
     """
     return any(_has_truth(config, files_of(entry)) for entry in config["recordings"])
 
@@ -163,7 +175,11 @@ def missing_files(config: dict[str, Any]) -> Iterator[str]:
         file = Path(name)
         if file.is_file():
             continue
-        found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{nearest_file(file)}"
+        found = (
+            f"the folder '{file}'"
+            if file.is_dir()
+            else f"no '{file}'{nearest_file(file)}"
+        )
         yield mismatch(key, "a file", found)
 
 
@@ -191,7 +207,11 @@ ROUNDING = 1e-9
 def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield inconsistencies in the block ``steering``."""
     steering = config["steering"]
-    yield from _wrong_recordings(config) if steering["recordings"] else _wrong_excitation(steering)
+    yield from (
+        _wrong_recordings(config)
+        if steering["recordings"]
+        else _wrong_excitation(steering)
+    )
 
 
 def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
@@ -207,7 +227,9 @@ def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
 
 def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
     excitation = steering["excitation"]
-    angles, steps, repeats = (excitation[key] for key in ("n_angles", "n_steps", "repeats"))
+    angles, steps, repeats = (
+        excitation[key] for key in ("n_angles", "n_steps", "repeats")
+    )
     limit, largest = steering["robot"]["swing_limit_rad"], 2 * pi * steps / angles
     if largest > limit + ROUNDING:
         wanted = f"swings within steering.robot.swing_limit_rad ({limit:.4g} rad)"
@@ -221,16 +243,23 @@ def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
         yield mismatch("steering.model.training_hops", left, asked)
 
 
-RESERVED_STUDIES = ("benchmarks", "both_sides")  # their folders hold other results already
+RESERVED_STUDIES = (
+    "benchmarks",
+    "both_sides",
+)  # their folders hold other results already
 
 
 def _repeated(config: dict[str, Any]) -> Iterator[str]:
     """Yield names that occur twice; the landings of a file would count twice."""
     named = enumerate(config["recordings"])  # some file systems ignore case
-    yield from _once("name", ((f"recordings[{i}].name", one["name"].lower()) for i, one in named))
+    yield from _once(
+        "name", ((f"recordings[{i}].name", one["name"].lower()) for i, one in named)
+    )
     roles = config["markers"].items()
     markers = (
-        (f"markers.{role}[{k}]", one) for role, names in roles for k, one in enumerate(names)
+        (f"markers.{role}[{k}]", one)
+        for role, names in roles
+        for k, one in enumerate(names)
     )
     yield from _once("marker", markers)
     files = ((key, os.path.realpath(name)) for key, name in recording_files(config))
@@ -241,12 +270,24 @@ def _left_out(config: dict[str, Any]) -> Iterator[str]:
     known = [*config["markers"]["body"], *config["markers"]["feet"]]
     for i, recording in enumerate(config["recordings"]):
         for k, entry in enumerate(recording["exclude"]):
-            place, begin, end = f"recordings[{i}].exclude[{k}]", entry["from_s"], entry["to_s"]
+            place, begin, end = (
+                f"recordings[{i}].exclude[{k}]",
+                entry["from_s"],
+                entry["to_s"],
+            )
             if begin is not None and end is not None and not end > begin:
-                yield mismatch(f"{place}.to_s", f"more than from_s ({begin:g} s)", f"{end:g} s")
-            others = [key for key in ("from_s", "to_s", "markers") if entry[key] not in (None, [])]
+                yield mismatch(
+                    f"{place}.to_s", f"more than from_s ({begin:g} s)", f"{end:g} s"
+                )
+            others = [
+                key
+                for key in ("from_s", "to_s", "markers")
+                if entry[key] not in (None, [])
+            ]
             if entry["landings"] and others:
-                yield mismatch(f"{place}.landings", "no other choice beside them", others[0])
+                yield mismatch(
+                    f"{place}.landings", "no other choice beside them", others[0]
+                )
             named = ((f"{place}.markers", name) for name in entry["markers"])
             yield from _unknown("a marker of body or feet", known, named)
 
@@ -256,7 +297,9 @@ MOST_FEET = 6
 
 def feet_of(config: Mapping[str, Any]) -> list[str]:
     """Return the names of the feet, in order; the block ``feet`` joins several markers in one."""
-    taken = {marker: foot["name"] for foot in config["feet"] for marker in foot["markers"]}
+    taken = {
+        marker: foot["name"] for foot in config["feet"] for marker in foot["markers"]
+    }
     return list(dict.fromkeys(taken.get(one, one) for one in config["markers"]["feet"]))
 
 
@@ -264,24 +307,36 @@ def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
     known, joined = config["markers"]["feet"], list[tuple[str, str]]()
     others = [name for role in ("body", "boom") for name in config["markers"][role]]
     for i, foot in enumerate(config["feet"]):
-        joined += [(f"feet[{i}].markers[{k}]", name) for k, name in enumerate(foot["markers"])]
+        joined += [
+            (f"feet[{i}].markers[{k}]", name) for k, name in enumerate(foot["markers"])
+        ]
         named = ((f"feet[{i}].markers", name) for name in foot["markers"])
         yield from _unknown("a marker of markers.feet", known, named)
-        if foot["name"] in [*known, *others, *(one["name"] for one in config["feet"][:i])]:
+        if foot["name"] in [
+            *known,
+            *others,
+            *(one["name"] for one in config["feet"][:i]),
+        ]:
             yield mismatch(f"feet[{i}].name", "a name of its own", f"'{foot['name']}'")
     yield from _once("marker", joined)
     count = len(feet_of(config))
     if not 2 <= count <= MOST_FEET:
-        yield mismatch("markers.feet", f"2 to {MOST_FEET} feet", f"{count}; feet joins markers")
+        yield mismatch(
+            "markers.feet", f"2 to {MOST_FEET} feet", f"{count}; feet joins markers"
+        )
     simulated = [entry["name"] for entry in config["recordings"] if not files_of(entry)]
     if config["feet"] and simulated:
-        beside = f"the simulated recording {simulated[0]}, whose feet have one marker each"
+        beside = (
+            f"the simulated recording {simulated[0]}, whose feet have one marker each"
+        )
         yield f"feet: expected none beside {beside}"
 
 
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
     if (marker := config["home"]["marker"]) is not None:
-        yield from _unknown("a body marker", config["markers"]["body"], [("home.marker", marker)])
+        yield from _unknown(
+            "a body marker", config["markers"]["body"], [("home.marker", marker)]
+        )
 
 
 DEFAULT_SIGMAS = 3.0  # of sections.threshold_sigmas in the schema
@@ -297,7 +352,9 @@ def _in_order(config: dict[str, Any]) -> Iterator[str]:
     for key, side, other in _IN_ORDER:
         value: Any = reduce(getitem, key.split("."), config)
         limit: Any = reduce(getitem, other.split("."), config)
-        if None not in (value, limit) and not (value > limit if side == "more" else value < limit):
+        if None not in (value, limit) and not (
+            value > limit if side == "more" else value < limit
+        ):
             yield mismatch(key, f"{side} than {other} ({limit:g})", f"{value:g}")
 
 
@@ -325,7 +382,9 @@ def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
     for one, following in pairwise(config["scaling_study"]["scales"]):
         if not following < one:
             wanted = "the largest first and each smaller than the one before"
-            yield mismatch("scaling_study.scales", wanted, f"{following:g} after {one:g}")
+            yield mismatch(
+                "scaling_study.scales", wanted, f"{following:g} after {one:g}"
+            )
             return
 
 
@@ -335,7 +394,9 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
         return
     n_body = len(config["motion_capture"]["markers"]["body_m"])
     simulation = config["simulation"]
-    if simulation["scene"] == STANDARD:  # not loaded, since every start would pay for it
+    if (
+        simulation["scene"] == STANDARD
+    ):  # not loaded, since every start would pay for it
         n_feet, has_boom = simulation[STANDARD]["n_legs"], True
     else:
         from hopdata.synthesis.simulate import Simulation
@@ -346,7 +407,9 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
             yield str(error)
             return
         n_feet, has_boom = scene.n_legs, scene.has_boom
-    made = [f"body{i + 1}" for i in range(n_body)] + [f"foot{i + 1}" for i in range(n_feet)]
+    made = [f"body{i + 1}" for i in range(n_body)] + [
+        f"foot{i + 1}" for i in range(n_feet)
+    ]
     made += ["boom"] if has_boom else []
     roles = config["markers"].items()
     named = ((f"markers.{role}", name) for role, names in roles for name in names)
@@ -355,9 +418,13 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
 
 def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
     for i, recording in enumerate(config["recordings"]):
-        given = [key for key, value in recording["simulation"].items() if value is not None]
+        given = [
+            key for key, value in recording["simulation"].items() if value is not None
+        ]
         if recording["file"] is not None and given:
-            yield mismatch(f"recordings[{i}].simulation", "nothing beside a file", ", ".join(given))
+            yield mismatch(
+                f"recordings[{i}].simulation", "nothing beside a file", ", ".join(given)
+            )
 
 
 def _braces(config: dict[str, Any]) -> Iterator[str]:
@@ -370,7 +437,9 @@ def _braces(config: dict[str, Any]) -> Iterator[str]:
 def _reserved_study(config: dict[str, Any]) -> Iterator[str]:
     """Yield a study name whose folder holds the project's own results."""
     if config["study"] in RESERVED_STUDIES:
-        taken = f"{' and '.join(RESERVED_STUDIES)}, whose folders under results/ are taken"
+        taken = (
+            f"{' and '.join(RESERVED_STUDIES)}, whose folders under results/ are taken"
+        )
         yield mismatch("study", f"a name other than {taken}", f"'{config['study']}'")
 
 
@@ -379,7 +448,9 @@ def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
     flips, confidence = (config["verdict"][key] for key in ("flips", "confidence"))
     if (1 + flips) * (1 - confidence) <= 1:
         small = f"with fewer no p-value is below {1 - confidence:.3g}"
-        yield mismatch("verdict.flips", f"more than {1 / (1 - confidence) - 1:.0f}, {small}", flips)
+        yield mismatch(
+            "verdict.flips", f"more than {1 / (1 - confidence) - 1:.0f}, {small}", flips
+        )
 
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [

@@ -49,7 +49,9 @@ def key_lines(file: str | Path) -> dict[str, int]:
     return {dotted(path): line for path, line in _lines(root, ())} if root else {}
 
 
-def _lines(node: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], int]]:
+def _lines(
+    node: Any, path: tuple[str | int, ...]
+) -> Iterator[tuple[tuple[str | int, ...], int]]:
     if len(path) > MOST_DEPTH:
         return
     if isinstance(node, yaml.MappingNode):
@@ -74,8 +76,8 @@ def read_yaml(path: str | Path) -> Any:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, has a duplicate key, or has aliases that would
-        expand to more than `MOST_ENTRIES`.
+        If the file cannot be read, is not YAML, has a duplicate key, or has aliases
+        that would expand to more than `MOST_ENTRIES`.
     """
     path = Path(path)
     try:
@@ -83,9 +85,13 @@ def read_yaml(path: str | Path) -> Any:
     except OSError as error:
         near = nearest_file(path) if isinstance(error, FileNotFoundError) else ""
         told = f"{error.strerror or error}{near}"
-        raise ConfigError(f"{path}: expected a readable configuration, found: {told}") from None
+        raise ConfigError(
+            f"{path}: expected a readable configuration, found: {told}"
+        ) from None
     except UnicodeDecodeError:
-        raise ConfigError.at(path, "YAML in UTF-8", "other bytes (a recording? use init)") from None
+        raise ConfigError.at(
+            path, "YAML in UTF-8", "other bytes (a recording? use init)"
+        ) from None
     try:
         loader = _StrictLoader(text)
         node = loader.get_single_node()
@@ -93,13 +99,17 @@ def read_yaml(path: str | Path) -> Any:
             return None
         if (size := _expanded(node, {})) > MOST_ENTRIES:
             once = "once the aliases (*name) stand for what they repeat; write out what is needed"
-            raise ConfigError.at(path, f"at most {MOST_ENTRIES} entries", f"{size} {once}")
+            raise ConfigError.at(
+                path, f"at most {MOST_ENTRIES} entries", f"{size} {once}"
+            )
         return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         hint = _hint(error.problem, text[mark.index : mark.index + 1] if mark else "")
-        raise ConfigError(f"{path}{where}: expected YAML, found: {error.problem}{hint}") from None
+        raise ConfigError(
+            f"{path}{where}: expected YAML, found: {error.problem}{hint}"
+        ) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: expected YAML, found: {error}") from None
 
@@ -110,7 +120,9 @@ def _expanded(node: Any, known: dict[int, int]) -> int:
         known[id(node)] = 0  # recursive nodes are refused elsewhere
         inner = node.value if isinstance(node.value, list) else []
         parts = [
-            part for entry in inner for part in (entry if isinstance(entry, tuple) else [entry])
+            part
+            for entry in inner
+            for part in (entry if isinstance(entry, tuple) else [entry])
         ]
         known[id(node)] = 1 + sum(_expanded(part, known) for part in parts)
     return known[id(node)]
@@ -138,7 +150,9 @@ class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ign
         except Exception:
             kind = node.tag.removeprefix("tag:yaml.org,2002:")
             problem = f"a value that is no {kind}"
-            raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark) from None
+            raise yaml.constructor.ConstructorError(
+                None, None, problem, node.start_mark
+            ) from None
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         seen = set()
@@ -146,7 +160,10 @@ class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ign
             key = str(key_node.value)
             if key in seen and key != "<<":
                 raise yaml.constructor.ConstructorError(
-                    None, None, f"the key '{key}' twice in one place", key_node.start_mark
+                    None,
+                    None,
+                    f"the key '{key}' twice in one place",
+                    key_node.start_mark,
                 )
             seen.add(key)
         return super().construct_mapping(node, deep)
@@ -193,7 +210,9 @@ def load_config(
     place = ", ".join(map(str, files)) or "configuration"
     if not isinstance(content, Mapping):
         kind = "nothing" if content is None else type(content).__name__
-        raise ConfigError.at(place, "keys with values, as 'hopdata init' writes them", kind)
+        raise ConfigError.at(
+            place, "keys with values, as 'hopdata init' writes them", kind
+        )
     schema = load_schema(_scene_of(content))
     try:
         config: dict[str, Any] = _with_defaults(content, schema)
@@ -214,7 +233,11 @@ def check_keys(place: str, keys: Mapping[str, Any]) -> None:
 def _scene_of(content: Mapping[str, Any]) -> str:
     """Return the scene to be simulated; the standard one if no known scene is named."""
     simulation = content.get("simulation")
-    name = simulation.get("scene", STANDARD) if isinstance(simulation, Mapping) else STANDARD
+    name = (
+        simulation.get("scene", STANDARD)
+        if isinstance(simulation, Mapping)
+        else STANDARD
+    )
     return name if isinstance(name, str) and name in SCENES else STANDARD
 
 
@@ -224,18 +247,30 @@ def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
         value = {}  # a section with all keys commented out
     if isinstance(value, Mapping):
         properties = schema.get("properties", {})
-        filled = {key: _with_defaults(v, properties.get(key, {})) for key, v in value.items()}
+        filled = {
+            key: _with_defaults(v, properties.get(key, {})) for key, v in value.items()
+        }
         for key, inner in properties.items():
             if key not in filled and "default" in inner:
                 filled[key] = _with_defaults(deepcopy(inner["default"]), inner)
         return filled
     if isinstance(value, list | tuple):
         return [_with_defaults(v, schema.get("items", {})) for v in value]
-    if isinstance(value, str) and "number" in schema.get("type", ()) and _POWER.fullmatch(value):
+    if (
+        isinstance(value, str)
+        and "number" in schema.get("type", ())
+        and _POWER.fullmatch(value)
+    ):
         value = float(value)  # YAML 1.1 reads 1e-3 as text, 1.0e-3 as a number
-    is_whole = "integer" in schema.get("type", ()) and "number" not in schema.get("type", ())
+    is_whole = "integer" in schema.get("type", ()) and "number" not in schema.get(
+        "type", ()
+    )
     # The schema accepts 1000.0 as a whole number, Python does not.
-    return int(value) if isinstance(value, float) and value.is_integer() and is_whole else value
+    return (
+        int(value)
+        if isinstance(value, float) and value.is_integer() and is_whole
+        else value
+    )
 
 
 def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str]:

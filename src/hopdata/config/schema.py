@@ -37,7 +37,9 @@ _BOUNDS = {
 def load_schema(scene: str = STANDARD) -> dict[str, Any]:
     """Return the JSON schema of the configuration with a scene's keys; do not modify it."""
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    schema: dict[str, Any] = yaml.load(SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader)
+    schema: dict[str, Any] = yaml.load(
+        SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader
+    )
     _take_choices(schema)
     simulation = schema["properties"]["simulation"]["properties"]
     if scene != STANDARD:
@@ -59,9 +61,18 @@ def _scene_block(name: str) -> dict[str, Any]:
     """Return the schema of a scene's parameters, as declared by its dataclass."""
     kind = scene_class(name)
     bare = [one.name for one in fields(kind) if type(one.default) not in _KINDS]
-    require(not bare, f"scene {name}", "a number as default of each parameter", ", ".join(bare))
+    require(
+        not bare,
+        f"scene {name}",
+        "a number as default of each parameter",
+        ", ".join(bare),
+    )
     keys = {
-        one.name: {"type": _KINDS[type(one.default)], "default": one.default, **one.metadata}
+        one.name: {
+            "type": _KINDS[type(one.default)],
+            "default": one.default,
+            **one.metadata,
+        }
         for one in fields(kind)
     }
     description = " ".join(str(kind.__doc__).split("\n\n")[0].split())
@@ -88,7 +99,11 @@ def in_words(schema: dict[str, Any]) -> str:
     types = [types] if isinstance(types, str) else list(types)
     words = " or ".join(_TYPES[t] for t in types if t != "null")
     words += _items_in_words(schema)
-    bounds = [text.format(f"{schema[key]:.12g}") for key, text in _BOUNDS.items() if key in schema]
+    bounds = [
+        text.format(f"{schema[key]:.12g}")
+        for key, text in _BOUNDS.items()
+        if key in schema
+    ]
     words += " " * bool(bounds) + " and ".join(bounds)
     words += f" ({schema['x-pattern']})" if "x-pattern" in schema else ""
     return words + (", or null" if "null" in types else "")
@@ -100,9 +115,13 @@ def _items_in_words(schema: dict[str, Any]) -> str:
         return ""
     least, most = schema.get("minItems", 0), schema.get("maxItems")
     number = f"{least} to {most}" if most else f"at least {least}"
-    words = " of " + (f"{least} " if least == most else f"{number} " if least or most else "")
+    words = " of " + (
+        f"{least} " if least == most else f"{number} " if least or most else ""
+    )
     items = schema.get("items", {})
-    kind = {"string": "names", "number": "numbers"}.get(str(items.get("type")), "entries")
+    kind = {"string": "names", "number": "numbers"}.get(
+        str(items.get("type")), "entries"
+    )
     if number == "at least 1" and kind == "entries":
         kind = "entry"
     return words + kind + (f", each {in_words(items)}" if "enum" in items else "")
@@ -131,7 +150,11 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
         others = {name: _scene_block(name) for name in SCENES if name != STANDARD}
         schema["properties"]["simulation"]["properties"] |= others
     single = {k: s for k, s in schema["properties"].items() if not _is_section(s)}
-    rows = [_row(k, s, k in schema["required"]) for k, s in single.items() if "items" not in s]
+    rows = [
+        _row(k, s, k in schema["required"])
+        for k, s in single.items()
+        if "items" not in s
+    ]
     parts = [schema["description"], HEAD + "".join(rows)]
     for key, section in schema["properties"].items():
         if _is_section(section) or "items" in section:
@@ -146,7 +169,9 @@ def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
     yield f"## `{heading}`\n\n{section['description']}\n"
     keys = {k: s for k, s in inner["properties"].items() if not _is_section(s)}
     if keys:
-        yield HEAD + "".join(_row(k, s, k in inner.get("required", ())) for k, s in keys.items())
+        yield HEAD + "".join(
+            _row(k, s, k in inner.get("required", ())) for k, s in keys.items()
+        )
     for key, deeper in inner["properties"].items():
         if _is_section(deeper):
             yield from _sections(f"{heading}.{key}", deeper)
@@ -154,7 +179,13 @@ def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
 
 def _row(key: str, schema: dict[str, Any], required: bool) -> str:
     default = "required" if required else f"`{json.dumps(schema.get('default'))}`"
-    cells = [f"`{key}`", schema["description"], schema.get("x-unit", ""), default, in_words(schema)]
+    cells = [
+        f"`{key}`",
+        schema["description"],
+        schema.get("x-unit", ""),
+        default,
+        in_words(schema),
+    ]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
 
 
@@ -191,8 +222,14 @@ def hint(value: Any, schema: dict[str, Any]) -> str:
         return _of_list(value, schema)
     if {"number", "integer"} & set(kinds):
         return _of_number(value, schema)
-    is_slip = not isinstance(value, str | list | dict) and value is not None  # a YAML misreading
-    return "; put it in quotes, as it is to be read" if is_slip and "string" in kinds else ""
+    is_slip = (
+        not isinstance(value, str | list | dict) and value is not None
+    )  # a YAML misreading
+    return (
+        "; put it in quotes, as it is to be read"
+        if is_slip and "string" in kinds
+        else ""
+    )
 
 
 def _of_choice(value: Any, choices: list[str]) -> str:
@@ -223,12 +260,18 @@ def _of_number(value: Any, schema: dict[str, Any]) -> str:
         if found and found.group(2) == "%":
             return _as_share(float(found.group(1)))
         unit = schema.get("x-unit")
-        return f"; write the number alone{f', in {unit}' if unit else ''}" if found else ""
+        return (
+            f"; write the number alone{f', in {unit}' if unit else ''}" if found else ""
+        )
     if not isinstance(value, int | float) or isinstance(value, bool):
         return ""
     most = schema.get("maximum", float("inf"))
     is_share = "x-unit" not in schema and most <= 1 and schema.get("minimum", 0) >= 0
-    return _as_share(float(value)) if is_share and value >= 2 and value / 100 <= most else ""
+    return (
+        _as_share(float(value))
+        if is_share and value >= 2 and value / 100 <= most
+        else ""
+    )
 
 
 def _as_share(percent: float) -> str:
@@ -237,7 +280,9 @@ def _as_share(percent: float) -> str:
 
 # Turn a violation of the schema into a message that a user can act on.
 
-SURE = 0.8  # similarity from which a neighbour is meant rather than the same key elsewhere
+SURE = (
+    0.8  # similarity from which a neighbour is meant rather than the same key elsewhere
+)
 _OF_VALUE = {"type", "enum", "minItems", "maxItems", "pattern", "minLength", *_BOUNDS}
 
 
@@ -245,7 +290,9 @@ def dotted(path: Iterable[str | int]) -> str:
     """Write a key path as a user would: ``recordings[0].file``."""
     text = ""
     for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+        text += (
+            f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+        )
     return text
 
 
@@ -260,7 +307,9 @@ def describe(errors: Iterable[ValidationError], schema: dict[str, Any]) -> list[
         The whole schema, in which unknown keys are searched for.
     """
     # Drop duplicate lines: 3.5 violates both type and range of a whole number.
-    return list(dict.fromkeys(line for error in errors for line in _lines(error, schema)))
+    return list(
+        dict.fromkeys(line for error in errors for line in _lines(error, schema))
+    )
 
 
 def _lines(error: ValidationError, schema: dict[str, Any]) -> list[str]:
@@ -280,7 +329,8 @@ def _lines(error: ValidationError, schema: dict[str, Any]) -> list[str]:
     return [
         f"{_join(place, key)}: expected this key, found none"
         for key in local["required"]
-        if key not in present and not did_you_mean(key, unknown)  # misspelt: reported already
+        if key not in present
+        and not did_you_mean(key, unknown)  # misspelt: reported already
     ]
 
 
@@ -297,7 +347,11 @@ def found(value: Any) -> str:
         return "keys with values (" + ", ".join(map(str, list(value)[:4])) + ")"
     if isinstance(value, list):
         shown = ", ".join(str(entry) for entry in value[:4])
-        return f"{len(value)} ({shown}{', ...' if len(value) > 4 else ''})" if value else "none"
+        return (
+            f"{len(value)} ({shown}{', ...' if len(value) > 4 else ''})"
+            if value
+            else "none"
+        )
     return str(value)
 
 
@@ -310,7 +364,9 @@ REMOVED = {
 }
 
 
-def _unknown_key(key: str, place: str, known: Sequence[str], schema: dict[str, Any]) -> str:
+def _unknown_key(
+    key: str, place: str, known: Sequence[str], schema: dict[str, Any]
+) -> str:
     whole = _join(place, key)
     if whole in REMOVED:
         return f"{whole}: expected a known key, found '{key}'; {REMOVED[whole]}"

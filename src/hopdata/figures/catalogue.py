@@ -13,7 +13,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-# A date or library version in a file would change its bytes although the data are the same.
+# A date or library version in a file would change its bytes although the data are the
+# same.
 #: Formats of figures, and the metadata written to each file.
 FORMATS: Mapping[str, Mapping[str, str | None]] = {
     "svg": {"Date": None, "Creator": "hopdata"},
@@ -44,7 +45,8 @@ class Drawing:
     truth: Sequence[str] = ()
 
 
-#: The figure of the distances between constraint subspaces, which a study may leave out.
+#: The figure of the distances between constraint subspaces, which a study may leave
+#: out.
 OF_DISTANCES = "fig2_5_distances"
 _FILE = Path(__file__).with_suffix(".toml")
 #: Jobs that draw, and the figures of each job by name.

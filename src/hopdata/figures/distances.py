@@ -24,7 +24,9 @@ NOT_DECIDED = (
     "Cross-class right of in-class does not mean\ndifferent maps: noise and one map that bends\n"
     "move them, too. The verdict decides."
 )
-ONE_ORDER = "Only one order has enough touchdowns:\nthere is no cross-class to compare with."
+ONE_ORDER = (
+    "Only one order has enough touchdowns:\nthere is no cross-class to compare with."
+)
 
 
 @style.styled
@@ -36,16 +38,19 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     distances : DataFrame
         One row per pair of subspaces: ``kind``, ``distance_rad``.
     summary : DataFrame
-        One row per kind: ``kind`` and the quantiles ``q05, q25, median, q75, q95``, rad.
+        One row per kind: ``kind`` and the quantiles ``q05, q25, median, q75, q95``,
+        rad.
 
     Returns
     -------
     Figure
-        The distributions, and below them the boxes on the same axis (whiskers from 5 % to 95 %).
-        A kind without data is marked "none".
+        The distributions, and below them the boxes on the same axis (whiskers from 5 %
+        to 95 %). A kind without data is marked "none".
     """
     if not distances["distance_rad"].notna().any():
-        return style.message_figure("No distances: no mode schedule holds enough touchdowns.")
+        return style.message_figure(
+            "No distances: no mode schedule holds enough touchdowns."
+        )
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 102.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1))
     _draw_study(upper, lower, distances, summary)
@@ -55,11 +60,15 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     return figure
 
 
-def _draw_study(upper: Axes, lower: Axes, distances: pd.DataFrame, summary: pd.DataFrame) -> None:
+def _draw_study(
+    upper: Axes, lower: Axes, distances: pd.DataFrame, summary: pd.DataFrame
+) -> None:
     """Draw the distributions above and the boxes below, and label the axes."""
     boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
     for place, kind in enumerate(KINDS):
-        sample = distances.loc[distances["kind"] == kind, "distance_rad"].dropna().to_numpy()
+        sample = (
+            distances.loc[distances["kind"] == kind, "distance_rad"].dropna().to_numpy()
+        )
         _draw_cumulative(upper, kind, sample)
         _draw_box(lower, place, kind, boxes.get(kind, {}))
     upper.set_ylabel("cumulative share")
@@ -78,7 +87,9 @@ def _draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
         axes.plot([], [], color=colour, linestyle=dash, label=f"{label} (none)")
         return
     ordered, share = np.sort(sample), np.arange(1, len(sample) + 1) / len(sample)
-    shown = np.unique(np.linspace(0, len(sample) - 1, min(len(sample), MOST_STEPS)).astype(int))
+    shown = np.unique(
+        np.linspace(0, len(sample) - 1, min(len(sample), MOST_STEPS)).astype(int)
+    )
     x = np.concatenate([ordered[:1], ordered[shown]])
     y = np.concatenate([[0.0], share[shown]])
     axes.plot(x, y, color=colour, linestyle=dash, label=label, drawstyle="steps-post")
@@ -94,7 +105,8 @@ def _draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
     style.box(axes, place, values, colour, widths=0.55, orientation="horizontal")
 
 
-# Figure 2.5 for studies side by side, such as a C1 landing and one that is not, with verdicts.
+# Figure 2.5 for studies side by side, such as a C1 landing and one that is not, with
+# verdicts.
 
 
 @style.styled
@@ -104,14 +116,16 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
     Parameters
     ----------
     content
-        For each study in turn: the two tables of `distances_figure`, and its ``verdict.json``.
+        For each study in turn: the two tables of `distances_figure`, and its
+        ``verdict.json``.
     names
         Titles of the studies.
 
     Returns
     -------
     Figure
-        One column per study: distributions, boxes, and the verdict's conclusion with its size.
+        One column per study: distributions, boxes, and the verdict's conclusion with
+        its size.
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 96.0)
     rows = figure.subplots(

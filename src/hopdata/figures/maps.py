@@ -24,36 +24,45 @@ INPUTS = {
     "spin_z_rad_s": "spin z",
 }
 OUTPUTS = {"step_x_m": "step x", "step_y_m": "step y", "turn_rad": "turn", **INPUTS}
-# Estimators needed; to first order, the errors of the printed map are those of least squares.
+# Estimators needed; to first order, the errors of the printed map are those of least
+# squares.
 NEEDED = ("printed", "ols", "corrected_curved")
 SURE, UNSURE = 2.0, "#d9d9d9"
-FIRST_VELOCITY = 5  # rows before this one are displacements, the others come from velocities
+FIRST_VELOCITY = (
+    5  # rows before this one are displacements, the others come from velocities
+)
 COLOURS = "RdBu_r"
 WHAT_IS_GREY = "grey: within two standard errors of zero"
 
 
 @style.styled
-def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) -> Figure:
+def matrices_figure(
+    estimates: pd.DataFrame, exact: pd.DataFrame | None = None
+) -> Figure:
     """Draw maps as images, with 8 input columns and 11 output rows.
 
     Parameters
     ----------
     estimates : DataFrame
-        ``estimator, input, output, standardised`` (displacement of the markers, mm, for one
-        standard deviation of the input), ``value, standard_error``. ``printed`` and
-        ``corrected_curved`` are drawn; cells within `SURE` standard errors of zero are grey.
+        ``estimator, input, output, standardised`` (displacement of the markers, mm, for
+        one standard deviation of the input), ``value, standard_error``. ``printed`` and
+        ``corrected_curved`` are drawn; cells within `SURE` standard errors of zero are
+        grey.
     exact : DataFrame, optional
         The same without ``estimator``, if the exact map is known.
 
     Returns
     -------
     Figure
-        Maps on the left, and differences on the right on another scale: both estimates minus the
-        exact map or, if it is unknown, the printed estimate minus the corrected one.
+        Maps on the left, and differences on the right on another scale: both estimates
+        minus the exact map or, if it is unknown, the printed estimate minus the
+        corrected one.
     """
     tables = {name: estimates[estimates["estimator"] == name] for name in NEEDED}
     if any(table.empty for table in tables.values()):
-        return style.message_figure("The landing map could not be estimated: too few landings.")
+        return style.message_figure(
+            "The landing map could not be estimated: too few landings."
+        )
     (printed, _), (_, printed_error), (best, error) = map(_matrix, tables.values())
     maps = {
         "least squares,\nas printed": _sure(printed, printed_error),
@@ -75,12 +84,21 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
         (panels[len(maps) :], differences, "differences (mm per sd;\nnote the scale)"),
     )
     for axes, matrices, label in groups:
-        limit = max(float(np.nan_to_num(abs(matrix)).max()) for matrix in matrices.values()) or 1.0
+        limit = (
+            max(float(np.nan_to_num(abs(matrix)).max()) for matrix in matrices.values())
+            or 1.0
+        )
         for one, (title, matrix) in zip(axes, matrices.items(), strict=True):
             image = _draw_matrix(one, matrix, limit)
             one.set(title=title, xlabel="state before")
         figure.colorbar(
-            image, ax=list(axes), location="bottom", label=label, shrink=0.8, aspect=30, pad=0.02
+            image,
+            ax=list(axes),
+            location="bottom",
+            label=label,
+            shrink=0.8,
+            aspect=30,
+            pad=0.02,
         )
         axes[0].tick_params(labelleft=True)
     panels[0].set_yticks(range(len(OUTPUTS)), list(OUTPUTS.values()))
@@ -110,7 +128,9 @@ def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     """
     scale = (table["standardised"] / table["value"]).abs()
     known = table.assign(error=scale * table.get("standard_error", 0.0))
-    wide = known.pivot_table(index="output", columns="input", values=["standardised", "error"])
+    wide = known.pivot_table(
+        index="output", columns="input", values=["standardised", "error"]
+    )
     value, error = (
         wide[which].loc[list(OUTPUTS), list(INPUTS)].to_numpy(float)
         for which in ("standardised", "error")
@@ -118,7 +138,8 @@ def _matrix(table: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     return value, error
 
 
-# Label, column of the strength, colour and marker of each case other than the scene itself.
+# Label, column of the strength, colour and marker of each case other than the scene
+# itself.
 CASES = {
     "coupling": ("coupled forces", "coupling", style.VERMILION, "s"),
     "impulse": ("rigid impulses", "impulse", style.GREEN, "^"),
@@ -146,8 +167,9 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
     Returns
     -------
     Figure
-        (a) Error of the pooled map, with its slope. (b) Its mean square relative to that of the
-        schedules' maps. (c) Largest difference between these maps; dashed, between the exact maps.
+        (a) Error of the pooled map, with its slope. (b) Its mean square relative to
+        that of the schedules' maps. (c) Largest difference between these maps; dashed,
+        between the exact maps.
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 78.0)
     panels = figure.subplots(1, 3)
@@ -164,7 +186,9 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
     for case in cases:
         exact = float(table.loc[table["case"] == case, "exact_difference"].median())
         if exact > SEEN:
-            panels[2].axhline(exact, color=_shown(case)[2], linestyle=(0, (4, 2)), linewidth=0.8)
+            panels[2].axhline(
+                exact, color=_shown(case)[2], linestyle=(0, (4, 2)), linewidth=0.8
+            )
     panels[2].text(0.97, 0.03, "dashed: exact maps", transform=panels[2].transAxes, ha="right",
                    fontsize=style.pt(6), color=style.GREY)  # fmt: skip
     return figure

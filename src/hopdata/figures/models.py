@@ -29,8 +29,9 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
     Parameters
     ----------
     maps : DataFrame
-        One row per node of an even grid: ``boom_angle_rad``, ``swing_rad``, the predictions
-        ``dx_mm, dy_mm, dtheta_deg``, and their standard deviations, with ``_sd``.
+        One row per node of an even grid: ``boom_angle_rad``, ``swing_rad``, the
+        predictions ``dx_mm, dy_mm, dtheta_deg``, and their standard deviations, with
+        ``_sd``.
     hops : DataFrame
         Training hops: the same columns without the standard deviations.
 
@@ -44,7 +45,9 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
     panels = figure.subplots(2, len(COMPONENTS), sharex=True, sharey=True)
     bar: Any = {"location": "bottom", "aspect": 25, "pad": 0.03}
-    for column, (name, (title, label, centred)) in zip(panels.T, COMPONENTS.items(), strict=True):
+    for column, (name, (title, label, centred)) in zip(
+        panels.T, COMPONENTS.items(), strict=True
+    ):
         upper, lower = column
         colours, limits = _colours(maps[name], hops[name], centred)
         image = _draw(upper, maps, name, colours, limits)
@@ -123,13 +126,15 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row per setting: ``model`` (of `LINES`; others are ignored), ``component`` (of
-        `PANELS`), ``hops``, and over random sets of hops ``rmse, rmse_q05, rmse_q95``.
+        One row per setting: ``model`` (of `LINES`; others are ignored), ``component``
+        (of `PANELS`), ``hops``, and over random sets of hops ``rmse, rmse_q05,
+        rmse_q95``.
 
     Returns
     -------
     Figure
-        Means over the number of hops (logarithmic), with bands from 5 to 95 % of the sets.
+        Means over the number of hops (logarithmic), with bands from 5 to 95 % of the
+        sets.
     """
     if not table["model"].isin(LINES).any():
         return style.message_figure("No learning curve to show.")
@@ -138,7 +143,9 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
     for axes, (component, label) in zip(panels, PANELS.items(), strict=True):
         _draw_learning_curve(axes, table[table["component"] == component])
         axes.set(title=label, xscale="log", xlabel="hops learned from")
-        axes.xaxis.set_major_locator(ticker.FixedLocator(sorted(table["hops"].unique())))
+        axes.xaxis.set_major_locator(
+            ticker.FixedLocator(sorted(table["hops"].unique()))
+        )
         style.plain_numbers(axes.xaxis)
     panels[0].set_ylabel("rms error of a hop")
     style.lettered(figure, panels, ncols=4)
@@ -180,8 +187,9 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row per setting: ``data`` (of `DATA`), ``reading`` (of `READINGS`), ``component`` (of
-        `COLUMNS`), ``smoothness``, ``r2`` and its standard error ``r2_se``.
+        One row per setting: ``data`` (of `DATA`), ``reading`` (of `READINGS`),
+        ``component`` (of `COLUMNS`), ``smoothness``, ``r2`` and its standard error
+        ``r2_se``.
 
     Returns
     -------
@@ -192,13 +200,17 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
     if not rows:
         return style.message_figure("No kernels to compare.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 22.0 + 40.0 * len(rows))
-    panels = figure.subplots(len(rows), len(COLUMNS), sharex=True, sharey=True, squeeze=False)
+    panels = figure.subplots(
+        len(rows), len(COLUMNS), sharex=True, sharey=True, squeeze=False
+    )
     for line, data in zip(panels, rows, strict=True):
         for axes, component in zip(line, COLUMNS, strict=True):
             chosen = (table["data"] == data) & (table["component"] == component)
             _draw_smoothness(axes, table[chosen])
         line[0].set_ylabel(f"{DATA[data]}\nR² of other hops")
-    for upper, lower, title in zip(panels[0], panels[-1], COLUMNS.values(), strict=True):
+    for upper, lower, title in zip(
+        panels[0], panels[-1], COLUMNS.values(), strict=True
+    ):
         upper.set_title(title)
         lower.set_xlabel("smoothness ν of the kernel")
     panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
@@ -211,7 +223,9 @@ def _draw_smoothness(axes: Axes, table: pd.DataFrame) -> None:
     places = list(SMOOTHNESSES)
     for shift, (reading, (label, colour, dash, marker)) in enumerate(READINGS.items()):
         rows = table[table["reading"] == reading].sort_values("smoothness")
-        x = np.array([places.index(value) for value in rows["smoothness"]]) + 0.05 * (shift - 2)
+        x = np.array([places.index(value) for value in rows["smoothness"]]) + 0.05 * (
+            shift - 2
+        )
         axes.errorbar(
             x, rows["r2"].clip(lower=FLOOR), yerr=np.where(rows["r2"] > FLOOR, rows["r2_se"], 0),
             color=colour, linestyle=dash, marker=marker, markersize=3, elinewidth=0.6, label=label,

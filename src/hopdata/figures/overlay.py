@@ -34,19 +34,23 @@ def contact_overlay_figure(
     contacts : DataFrame
         Table ``contact_overlay``: one row per contact, see `hopdata.landings.overlay`.
     summary : DataFrame
-        Table ``contact_overlay_summary``: ``recording, column, bias_s, bias_low_s, bias_high_s``.
+        Table ``contact_overlay_summary``: ``recording, column, bias_s, bias_low_s,
+        bias_high_s``.
     example : DataFrame
-        Table ``contact_overlay_example``: ``time_s, kind, name, value, unit`` of one landing.
+        Table ``contact_overlay_example``: ``time_s, kind, name, value, unit`` of one
+        landing.
 
     Returns
     -------
     Figure
-        (a) Difference, found minus external, of each contact over time, with its standard error.
-        (b) Cumulative distribution of the differences, with the median and its 95 % interval.
-        (c) Foot heights and (d) force in one landing.
+        (a) Difference, found minus external, of each contact over time, with its
+        standard error. (b) Cumulative distribution of the differences, with the median
+        and its 95 % interval. (c) Foot heights and (d) force in one landing.
     """
     if not (contacts["status"] == "matched").any():
-        return style.message_figure("No contact could be matched with one known from elsewhere.")
+        return style.message_figure(
+            "No contact could be matched with one known from elsewhere."
+        )
     force = (example["kind"] == "force").any()
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 118.0 if force else 92.0)
     panels = figure.subplot_mosaic(
@@ -65,7 +69,9 @@ def contact_overlay_figure(
 
 
 def _of(contacts: pd.DataFrame, column: str, status: str) -> pd.DataFrame:
-    return contacts[(contacts["column"].astype(str) == column) & (contacts["status"] == status)]
+    return contacts[
+        (contacts["column"].astype(str) == column) & (contacts["status"] == status)
+    ]
 
 
 def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -> None:
@@ -97,14 +103,18 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
             )  # fmt: skip
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
     axes.margins(y=0.12)
-    axes.set(xlabel="time in the recording (s)", ylabel="contact, found minus\nexternal (ms)")
+    axes.set(
+        xlabel="time in the recording (s)", ylabel="contact, found minus\nexternal (ms)"
+    )
 
 
 def _draw_shares(
     axes: Axes, contacts: pd.DataFrame, summary: pd.DataFrame, columns: tuple[str, ...]
 ) -> None:
     for number, column in enumerate(columns):
-        errors = np.sort(_of(contacts, column, "matched")["difference_s"].to_numpy() * 1e3)
+        errors = np.sort(
+            _of(contacts, column, "matched")["difference_s"].to_numpy() * 1e3
+        )
         if not len(errors):
             continue
         share = (np.arange(len(errors)) + 0.5) / len(errors) * 100
@@ -118,7 +128,9 @@ def _draw_bias(axes: Axes, summary: pd.DataFrame, number: int) -> None:
     """Draw a column's bias with its interval, over all recordings if there are several."""
     together = summary[summary["recording"] == ALL]
     row = (together if len(together) else summary).iloc[-1]
-    bias, low, high = (1e3 * float(row[key]) for key in ("bias_s", "bias_low_s", "bias_high_s"))
+    bias, low, high = (
+        1e3 * float(row[key]) for key in ("bias_s", "bias_low_s", "bias_high_s")
+    )
     known = np.isfinite([low, high]).all()
     axes.errorbar(
         50 + 3 * number, bias, yerr=[[bias - low], [high - bias]] if known else None,
@@ -161,7 +173,9 @@ def _draw_instants(axes: Axes, example: pd.DataFrame, feet: list[str]) -> None:
 def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
     rows = example[example["kind"] == "force"]
     for number, (column, samples) in enumerate(rows.groupby("name", sort=False)):
-        colour = style.INK if len(rows["name"].unique()) == 1 else style.foot_colour(number)
+        colour = (
+            style.INK if len(rows["name"].unique()) == 1 else style.foot_colour(number)
+        )
         axes.plot(
             samples["time_s"] * 1e3, samples["value"], color=colour, marker=".", ms=2.5,
             linestyle=style.foot_dash(number), label=style.label_of(str(column)),

@@ -24,7 +24,8 @@ MODELS: Mapping[str, str] = {
 AFFINE = ("specialised", "near", "all", "far")
 # A wider gap separates the affine models from the means.
 PLACES = {name: i + 0.4 * (name not in AFFINE) for i, name in enumerate(MODELS)}
-# Margin beyond the boxes, relative to their range, so that no whisker touches the frame.
+# Margin beyond the boxes, relative to their range, so that no whisker touches the
+# frame.
 ROOM = 0.04
 QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
 ASKED = "How far each model misses the state after a landing (lower is better)"
@@ -41,9 +42,10 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     Parameters
     ----------
     summary : DataFrame
-        One row per model: ``model``, the quantiles ``p2_5, q25, median, q75, p97_5`` of the MSE in
-        squared normalised units, and optionally ``n_train``, ``n_test``, ``n_classes``.
-        A model without a row, or with a median of NaN, is marked "not fitted".
+        One row per model: ``model``, the quantiles ``p2_5, q25, median, q75, p97_5`` of
+        the MSE in squared normalised units, and optionally ``n_train``, ``n_test``,
+        ``n_classes``. A model without a row, or with a median of NaN, is marked "not
+        fitted".
     units : mapping
         ``length_unit_m`` and ``time_unit_s``, the units of normalisation.
 
@@ -55,7 +57,9 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     rows = {str(row["model"]): row for row in summary.to_dict("records")}
     fitted = [name for name in MODELS if _is_fitted(rows.get(name))]
     if not fitted:
-        return style.message_figure("No model could be fitted: there are too few touchdowns used.")
+        return style.message_figure(
+            "No model could be fitted: there are too few touchdowns used."
+        )
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 72.0)
     axes = figure.subplots()
     axes.set_yscale("log")
@@ -63,7 +67,9 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     for name, place in PLACES.items():
         if name in fitted:
             colour, numbers = style.BLUE if name in AFFINE else style.ORANGE, rows[name]
-            style.box(axes, place, [float(numbers[q]) for q in QUANTILES], colour, widths=0.5)
+            style.box(
+                axes, place, [float(numbers[q]) for q in QUANTILES], colour, widths=0.5
+            )
             _write_share(axes, place, rows[name], rows.get("mean"))
         else:
             words = "not fitted:\ntoo few\ntouchdowns"
@@ -81,17 +87,23 @@ def _write_share(
 ) -> None:
     """Write the median beside its box, relative to that of the mean if there is one."""
     median, whole = (float((one or {}).get("median", np.nan)) for one in (row, mean))
-    text = f"{significant(100 * median / whole)} %" if whole > 0 else significant(median)
+    text = (
+        f"{significant(100 * median / whole)} %" if whole > 0 else significant(median)
+    )
     at = (place + 0.25, median)
     style.note(axes, text, at, (2.5, 0), va="center", bbox=style.ON_WHITE, fontsize=7)
 
 
-def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str, Any]) -> None:
+def _label(
+    axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str, Any]
+) -> None:
     ticks = [f"{text}{_split(rows.get(name))}" for name, text in MODELS.items()]
     axes.set_xticks(list(PLACES.values()), ticks)
     axes.tick_params(axis="x", length=0)
     axes.set_xlim(-0.5, max(PLACES.values()) + 0.7)
-    shares = "; %: of the error of the mean (all)" if _is_fitted(rows.get("mean")) else ""
+    shares = (
+        "; %: of the error of the mean (all)" if _is_fitted(rows.get("mean")) else ""
+    )
     axes.set_xlabel(f"model (touchdowns to train / to test in each bootstrap){shares}")
     compared = all(_is_fitted(rows.get(name)) for name in ("specialised", "all"))
     axes.set_title(f"{ASKED}\n{NOT_DECIDED}" if compared else ASKED, loc="left")

@@ -38,8 +38,8 @@ def recording_gaps_figure(
     gaps : DataFrame
         ``recording, marker, start_s, stop_s``, from the first frame of the recording.
     faults : DataFrame
-        ``recording, marker`` (empty for all), ``kind`` (a key of `SIGNS`, or ``"dropped"``;
-        others are ignored), ``start_s``.
+        ``recording, marker`` (empty for all), ``kind`` (a key of `SIGNS`, or
+        ``"dropped"``; others are ignored), ``start_s``.
     """
     rows = markers["recording"].value_counts(sort=False)
     if rows.empty or not markers["duration_s"].min() > 0:
@@ -49,7 +49,9 @@ def recording_gaps_figure(
     grid = figure.subplots(len(rows), 1, squeeze=False, height_ratios=list(rows))[:, 0]
     signs = {}
     for axes, recording in zip(grid, rows.index, strict=True):
-        own, missing, wrong = (t[t["recording"] == recording] for t in (markers, gaps, faults))
+        own, missing, wrong = (
+            t[t["recording"] == recording] for t in (markers, gaps, faults)
+        )
         names, duration_s = list(own["marker"]), float(own["duration_s"].max())
         for row, marker in enumerate(names):
             _draw_gaps(axes, row, missing[missing["marker"] == marker], duration_s)
@@ -68,7 +70,15 @@ def recording_gaps_figure(
 def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> None:
     """Draw the bar of one marker, and its gaps on top."""
     label = "seen" if row == 0 else None
-    axes.barh(row, duration_s, height=BAR, color=style.BLUE, alpha=0.55, linewidth=0, label=label)
+    axes.barh(
+        row,
+        duration_s,
+        height=BAR,
+        color=style.BLUE,
+        alpha=0.55,
+        linewidth=0,
+        label=label,
+    )
     stretches = [
         (start, max(stop - start, SHORTEST * duration_s))
         for start, stop in zip(gaps["start_s"], gaps["stop_s"], strict=True)
@@ -82,7 +92,9 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
         found = faults[faults["kind"] == kind]
         if len(found):
             rows = [list(markers).index(name) for name in found["marker"]]
-            (line,) = axes.plot(found["start_s"], rows, sign, color=colour, label=meaning)
+            (line,) = axes.plot(
+                found["start_s"], rows, sign, color=colour, label=meaning
+            )
             line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
     for i, time in enumerate(faults.loc[faults["kind"] == "dropped", "start_s"]):
         label = "frames dropped" if i == 0 else ""
@@ -113,8 +125,9 @@ def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
     Returns
     -------
     Figure
-        (a) Change of both sections, mm, one row per variant. (b) Median of each part relative to
-        the typical one, in spreads between touchdowns, with bars of two standard errors.
+        (a) Change of both sections, mm, one row per variant. (b) Median of each part
+        relative to the typical one, in spreads between touchdowns, with bars of two
+        standard errors.
     """
     rows = max(len(stability) - 1, 2 * drift["quantity"].nunique(), 6)
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 26.0 + 5.5 * rows)
@@ -133,7 +146,15 @@ def _draw_sections(axes: Axes, stability: pd.DataFrame) -> None:
     place = np.arange(len(others))
     for column, label, colour, mark in SECTIONS:
         moved = 1e3 * (others[column].to_numpy(float) - float(chosen[column]))
-        axes.plot(moved, place, linestyle="", marker=mark, color=colour, label=label, markersize=4)
+        axes.plot(
+            moved,
+            place,
+            linestyle="",
+            marker=mark,
+            color=colour,
+            label=label,
+            markersize=4,
+        )
     for row in np.flatnonzero(others["pre_height_m"].isna()):
         style.lacking(axes, 0.0, float(row), "none")
     style.name_rows(axes, list(others["variant"]))
@@ -157,9 +178,13 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
             marker=MARKS[number % len(MARKS)], color=style.foot_colour(number), label=part,
         )  # fmt: skip
     # Break long labels near the middle.
-    style.name_rows(axes, ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities])
+    style.name_rows(
+        axes, ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities]
+    )
     reach = max(1.0, *map(abs, axes.get_xlim()))
     told = "median of each part minus that of all\n(in spreads between touchdowns)"
     axes.set(xlim=(-reach, reach), xlabel=told)
     if 0 < len(parts) <= MOST_IN_LEGEND:
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))
+        axes.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2)
+        )

@@ -11,12 +11,17 @@ from matplotlib.figure import Figure
 from hopdata.errors import chosen
 from hopdata.figures import style
 
-Contacts = Mapping[str, tuple[float, float]]  # instant and standard error for each foot, ms
+Contacts = Mapping[
+    str, tuple[float, float]
+]  # instant and standard error for each foot, ms
 
 ARROW = " → "
-KINK = "kink"  # the method whose standard errors are those of the instants, not of rounding alone
+# The method whose standard errors are those of the instants, not of rounding alone
+KINK = "kink"
 LONGEST_IN_ONE_LINE = 4
-UNDETERMINED_MS = 15.0  # UNDETERMINED_S of the kink fit: such an error means that none was seen
+UNDETERMINED_MS = (
+    15.0  # UNDETERMINED_S of the kink fit: such an error means that none was seen
+)
 # What the probability of an order rests on, by method.
 SURE_BY = {
     KINK: "{} % sure",
@@ -30,7 +35,9 @@ def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, A
     if example.empty:
         return {}
     shown = example.iloc[0]
-    same = (touchdowns["recording"] == shown["recording"]) & (touchdowns["index"] == shown["index"])
+    same = (touchdowns["recording"] == shown["recording"]) & (
+        touchdowns["index"] == shown["index"]
+    )
     rows = touchdowns[same].to_dict("records")
     return {str(key): value for key, value in rows[0].items()} if rows else {}
 
@@ -42,20 +49,23 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
     Parameters
     ----------
     example : DataFrame
-        Tidy samples of one touchdown: its ``recording, index``; ``time_s`` (relative to the pre
-        section), ``foot``, ``height_m``, ``velocity_m_s``.
+        Tidy samples of one touchdown: its ``recording, index``; ``time_s`` (relative to
+        the pre section), ``foot``, ``height_m``, ``velocity_m_s``.
     touchdowns : DataFrame
-        The touchdown table; of the example's row, ``method``, ``t_pre_s``, ``t_post_s``,
-        ``contact_<foot>_s``, ``se_<foot>_s``, ``schedule`` and, if present, ``probability`` are
-        used.
+        The touchdown table; of the example's row, ``method``, ``t_pre_s``,
+        ``t_post_s``, ``contact_<foot>_s``, ``se_<foot>_s``, ``schedule`` and, if
+        present, ``probability`` are used.
 
     Returns
     -------
     Figure
-        (a) Heights and (b) velocities, with a plus at each contact. (c) The contacts with their
-        standard errors, earliest at the top.
+        (a) Heights and (b) velocities, with a plus at each contact. (c) The contacts
+        with their standard errors, earliest at the top.
     """
-    names, touchdown = tuple(dict.fromkeys(example["foot"])), touchdown_of(example, touchdowns)
+    names, touchdown = (
+        tuple(dict.fromkeys(example["foot"])),
+        touchdown_of(example, touchdowns),
+    )
     if not touchdown:
         return style.message_figure("No usable touchdown to show as an example.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 74.0)
@@ -64,15 +74,21 @@ def schedule_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
     panels["velocity"].sharex(panels["height"])
     contacts = _contacts(touchdown, names)
     by_kink = touchdown["method"] == KINK
-    _draw_signal(panels["height"], example, names, contacts, "height_m", at_kink=by_kink)
-    _draw_signal(panels["velocity"], example, names, contacts, "velocity_m_s", at_kink=False)
+    _draw_signal(
+        panels["height"], example, names, contacts, "height_m", at_kink=by_kink
+    )
+    _draw_signal(
+        panels["velocity"], example, names, contacts, "velocity_m_s", at_kink=False
+    )
     _shade_transition(panels, touchdown)
     _draw_contacts(panels["contact"], names, contacts, touchdown)
     panels["height"].set_ylabel("foot height (mm)")
     panels["height"].tick_params(labelbottom=False)
     panels["velocity"].set_ylabel("vertical velocity,\nsmoothed (m/s)")
     panels["velocity"].set_xlabel("time after the pre section (ms)")
-    panels["contact"].set_xlabel("contact after the pre section\n(ms; bars: ±1 standard error)")
+    panels["contact"].set_xlabel(
+        "contact after the pre section\n(ms; bars: ±1 standard error)"
+    )
     style.letters(panels[name] for name in ("height", "velocity", "contact"))
     named = panels["height"].get_legend_handles_labels()
     figure.legend(*named, loc="outside lower center", ncols=len(names) + 2)
@@ -83,7 +99,9 @@ def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> Contacts:
     """Return contact time after the pre section and standard error, ms; NaN if unknown."""
     t_pre, found = float(touchdown["t_pre_s"]), {}
     for foot in feet:
-        instant, error = (float(touchdown.get(f"{k}_{foot}_s", np.nan)) for k in ("contact", "se"))
+        instant, error = (
+            float(touchdown.get(f"{k}_{foot}_s", np.nan)) for k in ("contact", "se")
+        )
         found[foot] = ((instant - t_pre) * 1e3, error * 1e3)
     return found
 
@@ -107,7 +125,9 @@ def _draw_signal(
         instant = contacts[foot][0]
         if np.isfinite(instant) and seen.any():
             at_contact = _level_at(instant, time[seen], value[seen], at_kink)
-            axes.plot(instant, at_contact, "+", color=style.INK, ms=6, mew=0.9, zorder=4)
+            axes.plot(
+                instant, at_contact, "+", color=style.INK, ms=6, mew=0.9, zorder=4
+            )
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.5, zorder=0)
 
 
@@ -123,28 +143,49 @@ def _level_at(instant: float, time: Any, value: Any, of_kink: bool) -> float:
 def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) -> None:
     end = (float(touchdown["t_post_s"]) - float(touchdown["t_pre_s"])) * 1e3
     for name in ("height", "velocity"):
-        panels[name].axvspan(0.0, end, color=style.YELLOW, alpha=0.35, linewidth=0, zorder=-1)
+        panels[name].axvspan(
+            0.0, end, color=style.YELLOW, alpha=0.35, linewidth=0, zorder=-1
+        )
     panels["height"].plot([], [], "+", color=style.INK, ms=6, mew=0.9, label="contact")
-    panels["height"].fill_between([], [], color=style.YELLOW, alpha=0.35, label="transition")
+    panels["height"].fill_between(
+        [], [], color=style.YELLOW, alpha=0.35, label="transition"
+    )
 
 
 def _draw_contacts(
     axes: Axes, feet: Sequence[str], contacts: Contacts, touchdown: Mapping[str, Any]
 ) -> None:
     """Draw one row per foot, earliest contact on top, with error bars of one standard error."""
-    order = sorted(range(len(feet)), key=lambda i: np.nan_to_num(contacts[feet[i]][0], nan=np.inf))
+    order = sorted(
+        range(len(feet)), key=lambda i: np.nan_to_num(contacts[feet[i]][0], nan=np.inf)
+    )
     for row, number in enumerate(order):
         instant, error = contacts[feet[number]]
-        look: Any = {"fmt": "o", "color": style.foot_colour(number), "ms": 2.2, "capsize": 3.5}
+        look: Any = {
+            "fmt": "o",
+            "color": style.foot_colour(number),
+            "ms": 2.2,
+            "capsize": 3.5,
+        }
         undetermined = touchdown["method"] == KINK and error >= UNDETERMINED_MS
         if undetermined:
             look |= {"mfc": "white", "capsize": 0, "alpha": 0.6}
-            axes.text(instant, row - 0.12, "not determined", ha="center", color=style.INK)
+            axes.text(
+                instant, row - 0.12, "not determined", ha="center", color=style.INK
+            )
         bars = axes.errorbar(instant, row, xerr=error, **look).lines[2]
         bars[0].set_linestyle("--" if undetermined else "-")
         if not np.isfinite(instant):
-            axes.text(0.5, row, "no contact", transform=axes.get_yaxis_transform(), ha="center")
-    axes.set_yticks(range(len(feet)), [f"{style.label_of(feet[i])} ({i + 1})" for i in order])
+            axes.text(
+                0.5,
+                row,
+                "no contact",
+                transform=axes.get_yaxis_transform(),
+                ha="center",
+            )
+    axes.set_yticks(
+        range(len(feet)), [f"{style.label_of(feet[i])} ({i + 1})" for i in order]
+    )
     axes.set_ylim(len(feet) - 0.4, -0.6)
     axes.margins(x=0.15)
     axes.grid(axis="x")

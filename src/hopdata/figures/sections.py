@@ -41,7 +41,9 @@ class _Side:
 
 SIDES = (
     _Side("a", "pre", "min_foot", "up", "down", "first_contact", "top", style.BLUE),
-    _Side("b", "post", "max_foot", "down", "up", "last_contact", "lowest", style.VERMILION),
+    _Side(
+        "b", "post", "max_foot", "down", "up", "last_contact", "lowest", style.VERMILION
+    ),
 )
 
 
@@ -54,32 +56,37 @@ def sections_figure(
     Parameters
     ----------
     frames : DataFrame
-        One row per frame: ``min_foot_m``, ``max_foot_m``, ``body_m``, m; ``landing``, whether it
-        belongs to a descent in which all feet land. If the sections are of landings, other frames
-        are grey.
+        One row per frame: ``min_foot_m``, ``max_foot_m``, ``body_m``, m; ``landing``,
+        whether it belongs to a descent in which all feet land. If the sections are of
+        landings, other frames are grey.
     densities : DataFrame
-        Tidy curves: ``curve``, ``height_m``, ``density_per_m``. Curves drawn: ``min_foot`` and
-        ``max_foot`` (marginal); body height ``body_given_all_up``, ``body_given_all_down`` and,
-        in the other frames, ``body_given_some_down``, ``body_given_some_up``; body height in
-        landings, ``top``, ``first_contact``, ``last_contact`` and ``lowest``.
+        Tidy curves: ``curve``, ``height_m``, ``density_per_m``. Curves drawn:
+        ``min_foot`` and ``max_foot`` (marginal); body height ``body_given_all_up``,
+        ``body_given_all_down`` and, in the other frames, ``body_given_some_down``,
+        ``body_given_some_up``; body height in landings, ``top``, ``first_contact``,
+        ``last_contact`` and ``lowest``.
     sections : mapping
-        ``min_foot_threshold_m``, ``max_foot_threshold_m``, ``pre_height_m``, ``post_height_m``,
-        ``frames``; ``held``, the share of the landings that each section holds; ``decided``, and
-        ``beside``, the heights by the other rule.
+        ``min_foot_threshold_m``, ``max_foot_threshold_m``, ``pre_height_m``,
+        ``post_height_m``, ``frames``; ``held``, the share of the landings that each
+        section holds; ``decided``, and ``beside``, the heights by the other rule.
 
     Returns
     -------
     Figure
-        Two halves, one per section, of 3 x 2 axes with shared height axes. The range between the
-        sections is yellow, as in Fig. 2.3. The scatter plot is rasterised.
+        Two halves, one per section, of 3 x 2 axes with shared height axes. The range
+        between the sections is yellow, as in Fig. 2.3. The scatter plot is rasterised.
     """
     if frames.empty:
-        return style.message_figure("No frame to draw: the recording holds no complete frames.")
+        return style.message_figure(
+            "No frame to draw: the recording holds no complete frames."
+        )
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 104.0)
     halves: Any = figure.subfigures(1, 2, wspace=0.02)
     for half, side in zip(halves, SIDES, strict=True):
         _draw_side(half, side, frames, densities, sections)
-    figure.legend(handles=_legend_handles(sections), loc="outside lower center", ncols=3)
+    figure.legend(
+        handles=_legend_handles(sections), loc="outside lower center", ncols=3
+    )
     return figure
 
 
@@ -96,7 +103,9 @@ def _draw_side(
     above = half.add_subplot(grid[1, 1], sharex=scatter)
     landings = half.add_subplot(grid[0, 1], sharex=scatter)
     threshold = _height(sections, f"{side.foot}_threshold_m")
-    _draw_scatter(scatter, side, frames, threshold, sections.get("frames") == "landings")
+    _draw_scatter(
+        scatter, side, frames, threshold, sections.get("frames") == "landings"
+    )
     scatter.set(
         xlim=_span(frames[["body_m"]], sections, ("pre_height_m", "post_height_m")),
         ylim=_span(frames[["min_foot_m", "max_foot_m"]], sections, THRESHOLDS),
@@ -127,7 +136,11 @@ def _said(sections: Mapping[str, Any], side: _Side) -> str:
 
 
 def _draw_scatter(
-    axes: Axes, side: _Side, frames: pd.DataFrame, threshold: float | None, of_landings: bool
+    axes: Axes,
+    side: _Side,
+    frames: pd.DataFrame,
+    threshold: float | None,
+    of_landings: bool,
 ) -> None:
     body = frames["body_m"].to_numpy() * 1e3
     foot = frames[f"{side.foot}_m"].to_numpy() * 1e3
@@ -145,7 +158,9 @@ def _draw_scatter(
     axes.tick_params(labelleft=False)
 
 
-def _name_branches(axes: Axes, body: Any, foot: Any, landing: Any, threshold: float) -> None:
+def _name_branches(
+    axes: Axes, body: Any, foot: Any, landing: Any, threshold: float
+) -> None:
     """Label the two branches of frames in the air as descent and ascent."""
     low, high = threshold + np.array([0.25, 0.45]) * (foot.max() - threshold)
     inside = (low < foot) & (foot < high)
@@ -156,7 +171,9 @@ def _name_branches(axes: Axes, body: Any, foot: Any, landing: Any, threshold: fl
     for name, place in places.items():
         left = place == min(places.values())
         look = {"ha": "right" if left else "left", "va": "center", "fontsize": 7}
-        style.note(axes, name, (place, (low + high) / 2), (-12 if left else 12, 0), **look)
+        style.note(
+            axes, name, (place, (low + high) / 2), (-12 if left else 12, 0), **look
+        )
 
 
 def _draw_foot_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None:
@@ -176,7 +193,10 @@ def _draw_body_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
     axes.tick_params(labelbottom=False)
     axes.set_ylabel("density (1/m)")
     given = f"body_given_all_{side.where}"
-    for name, colour in ((f"body_given_some_{side.otherwise}", style.GREY), (given, side.colour)):
+    for name, colour in (
+        (f"body_given_some_{side.otherwise}", style.GREY),
+        (given, side.colour),
+    ):
         height, density = _curve(densities, name)
         axes.plot(height, density, color=colour)
         axes.fill_between(height, density, color=colour, alpha=0.15, linewidth=0)
@@ -205,14 +225,26 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
     for axes in both:
         axes.axhline(threshold, **{**DASHED, "zorder": 0.5})
     where: Any = ("axes fraction", "data")
-    style.note(both[0], f"{threshold:.1f} mm", (1, threshold), (2, 0), xycoords=where, va="center")
+    style.note(
+        both[0],
+        f"{threshold:.1f} mm",
+        (1, threshold),
+        (2, 0),
+        xycoords=where,
+        va="center",
+    )
 
 
-def _draw_sections(each: tuple[Axes, ...], sections: Mapping[str, Any], side: _Side) -> None:
+def _draw_sections(
+    each: tuple[Axes, ...], sections: Mapping[str, Any], side: _Side
+) -> None:
     """Draw the section of a half, that by the other rule, and the range between both sections."""
     other = _height(sections.get("beside", {}), f"{side.section}_height_m")
     heights = {name: _height(sections, f"{name}_height_m") for name in ("post", "pre")}
-    own, known = heights[side.section], [one for one in heights.values() if one is not None]
+    own, known = (
+        heights[side.section],
+        [one for one in heights.values() if one is not None],
+    )
     for axes in each:
         if other is not None:
             axes.axvline(other, **DOTTED)
@@ -234,8 +266,12 @@ def _legend_handles(sections: Mapping[str, Any]) -> list[Artist]:
     if _height(sections.get("beside", {}), "pre_height_m") is not None:
         rule = sections["beside"]["rule"]
         handles.append(Line2D([], [], label=f"section by the rule {rule}", **DOTTED))
-    handles.append(Line2D([], [], color=style.INK, lw=0.9, label="landings: at a contact"))
-    handles.append(Line2D([], [], color=style.GREY, lw=0.9, label="landings: at a turn"))
+    handles.append(
+        Line2D([], [], color=style.INK, lw=0.9, label="landings: at a contact")
+    )
+    handles.append(
+        Line2D([], [], color=style.GREY, lw=0.9, label="landings: at a turn")
+    )
     return handles
 
 
@@ -255,7 +291,9 @@ def _span(
     heights: pd.DataFrame, sections: Mapping[str, Any], keys: tuple[str, ...]
 ) -> tuple[float, float]:
     """Return limits in mm that include all heights and those of the sections, with a margin."""
-    marks = [mark for mark in (_height(sections, key) for key in keys) if mark is not None]
+    marks = [
+        mark for mark in (_height(sections, key) for key in keys) if mark is not None
+    ]
     low = min([float(heights.min().min()) * 1e3, *marks])
     high = max([float(heights.max().max()) * 1e3, *marks])
     margin = MARGIN * (high - low) or 1.0

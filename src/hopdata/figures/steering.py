@@ -29,10 +29,11 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
     ----------
     path : path
     film : DataFrame
-        Markers of the run in evenly spaced frames: ``time_s, marker, x_m, y_m, z_m``; body
-        markers, and the boom's as ``boom``.
+        Markers of the run in evenly spaced frames: ``time_s, marker, x_m, y_m, z_m``;
+        body markers, and the boom's as ``boom``.
     curves : DataFrame
-        Stances of the same run, as for `steering_run_figure`; the rows "measured" are used.
+        Stances of the same run, as for `steering_run_figure`; the rows "measured" are
+        used.
 
     Raises
     ------
@@ -72,7 +73,9 @@ def _still(message: str) -> Images.Image:
     return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]).quantize(COLOURS)
 
 
-def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Images.Image]:
+def _pictures(
+    film: pd.DataFrame, stances: pd.DataFrame, times: Any
+) -> list[Images.Image]:
     """Draw all frames: the static parts once, and the moving ones on top."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -136,7 +139,11 @@ def _board_axes(stances: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
 
 
 def _move(
-    moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFrame, reach: float
+    moving: dict[str, Any],
+    time: float,
+    markers: Any,
+    stances: pd.DataFrame,
+    reach: float,
 ) -> None:
     """Update all moving artists to this time."""
     body, boom = markers[:-1], markers[-1]
@@ -150,7 +157,11 @@ def _move(
     moving["side_body"].set_data(ring[:, 0], ring[:, 2])
     moving["side_boom"].set_data([centre[0], boom[0]], [centre[2], boom[2]])
     way, across = _board_axes(stances)
-    place = float(stances["board_first_m"].iloc[0]) if past.empty else past["board_m"].iloc[-1]
+    place = (
+        float(stances["board_first_m"].iloc[0])
+        if past.empty
+        else past["board_m"].iloc[-1]
+    )
     ends = np.stack([place * way - reach * across, place * way + reach * across])
     moving["board_line"].set_data(*ends.T)
 
@@ -187,14 +198,16 @@ def steering_outcomes_figure(
     runs : DataFrame
         One row per run: ``experiment, controller, seed, success, hops``.
     horizons : DataFrame
-        ``horizon, runs, succeeded`` of the printed controller; no rows if none was asked for.
+        ``horizon, runs, succeeded`` of the printed controller; no rows if none was
+        asked for.
 
     Returns
     -------
     Figure
-        (a) Success rate of each seed, from the worst to the best, and the median, filled. If the
-        planner takes part, the rate that is required of it. (b) Hops of the successful runs, median
-        and 5 to 95 %. (c) Success rate by horizon, if any horizon was asked for.
+        (a) Success rate of each seed, from the worst to the best, and the median,
+        filled. If the planner takes part, the rate that is required of it. (b) Hops of
+        the successful runs, median and 5 to 95 %. (c) Success rate by horizon, if any
+        horizon was asked for.
     """
     if outcomes.empty:
         return style.message_figure("No run was made.")
@@ -212,17 +225,28 @@ def steering_outcomes_figure(
             if shares.empty:
                 continue
             look: Any = {"color": colour, "mec": "white", "mew": 0.4, "ms": 4.5}
-            rates.plot([shares.min(), shares.max()], [row + place] * 2, color=colour, lw=0.9)
-            rates.plot(shares, np.full(len(shares), row + place), "|", color=colour, ms=4)
+            rates.plot(
+                [shares.min(), shares.max()], [row + place] * 2, color=colour, lw=0.9
+            )
+            rates.plot(
+                shares, np.full(len(shares), row + place), "|", color=colour, ms=4
+            )
             rates.plot(shares.median(), row + place, mark, **look)
             arrived = own.loc[own["success"], "hops"]
             if len(arrived):
-                hops.plot(arrived.quantile([0.05, 0.95]), [row + place] * 2, color=colour, lw=0.9)
+                hops.plot(
+                    arrived.quantile([0.05, 0.95]),
+                    [row + place] * 2,
+                    color=colour,
+                    lw=0.9,
+                )
                 hops.plot(arrived.median(), row + place, mark, **look)
         if name in set(runs["controller"]):
             rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
-    rates.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)")
+    rates.set(
+        ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)"
+    )
     if "planner" in set(runs["controller"]):
         dashed: Any = {"color": style.INK, "linewidth": 0.6, "linestyle": (0, (4, 2))}
         rates.axvline(90, label="required of the planner", **dashed)
@@ -246,9 +270,11 @@ def _draw_horizons(axes: Axes, horizons: pd.DataFrame) -> None:
     axes.set(ylim=(-3, 103), xlabel="horizon (hops)", ylabel="to the origin (%)")
 
 
-# Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, compared with the model.
+# Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, compared with the
+# model.
 
-# Curve: its label, colour, line style and marker, in drawing order: the measured one is on top.
+# Curve: its label, colour, line style and marker, in drawing order: the measured one is
+# on top.
 CURVES: dict[str, tuple[str, str, Any, str]] = {
     "pure": ("pure simulation", style.VERMILION, (0, (1.2, 1.2)), ""),
     "response": ("simulated control response", style.BLUE, (0, (4, 1.5)), "x"),
@@ -265,21 +291,25 @@ BESIDE_M = 0.12  # drawn length of the board beyond the path on each side
 
 
 @style.styled
-def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) -> Figure:
+def steering_run_figure(
+    curves: pd.DataFrame, *, experiment: str | None = None
+) -> Figure:
     """Draw one run.
 
     Parameters
     ----------
     curves : DataFrame
-        Three curves of one run: the example of `hopdata.steering.experiments.study.experiments_of`.
+        Three curves of one run: the example of
+        `hopdata.steering.experiments.study.experiments_of`.
     experiment : str, optional
         Experiment to draw, if `curves` holds several.
 
     Returns
     -------
     Figure
-        (a) The arena: path, headings, goal, and the first and last place of the board. (b) x, (c) y
-        and (d) heading over time. Curves of a controller that predicts nothing are left out.
+        (a) The arena: path, headings, goal, and the first and last place of the board.
+        (b) x, (c) y and (d) heading over time. Curves of a controller that predicts
+        nothing are left out.
     """
     if experiment is not None:
         curves = curves[curves["experiment"] == experiment]
@@ -294,7 +324,9 @@ def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) 
         for name in kinds:
             curve, *look = CURVES[name]
             rows = curves[curves["curve"] == name]
-            _draw_curve(panels[panel], rows["time_s"], rows[column] * factor, look, label=curve)
+            _draw_curve(
+                panels[panel], rows["time_s"], rows[column] * factor, look, label=curve
+            )
         panels[panel].margins(y=0.12)
         panels[panel].set_ylabel(label)
     _draw_goals(panels, curves, turn)
@@ -313,11 +345,15 @@ def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) 
 def _is_drawn(curves: pd.DataFrame, name: str) -> bool:
     """Return whether a curve is drawn: what was measured is, a prediction if there is any."""
     known = int(curves.loc[curves["curve"] == name, "x_m"].notna().sum())
-    least = 2 if name == "pure" else 1  # the pure simulation begins at a stance that was measured
+    least = (
+        2 if name == "pure" else 1
+    )  # the pure simulation begins at a stance that was measured
     return name == "measured" or known >= least
 
 
-def _draw_curve(axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: Any) -> None:
+def _draw_curve(
+    axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: Any
+) -> None:
     colour, dash, mark = look
     size = 2.2 if mark == "o" else 3
     axes.plot(x, y, color=colour, ls=dash, marker=mark, ms=size, mew=0.7, **options)
@@ -333,7 +369,9 @@ def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> No
     panels["h"].axhline(np.sign(last) * 180, color=style.GREY, linewidth=0.6, zorder=0)
 
 
-def _draw_arena(axes: Axes, curves: pd.DataFrame, kinds: Sequence[str], turn: bool) -> None:
+def _draw_arena(
+    axes: Axes, curves: pd.DataFrame, kinds: Sequence[str], turn: bool
+) -> None:
     for name in kinds:
         _, *look = CURVES[name]
         rows = curves[curves["curve"] == name]
@@ -343,12 +381,24 @@ def _draw_arena(axes: Axes, curves: pd.DataFrame, kinds: Sequence[str], turn: bo
     _draw_board(axes, measured)
     if not turn:
         axes.plot(
-            0, 0, "*", color=style.VERMILION, mec="white", mew=0.5, ms=10, zorder=5, label="goal"
+            0,
+            0,
+            "*",
+            color=style.VERMILION,
+            mec="white",
+            mew=0.5,
+            ms=10,
+            zorder=5,
+            label="goal",
         )
         angle = np.linspace(0, 2 * np.pi, 73)
         near = float(curves["near"].iloc[0])
         axes.plot(
-            near * np.cos(angle), near * np.sin(angle), color=style.GREY, linewidth=0.6, zorder=0
+            near * np.cos(angle),
+            near * np.sin(angle),
+            color=style.GREY,
+            linewidth=0.6,
+            zorder=0,
         )
     start = measured.dropna(subset=["x_m"]).iloc[0]
     hollow: Any = {"color": "white", "mec": style.INK, "ms": 5, "mew": 0.9, "zorder": 4}
@@ -359,10 +409,16 @@ def _draw_arena(axes: Axes, curves: pd.DataFrame, kinds: Sequence[str], turn: bo
 
 
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
-    x, y, heading = (measured[name].to_numpy() for name in ("x_m", "y_m", "heading_rad"))
+    x, y, heading = (
+        measured[name].to_numpy() for name in ("x_m", "y_m", "heading_rad")
+    )
     dx, dy = TICK_M * np.cos(heading), TICK_M * np.sin(heading)
     axes.plot(
-        np.stack([x, x + dx]), np.stack([y, y + dy]), color=style.INK, linewidth=0.5, zorder=1
+        np.stack([x, x + dx]),
+        np.stack([y, y + dy]),
+        color=style.INK,
+        linewidth=0.5,
+        zorder=1,
     )
 
 
@@ -379,5 +435,10 @@ def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
         (float(last.iloc[-1]), "#8a6d2f", "board, last"),
     ):
         ends = np.stack([place * way + side * across for side in sides])
-        look: Any = {"color": colour, "linewidth": 3, "solid_capstyle": "butt", "zorder": 0}
+        look: Any = {
+            "color": colour,
+            "linewidth": 3,
+            "solid_capstyle": "butt",
+            "zorder": 0,
+        }
         axes.plot(ends[:, 0], ends[:, 1], label=label, **look)

@@ -27,17 +27,24 @@ from hopdata.errors import ConfigError, chosen, require, require_choice
 from hopdata.figures.catalogue import FORMATS, function_of
 from hopdata.jobs import read_json, read_table, whole_file
 
-# Elements shared by figures: bands, boxes, row labels, notes, logarithmic axes with plain numbers.
+# Elements shared by figures: bands, boxes, row labels, notes, logarithmic axes with
+# plain numbers.
 
 
-def banded_line(axes: Axes, x: pd.Series, y: pd.Series, band: Any, line: tuple[Any, ...]) -> None:
+def banded_line(
+    axes: Axes, x: pd.Series, y: pd.Series, band: Any, line: tuple[Any, ...]
+) -> None:
     """Draw a line with a pale band; `line` has its label, colour, dash pattern and marker."""
     label, colour, dash, marker = line
     axes.fill_between(x, *band, color=colour, alpha=0.15, linewidth=0)
-    axes.plot(x, y, color=colour, linestyle=dash, marker=marker, markersize=2.5, label=label)
+    axes.plot(
+        x, y, color=colour, linestyle=dash, marker=marker, markersize=2.5, label=label
+    )
 
 
-def box(axes: Axes, place: float, quantiles: Sequence[float], colour: str, **options: Any) -> None:
+def box(
+    axes: Axes, place: float, quantiles: Sequence[float], colour: str, **options: Any
+) -> None:
     """Draw a box from its five quantiles; `options` are those of `Axes.bxp`, and ``alpha``."""
     line = {"color": INK, "linewidth": 0.8}
     names = ("whislo", "q1", "med", "q3", "whishi")
@@ -56,7 +63,9 @@ def name_rows(axes: Axes, labels: Sequence[str]) -> None:
     axes.tick_params(axis="y", length=0)
 
 
-def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any) -> None:
+def note(
+    axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any
+) -> None:
     """Write a small text `offset` points from a place; `options` are those of `annotate`."""
     size = pt(options.pop("fontsize", 6))
     options = {"textcoords": "offset points", "fontsize": size, **options}
@@ -157,11 +166,12 @@ SCALED = re.compile(
 def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
     """Run a drawing function within the style, without side effects on the user's own style.
 
-    It gets two more arguments. ``ax`` is where to draw: a figure or subfigure, or an axes of a
-    grid. A figure with one axes is drawn into that axes itself; otherwise it fills the place of the
-    axes. ``style``, one of `STYLES`, sets the width of the columns and the size of the text. With
-    ``ax`` alone, the user's own style applies, with smaller text if there is less room than on
-    paper. It returns the figure or, with ``ax``, what was drawn into.
+    It gets two more arguments. ``ax`` is where to draw: a figure or subfigure, or an
+    axes of a grid. A figure with one axes is drawn into that axes itself; otherwise it
+    fills the place of the axes. ``style``, one of `STYLES`, sets the width of the
+    columns and the size of the text. With ``ax`` alone, the user's own style applies,
+    with smaller text if there is less room than on paper. It returns the figure or,
+    with ``ax``, what was drawn into.
 
     Raises
     ------
@@ -170,7 +180,9 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
     """
 
     @wraps(draw)
-    def draw_in_style(*args: Any, ax: Any = None, style: str | None = None, **kwargs: Any) -> Any:
+    def draw_in_style(
+        *args: Any, ax: Any = None, style: str | None = None, **kwargs: Any
+    ) -> Any:
         journal = _JOURNAL.get() if style is None else chosen("style", style, STYLES)
         is_inner = _PLACE.get() is not None
         place = _Place(ax) if ax is not None else _PLACE.get()
@@ -203,7 +215,11 @@ class _Place:
 
     def fit_text(self, width_mm: float, height_mm: float) -> None:
         """Shrink text if the place is smaller than a figure of this size."""
-        box = self.drawn.get_window_extent() if isinstance(self.drawn, Axes) else self.drawn.bbox
+        box = (
+            self.drawn.get_window_extent()
+            if isinstance(self.drawn, Axes)
+            else self.drawn.bbox
+        )
         share = SHARE_OF_AXES if isinstance(self.drawn, Axes) else 1.0
         dots_a_mm = self.drawn.figure.dpi * share / MM_PER_INCH
         room = min(box.width / width_mm, box.height / height_mm) / dots_a_mm
@@ -221,10 +237,14 @@ class _Place:
                 return own[name]
             ax, spec = self.drawn, self.drawn.get_subplotspec()
             if spec is None:
-                raise ConfigError("ax: expected an axes of a grid, or a figure, for several panels")
+                raise ConfigError(
+                    "ax: expected an axes of a grid, or a figure, for several panels"
+                )
             self.drawn = ax.figure.add_subfigure(spec)
             ax.remove()
-        return [self.drawn] if isinstance(self.drawn, Axes) else getattr(self.drawn, name)
+        return (
+            [self.drawn] if isinstance(self.drawn, Axes) else getattr(self.drawn, name)
+        )
 
     def subplots(self, *grid: Any, **options: Any) -> Any:
         if not grid and not options and isinstance(self.drawn, Axes):
@@ -245,9 +265,13 @@ def _fit_lines(figure: Any, journal: Journal) -> None:
         axes.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
     if journal.line == 1.0:
         return
-    for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection)):
+    for artist in figure.findobj(
+        lambda one: isinstance(one, Line2D | Patch | Collection)
+    ):
         artist.set_linewidth(journal.line * np.asarray(artist.get_linewidth()))
-        if isinstance(artist, Line2D) and artist.get_marker() not in range(4):  # skip ticks
+        if isinstance(artist, Line2D) and artist.get_marker() not in range(
+            4
+        ):  # skip ticks
             artist.set_markersize(journal.line * artist.get_markersize())
 
 
@@ -269,14 +293,18 @@ class _Powers(ticker.LogFormatterSciNotation):
     """Matplotlib's formatter of powers, with Unicode superscripts."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        text = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+        text = (
+            super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+        )
         base, _, power = text.replace(r"\times", "×").partition("^{")
         return base + power.removesuffix("}").translate(SUPERSCRIPTS)
 
 
 def label_of(name: str) -> str:
     """Return a name as shown in figures: one short line that a legend does not omit."""
-    plain = " ".join("".join(c if c.isprintable() else " " for c in name).split()) or "?"
+    plain = (
+        " ".join("".join(c if c.isprintable() else " " for c in name).split()) or "?"
+    )
     if len(plain) > LONGEST_LABEL:
         plain = plain[: LONGEST_LABEL - 1] + "…"
     return f" {plain}" if plain.startswith("_") else plain
@@ -328,7 +356,12 @@ def foot_line(number: int) -> dict[str, Any]:
 
 def letters(panels: Iterable[Axes]) -> None:
     """Write a bold a, b, c ... at the upper left of each panel, outside the axes."""
-    look: Any = {"xycoords": "axes fraction", "ha": "right", "va": "bottom", "fontweight": "bold"}
+    look: Any = {
+        "xycoords": "axes fraction",
+        "ha": "right",
+        "va": "bottom",
+        "fontweight": "bold",
+    }
     for axes, text in zip(panels, "abcdefghijklmnopqrstuvwxyz", strict=False):
         note(axes, text, (0, 1), (-4, 4), fontsize=8, **look)
 
@@ -337,10 +370,13 @@ def lettered(figure: Figure, panels: Iterable[Axes], ncols: int) -> None:
     """Letter the panels, and put the legend of the first panel above all of them."""
     panels = list(panels)
     letters(panels)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=ncols)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=ncols
+    )
 
 
-# Figures to files: the same data give the same bytes, and either all formats are written or none.
+# Figures to files: the same data give the same bytes, and either all formats are
+# written or none.
 
 DECIMALS = 9  # of a position, as a fraction of the figure
 
@@ -383,7 +419,9 @@ def save_figure(
     with ExitStack() as whole, style_context(), _laid_out(figure):
         for target, suffix in zip(targets, formats, strict=True):
             draft = whole.enter_context(whole_file(target))
-            figure.savefig(draft, format=suffix, dpi=dpi, metadata=dict(FORMATS[suffix]))
+            figure.savefig(
+                draft, format=suffix, dpi=dpi, metadata=dict(FORMATS[suffix])
+            )
     return targets
 
 
@@ -401,7 +439,10 @@ def draw(name: str, files: Sequence[str], base: str | Path, **options: Any) -> N
     options
         Options of `save_figure`.
     """
-    content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
+    content = [
+        read_json(path) if path.endswith(".json") else read_table(path)
+        for path in files
+    ]
     save_figure(function_of(name)(*content), base, **options)
 
 
@@ -409,8 +450,8 @@ def draw(name: str, files: Sequence[str], base: str | Path, **options: Any) -> N
 def _laid_out(figure: Figure) -> Iterator[None]:
     """Lay the figure out once for all formats, instead of once for each.
 
-    Without a layout engine, and a style that asks for one, matplotlib draws once to save a format;
-    with one it draws twice.
+    Without a layout engine, and a style that asks for one, matplotlib draws once to
+    save a format; with one it draws twice.
     """
     engine = figure.get_layout_engine()
     if engine is not None and figure.axes:
@@ -427,7 +468,8 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 def _round_positions(figure: Figure) -> None:
     """Round the positions of the axes: the last bits of a layout differ between processes.
 
-    In an SVG they would change the names of clip paths, which are digests of their numbers.
+    In an SVG they would change the names of clip paths, which are digests of their
+    numbers.
     """
     for axes in figure.axes:
         is_in_layout = axes.get_in_layout()
@@ -435,4 +477,6 @@ def _round_positions(figure: Figure) -> None:
             round(value, DECIMALS) for value in axes.get_position(original=True).bounds
         )
         axes.set_position((left, bottom, width, height))
-        axes.set_in_layout(is_in_layout)  # `set_position` takes the axes out of the layout
+        axes.set_in_layout(
+            is_in_layout
+        )  # `set_position` takes the axes out of the layout

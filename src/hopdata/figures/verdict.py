@@ -27,13 +27,16 @@ ANSWERS = {
     "no difference": ("One smooth map", style.GREEN),
     "cannot tell": ("Cannot tell", style.GREY),
 }
-# An interval longer than this multiple of everything else is cut, and ends in an arrowhead.
+# An interval longer than this multiple of everything else is cut, and ends in an
+# arrowhead.
 LONGEST = 3.0
 
 
 @style.styled
 def verdict_figure(
-    verdict: Mapping[str, Any], touchdowns: pd.DataFrame, truth: pd.DataFrame | None = None
+    verdict: Mapping[str, Any],
+    touchdowns: pd.DataFrame,
+    truth: pd.DataFrame | None = None,
 ) -> Figure:
     """Draw the verdict on a study.
 
@@ -49,17 +52,27 @@ def verdict_figure(
     Returns
     -------
     Figure
-        (a) The difference and its uncertainty. (b) What it means for two landings. The verdict in
-        words is below. If a study has no answer, the words are beside (b).
+        (a) The difference and its uncertainty. (b) What it means for two landings. The
+        verdict in words is below. If a study has no answer, the words are beside (b).
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
-        return style.message_figure(_said(verdict, SAID_WIDTH), width_mm=style.DOUBLE_COLUMN_MM)
+        return style.message_figure(
+            _said(verdict, SAID_WIDTH), width_mm=style.DOUBLE_COLUMN_MM
+        )
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, _height_mm(verdict))
     true = None if truth is None or truth.empty else float(truth["true_effect"].iloc[0])
     top = max(_top(verdict), 112.0 * (true or 0.0))
     left = _draw_row(figure, verdict, touchdowns, top)
     if true is not None:
-        left.plot(100.0 * true, 0.0, "^", color=style.BLUE, markersize=5, clip_on=False, zorder=5)
+        left.plot(
+            100.0 * true,
+            0.0,
+            "^",
+            color=style.BLUE,
+            markersize=5,
+            clip_on=False,
+            zorder=5,
+        )
         words = f"true: {_percent(true)}, estimated: {_percent(verdict['effect']['estimate'])}"
         _write(left, words, (100.0 * true, TRUE_ROW), style.BLUE, top)
     return figure
@@ -80,7 +93,9 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
     heights = [_height_mm(verdict) + TITLE_MM for verdict, _, _ in rows]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, sum(heights))
     top = max(_top(verdict) for verdict, _, _ in rows)
-    parts = figure.subfigures(len(rows), 1, squeeze=False, height_ratios=heights).ravel()
+    parts = figure.subfigures(
+        len(rows), 1, squeeze=False, height_ratios=heights
+    ).ravel()
     for part, (verdict, touchdowns, name) in zip(parts, rows, strict=True):
         part.suptitle(style.label_of(name), fontsize=style.pt(8), x=0.01, ha="left")
         _draw_row(part, verdict, touchdowns, top)
@@ -94,7 +109,10 @@ def _height_mm(verdict: Mapping[str, Any]) -> float:
 
 
 def _draw_row(
-    figure: Figure | SubFigure, verdict: Mapping[str, Any], touchdowns: pd.DataFrame, top: float
+    figure: Figure | SubFigure,
+    verdict: Mapping[str, Any],
+    touchdowns: pd.DataFrame,
+    top: float,
 ) -> Axes:
     """Draw size and landings side by side; without an answer, the reason replaces the size."""
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
@@ -129,9 +147,17 @@ def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
     return float(effect["high" if conclusion == "different" else "upper_bound"])
 
 
-# Rows of the plot of the size, from the axis (0) upwards. Each text has a row of its own, as high
-# as two of its lines, so that no text can cover another wherever the data place them.
-TRUE_ROW, SEEN_TEXT_ROW, SEEN_ROW, BAR_ROW, BAR_TEXT_ROW, NONE_ROW = 0.13, 0.6, 1.0, 1.4, 1.82, 2.4
+# Rows of the plot of the size, from the axis (0) upwards. Each text has a row of its
+# own, as high as two of its lines, so that no text can cover another wherever the data
+# place them.
+TRUE_ROW, SEEN_TEXT_ROW, SEEN_ROW, BAR_ROW, BAR_TEXT_ROW, NONE_ROW = (
+    0.13,
+    0.6,
+    1.0,
+    1.4,
+    1.82,
+    2.4,
+)
 HIGHEST_ROW = 2.65
 
 
@@ -158,7 +184,11 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
 
 
 def _draw_interval(
-    axes: Axes, verdict: Mapping[str, Any], interval: tuple[float, float], colour: str, top: float
+    axes: Axes,
+    verdict: Mapping[str, Any],
+    interval: tuple[float, float],
+    colour: str,
+    top: float,
 ) -> None:
     """Draw the interval, per cent, as a bar; if it is cut, the bar ends in an arrowhead."""
     low, end = interval
@@ -190,11 +220,15 @@ def _draw_seen(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     _write(axes, words, (min(seen, top), SEEN_TEXT_ROW), style.PURPLE, top)
 
 
-def _write(axes: Axes, words: str, at: tuple[float, float], colour: str, top: float) -> None:
+def _write(
+    axes: Axes, words: str, at: tuple[float, float], colour: str, top: float
+) -> None:
     """Write in a row beside a place, on the side with more room."""
     left = at[0] < 0.5 * top
     look = {"ha": "left" if left else "right", "va": "center", "color": colour}
-    style.note(axes, words, at, (3 if left else -3, 0), fontsize=7, bbox=style.ON_WHITE, **look)
+    style.note(
+        axes, words, at, (3 if left else -3, 0), fontsize=7, bbox=style.ON_WHITE, **look
+    )
 
 
 def in_short(verdict: Mapping[str, Any]) -> str:
@@ -224,7 +258,9 @@ def _percent(share: float) -> str:
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
     """Return the sentence and the outlook, wrapped to as few, evenly long lines as possible."""
-    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(" %", PER_CENT)
+    said = f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(
+        " %", PER_CENT
+    )
     filled = [textwrap.wrap(said, width) for width in range(20, longest + 1)]
     return "\n".join(next(lines for lines in filled if len(lines) == len(filled[-1])))
 
@@ -246,7 +282,9 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
     grounds = [-ROW * row for row in range(len(orders))]
     colour, levels = ANSWERS[conclusion][1], [ground + 0.9 for ground in grounds]
     for order, ground, level in zip(orders, grounds, levels, strict=True):
-        _draw_landing(axes, [order.index(foot) for foot in sorted(order, key=int)], ground)
+        _draw_landing(
+            axes, [order.index(foot) for foot in sorted(order, key=int)], ground
+        )
         number = int(counts[">".join(order)])
         name = f"feet {ARROW.join(order)}: {number} landing{'s' if number > 1 else ''}"
         axes.text(0.5 * WIDTH, ground - 0.65, name, ha="center", va="top")
@@ -261,10 +299,16 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
     box = {"boxstyle": "round,pad=0.5", "facecolor": colour, "linewidth": 0}
     for row, text in enumerate(words):
         level = levels[row] if conclusion == "different" else float(np.mean(levels))
-        axes.text(6.2, level, text, va="center", color="white", fontweight="bold", bbox=box)
+        axes.text(
+            6.2, level, text, va="center", color="white", fontweight="bold", bbox=box
+        )
     few = f"the 2 commonest of {len(counts)} orders; " if len(counts) > 2 else ""
-    what = textwrap.fill(f"{few}map: from the state before a landing to the state after it", 50)
-    axes.text(0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=style.pt(7))
+    what = textwrap.fill(
+        f"{few}map: from the state before a landing to the state after it", 50
+    )
+    axes.text(
+        0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=style.pt(7)
+    )
     axes.set_xlim(-0.3, 9.2)
     axes.set_ylim(grounds[-1] - 2.2, 2.2)
     axes.set_axis_off()
@@ -272,15 +316,24 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
 
 def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
     """Draw a body above the ground on numbered legs; the foot of rank 0 touches first."""
-    hip, body, size = ground + HIP, [0.1, WIDTH - 0.1], style.pt(min(6.0, 24.0 / len(ranks)))
+    hip, body, size = (
+        ground + HIP,
+        [0.1, WIDTH - 0.1],
+        style.pt(min(6.0, 24.0 / len(ranks))),
+    )
     axes.plot([0.0, WIDTH], [ground, ground], color=style.INK, linewidth=1.0)
     axes.plot(body, [hip, hip], color=style.INK, linewidth=7, solid_capstyle="round")
     for number, rank in enumerate(ranks):
         place = 0.3 + (WIDTH - 0.6) * number / (len(ranks) - 1)
-        foot, colour = ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09, style.foot_colour(number)
+        foot, colour = (
+            ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09,
+            style.foot_colour(number),
+        )
         axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
         axes.plot(place, foot, "o", color=colour, markersize=4)
-        axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=size)
+        axes.text(
+            place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=size
+        )
         axes.text(
             place, hip, f"{number + 1}", fontsize=style.pt(5), fontweight="bold", color="white",
             ha="center", va="center_baseline",
@@ -303,31 +356,52 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     if not rows:
         return style.message_figure(group["sentence"], width_mm=style.DOUBLE_COLUMN_MM)
     effect = group["effect"]
-    whole = [{**effect, "name": "all", "conclusion": group["conclusion"]}] if effect else []
+    whole = (
+        [{**effect, "name": "all", "conclusion": group["conclusion"]}] if effect else []
+    )
     height = 18.0 + MEMBER_MM * (len(rows) + 1.5 * len(whole))
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
     axes = figure.subplots()
-    sizes = [row["estimate"] for row in rows if "jump_low" not in row] + [group["margin"]]
-    ends = [0.0 if "jump_low" in row else _end(row["conclusion"], row) for row in (*rows, *whole)]
+    sizes = [row["estimate"] for row in rows if "jump_low" not in row] + [
+        group["margin"]
+    ]
+    ends = [
+        0.0 if "jump_low" in row else _end(row["conclusion"], row)
+        for row in (*rows, *whole)
+    ]
     top = min(max(ends), LONGEST * max(*sizes, sorted(ends)[len(ends) // 2]))
     places = [*range(len(rows)), *([len(rows) + 0.5] if whole else [])]
     for y, row, end in zip(places, (*rows, *whole), ends, strict=True):
         of_all = y == len(rows) + 0.5
-        look: dict[str, Any] = {"color": ANSWERS[row["conclusion"]][1], "clip_on": False}
+        look: dict[str, Any] = {
+            "color": ANSWERS[row["conclusion"]][1],
+            "clip_on": False,
+        }
         if "jump_low" in row:  # a jump is not a fraction of the map
-            size, low, high = (_percent(row[f"jump_{one}"]) for one in ("estimate", "low", "high"))
+            size, low, high = (
+                _percent(row[f"jump_{one}"]) for one in ("estimate", "low", "high")
+            )
             words = f"the outcome jumps, by {size} ({low} to {high}) of what it varies"
             white = {"va": "center", "color": look["color"], "bbox": style.ON_WHITE}
             style.note(axes, words, (0.0, y), (4, 0), **white)
             continue
         ends_shown = [100 * row["low"], 100 * min(end, top)]
         axes.plot(ends_shown, [y, y], linewidth=4.0 if of_all else 1.5, **look)
-        axes.plot(100 * row["estimate"], y, "D" if of_all else "s", markersize=5, **look)
+        axes.plot(
+            100 * row["estimate"], y, "D" if of_all else "s", markersize=5, **look
+        )
         if end > top:
             axes.plot(100 * top, y, ">", markersize=4, **look)
-    axes.axvline(100 * group["margin"], color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
-    shown = [(row.get("subject", row["name"]), row.get("condition")) for row in (*rows, *whole)]
-    axes.set_yticks(places, [style.label_of(", ".join(filter(None, one))) for one in shown])
+    axes.axvline(
+        100 * group["margin"], color=style.INK, linewidth=0.8, linestyle=(0, (4, 2))
+    )
+    shown = [
+        (row.get("subject", row["name"]), row.get("condition"))
+        for row in (*rows, *whole)
+    ]
+    axes.set_yticks(
+        places, [style.label_of(", ".join(filter(None, one))) for one in shown]
+    )
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * max(top, group["margin"]))
     axes.set_xlabel(f"{ASKED} (% of the map)")
@@ -338,7 +412,9 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
 
 
 @style.styled
-def plan_figure(needed: Mapping[float, int], pilot: tuple[int, float], power: float) -> Figure:
+def plan_figure(
+    needed: Mapping[float, int], pilot: tuple[int, float], power: float
+) -> Figure:
     """Draw the number of landings needed to detect a difference.
 
     Parameters
@@ -352,9 +428,13 @@ def plan_figure(needed: Mapping[float, int], pilot: tuple[int, float], power: fl
     """
     figure = style.paper_figure(style.SINGLE_COLUMN_MM, 60.0)
     axes = figure.subplots()
-    axes.loglog([100.0 * size for size in needed], list(needed.values()), color=style.BLUE)
+    axes.loglog(
+        [100.0 * size for size in needed], list(needed.values()), color=style.BLUE
+    )
     axes.plot(100.0 * pilot[1], pilot[0], "o", color=style.VERMILION, markersize=5)
-    style.note(axes, "pilot", (100.0 * pilot[1], pilot[0]), (5, 4), color=style.VERMILION)
+    style.note(
+        axes, "pilot", (100.0 * pilot[1], pilot[0]), (5, 4), color=style.VERMILION
+    )
     for axis in (axes.xaxis, axes.yaxis):
         style.plain_numbers(axis)
     axes.set_xticks([100.0 * size for size in needed])

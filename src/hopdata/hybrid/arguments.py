@@ -12,12 +12,18 @@ from hopdata.errors import ArgumentError
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
 
-MOST = 10_000_000  # steps and events by default: no limit in practice, but no run for ever
-SMALLEST_RTOL = 10 * 2.0**-52  # at a smaller rtol the controller mistakes rounding for error
+MOST = (
+    10_000_000  # steps and events by default: no limit in practice, but no run for ever
+)
+SMALLEST_RTOL = (
+    10 * 2.0**-52
+)  # at a smaller rtol the controller mistakes rounding for error
 _LOCKS = frozenset((-1, 0, 1))
 
 
-def expect(holds: object, name: str, wanted: str, found: object, hint: str = "") -> None:
+def expect(
+    holds: object, name: str, wanted: str, found: object, hint: str = ""
+) -> None:
     """Raise an `ArgumentError` that names the argument unless `holds` is true."""
     if not holds:
         raise ArgumentError(f"{name}: expected {wanted}, found {found}{hint}")
@@ -34,9 +40,13 @@ def check_numbers(
     try:
         t_start, t_end = map(float, t_span)
     except (TypeError, ValueError):
-        raise ArgumentError(f"t_span: expected two times (start, end), found {t_span!r}") from None
+        raise ArgumentError(
+            f"t_span: expected two times (start, end), found {t_span!r}"
+        ) from None
     in_order = -inf < t_start < inf and t_start <= t_end
-    expect(in_order, "t_span", "a finite start, and an end not before the start", t_span)
+    expect(
+        in_order, "t_span", "a finite start, and an end not before the start", t_span
+    )
     largest = _number("max_step", max_step)
     first = 0.0 if first_step is None else _number("first_step", first_step)
     expect(largest > 0, "max_step", "> 0", max_step)
@@ -47,7 +57,9 @@ def check_numbers(
     return t_start, t_end, max(relative, SMALLEST_RTOL), largest, first, *counts
 
 
-def check_infinite_end(system: Any, t_end: float, max_steps: int, max_events: int) -> None:
+def check_infinite_end(
+    system: Any, t_end: float, max_steps: int, max_events: int
+) -> None:
     """Raise ValueError if the end is infinite and nothing is known that may end the integration."""
     if t_end < inf or any(system.terminal or ()) or system.on_event is not None:
         return
@@ -70,7 +82,12 @@ def _number(name: str, value: Any) -> float:
 def check_count(name: str, value: Any) -> int:
     """Return a whole number from 1 to the largest 64-bit integer."""
     number = _number(name, value)
-    expect(1 <= number < 2**63 and number == int(number), name, "a whole number > 0", repr(value))
+    expect(
+        1 <= number < 2**63 and number == int(number),
+        name,
+        "a whole number > 0",
+        repr(value),
+    )
     return int(value)
 
 
@@ -108,14 +125,20 @@ def check_rows(params: ArrayLike, n_runs: int) -> FloatArray:
     return numbers
 
 
-def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
+def with_memory(
+    params: FloatArray, memory: ArrayLike | None, n_memory: int
+) -> FloatArray:
     """Return the parameters (one row, or one per integration) with the memory appended.
 
     The memory starts at zero if it is not given.
     """
-    start = np.zeros(n_memory) if memory is None else numbers_of("memory", memory).ravel()
+    start = (
+        np.zeros(n_memory) if memory is None else numbers_of("memory", memory).ravel()
+    )
     expect(len(start) == n_memory, "memory", f"{n_memory} numbers", len(start))
-    return np.concatenate([params, np.broadcast_to(start, (*params.shape[:-1], n_memory))], axis=-1)
+    return np.concatenate(
+        [params, np.broadcast_to(start, (*params.shape[:-1], n_memory))], axis=-1
+    )
 
 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
@@ -133,14 +156,18 @@ def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
         expect(locks, "mode", "locks -1, +1, or 0 to have them decided", given)
         return
     own = len(full) - n_guards
-    wanted = f"{len(full)} integers (locks and the scene's own) or {own} (the scene's own)"
+    wanted = (
+        f"{len(full)} integers (locks and the scene's own) or {own} (the scene's own)"
+    )
     expect(len(given) == own, "mode", wanted, len(given))
     full[n_guards:] = given
 
 
 def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
     """Write the absolute tolerance of each component into `full`."""
-    given = numbers_of("atol", atol) if np.ndim(atol) else np.asarray(_number("atol", atol))
+    given = (
+        numbers_of("atol", atol) if np.ndim(atol) else np.asarray(_number("atol", atol))
+    )
     fits = given.shape in ((), full.shape) and (given >= 0).all()
     expect(fits, "atol", f"a number or {len(full)} numbers, >= 0", repr(atol))
     full[:] = given

@@ -24,10 +24,11 @@ from hopdata.hybrid.workspace import FIRST_PATIENCE
 # A job runs in threads, chunk by chunk, and shows its progress.
 
 CHUNK = 64  # integrations that a thread takes at a time; results do not depend on it
-# Most steps in a chunk of more than one integration: Ctrl-C takes effect only between chunks.
+# Most steps in a chunk of more than one integration: Ctrl-C takes effect only between
+# chunks.
 STEPS_AT_A_TIME = 200_000
-# Number of systems from which lanes pay off: compilation takes 0.5 s, and each system saves 10 to
-# 20 us.
+# Number of systems from which lanes pay off: compilation takes 0.5 s, and each system
+# saves 10 to 20 us.
 LARGE = 50_000
 BETWEEN_S = 0.1  # interval of progress messages on stderr
 
@@ -38,13 +39,14 @@ def run_in_threads(
 ) -> None:  # fmt: skip
     """Run a job on the indices from `done` up to `total`, one chunk at a time in each thread.
 
-    A single worker runs in the calling thread, because starting a thread takes as long as a hundred
-    small integrations.
+    A single worker runs in the calling thread, because starting a thread takes as long
+    as a hundred small integrations.
 
     Parameters
     ----------
     run : callable
-        ``run(first, last)`` processes the indices first <= i < last and returns their number.
+        ``run(first, last)`` processes the indices first <= i < last and returns their
+        number.
     done, total : int
         Number of indices already done, and total number.
     workers : int, optional
@@ -75,7 +77,9 @@ def _counts(
         yield from (run(*chunk) for chunk in chunks)
         return
     pool, rest = ThreadPoolExecutor(workers), iter(chunks)
-    try:  # queue few chunks: Ctrl-C during a submit may surface as an error of the threads' lock
+    # Queue few chunks: Ctrl-C during a submit may surface as an error of the threads'
+    # lock
+    try:
         under_way = {pool.submit(run, *c) for c in islice(rest, 2 * workers)}
         while under_way:
             ended, under_way = wait(under_way, return_when=FIRST_COMPLETED)
@@ -125,7 +129,8 @@ class BatchSolution:
     y : (B, n, N) array, optional
         States at these times; NaN after an integration has ended.
     jacobian : (B, n, n) array, optional
-        Derivatives of the final states with respect to the initial states, if requested.
+        Derivatives of the final states with respect to the initial states, if
+        requested.
     sensitivity : (B, n, p) array, optional
         Derivatives of the final states with respect to the parameters, if requested.
     """
@@ -162,7 +167,9 @@ class BatchSolution:
     @property
     def message(self) -> str:
         """How the integrations ended: one line for each status, with the number of runs."""
-        _, places, numbers = np.unique(self.status, return_index=True, return_counts=True)
+        _, places, numbers = np.unique(
+            self.status, return_index=True, return_counts=True
+        )
         return "\n".join(
             f"{count} of {len(self)}, such as number {place}: {self._sentence(place)}"
             for count, place in zip(numbers, places, strict=True)
@@ -178,7 +185,9 @@ class BatchSolution:
 class _Room:
     """Arrays that the threads fill; each thread writes its own rows."""
 
-    def __init__(self, n_runs: int, system: System, n_wanted: int, jacobian: bool) -> None:
+    def __init__(
+        self, n_runs: int, system: System, n_wanted: int, jacobian: bool
+    ) -> None:
         n = system.n_states
         self.status = np.zeros((n_runs, 1), dtype=np.int64)
         self.ends = np.empty((n_runs, END_STATE + n))
@@ -212,9 +221,9 @@ def solve_batch(
 ) -> BatchSolution:
     """Integrate a system from many initial states; options as in `solve`.
 
-    Each result has the same bytes as with `solve`, whatever the number of workers. In lanes, its
-    bytes likewise depend only on its row and the options. Trajectories and events are not kept; use
-    `t_eval`, or `solve` for single integrations.
+    Each result has the same bytes as with `solve`, whatever the number of workers. In
+    lanes, its bytes likewise depend only on its row and the options. Trajectories and
+    events are not kept; use `t_eval`, or `solve` for single integrations.
 
     Parameters
     ----------
@@ -227,8 +236,9 @@ def solve_batch(
     progress : bool
         Whether to report progress on stderr.
     lanes : bool, optional
-        Whether to integrate many systems at a time in the lanes of the processor's vectors where
-        possible (see `BatchSolution.lanes_reason`). By default from `LARGE` systems on.
+        Whether to integrate many systems at a time in the lanes of the processor's
+        vectors where possible (see `BatchSolution.lanes_reason`). By default from
+        `LARGE` systems on.
 
     Returns
     -------
@@ -250,7 +260,9 @@ def solve_batch(
             max_steps=max_steps, max_events=max_events, method=method, memory=memory,
             workers=workers, progress=progress, lanes=lanes,
         )  # fmt: skip
-    options = arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
+    options = arguments.check_numbers(
+        t_span, rtol, max_step, first_step, max_steps, max_events
+    )
     arguments.check_infinite_end(system, options[1], *options[5:])
     if workers is not None:
         workers = arguments.check_count("workers", workers)
@@ -261,7 +273,9 @@ def solve_batch(
     modes = np.zeros((1, system.n_modes), dtype=np.int64)
     if mode is not None:
         arguments.set_mode(modes[0], system.n_guards, mode)
-    times = np.empty(0) if t_eval is None else arguments.check_times(t_eval, *options[:2])
+    times = (
+        np.empty(0) if t_eval is None else arguments.check_times(t_eval, *options[:2])
+    )
     room = _Room(len(states), system, len(times), jacobian)
     left, reason = np.arange(len(states)), "they were not requested"
     if len(states) >= LARGE if lanes is None else arguments.check_flag("lanes", lanes):
@@ -280,7 +294,11 @@ def solve_batch(
     begun = len(states) - len(left)
 
     def run(first: int, last: int) -> int:
-        methods, work, done = system.methods(method, jacobian), system.take_workspace(), first
+        methods, work, done = (
+            system.methods(method, jacobian),
+            system.take_workspace(),
+            first,
+        )
         try:
             work.begin(methods, times if len(times) else None, jacobian)
             work.make_params_room(numbers.shape[1] - system.n_memory)
@@ -289,7 +307,14 @@ def solve_batch(
             with Caught() as caught:
                 while done < last and not caught:
                     done = many_entry()(
-                        work.desk, done, last, states, numbers, modes, *room.arrays, *options
+                        work.desk,
+                        done,
+                        last,
+                        states,
+                        numbers,
+                        modes,
+                        *room.arrays,
+                        *options,
                     )
                     if done < last:
                         methods.provide(int(work.counts[at.METHOD]))
@@ -309,7 +334,9 @@ def solve_batch(
         return last - first
 
     done, chunk = begun, CHUNK
-    if len(left) > 0:  # run the first alone, because it compiles what is not compiled yet
+    if (
+        len(left) > 0
+    ):  # run the first alone, because it compiles what is not compiled yet
         done += run_left(begun, begun + 1)
         steps = int(room.counts[left[0], at.STEPS])
         system.methods(method, jacobian).specialise(steps * len(left))
@@ -328,7 +355,12 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
 
 
 def _solution(
-    room: _Room, times: FloatArray, jacobian: bool, system: System, left: IntArray, reason: str
+    room: _Room,
+    times: FloatArray,
+    jacobian: bool,
+    system: System,
+    left: IntArray,
+    reason: str,
 ) -> BatchSolution:
     y, shown = None, system.n_shown
     if len(times):

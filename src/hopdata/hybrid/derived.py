@@ -1,10 +1,10 @@
 """Systems derived from a user's system, so that the driver needs no variants.
 
-Their functions are machine code that wraps the user's. A *backward* system has the time s = -t: the
-time changes sign before each call, and all rates change sign after it. Locks and crossing
-directions refer to the crossings as they occur along the way. A system *with its parameters as
-states*, which are constant, extends the derivative of the flow to them. For *debugging*, Python
-runs all functions, which checks every index.
+Their functions are machine code that wraps the user's. A *backward* system has the time
+s = -t: the time changes sign before each call, and all rates change sign after it.
+Locks and crossing directions refer to the crossings as they occur along the way. A
+system *with its parameters as states*, which are constant, extends the derivative of
+the flow to them. For *debugging*, Python runs all functions, which checks every index.
 """
 
 from collections.abc import Callable
@@ -52,8 +52,12 @@ class Around(Callback):
     ) -> None:  # fmt: skip
         self.inner, kind = inner, inner.signature
         names = {"INNER": inner.dispatcher, "np": np, **names}
-        super().__init__(compose(kind.name, ", ".join(kind.arguments), body, names), kind)
-        self.kept = inner.compiled  # otherwise the code contains the address of a Python function
+        super().__init__(
+            compose(kind.name, ", ".join(kind.arguments), body, names), kind
+        )
+        self.kept = (
+            inner.compiled
+        )  # otherwise the code contains the address of a Python function
         self.n_params = n_params
         self._ranged = body if ranged is None else ranged
         self._names = names
@@ -89,18 +93,26 @@ def _made(
 ) -> System:  # fmt: skip
     """Return the derived system, made once; `seen` holds the properties that differ."""
     if key not in system.made:
-        names = [name for name in (*SIGNATURES, "undo") if getattr(system, name) is not None]
-        functions: dict[str, Any] = {name: derive(getattr(system, name)) for name in names}
+        names = [
+            name for name in (*SIGNATURES, "undo") if getattr(system, name) is not None
+        ]
+        functions: dict[str, Any] = {
+            name: derive(getattr(system, name)) for name in names
+        }
         system.made[key] = replace(system, **functions, **given_too)
-        vars(system.made[key]).update({"way": system.way, "n_shown": system.n_shown, **seen})
+        vars(system.made[key]).update(
+            {"way": system.way, "n_shown": system.n_shown, **seen}
+        )
     derived: System = system.made[key]
     return derived
 
 
 def _backward(inner: Callback) -> Around:
     kind = inner.signature
-    one = "hdot[k] = -hdot[k]"  # one guard of many: the others' rates may be stored there as well
-    each = "for i in range(len({0})): {0}[i] = -{0}[i]"  # a matrix by rows; lanes can do it, too
+    # One guard of many: the others' rates may be stored there as well
+    one = "hdot[k] = -hdot[k]"
+    # a matrix by rows; lanes can do it, too
+    each = "for i in range(len({0})): {0}[i] = -{0}[i]"
     turned = {
         name: one if name == "hdot" and "k" in kind.arguments else each.format(name)
         for name in kind.arguments
@@ -134,7 +146,8 @@ def backward(system: System) -> System:
     return turned
 
 
-# Derivative of a guard with respect to a parameter: how the guard would change if it moved.
+# Derivative of a guard with respect to a parameter: how the guard would change if it
+# moved.
 BY_PARAMETERS = """
 n = len(h)
 for j in range(N, len(y)):
@@ -175,19 +188,27 @@ def with_parameters(system: System, n_params: int) -> System:
             body.append("dy[N:] = 0.0")
         if "hdot" in kind.arguments:
             guards = "range(k, k + 1)" if "k" in kind.arguments else "range(n)"
-            taken = {"y": "PART(y, 0, N)", "dy": "PART(dy, 0, N)", "params": "PART(y, N, len(y))"}
+            taken = {
+                "y": "PART(y, 0, N)",
+                "dy": "PART(dy, 0, N)",
+                "params": "PART(y, N, len(y))",
+            }
             parts = ", ".join(taken.get(name, name) for name in kind.arguments)
             ranged = [f"return INNER({parts})"]
             call = call.replace("hdot", "rates").replace("h, ", "values[side], ")
             body += BY_PARAMETERS.format(call=call, guards=guards).strip().splitlines()
         return Around(inner, [*body, "return result"], 0, ranged, N=n, **KNOWN)
 
-    return _made(system, (WITH_PARAMS, n_params), around, {"n_states": n + n_params}, n_shown=n)
+    return _made(
+        system, (WITH_PARAMS, n_params), around, {"n_states": n + n_params}, n_shown=n
+    )
 
 
 def in_python(system: System) -> System:
     """Return the system with all functions run by Python."""
-    return _made(system, "debug", lambda one: Callback(one.function, one.signature, False), {})
+    return _made(
+        system, "debug", lambda one: Callback(one.function, one.signature, False), {}
+    )
 
 
 def goes_back(t_span: Any) -> bool:
@@ -208,10 +229,14 @@ def ask_derived(
         system = in_python(system)
     if isinstance(jacobian, str):
         known = jacobian == WITH_PARAMS
-        arguments.expect(known, "jacobian", "True or False, or 'params'", repr(jacobian))
+        arguments.expect(
+            known, "jacobian", "True or False, or 'params'", repr(jacobian)
+        )
         states = arguments.numbers_of("y0", y0)
         fits = states.shape[-1:] == (system.n_states,)
-        arguments.expect(fits, "y0", f"{system.n_states} states", f"shape {states.shape}")
+        arguments.expect(
+            fits, "y0", f"{system.n_states} states", f"shape {states.shape}"
+        )
         rows = states.shape[:-1]
         given = arguments.numbers_of("params", params).ravel()
         if rows:
@@ -228,9 +253,20 @@ def ask_derived(
         t_span = tuple(-float(one) for one in t_span)
         if t_eval is not None:
             try:
-                t_eval = arguments.check_times(-arguments.numbers_of("t_eval", t_eval), *t_span)
+                t_eval = arguments.check_times(
+                    -arguments.numbers_of("t_eval", t_eval), *t_span
+                )
             except ValueError:
-                arguments.expect(False, "t_eval", f"decreasing times within {whole}", t_eval)
+                arguments.expect(
+                    False, "t_eval", f"decreasing times within {whole}", t_eval
+                )
     return ask(
-        system, t_span, y0, params=params, t_eval=t_eval, atol=atol, jacobian=jacobian, **others
+        system,
+        t_span,
+        y0,
+        params=params,
+        t_eval=t_eval,
+        atol=atol,
+        jacobian=jacobian,
+        **others,
     )

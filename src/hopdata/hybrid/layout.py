@@ -1,7 +1,7 @@
 """Layout of the driver's memory: the meaning of each row and slot of its arrays.
 
-All state is kept in arrays, so the driver can return to ask for more room and then resume where it
-was.
+All state is kept in arrays, so the driver can return to ask for more room and then
+resume where it was.
 """
 
 from typing import Any, NamedTuple
@@ -17,111 +17,132 @@ def numbers(count: int, first: int = 0) -> Any:
     return np.arange(first, first + count, dtype=np.int64)
 
 
-# Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of states and
-# slopes over a piece of the step (lower and upper ends; see `branches`), the coefficients of the
-# interpolant, and rows that belong to the method (the slopes of its stages, for instance).
-# A method reads Y and K1 and fills END and KEND; its interpolant fills P1 and the rows after it.
+# Rows of `states`: the step from Y to END with its slopes, scratch space, ranges of
+# states and slopes over a piece of the step (lower and upper ends; see `branches`), the
+# coefficients of the interpolant, and rows that belong to the method (the slopes of its
+# stages, for instance). A method reads Y and K1 and fills END and KEND; its interpolant
+# fills P1 and the rows after it.
 Y, K1, END, KEND, SCRATCH, SLOPE, LEAST, MOST, LEAST_SLOPE, MOST_SLOPE, P1 = numbers(11)
 LARGEST_DEGREE = 32  # largest degree of an interpolant
 W1 = P1 + LARGEST_DEGREE
 
-# Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows), two blocks
-# of n rows for the method, the single rows below, and the method's own rows.
+# Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
+# two blocks of n rows for the method, the single rows below, and the method's own rows.
 PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = numbers(6)
-# PHI_MOTION begins with the square of the fastest motion by which the method judged its error.
-# RATE_INPUTS is 1 where the guards' rates may depend on that component of the state's rate.
+# PHI_MOTION begins with the square of the fastest motion by which the method judged its
+# error. RATE_INPUTS is 1 where the guards' rates may depend on that component of the
+# state's rate.
 PHI_MOTION, RATE_INPUTS = numbers(2, 6)
-# For finite differences: four rows of values, flags of the valid ones, their possible errors, and
-# the fraction of an increment that was small enough recently.
+# For finite differences: four rows of values, flags of the valid ones, their possible
+# errors, and the fraction of an increment that was small enough recently.
 PHI_VALUES, PHI_PART, PHI_ROWS = 8, 14, 15
-GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # Gauss nodes of the short tangent
+GAUSS_1, GAUSS_2 = (
+    0.5 - 3.0**0.5 / 6.0,
+    0.5 + 3.0**0.5 / 6.0,
+)  # Gauss nodes of the short tangent
 
-# Rows of `guards`: event functions and their rates at the start of a step, at up to two knots
-# inside it, at its end, and at any other place. Then: the largest |h| over the step, which is the
-# scale of its rounding error; second derivatives; a bound on how far a guard stays from its surface
-# over the step; its rate along one direction, which reveals guards that bend (see `windows`); and
-# the size of the terms whose sum was h at its last flip.
-H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = numbers(15)
+# Rows of `guards`: event functions and their rates at the start of a step, at up to two
+# knots inside it, at its end, and at any other place. Then: the largest |h| over the
+# step, which is the scale of its rounding error; second derivatives; a bound on how far
+# a guard stays from its surface over the step; its rate along one direction, which
+# reveals guards that bend (see `windows`); and the size of the terms whose sum was h at
+# its last flip.
+H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG, PARTS = (
+    numbers(15)
+)
 GUARD_ROWS = 15
 
-# Rows of `flags`: number of the instant at which a guard last flipped or was due, its flips at that
-# instant since the state last jumped (0: it was due, but has not flipped), whether its lock was
-# left open at the start, whether it is known to bend, its event count, the number of jumps of the
-# state at its last flip, and the number of the instant at which its handler last turned it back.
+# Rows of `flags`: number of the instant at which a guard last flipped or was due, its
+# flips at that instant since the state last jumped (0: it was due, but has not
+# flipped), whether its lock was left open at the start, whether it is known to bend,
+# its event count, the number of jumps of the state at its last flip, and the number of
+# the instant at which its handler last turned it back.
 LAST_FLIP, FLIPS, OPEN, BENT, FIRED, AT_JUMP, BOUNCED = numbers(7)
 FLAG_ROWS = 7
 
-# Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the few that
-# the step may concern (see `watch`), and the guards that flip now.
+# Rows of `lists`: guards that are awake, the heap of sleeping guards (see `sleep`), the
+# few that the step may concern (see `watch`), and the guards that flip now.
 AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 
-# Rows of `rules`: which crossings are events, the number of events after which the integration ends
-# (0: none), and the direction of time, -1 for backward.
+# Rows of `rules`: which crossings are events, the number of events after which the
+# integration ends (0: none), and the direction of time, -1 for backward.
 DIRECTION, TERMINAL, WAY = numbers(3)
 
-# Columns of `methods`. Addresses first (0: none). The short tangent is the one for short steps, the
-# derivative is the user's.
+# Columns of `methods`. Addresses first (0: none). The short tangent is the one for
+# short steps, the derivative is the user's.
 STEP, INTERPOLANT, TANGENT, SHORT_TANGENT, REFRESH, DERIVATIVE = numbers(6)
 # Number of evaluations of each of them.
-EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS, SHORT_EVALUATIONS = numbers(4, 6)
-# Order of the step control, error of the interpolant in units of the step's estimated error, and
-# whether the interpolant is in powers of theta.
+EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS, SHORT_EVALUATIONS = numbers(
+    4, 6
+)
+# Order of the step control, error of the interpolant in units of the step's estimated
+# error, and whether the interpolant is in powers of theta.
 ORDER, INTERPOLANT_ERROR, IN_POWERS = numbers(3, 10)
-# Methods to change to where events are sparser or denser and where the field becomes stiff or
-# non-stiff (-1: none).
+# Methods to change to where events are sparser or denser and where the field becomes
+# stiff or non-stiff (-1: none).
 SPARSER, DENSER, STIFFER, RELAXED = numbers(4, 13)
-LAST_SLOPE, STIFF_TENTHS = numbers(2, 17)  # row of the last stage's slope; stability limit x 10
+LAST_SLOPE, STIFF_TENTHS = numbers(
+    2, 17
+)  # row of the last stage's slope; stability limit x 10
 METHOD_SLOTS = 19
 
-# Slots of `clock`: time, next step, logarithm of the last step's error, and its error in units of
-# the tolerance.
+# Slots of `clock`: time, next step, logarithm of the last step's error, and its error
+# in units of the tolerance.
 T, NEXT_DT, LAST_LOG_ERROR, ERROR = numbers(4)
-# Instant of the last event, start of the current smooth piece of the trajectory, length of the
-# previous piece, and rates of a guard below and above its surface.
+# Instant of the last event, start of the current smooth piece of the trajectory, length
+# of the previous piece, and rates of a guard below and above its surface.
 INSTANT, SEGMENT, GAP, RATE_BELOW, RATE_ABOVE = numbers(5, 4)
-# Length of the step that the interpolant belongs to (0: none), fraction of the step between two of
-# its knots, and length, s, of the window in which guards that bend were last resolved.
+# Length of the step that the interpolant belongs to (0: none), fraction of the step
+# between two of its knots, and length, s, of the window in which guards that bend were
+# last resolved.
 SPAN, PIECE, WINDOW = numbers(3, 9)
-# Bound on the change of any event function since the start, and the bound on their rates.
+# Bound on the change of any event function since the start, and the bound on their
+# rates.
 TRAVEL, SPEED = numbers(2, 12)
-# Number of steps limited by stability, and squared fastest motion in the last step's Jacobian.
+# Number of steps limited by stability, and squared fastest motion in the last step's
+# Jacobian.
 STIFF_SCORE, MOTION = numbers(2, 14)
 CLOCK_SLOTS = 16
 
 # Slots of `counts`: evaluations, steps, events, and the rows of output written.
 NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
-# Method, degree of its interpolant if it has one, number of pieces into which the knots divide a
-# step, and what remains to be done for the step (see `windows`).
+# Method, degree of its interpolant if it has one, number of pieces into which the knots
+# divide a step, and what remains to be done for the step (see `windows`).
 METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
-# Number of guards in each of the lists, in their order; number of guards known to bend; guard to
-# report.
+# Number of guards in each of the lists, in their order; number of guards known to bend;
+# guard to report.
 N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
-# Instants; instants too close to each other; changes of the state by handlers, and those before
-# this instant; instant at which the rates along one direction were measured; how often the rates of
-# bending guards have disagreed with their values; whether a guard was back before it was clear.
+# Instants; instants too close to each other; changes of the state by handlers, and
+# those before this instant; instant at which the rates along one direction were
+# measured; how often the rates of bending guards have disagreed with their values;
+# whether a guard was back before it was clear.
 INSTANTS, CROWD, JUMPS, JUMPS_BEFORE, MEASURED, ROUGH, LOW = numbers(7, 18)
-# The instant that is being processed (see `instant`): whether it has begun, flips so far, jumps of
-# the state before it, the guard that flips next (-1: none), whether several guards met their
-# surfaces together, and whether an event has ended the integration.
+# The instant that is being processed (see `instant`): whether it has begun, flips so
+# far, jumps of the state before it, the guard that flips next (-1: none), whether
+# several guards met their surfaces together, and whether an event has ended the
+# integration.
 BEGUN, CASCADE, JUMPS_AT_ENTRY, NEXT, TIED, ENDED = numbers(6, 25)
-# Whether a guard's code met an open branch in the piece last examined (see `branches`), steps in a
-# row that cross an open branch, steps in which branches of guards were only sampled, and steps
-# across branches since the last event.
+# Whether a guard's code met an open branch in the piece last examined (see `branches`),
+# steps in a row that cross an open branch, steps in which branches of guards were only
+# sampled, and steps across branches since the last event.
 BRANCHED, CROSSINGS, UNPROVEN, BARREN = numbers(4, 31)
 # Changes of the mode that the log holds.
 CHANGES = np.int64(35)
 COUNT_SLOTS = 36
 
 
-# Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
-# until control returns to Python, addresses of the code for Jacobians (0: not wanted) and of the
-# desk itself, address of the guards' code for ranges (see `branches`), room for changes of the
-# mode, and whether the end of the time span is infinite. Then address and width of each array, and
-# the request (floats stored in the memory of integers; its last entries are the number of rows
-# written per step, and whether events are kept). The initial state and the parameters follow, so a
-# caller writes its whole request at once.
-FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(9)
+# Slots of the desk: addresses of the callbacks and of the driver, room for rows and
+# events, steps until control returns to Python, addresses of the code for Jacobians (0:
+# not wanted) and of the desk itself, address of the guards' code for ranges (see
+# `branches`), room for changes of the mode, and whether the end of the time span is
+# infinite. Then address and width of each array, and the request (floats stored in the
+# memory of integers; its last entries are the number of rows written per step, and
+# whether events are kept). The initial state and the parameters follow, so a caller
+# writes its whole request at once.
+FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(
+    9
+)
 FIRST_ORDER, HERE, BRANCHES, N_CHANGES, ENDLESS = numbers(5, 9)
 DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 14, 21, 9
 DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
@@ -129,18 +150,25 @@ T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
 MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP, KEEP_EVENTS = numbers(4, DESK_ASKED + 5)
 DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
 DESK_PLACES = DESK_ARRAYS + 2 * numbers(N_DESK_ARRAYS)
-PARAMS, MODE, RULES, ATOL, STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = DESK_PLACES[:8]
-WAKE_AT, CLOCK, COUNTS, METHOD_TABLE, TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[8:15]
+PARAMS, MODE, RULES, ATOL, STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = (
+    DESK_PLACES[:8]
+)
+WAKE_AT, CLOCK, COUNTS, METHOD_TABLE, TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[
+    8:15
+]
 ROW_TABLE, LOG_TABLE, CHANGE_TABLE, LOGGED, START_STATE, KEPT = DESK_PLACES[15:]
 
-# The log (see `driver.log`). Each row of its table of events is an event: time, guard, direction,
-# number of changes of the mode up to and including it, state before and after the handler. Integers
-# are stored in the memory of floats. Each row of the table of changes is a place in the mode and
-# its new value: one change takes two numbers, where the mode itself would take one per guard.
+# The log (see `driver.log`). Each row of its table of events is an event: time, guard,
+# direction, number of changes of the mode up to and including it, state before and
+# after the handler. Integers are stored in the memory of floats. Each row of the table
+# of changes is a place in the mode and its new value: one change takes two numbers,
+# where the mode itself would take one per guard.
 LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_CHANGES, LOG_STATES = numbers(5)
 CHANGE_PLACE, CHANGE_VALUE = numbers(2)
 CHANGE_WIDTH = 2
-UNKNOWN = -(2**63)  # value of the modes before the first change; a mode of this value is right, too
+UNKNOWN = -(
+    2**63
+)  # value of the modes before the first change; a mode of this value is right, too
 
 # Flags of a run: it resumes where it was; the mode is given (zeros otherwise).
 RESUMED, GIVEN_MODE = 1, 2
@@ -158,14 +186,17 @@ class Memory(NamedTuple):
     counts: IntVector
 
 
-# How an integration ended: codes as in SciPy (0 end, 1 event, negative failure), and their texts.
+# How an integration ended: codes as in SciPy (0 end, 1 event, negative failure), and
+# their texts.
 
 FINISHED, TERMINATED = 0, 1
 STEP_UNDERFLOW, FIELD_NOT_FINITE, GUARD_NOT_FINITE, TOO_MANY_STEPS = -1, -2, -3, -4
 TOO_MANY_EVENTS, SLIDING, ZENO, GRAZING_IN_JACOBIAN = -5, -6, -7, -8
 AFFINE_DIFFERS, JACOBIAN_NOT_FINITE, TIE_IN_JACOBIAN, RATE_DIFFERS = -9, -10, -11, -12
 RAISED, NO_LOCK, NO_END, STATE_NOT_FINITE = -13, -14, -15, -16
-RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(2, 8)  # inside the driver
+RUNNING, NEEDS_ROOM, PAUSED, NEEDS_METHOD, BAD_START, BAD_NUMBERS = range(
+    2, 8
+)  # inside the driver
 
 SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",
@@ -227,4 +258,6 @@ def describe(
         Rates of that guard's event function just before its last two flips, 1/s.
     """
     guard, (below, above) = names[culprit] if culprit >= 0 else "", rates
-    return SENTENCES[status].format(at=f"t = {time:.17g}", guard=guard, below=below, above=above)
+    return SENTENCES[status].format(
+        at=f"t = {time:.17g}", guard=guard, below=below, above=above
+    )

@@ -1,7 +1,8 @@
 """Results of an integration.
 
-They keep the driver's records as they are and unpack each part only when it is requested: for a
-short integration, making all the arrays would take longer than the integration.
+They keep the driver's records as they are and unpack each part only when it is
+requested: for a short integration, making all the arrays would take longer than the
+integration.
 """
 
 from __future__ import annotations
@@ -31,11 +32,12 @@ class EventLog(Told):
     Parameters
     ----------
     rows : (E, 4 + 2 n) array
-        Time, guard, direction, number of changes of the mode up to and including the event, and
-        the states before and after its handler, side by side; integers are stored by their bits.
+        Time, guard, direction, number of changes of the mode up to and including the
+        event, and the states before and after its handler, side by side; integers are
+        stored by their bits.
     changes : (C, 2) array of int
-        Changes of the mode in chronological order: place in the mode, and new value. The first
-        event that is logged has one for each place.
+        Changes of the mode in chronological order: place in the mode, and new value.
+        The first event that is logged has one for each place.
     n_states, n_modes : int
         Lengths of the state, n, and of the mode that is logged, m.
     guard_names : tuple of str
@@ -72,7 +74,9 @@ class EventLog(Told):
             f"  t = {time:.9g}: {self.guard_names[k]} {'rises' if way > 0 else 'falls'}"
             for time, k, way in shown
         ]
-        rest = [f"  and {len(self) - MOST_SHOWN} more"] if len(self) > MOST_SHOWN else []
+        rest = (
+            [f"  and {len(self) - MOST_SHOWN} more"] if len(self) > MOST_SHOWN else []
+        )
         return "\n".join([f"EventLog of {len(self)} events", *lines, *rest])
 
     def _floats(self, first: int, count: int) -> FloatArray:
@@ -126,7 +130,12 @@ class EventLog(Told):
         ValueError
             If no guard has this name.
         """
-        expect(guard in self.guard_names, "guard", f"one of {self.guard_names}", repr(guard))
+        expect(
+            guard in self.guard_names,
+            "guard",
+            f"one of {self.guard_names}",
+            repr(guard),
+        )
         chosen = self.guard == self.guard_names.index(guard)
         if direction != 0:
             chosen &= self.direction == direction
@@ -146,11 +155,15 @@ def modes_of(totals: IntArray, changes: IntArray, n_modes: int) -> IntArray:
         Length of the mode, m.
     """
     modes = np.full((len(totals), n_modes), layout.UNKNOWN)
-    last = np.zeros(modes.shape, dtype=np.int64)  # event at which each entry changed last
+    last = np.zeros(
+        modes.shape, dtype=np.int64
+    )  # event at which each entry changed last
     of_event = np.searchsorted(totals, np.arange(len(changes)), side="right")
     inside = of_event < len(totals)
     events, places = of_event[inside], changes[inside, layout.CHANGE_PLACE]
-    modes[events, places] = changes[inside, layout.CHANGE_VALUE]  # where several, the last stays
+    modes[events, places] = changes[
+        inside, layout.CHANGE_VALUE
+    ]  # where several, the last stays
     last[events, places] = events
     np.maximum.accumulate(last, axis=0, out=last)
     return np.take_along_axis(modes, last, axis=0)
@@ -204,15 +217,17 @@ class Solution(Told):
     y_end : (n,) array
         Final state.
     jacobian : (n, n) array, optional
-        Derivative of `y_end` with respect to the initial state at fixed times, through all events,
-        if requested.
+        Derivative of `y_end` with respect to the initial state at fixed times, through
+        all events, if requested.
     parts : tuple of bytes
-        The driver's times and counters and the final mode, side by side; times and states of the
-        trajectory, (N, 1 + n); events and changes of the mode, in the form of `EventLog`.
+        The driver's times and counters and the final mode, side by side; times and
+        states of the trajectory, (N, 1 + n); events and changes of the mode, in the
+        form of `EventLog`.
     form : Form
         Layout of these records.
     dense : tuple, optional
-        Number of rows per step, and times and states at its Chebyshev points, for `__call__`.
+        Number of rows per step, and times and states at its Chebyshev points, for
+        `__call__`.
     sensitivity : (n, p) array, optional
         Derivative of `y_end` with respect to the parameters, if requested.
     """
@@ -233,7 +248,8 @@ class Solution(Told):
         t : float, (N,) array_like
             Times, s.
         side : str
-            At the instant of an event, "right" gives the state after it and "left" the one before.
+            At the instant of an event, "right" gives the state after it and "left" the
+            one before.
 
         Raises
         ------
@@ -245,13 +261,23 @@ class Solution(Told):
         expect(side in ("left", "right"), "side", "'left' or 'right'", repr(side))
         way, (knots, before, after, steps) = self.form.way, self._pieces
         times = way * np.asarray(t, dtype=np.float64)
-        outside, ends = ~((times >= knots[0]) & (times <= knots[-1])), way * knots[[0, -1]]
-        expect(not outside.any(), "t", f"times within {tuple(ends.tolist())}", way * times[outside])
+        outside, ends = (
+            ~((times >= knots[0]) & (times <= knots[-1])),
+            way * knots[[0, -1]],
+        )
+        expect(
+            not outside.any(),
+            "t",
+            f"times within {tuple(ends.tolist())}",
+            way * times[outside],
+        )
         at_knots = before if (side == "left") == (way > 0.0) else after
         place = np.searchsorted(knots, times.ravel())
         states = at_knots[place]
         inside = knots[place] != times.ravel()
-        states[inside] = _interpolated(times.ravel()[inside], place[inside] - 1, knots, steps)
+        states[inside] = _interpolated(
+            times.ravel()[inside], place[inside] - 1, knots, steps
+        )
         return np.ascontiguousarray(states.T).reshape(self.form.shown, *times.shape)
 
     @cached_property
@@ -259,7 +285,9 @@ class Solution(Told):
         """Times between steps, states before and after them, and states in steps (N, K + 1, n)."""
         assert self.dense is not None
         count, rows = self.dense
-        table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)[:, : 1 + self.form.shown]
+        table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)[
+            :, : 1 + self.form.shown
+        ]
         knots, after = table[::count, 0], table[::count, 1:]
         log, before = self.events, after.copy()
         instants, first = np.unique(self.form.way * log.time, return_index=True)
@@ -279,13 +307,17 @@ class Solution(Told):
         """The log of all events."""
         width = STATES + 2 * self.form.state
         rows = np.frombuffer(self.parts[2]).reshape(-1, width)
-        changes = np.frombuffer(self.parts[3], np.int64).reshape(-1, layout.CHANGE_WIDTH)
+        changes = np.frombuffer(self.parts[3], np.int64).reshape(
+            -1, layout.CHANGE_WIDTH
+        )
         return event_log(rows, changes, self.form)
 
     @cached_property
     def mode(self) -> IntArray:
         """Final mode; (m,)."""
-        return np.frombuffer(self.parts[0], np.int64, self.form.mode, BYTES * MODE).copy()
+        return np.frombuffer(
+            self.parts[0], np.int64, self.form.mode, BYTES * MODE
+        ).copy()
 
     @property
     def t_end(self) -> float:
@@ -337,8 +369,8 @@ class Solution(Told):
     def n_unproven(self) -> int:
         """Number of steps in which guards that branch on state or time were only sampled.
 
-        In all other steps it is proven that their code takes one branch throughout, or where it
-        takes another.
+        In all other steps it is proven that their code takes one branch throughout, or
+        where it takes another.
         """
         return int(self.counts[layout.UNPROVEN])
 
@@ -380,4 +412,6 @@ def _interpolated(
     shares = weights / np.where(off == 0.0, 1.0, off)
     hit = (off == 0.0).any(axis=1)
     shares[hit] = off[hit] == 0.0
-    return np.einsum("mj,mjn->mn", shares, steps[piece]) / shares.sum(axis=1, keepdims=True)
+    return np.einsum("mj,mjn->mn", shares, steps[piece]) / shares.sum(
+        axis=1, keepdims=True
+    )

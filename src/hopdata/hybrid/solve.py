@@ -19,7 +19,10 @@ from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import PLAIN, Sink, Workspace
 
-SILENT_S, EVERY_S = 5.0, 0.5  # first progress message on a terminal's stderr, and interval
+SILENT_S, EVERY_S = (
+    5.0,
+    0.5,
+)  # first progress message on a terminal's stderr, and interval
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
@@ -47,52 +50,60 @@ def solve(
 ) -> Solution:
     """Integrate an event-selected system from t_span[0] to t_span[1].
 
-    One-step methods with error control are used. Events are localised on the interpolant, and the
-    step is then repeated up to the event's instant, so that time and state have the method's order.
-    Guards that flip at one instant flip together; the field is evaluated again after each instant.
+    One-step methods with error control are used. Events are localised on the
+    interpolant, and the step is then repeated up to the event's instant, so that time
+    and state have the method's order. Guards that flip at one instant flip together;
+    the field is evaluated again after each instant.
 
     Parameters
     ----------
     system : System
         Vector field, guards and handler.
     t_span : tuple of float
-        Start and end, s. If the end is before the start, time runs backward; locks and event
-        directions then refer to the crossings as they occur along the way. The end may be
-        infinite if an event, the handler or a limit ends the integration.
+        Start and end, s. If the end is before the start, time runs backward; locks and
+        event directions then refer to the crossings as they occur along the way. The
+        end may be infinite if an event, the handler or a limit ends the integration.
     y0 : (n,) array_like
         Initial state.
     params : (p,) array_like
         Numbers handed to the system's functions.
     mode : sequence of int, optional
-        Initial mode: the scene's integers, or the locks followed by the scene's integers. A lock
-        that is 0 or not given is decided by the sign of h and, on the surface, by its rate. By
-        default all are zero.
+        Initial mode: the scene's integers, or the locks followed by the scene's
+        integers. A lock that is 0 or not given is decided by the sign of h and, on the
+        surface, by its rate. By default all are zero.
     rtol, atol : float, (n,) array_like
         Relative and absolute tolerance of a step's error, as in `solve_ivp`.
     max_step, first_step : float
         Largest step and first step, s. By default unlimited, and chosen automatically.
     t_eval : (N,) array_like, optional
-        Times to report, s, increasing, within `t_span`. By default every step and every event.
+        Times to report, s, increasing, within `t_span`. By default every step and every
+        event.
     max_steps, max_events : int
-        Largest number of steps and events; beyond it the integration stops with a status.
+        Largest number of steps and events; beyond it the integration stops with a
+        status.
     method : str
-        "dopri5" (best where events limit the steps), "dop853" (where events are sparse), "taylor"
-        (affine modes, to rounding), "rosenbrock" (stiff fields), or "auto": Taylor series if the
-        system has an affine form, otherwise each of the other methods where it is best.
+        "dopri5" (best where events limit the steps), "dop853" (where events are
+        sparse), "taylor" (affine modes, to rounding), "rosenbrock" (stiff fields), or
+        "auto": Taylor series if the system has an affine form, otherwise each of the
+        other methods where it is best.
     jacobian : bool or "params"
-        Whether to propagate the derivative of the state with respect to the initial state, through
-        events by saltation matrices (not with "rosenbrock"). With "params", the derivative with
-        respect to the parameters is included (not with "taylor", and not with `n_memory`).
+        Whether to propagate the derivative of the state with respect to the initial
+        state, through events by saltation matrices (not with "rosenbrock"). With
+        "params", the derivative with respect to the parameters is included (not with
+        "taylor", and not with `n_memory`).
     memory : (n_memory,) array_like, optional
         Initial value of the scene's memory; by default zeros.
     dense_output : bool
-        Whether to store what `solution(t)` needs, including some points within each step.
+        Whether to store what `solution(t)` needs, including some points within each
+        step.
     events : str or callable
-        What to keep of the events: "all", or only their number ("count"). A function receives them
-        in an `EventLog` whenever some thousands have accumulated, and none are kept.
+        What to keep of the events: "all", or only their number ("count"). A function
+        receives them in an `EventLog` whenever some thousands have accumulated, and
+        none are kept.
     debug : bool
-        Whether to run all functions as plain Python, which checks every index and allows
-        breakpoints in a debugger. This is many times slower and gives the same results.
+        Whether to run all functions as plain Python, which checks every index and
+        allows breakpoints in a debugger. This is many times slower and gives the same
+        results.
 
     Returns
     -------
@@ -104,8 +115,8 @@ def solve(
     ValueError
         If an argument is out of range or of the wrong shape.
     Exception
-        Whatever the system's functions raise, and KeyboardInterrupt. The attribute `solution` of
-        the exception holds the result up to that point.
+        Whatever the system's functions raise, and KeyboardInterrupt. The attribute
+        `solution` of the exception holds the result up to that point.
 
     Examples
     --------
@@ -126,7 +137,9 @@ def solve(
     work = system.take_workspace()
     try:
         keep_events = events == "all"
-        usual = jacobian is dense_output is debug is False and memory is first_step is None
+        usual = (
+            jacobian is dense_output is debug is False and memory is first_step is None
+        )
         usual = usual and (keep_events or events == "count")
         rows_per_step = 1
         if t_eval is not None:
@@ -160,7 +173,9 @@ def solve(
             status = work.drive(work.desk_address, flags)
             if status > at.TERMINATED:
                 status = _go_on(work, flags | at.RESUMED, status)
-        except BaseException as error:  # an interrupt, no memory, or what the sink has raised
+        except (
+            BaseException
+        ) as error:  # an interrupt, no memory, or what the sink has raised
             caught.append(error)
         finally:
             stop_catching(token)
@@ -172,7 +187,9 @@ def solve(
             raise _with_what_was_reached(first, work)
         if status > at.TERMINATED:  # it has not started
             expect(status != at.BAD_START, "y0", "finite numbers", work.state)
-            arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
+            arguments.check_numbers(
+                t_span, rtol, max_step, first_step, max_steps, max_events
+            )
         if work.sink is not None:
             work.hand_over()
         return work.solution(status)
@@ -203,7 +220,9 @@ def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseExcepti
     reached = work.reached()
     with suppress(AttributeError):
         error.solution = reached  # type: ignore[attr-defined]
-    error.add_note(f"{reached.message} The result so far is this exception's `solution`.")
+    error.add_note(
+        f"{reached.message} The result so far is this exception's `solution`."
+    )
     return error
 
 

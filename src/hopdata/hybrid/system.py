@@ -15,7 +15,12 @@ from hopdata.hybrid.branches.code import Branches, branches_of
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.constants import Constants
 from hopdata.hybrid.compiled.kernel import SIGNATURES
-from hopdata.hybrid.driver.loop import compiled_first_order, compiled_run, driver_entry, many_entry
+from hopdata.hybrid.driver.loop import (
+    compiled_first_order,
+    compiled_run,
+    driver_entry,
+    many_entry,
+)
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.workspace import Pool, Workspace
@@ -25,9 +30,10 @@ from hopdata.hybrid.workspace import Pool, Workspace
 class System(Told):
     """A vector field with guards.
 
-    Each guard k has a lock b_k, -1 or +1, kept in ``mode[k]``. The lock flips to +1 when the event
-    function h_k rises through zero and to -1 when h_k falls through zero. Field and handler see
-    only the locks, never the sign of h. ``mode[n_guards:]`` belongs to the scene.
+    Each guard k has a lock b_k, -1 or +1, kept in ``mode[k]``. The lock flips to +1
+    when the event function h_k rises through zero and to -1 when h_k falls through
+    zero. Field and handler see only the locks, never the sign of h. ``mode[n_guards:]``
+    belongs to the scene.
 
     Parameters
     ----------
@@ -38,34 +44,38 @@ class System(Told):
     on_event : Callback, optional
         Handler, declared by `hopdata.hybrid.on_event`.
     undo : Callback, optional
-        Handler for backward time, declared by `hopdata.hybrid.on_event`. It undoes the effect of
-        `on_event` when the same guard is crossed from the other side.
+        Handler for backward time, declared by `hopdata.hybrid.on_event`. It undoes the
+        effect of `on_event` when the same guard is crossed from the other side.
     guard : Callback, optional
-        Alternative to `guards`: one event function at a time, declared by `hopdata.hybrid.guard`.
+        Alternative to `guards`: one event function at a time, declared by
+        `hopdata.hybrid.guard`.
     rate_bound : Callback, optional
         Only with `guard`: a bound on the rates of all event functions, declared by
-        `hopdata.hybrid.rate_bound`. Guards far from their surfaces are then not evaluated. Event
-        functions must not depend on the mode, and the modes in the log leave out the locks.
+        `hopdata.hybrid.rate_bound`. Guards far from their surfaces are then not
+        evaluated. Event functions must not depend on the mode, and the modes in the log
+        leave out the locks.
     jacobian : Callback, optional
-        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default finite
-        differences are used where it is needed.
+        Derivative of the field, declared by `hopdata.hybrid.jacobian`. By default
+        finite differences are used where it is needed.
     affine : Callback, optional
-        Affine form of the field, declared by `hopdata.hybrid.affine`, if all modes are affine.
+        Affine form of the field, declared by `hopdata.hybrid.affine`, if all modes are
+        affine.
     n_states : int
         Length of the state.
     guard_names : tuple of str
         One name per guard, in the order in which `guards` fills them.
     directions : tuple of int, optional
-        For each guard 0, +1 or -1: both crossings, only the rising or only the falling crossing is
-        an event. The lock follows other crossings silently. By default 0.
+        For each guard 0, +1 or -1: both crossings, only the rising or only the falling
+        crossing is an event. The lock follows other crossings silently. By default 0.
     terminal : tuple of bool or int, optional
-        For each guard, whether its event ends the integration, or which one: 2 means the second. By
-        default no event does.
+        For each guard, whether its event ends the integration, or which one: 2 means
+        the second. By default no event does.
     n_extra_modes : int
         Number of the scene's own integers in the mode.
     n_memory : int
-        Number of floats that follow the caller's in `params` and belong to one integration. The
-        handler may change them, so the field need not sum over all contacts again.
+        Number of floats that follow the caller's in `params` and belong to one
+        integration. The handler may change them, so the field need not sum over all
+        contacts again.
     """
 
     field: Callback
@@ -85,7 +95,9 @@ class System(Told):
 
     def __post_init__(self) -> None:
         listed = isinstance(self.guard_names, tuple | list)
-        expect(listed, "guard_names", "a name for each guard, in a tuple", self.guard_names)
+        expect(
+            listed, "guard_names", "a name for each guard, in a tuple", self.guard_names
+        )
         all_at_once = self.guard_names and self.guard is None
         needed = ("field", "guards") if all_at_once else ("field",)
         for name in SIGNATURES:
@@ -98,14 +110,19 @@ class System(Told):
             found = getattr(self, name)
             fits = isinstance(found, int | np.integer) and found >= least
             expect(fits, name, f"a whole number, at least {least}", repr(found))
-        for name, values in (("directions", self.directions), ("terminal", self.terminal)):
+        for name, values in (
+            ("directions", self.directions),
+            ("terminal", self.terminal),
+        ):
             listed = values is None or isinstance(values, tuple | list)
             expect(listed, name, "one entry for each guard", repr(values))
             count = self.n_guards if values is None else len(values)
             expect(count == self.n_guards, name, f"{self.n_guards} entries", count)
         known = set(self.directions or ()) <= {-1, 0, 1}
         expect(known, "directions", "-1, 0 or +1", self.directions)
-        counts = all(one in (True, False) or int(one) == one > 0 for one in self.terminal or ())
+        counts = all(
+            one in (True, False) or int(one) == one > 0 for one in self.terminal or ()
+        )
         expect(counts, "terminal", "booleans or counts", self.terminal)
         states, guards = self.n_states, self.n_guards
         for one in self.callbacks:
@@ -125,9 +142,16 @@ class System(Told):
                 one.check_lengths(params=count)
 
     def _check_guards(self) -> None:
-        expect(self.guards is None or self.guard is None, "guards, guard", "one of them", "both")
+        expect(
+            self.guards is None or self.guard is None,
+            "guards, guard",
+            "one of them",
+            "both",
+        )
         one_by_one = self.rate_bound is None or self.guard is not None
-        expect(one_by_one, "rate_bound", "guards declared one by one, by @guard", "@guards")
+        expect(
+            one_by_one, "rate_bound", "guards declared one by one, by @guard", "@guards"
+        )
         names = self.guard_names
         expect(len(set(names)) == len(names), "guard_names", "different names", names)
         named = names or (self.guards or self.guard) is None
@@ -157,7 +181,9 @@ class System(Told):
     def rules(self) -> NDArray[np.int64]:
         """Event directions, terminal counts and the direction of time, (3, n_guards)."""
         none, ways = (0,) * self.n_guards, (self.way,) * self.n_guards
-        return np.array([self.directions or none, self.terminal or none, ways], dtype=np.int64)
+        return np.array(
+            [self.directions or none, self.terminal or none, ways], dtype=np.int64
+        )
 
     @property
     def callbacks(self) -> tuple[Callback, ...]:
@@ -177,15 +203,21 @@ class System(Told):
     def current(self) -> System:
         """Return the system as globals and closures of its functions are now.
 
-        This is the system itself or, where one of them has changed since it was compiled, one with
-        the same functions that is compiled anew.
+        This is the system itself or, where one of them has changed since it was
+        compiled, one with the same functions that is compiled anew.
         """
         latest: System = self.__dict__.get("_latest", self)
         if latest.constants.are_current():
             return latest
-        names = [name for name in (*SIGNATURES, "undo") if getattr(self, name) is not None]
-        fresh = replace(latest, **{name: getattr(latest, name).anew() for name in names})
-        _ = fresh.constants  # remembers them now, and compiles the functions that are called
+        names = [
+            name for name in (*SIGNATURES, "undo") if getattr(self, name) is not None
+        ]
+        fresh = replace(
+            latest, **{name: getattr(latest, name).anew() for name in names}
+        )
+        _ = (
+            fresh.constants
+        )  # remembers them now, and compiles the functions that are called
         vars(self)["_latest"] = fresh
         return fresh
 
@@ -197,8 +229,17 @@ class System(Told):
     @cached_property
     def addresses(self) -> tuple[int, ...]:
         """Addresses of the compiled callbacks (0 if absent), and of the driver."""
-        callbacks = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
-        return (*(0 if one is None else one.address for one in callbacks), compiled_run().address)
+        callbacks = (
+            self.field,
+            self.guards,
+            self.guard,
+            self.rate_bound,
+            self.on_event,
+        )
+        return (
+            *(0 if one is None else one.address for one in callbacks),
+            compiled_run().address,
+        )
 
     @cached_property
     def branches(self) -> Branches:
@@ -209,8 +250,8 @@ class System(Told):
     def made(self) -> dict[Any, Any]:
         """Cache of objects made for this system, keyed by their kind and choices.
 
-        It holds method tables, machine code of the functions for many systems at a time (see
-        `lanes.batch`), and systems derived from this one (see `hybrid.derived`).
+        It holds method tables, machine code of the functions for many systems at a time
+        (see `lanes.batch`), and systems derived from this one (see `hybrid.derived`).
         """
         return {}
 
@@ -227,9 +268,9 @@ class System(Told):
     def compile(self, method: str = "auto", *, jacobian: bool = False) -> None:
         """Compile everything that `solve` and `solve_batch` may need for this system.
 
-        Otherwise each part is compiled on first use, and the steps of explicit methods only after
-        some millions of steps. Results are the same. Compilation takes some seconds, and less in
-        later processes because the code is cached.
+        Otherwise each part is compiled on first use, and the steps of explicit methods
+        only after some millions of steps. Results are the same. Compilation takes some
+        seconds, and less in later processes because the code is cached.
 
         Parameters
         ----------

@@ -1,7 +1,8 @@
 """The arrays in which an integration works, allocated once per system and reused.
 
-The driver finds them through a table of addresses (the desk), because passing an array from Python
-to machine code costs as much as a field evaluation. Its results are copied out.
+The driver finds them through a table of addresses (the desk), because passing an array
+from Python to machine code costs as much as a field evaluation. Its results are copied
+out.
 """
 
 from __future__ import annotations
@@ -27,20 +28,32 @@ FIRST_ROWS = 256
 FIRST_EVENTS = 64
 LARGEST_CHUNK = 1 << 16
 LARGEST_KEPT = 1 << 13  # most rows that a workspace keeps for the next integration
-FIRST_PATIENCE, MOST_PATIENCE = 16, 200_000  # steps until control returns to Python: first, most
+FIRST_PATIENCE, MOST_PATIENCE = (
+    16,
+    200_000,
+)  # steps until control returns to Python: first, most
 PAUSE_S = 0.05  # intended time until control returns to Python
-LARGEST_ROOM = 1 << 23  # most numbers in a table of rows or events: long states get fewer rows
-FIRST_CHANGES = 256  # changes of the mode for which there is room at first, besides one whole mode
+LARGEST_ROOM = (
+    1 << 23
+)  # most numbers in a table of rows or events: long states get fewer rows
+FIRST_CHANGES = (
+    256  # changes of the mode for which there is room at first, besides one whole mode
+)
 
 Sink = Callable[[EventLog], object]
-PLAIN = (tuple, list)  # types that are written without a check: others might have any shape
+PLAIN = (
+    tuple,
+    list,
+)  # types that are written without a check: others might have any shape
 OPTIONS = "5d4q"  # struct format of the options, in the order of `layout`
 WRITE_OPTIONS = struct.Struct(OPTIONS).pack_into
 COUNTED = struct.Struct("2q").unpack_from  # numbers of rows and events
 COUNTED_CHANGES = struct.Struct("q").unpack_from
 CHANGES_AT = 8 * int(layout.CLOCK_SLOTS + layout.CHANGES)  # byte offset
 CHANGE_BYTES = 8 * layout.CHANGE_WIDTH
-ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # byte offset; the events' number follows
+ROWS_AT = 8 * int(
+    layout.CLOCK_SLOTS + layout.ROWS
+)  # byte offset; the events' number follows
 ASKED_AT = 8 * int(layout.DESK_ASKED)
 UNKNOWN = -1  # number of parameters before any are given
 NOTHING = object()  # equal to no choice of methods
@@ -67,8 +80,8 @@ class Workspace:
     methods : MethodTable
         Methods for which room is laid out, available after the first `begin`.
     ready_for : object
-        Choice of methods with which a plain integration may start at once: each step is recorded
-        and no Jacobian is wanted.
+        Choice of methods with which a plain integration may start at once: each step is
+        recorded and no Jacobian is wanted.
     """
 
     methods: MethodTable
@@ -77,7 +90,11 @@ class Workspace:
         n_states, n_modes, n_guards = system.n_states, system.n_modes, system.n_guards
         n_logged = system.n_extra_modes if system.guard is not None else n_modes
         self.desk = np.array(system.addresses, dtype=np.int64)
-        self._n_states, self._n_params, self._n_memory = n_states, UNKNOWN, system.n_memory
+        self._n_states, self._n_params, self._n_memory = (
+            n_states,
+            UNKNOWN,
+            system.n_memory,
+        )
         self._n_modes, self._rows_per_step, self._n_shown = n_modes, 1, system.n_shown
         self._no_memory = (0.0,) * system.n_memory
         self._make_desk(0)
@@ -104,7 +121,9 @@ class Workspace:
             n_states, n_modes, n_logged, system.guard_names, system.way, system.n_shown
         )
         self._lay_out(layout.RULES, system.rules, self._atol)
-        self._lay_out(layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at)
+        self._lay_out(
+            layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at
+        )
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _make_clockwork(self, n_modes: int) -> None:
@@ -128,7 +147,9 @@ class Workspace:
         """Make a desk, followed by room for initial state, parameters and the scene's memory."""
         n, first = self._n_states, layout.DESK_SLOTS
         block = np.zeros(first + n + n_params + self._n_memory)
-        self._before_and_after = np.zeros(2 * (self._n_modes + n_params + self._n_memory))
+        self._before_and_after = np.zeros(
+            2 * (self._n_modes + n_params + self._n_memory)
+        )
         desk = block[:first].view(np.int64)
         desk[: len(self.desk)] = self.desk
         self.desk, self.desk_address = desk, block.ctypes.data
@@ -152,9 +173,10 @@ class Workspace:
     ) -> bool:  # fmt: skip
         """Write the request on the desk if it is like the last one apart from plain numbers.
 
-        The numbers are written unchecked: the driver checks them in a hundredth of the time that
-        Python would take. Whether steps and events are recorded are two of these numbers, so a
-        request for less costs no more. Returns whether the request was written.
+        The numbers are written unchecked: the driver checks them in a hundredth of the
+        time that Python would take. Whether steps and events are recorded are two of
+        these numbers, so a request for less costs no more. Returns whether the request
+        was written.
         """
         ready = type(method) is str and method == self.ready_for
         if not ready or (self.methods.generic and self.methods.wants_own_code()):
@@ -189,7 +211,9 @@ class Workspace:
         as_before = type(method) is str and method == self.ready_for
         dense = arguments.check_flag("dense_output", dense_output)
         if not as_before or dense or jacobian is not False or t_eval is not None:
-            times = None if t_eval is None else arguments.check_times(t_eval, *options[:2])
+            times = (
+                None if t_eval is None else arguments.check_times(t_eval, *options[:2])
+            )
             wanted = arguments.check_flag("jacobian", jacobian)
             self.begin(system.methods(method, wanted), times, wanted, dense)
         self.methods.specialise()
@@ -211,11 +235,16 @@ class Workspace:
         self._atol_of_all = float(atol) if isinstance(atol, float) else nan
 
     def begin(
-        self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool, dense: bool = False
+        self,
+        methods: MethodTable,
+        t_eval: FloatArray | None,
+        jacobian: bool,
+        dense: bool = False,
     ) -> None:
         """Discard the last integration and prepare output at `t_eval` or, if None, at each step.
 
-        If `dense`, output includes as many points within each step as its polynomial needs.
+        If `dense`, output includes as many points within each step as its polynomial
+        needs.
         """
         self.ready_for = NOTHING
         if methods is not self.__dict__.get("methods"):
@@ -247,7 +276,9 @@ class Workspace:
         n = len(self.state)
         if self.tangent is None:
             self.tangent = np.zeros((methods.tangent_rows, n))
-            self.tangent[3 * n + layout.RATE_INPUTS, list(methods.scene.rate_inputs)] = 1.0
+            self.tangent[
+                3 * n + layout.RATE_INPUTS, list(methods.scene.rate_inputs)
+            ] = 1.0
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
             self.desk[layout.FIRST_ORDER] = compiled_first_order().address
         self.tangent[:n] = np.eye(n)
@@ -277,7 +308,10 @@ class Workspace:
             self.counts[layout.ROWS] = 0
             self._make_rows(min(2 * len(self._rows), LARGEST_CHUNK))
         events, changes = self.counts[[layout.EVENT_ROWS, layout.CHANGES]].tolist()
-        has_row, has_change = events < len(self._log), changes + n_logged <= len(self._changes)
+        has_row, has_change = (
+            events < len(self._log),
+            changes + n_logged <= len(self._changes),
+        )
         if has_row and has_change:
             return
         if self.sink is not None:
@@ -323,7 +357,8 @@ class Workspace:
     def solution(self, status: int) -> Solution:
         """Return the result of the integration.
 
-        Its fields are set one by one because the `__init__` of a frozen dataclass takes 1 us.
+        Its fields are set one by one because the `__init__` of a frozen dataclass takes
+        1 us.
         """
         end = self._end_bytes.tobytes()
         n_rows, n_events = COUNTED(end, ROWS_AT)
@@ -333,7 +368,11 @@ class Workspace:
         changes = self._change_bytes[: n_changes * CHANGE_BYTES].tobytes()
         solution = object.__new__(Solution)
         fields = solution.__dict__
-        fields["status"], fields["y_end"], fields["form"] = status, self.shown.copy(), self._form
+        fields["status"], fields["y_end"], fields["form"] = (
+            status,
+            self.shown.copy(),
+            self._form,
+        )
         if self.ready_for is not NOTHING:
             fields["jacobian"] = None
             fields["parts"] = end, rows.tobytes(), log.tobytes(), changes
@@ -400,7 +439,8 @@ class Workspace:
 class Pool(list[Workspace]):
     """Workspaces that are not in use. A thread takes one, or makes one, and gives it back.
 
-    A copy of a pool is empty, because a workspace holds the addresses of its own arrays.
+    A copy of a pool is empty, because a workspace holds the addresses of its own
+    arrays.
     """
 
     def __reduce__(self) -> tuple[type[Pool], tuple[()]]:

@@ -18,7 +18,8 @@ from hopdata.landings.touchdowns import NO_FOOT_LANDED
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
 NOT_ASKED = "not asked"  # nothing is configured to compare the value with
 SURE = 0.9  # probability at or above which an order counts as sure
-NO_KINK_S = 0.005  # standard error, s, above which the contact hardly changes the foot's velocity
+# Standard error, s, above which the contact hardly changes the foot's velocity
+NO_KINK_S = 0.005
 # What the standard errors of the printed methods do not contain.
 ERRORS_BY = {
     "velocity_minimum": "; only the rounding to a frame counts in these errors",
@@ -44,8 +45,8 @@ class Check:
     good, poor : float
         Limits of a good and of a poor value; a value between them deserves a look.
     status : str
-        ``good, look, poor``, ``not known``, or ``not asked`` if the study configures nothing to
-        compare with.
+        ``good, look, poor``, ``not known``, or ``not asked`` if the study configures
+        nothing to compare with.
     remark : str
         Where the value comes from, or what to look at.
     """
@@ -86,14 +87,19 @@ def check_study(
     stability, drift : DataFrame
         From `hopdata.landings.stability`.
     floors : mapping
-        Fields of the `FloorModel` of each recording, by name; floors that move are reported.
+        Fields of the `FloorModel` of each recording, by name; floors that move are
+        reported.
     expected_noise_m : float, optional
         Known noise of a marker coordinate in the recording system, m.
     other_feet : bool
-        Whether the animal also lands on feet that the study does not follow. Descents in which
-        none of the study's feet landed then do not count against it.
+        Whether the animal also lands on feet that the study does not follow. Descents
+        in which none of the study's feet landed then do not count against it.
     """
-    moves = [f"{name}: {one['note']}" for name, one in floors.items() if len(one["moved_m"]) > 1]
+    moves = [
+        f"{name}: {one['note']}"
+        for name, one in floors.items()
+        if len(one["moved_m"]) > 1
+    ]
     drifts = _drift(drift)
     return [
         _seen(markers),
@@ -125,12 +131,21 @@ def _check(what: str, value: float | None, remark: str) -> Check:
     if value is None or not np.isfinite(value):
         return Check(what, about, None, unit, good, poor, UNKNOWN, remark)
     sign = 1.0 if good <= poor else -1.0
-    status = GOOD if sign * value <= sign * good else POOR if sign * value > sign * poor else LOOK
+    status = (
+        GOOD
+        if sign * value <= sign * good
+        else POOR
+        if sign * value > sign * poor
+        else LOOK
+    )
     return Check(what, about, float(value), unit, good, poor, status, remark)
 
 
 def _seen(markers: pd.DataFrame) -> Check:
-    what, used = "frames seen, worst marker", markers[markers["role"].isin(("body", "foot"))]
+    what, used = (
+        "frames seen, worst marker",
+        markers[markers["role"].isin(("body", "foot"))],
+    )
     if used.empty:
         return _check(what, None, "no markers")
     missing = used["missing"] / used["frames"]
@@ -165,7 +180,9 @@ def _unseen(markers: pd.DataFrame) -> str:
     body = markers[(markers["role"] == "body") & (markers["longest_s"] > LONG_S)]
     if body.empty:
         return ""
-    worst = body.iloc[int(np.argmax((body["missing"] / body["frames"]).to_numpy(float)))]
+    worst = body.iloc[
+        int(np.argmax((body["missing"] / body["frames"]).to_numpy(float)))
+    ]
     share = 100.0 * float(worst["missing"] / worst["frames"])
     where = f"{worst['marker']} (missing in {share:.2g} % of {worst['recording']})"
     return f"; none is found where a body marker is missing for long: {where}"
@@ -181,12 +198,16 @@ def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> 
     touchdowns = touchdowns[~theirs]
     out = touchdowns["excluded"].astype(bool)
     reasons = touchdowns.loc[out, "reason"].value_counts()
-    remark = f"{int((~out).sum())} of {len(out)} {'landings' if other_feet else 'descents'}"
+    remark = (
+        f"{int((~out).sum())} of {len(out)} {'landings' if other_feet else 'descents'}"
+    )
     if len(reasons):
         remark += f"; most often: {with_names(reasons.index[0], touchdowns)} ({reasons.iloc[0]})"
     if theirs.any():
         remark += f"; not counted: {int(theirs.sum())} more descents, of other feet"
-    ahead = touchdowns["t_pre_s"] - touchdowns.filter(regex="^contact_.*_s$").min(axis=1)
+    ahead = touchdowns["t_pre_s"] - touchdowns.filter(regex="^contact_.*_s$").min(
+        axis=1
+    )
     ahead = ahead[~out & (ahead > 0)]
     if len(ahead):
         remark += f"; in {len(ahead)} the flight is continued to the pre section, by "
@@ -207,7 +228,9 @@ def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
         yield _check(what, error / spread if spread > 0 else np.nan, remark)
     else:
         yield _check(what, None, "no contact")
-    doubtful = 100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
+    doubtful = (
+        100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
+    )
     remark = "of the touchdowns used" + _open_foot(used)
     yield _check(f"orders less sure than {SURE:g}", doubtful, remark)
 
@@ -216,12 +239,19 @@ def _open_foot(used: pd.DataFrame) -> str:
     """Name the two feet whose order is most often the least certain, and why."""
     doubtful = used[used["probability"] < SURE]
     feet = [name[8:-2] for name in used.columns if name.startswith("contact_")]
-    instant, se = (doubtful.filter(regex=k).to_numpy(float) for k in ("^contact_", "^se_"))
+    instant, se = (
+        doubtful.filter(regex=k).to_numpy(float) for k in ("^contact_", "^se_")
+    )
     if not len(doubtful) or len(feet) < 2:
         return ""
     pairs = list(combinations(range(len(feet)), 2))
-    apart = [np.abs(instant[:, i] - instant[:, j]) / np.hypot(se[:, i], se[:, j]) for i, j in pairs]
-    counts = np.bincount(np.nan_to_num(apart, nan=np.inf).argmin(axis=0), minlength=len(pairs))
+    apart = [
+        np.abs(instant[:, i] - instant[:, j]) / np.hypot(se[:, i], se[:, j])
+        for i, j in pairs
+    ]
+    counts = np.bincount(
+        np.nan_to_num(apart, nan=np.inf).argmin(axis=0), minlength=len(pairs)
+    )
     pair = pairs[int(counts.argmax())]
     error, foot = max((float(np.nanmedian(se[:, k])), feet[k]) for k in pair)
     both = f"{feet[pair[0]]} and {feet[pair[1]]}"
@@ -239,16 +269,23 @@ def _common(used: pd.DataFrame) -> str:
         common, foot = float(used[name].median()), str(name).removeprefix("common_")
         if common > float(used[f"se_{foot}"].median()):
             told.append(f"{foot.removesuffix('_s')} by {1e3 * common:.2g} ms")
-    return f"; contacts of a foot may all be early or late: {', '.join(told)}" if told else ""
+    return (
+        f"; contacts of a foot may all be early or late: {', '.join(told)}"
+        if told
+        else ""
+    )
 
 
 def blurred(touchdowns: pd.DataFrame) -> str:
     """Explain which recording a low-pass filter has blurred too much to compare maps; else empty.
 
-    It has if half a period of its cut-off is longer than a landing from section to section: states
-    before and after the contacts are then mixed, and equal maps look different.
+    It has if half a period of its cut-off is longer than a landing from section to
+    section: states before and after the contacts are then mixed, and equal maps look
+    different.
     """
-    for name, used in touchdowns[~touchdowns["excluded"].astype(bool)].groupby("recording"):
+    for name, used in touchdowns[~touchdowns["excluded"].astype(bool)].groupby(
+        "recording"
+    ):
         landing_s = float((used["t_post_s"] - used["t_pre_s"]).median())
         period_s = float(used.filter(regex="^common_").median().max()) / FILTER_DELAYS
         if period_s > 2 * landing_s:
@@ -259,7 +296,10 @@ def blurred(touchdowns: pd.DataFrame) -> str:
 
 
 def _sections(stability: pd.DataFrame) -> Check:
-    what, heights = "sections move, over their distance", ["pre_height_m", "post_height_m"]
+    what, heights = (
+        "sections move, over their distance",
+        ["pre_height_m", "post_height_m"],
+    )
     chosen = stability.iloc[0][heights].astype(float)
     pre, post = chosen
     others = stability.iloc[1:]
@@ -279,10 +319,17 @@ def _sections(stability: pd.DataFrame) -> Check:
 
 
 def _drift(drift: pd.DataFrame) -> Check:
-    what, sure = "drift, in spreads", (drift["median"] - drift["typical"]).abs() > 3.0 * drift["se"]
+    what, sure = (
+        "drift, in spreads",
+        (drift["median"] - drift["typical"]).abs() > 3.0 * drift["se"],
+    )
     if drift.empty:
         return _check(what, None, "too few touchdowns")
     if not sure.any():
         return _check(what, 0.0, "nothing beyond three standard errors")
-    worst = drift[sure].iloc[int(np.argmax(drift.loc[sure, "deviation"].abs().to_numpy(float)))]
-    return _check(what, abs(float(worst["deviation"])), f"{worst['quantity']} in {worst['part']}")
+    worst = drift[sure].iloc[
+        int(np.argmax(drift.loc[sure, "deviation"].abs().to_numpy(float)))
+    ]
+    return _check(
+        what, abs(float(worst["deviation"])), f"{worst['quantity']} in {worst['part']}"
+    )

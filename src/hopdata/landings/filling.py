@@ -27,19 +27,25 @@ def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row for each marker of each recording: recording, marker, role, frames, gaps, longest_s,
-        missing, filled, left. Gaps are those of the cameras, filled or not. The last three count
-        frames, with missing = filled + left.
+        One row for each marker of each recording: recording, marker, role, frames,
+        gaps, longest_s, missing, filled, left. Gaps are those of the cameras, filled or
+        not. The last three count frames, with missing = filled + left.
     """
     columns = ("recording", "marker", "role", "frames", "gaps", "longest_s")
     rows = []
     for recording in recordings:
         unseen = ~seen(recording.positions)
         filled = np.zeros_like(unseen) if recording.filled is None else recording.filled
-        for m, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):
+        for m, (marker, role) in enumerate(
+            zip(recording.markers, recording.roles, strict=True)
+        ):
             lengths = np.diff(runs(unseen[:, m] | filled[:, m]), axis=1)
             longest = float(lengths.max(initial=0)) / recording.rate_hz
-            counts = (int(lengths.sum()), int(filled[:, m].sum()), int(unseen[:, m].sum()))
+            counts = (
+                int(lengths.sum()),
+                int(filled[:, m].sum()),
+                int(unseen[:, m].sum()),
+            )
             told = (recording.name, marker, role, len(unseen), len(lengths), longest)
             rows.append((*told, *counts))
     return pd.DataFrame(rows, columns=[*columns, "missing", "filled", "left"])
@@ -50,8 +56,12 @@ def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
 LEAST_SEEN = 3  # fewest other markers from which a marker is placed
 LEAST_FRAMES = 20  # fewest frames with the whole body from which its shape is learned
 SAMPLE_FRAMES = 4000
-LARGEST_GAIN = 4.0  # largest noise of a placed marker, relative to that of the seen ones
-LARGEST_MISFIT = 4.0  # largest misfit of seen markers, relative to the rms of the whole body
+LARGEST_GAIN = (
+    4.0  # largest noise of a placed marker, relative to that of the seen ones
+)
+LARGEST_MISFIT = (
+    4.0  # largest misfit of seen markers, relative to the rms of the whole body
+)
 ALIGNMENTS = 5
 
 
@@ -64,8 +74,8 @@ class BodyShape:
     points : (B, 3) array
         Mean places of the markers in the body, centred, m.
     misfit_m : float
-        Rms distance of markers from the shape per degree of freedom, from their noise and from
-        bending of the body, m.
+        Rms distance of markers from the shape per degree of freedom, from their noise
+        and from bending of the body, m.
     """
 
     points: FloatArray
@@ -75,8 +85,8 @@ class BodyShape:
 def learn_shape(body: FloatArray) -> BodyShape | None:
     """Learn the shape of a body from the frames that show all of it.
 
-    The method is generalised Procrustes alignment without scaling (Gower 1975), over at most
-    `SAMPLE_FRAMES` frames.
+    The method is generalised Procrustes alignment without scaling (Gower 1975), over at
+    most `SAMPLE_FRAMES` frames.
 
     Parameters
     ----------
@@ -86,7 +96,8 @@ def learn_shape(body: FloatArray) -> BodyShape | None:
     Returns
     -------
     BodyShape or None
-        None with fewer than four markers, or fewer than `LEAST_FRAMES` frames of the whole body.
+        None with fewer than four markers, or fewer than `LEAST_FRAMES` frames of the
+        whole body.
     """
     whole = np.flatnonzero(seen(body).all(axis=1))
     if body.shape[1] <= LEAST_SEEN or len(whole) < LEAST_FRAMES:
@@ -116,12 +127,15 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
     Returns
     -------
     (N, B, 3) array
-        Places, m. NaN where not wanted, where fewer than three others are seen, where these are too
-        close to collinear, and where they do not fit the shape.
+        Places, m. NaN where not wanted, where fewer than three others are seen, where
+        these are too close to collinear, and where they do not fit the shape.
     """
     fit = rigid_fit(body, shape.points)
     patterns, which = np.unique(seen(body), axis=0, return_inverse=True)
-    gains = [[noise_gain(shape.points[p], target) for target in shape.points] for p in patterns]
+    gains = [
+        [noise_gain(shape.points[p], target) for target in shape.points]
+        for p in patterns
+    ]
     told = np.array(gains).reshape(patterns.shape) <= LARGEST_GAIN
     use = wanted & told[which.reshape(-1)]
     use &= (fit.residual_m <= LARGEST_MISFIT * shape.misfit_m)[:, None]
@@ -132,8 +146,9 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
 def noise_gain(points: FloatArray, target: FloatArray) -> float:
     """Return the worst standard deviation of a placed marker, per unit of the others' noise.
 
-    The `points` (m, 3) determine six small motions of the body, which are propagated to `target`
-    (3,). The result is infinite if the points are collinear or fewer than three.
+    The `points` (m, 3) determine six small motions of the body, which are propagated to
+    `target` (3,). The result is infinite if the points are collinear or fewer than
+    three.
     """
     if len(points) < LEAST_SEEN:
         return float("inf")
@@ -152,7 +167,9 @@ def _motions(point: FloatArray) -> FloatArray:
 
 
 LONGEST_S = 0.1  # longest gap that is filled, s, for an animal of 1 m
-REACH_S = max(WINDOWS_S)  # time about the sections in which frames may be used for states, s
+REACH_S = max(
+    WINDOWS_S
+)  # time about the sections in which frames may be used for states, s
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
@@ -162,8 +179,8 @@ def fill_gaps(
 ) -> Recording:
     """Fill short gaps of the body markers.
 
-    A marker is placed from three or more others of the body in the same frame. Feet are never
-    filled: a contact must be seen, not made up.
+    A marker is placed from three or more others of the body in the same frame. Feet are
+    never filled: a contact must be seen, not made up.
 
     Parameters
     ----------
@@ -177,19 +194,24 @@ def fill_gaps(
     Returns
     -------
     Recording
-        The same recording with the places filled in and marked in `filled`. Seen places stay as
-        they are.
+        The same recording with the places filled in and marked in `filled`. Seen places
+        stay as they are.
     """
     positions = recording.positions if overwrite else recording.positions.copy()
     filled = np.zeros(positions.shape[:2], bool)
     longest_s = LONGEST_S * recording.pace if longest_s is None else longest_s
-    wanted = _short_gaps(~seen(recording.body), int(longest_s * recording.rate_hz + 1e-6))
+    wanted = _short_gaps(
+        ~seen(recording.body), int(longest_s * recording.rate_hz + 1e-6)
+    )
     frames = np.flatnonzero(wanted.any(axis=1))
     if len(frames) and (shape := learn_shape(recording.body)) is not None:
         places = rigid_places(recording.body[frames], wanted[frames], shape)
         at, marker = np.nonzero(seen(places))
         bodies = np.array(recording.indices("body"))[marker]
-        positions[frames[at], bodies], filled[frames[at], bodies] = places[at, marker], True
+        positions[frames[at], bodies], filled[frames[at], bodies] = (
+            places[at, marker],
+            True,
+        )
     return replace(recording, positions=positions, filled=filled)
 
 
@@ -201,7 +223,8 @@ def mark_filled(
     Parameters
     ----------
     recording : Recording
-        Recording with filled gaps; if `filled` is None, the table is returned unchanged.
+        Recording with filled gaps; if `filled` is None, the table is returned
+        unchanged.
     table : pandas.DataFrame
         Its touchdowns.
     largest_share : float
@@ -210,9 +233,9 @@ def mark_filled(
     Returns
     -------
     pandas.DataFrame
-        The table with a column filled_share: the share of filled places among all places of the
-        body markers, from 0.22 s before the pre section to 0.22 s after the post section (or after
-        the pre section if the post section was not reached).
+        The table with a column filled_share: the share of filled places among all
+        places of the body markers, from 0.22 s before the pre section to 0.22 s after
+        the post section (or after the pre section if the post section was not reached).
     """
     if recording.filled is None:
         return table
@@ -221,7 +244,9 @@ def mark_filled(
     t_end = np.fmax(table["t_post_s"].to_numpy(float), t_pre) + reach_s
     body = recording.filled[:, recording.indices("body")]
     total = np.append(0, body.sum(axis=1).cumsum())
-    start, stop = (np.searchsorted(recording.time, at) for at in (t_pre - reach_s, t_end))
+    start, stop = (
+        np.searchsorted(recording.time, at) for at in (t_pre - reach_s, t_end)
+    )
     share = (total[stop] - total[start]) / np.maximum((stop - start) * body.shape[1], 1)
     table = table.assign(filled_share=share)
     too_much = (share > largest_share) & ~table["excluded"].to_numpy(bool)

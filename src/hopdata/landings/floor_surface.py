@@ -15,13 +15,20 @@ from hopdata.recording import Recording
 # Frames in which a foot is at rest: hardly moving up or down, and low.
 
 _LEAST_FRAMES = 20  # fewest frames at rest that a foot needs
-_SHORT_FRAMES = 1000  # recordings this short hold a jump or two, so feet may rest less still
+_SHORT_FRAMES = (
+    1000  # recordings this short hold a jump or two, so feet may rest less still
+)
 BIWEIGHT = 4.685  # deviations at which Tukey's weight reaches zero (95 % efficiency)
 # For an animal of 1 m; others are multiplied by `Recording.scale`, or its square root.
 REST_SPEED_M_S, REST_WINDOW_S, REST_BAND_M = 0.05, 0.04, 0.02
 _PAUSE_S = 0.1  # time not at rest that ends a rest, s
-_LEVEL_M = 0.06  # range of the heights of a foot at rest on one floor, however uneven, m
-_LET_GO_S, _LET_GO_M = 0.15, 0.02  # within this time after a rest, a foot that sinks this far fell
+_LEVEL_M = (
+    0.06  # range of the heights of a foot at rest on one floor, however uneven, m
+)
+_LET_GO_S, _LET_GO_M = (
+    0.15,
+    0.02,
+)  # within this time after a rest, a foot that sinks this far fell
 
 
 @dataclass(frozen=True)
@@ -70,7 +77,10 @@ class RestPoints:
 
 
 def rest_points(
-    recording: Recording, *, speed_m_s: float | None = None, window_s: float | None = None
+    recording: Recording,
+    *,
+    speed_m_s: float | None = None,
+    window_s: float | None = None,
 ) -> RestPoints:
     """Collect the frames in which feet are at rest.
 
@@ -83,28 +93,34 @@ def rest_points(
     speed_m_s : float, optional
         Largest vertical speed of a foot at rest, m/s.
     window_s : float, optional
-        Span of the central difference, s; at least one frame to either side. A frame counts
-        only if the marker is seen there and at both ends of the span.
+        Span of the central difference, s; at least one frame to either side. A frame
+        counts only if the marker is seen there and at both ends of the span.
 
     Returns
     -------
     RestPoints
-        All slow frames, including high ones, which the caller removes because it knows the floor.
-        If these are too few in a recording of a jump or two, the speed limit is up to four times
-        higher.
+        All slow frames, including high ones, which the caller removes because it knows
+        the floor. If these are too few in a recording of a jump or two, the speed limit
+        is up to four times higher.
     """
     speed_m_s = speed_m_s or REST_SPEED_M_S * recording.pace
-    lag = max(1, round(0.5 * (window_s or REST_WINDOW_S * recording.pace) * recording.rate_hz))
+    lag = max(
+        1, round(0.5 * (window_s or REST_WINDOW_S * recording.pace) * recording.rate_hz)
+    )
     n_feet = recording.feet.shape[1]
     frames, let_go, start = [], [np.empty(0, dtype=bool)], np.full(n_feet, np.nan)
     for foot in range(n_feet):
         height = recording.feet[:, foot, 2]
         speed = np.abs(vertical_speed(recording.time, height, lag=lag))
-        speed = np.where(np.isfinite(recording.feet[:, foot]).all(axis=1), speed, np.nan)
+        speed = np.where(
+            np.isfinite(recording.feet[:, foot]).all(axis=1), speed, np.nan
+        )
         for more in (1.0, 2.0, 4.0) if len(speed) <= _SHORT_FRAMES else (1.0,):
             slow = np.flatnonzero(speed < more * speed_m_s)
             if len(slow) >= _LEAST_FRAMES:
-                start[foot] = _ground_of(recording.time[slow], height[slow], recording.scale)
+                start[foot] = _ground_of(
+                    recording.time[slow], height[slow], recording.scale
+                )
                 break
         else:
             slow = slow[:0]
@@ -117,7 +133,9 @@ def rest_points(
     return RestPoints(*own, recording.scale)
 
 
-def _let_go(recording: Recording, height: FloatArray, slow: IntArray) -> NDArray[np.bool_]:
+def _let_go(
+    recording: Recording, height: FloatArray, slow: IntArray
+) -> NDArray[np.bool_]:
     """Mark the slow frames of a foot, (K,), that belong to a rest after which the foot falls."""
     long = np.diff(recording.time[slow], append=np.inf) > _PAUSE_S * recording.pace
     ends = slow[long]
@@ -130,14 +148,18 @@ def _let_go(recording: Recording, height: FloatArray, slow: IntArray) -> NDArray
 def _ground_of(time: FloatArray, heights: FloatArray, scale: float) -> float:
     """Return the height on which a foot rests, m; of a box and the ground, the one used more often.
 
-    Each rest counts by its duration, but by 0.1 s at most, because an animal stands for long before
-    it jumps. The lowest level with at least half the weight of the heaviest is taken.
+    Each rest counts by its duration, but by 0.1 s at most, because an animal stands for
+    long before it jumps. The lowest level with at least half the weight of the heaviest
+    is taken.
     """
     mode = ground_mode(heights, scale=scale).height_m
     pause_s, level_m = _PAUSE_S * np.sqrt(scale), _LEVEL_M * scale
     rest = np.cumsum(np.diff(time, prepend=time[0]) > pause_s)
     weight = 1 / np.maximum(np.bincount(rest) * np.diff(time).min(), pause_s)
-    levels, sums = np.sort(heights), np.cumsum(np.append(0, weight[rest[np.argsort(heights)]]))
+    levels, sums = (
+        np.sort(heights),
+        np.cumsum(np.append(0, weight[rest[np.argsort(heights)]])),
+    )
     share = sums[np.searchsorted(levels, levels + level_m, side="right")] - sums[:-1]
     lowest = levels[np.argmax(share >= 0.5 * share.max())]
     on_it = levels[(levels >= lowest) & (levels <= lowest + level_m)]
@@ -165,8 +187,8 @@ def few_of(time: FloatArray, max_points: int) -> NDArray[np.bool_]:
 def own_axis(places: FloatArray) -> FloatArray:
     """Return the unit vector (2,) along which places (P, 2) spread most; its sign is arbitrary.
 
-    The axes of the laboratory are nobody's choice. What is measured along this one and across it
-    is the same for a recording that was turned about the vertical.
+    The axes of the laboratory are nobody's choice. What is measured along this one and
+    across it is the same for a recording that was turned about the vertical.
     """
     from_mean = places - places.mean(axis=0)
     return np.asarray(np.linalg.eigh(from_mean.T @ from_mean)[1][:, -1])
@@ -200,8 +222,8 @@ class FloorModel:
     Parameters
     ----------
     terms : tuple of (int, int)
-        Exponents (i, j) of u^i v^j. The scaled coordinates u and v are the distances from the
-        centre along `axis` and to its left, divided by `scale_m`.
+        Exponents (i, j) of u^i v^j. The scaled coordinates u and v are the distances
+        from the centre along `axis` and to its left, divided by `scale_m`.
     coefficients_m : (T,) array
         Coefficient of each term, m.
     centre_m : (2,) array
@@ -209,25 +231,28 @@ class FloorModel:
     scale_m : float
         Unit of the scaled coordinates, m.
     rim_m : (K,) array
-        Reach of the rest points from the centre in K directions, equally spaced from `axis`
-        towards its left, m. The floor is known inside the polygon of these K half-planes.
+        Reach of the rest points from the centre in K directions, equally spaced from
+        `axis` towards its left, m. The floor is known inside the polygon of these K
+        half-planes.
     feet : tuple of str
         Names of the feet.
     foot_offsets_m : (n,) array
         Height of each foot's marker above the mean of all feet, m; sums to zero.
     residual_rms_m : float
-        Robust deviation of the rest points from the model (1.4826 median |residual|), m.
+        Robust deviation of the rest points from the model (1.4826 median |residual|),
+        m.
     n_points, n_outliers : int
-        Number of rest points near the floor, and how many of them the fit rejects, including
-        raised ones.
+        Number of rest points near the floor, and how many of them the fit rejects,
+        including raised ones.
     degree, degree_wanted : int
-        Degree of the polynomial, and the degree requested. The first is lower if the feet at rest
-        do not cover enough ground.
+        Degree of the polynomial, and the degree requested. The first is lower if the
+        feet at rest do not cover enough ground.
     note : str
-        Whether the floor moves, which feet often rest above it, why the degree is lower, or that
-        compensation is off; empty if there is nothing to report.
+        Whether the floor moves, which feet often rest above it, why the degree is
+        lower, or that compensation is off; empty if there is nothing to report.
     moved_s, moved_m : (W,) arrays
-        Instants, s, and the rise of the floor at each, m; a single 0 if it does not move.
+        Instants, s, and the rise of the floor at each, m; a single 0 if it does not
+        move.
     axis : (2,) array
         Unit vector in the world along which the rest points spread most.
     """
@@ -252,11 +277,13 @@ class FloorModel:
     def height(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Return the floor's height, m, at places (x, y) of any shape; NaN where a place is NaN.
 
-        A place beyond the rim of the ground stepped on is first moved straight towards the centre
-        onto the rim, so that the polynomial never extrapolates.
+        A place beyond the rim of the ground stepped on is first moved straight towards
+        the centre onto the rim, so that the polynomial never extrapolates.
         """
         place = np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float64)
-        heights = design(self._scaled(place.reshape(-1, 2)), self.terms) @ self.coefficients_m
+        heights = (
+            design(self._scaled(place.reshape(-1, 2)), self.terms) @ self.coefficients_m
+        )
         return np.asarray(heights).reshape(place.shape[:-1])
 
     def _scaled(self, place: FloatArray) -> FloatArray:
@@ -267,18 +294,32 @@ class FloorModel:
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and lists, for JSON."""
         fields = vars(self).items()
-        out = {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in fields}
+        out = {
+            name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in fields
+        }
         if np.isnan(self.residual_rms_m):
             out["residual_rms_m"] = None  # JSON has no NaN
-        return out | {"terms": [list(term) for term in self.terms], "feet": list(self.feet)}
+        return out | {
+            "terms": [list(term) for term in self.terms],
+            "feet": list(self.feet),
+        }
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> Self:
         """Make the model from the fields that `to_dict` returns."""
-        arrays = ["coefficients_m", "centre_m", "rim_m", "foot_offsets_m", "moved_s", "moved_m"]
+        arrays = [
+            "coefficients_m",
+            "centre_m",
+            "rim_m",
+            "foot_offsets_m",
+            "moved_s",
+            "moved_m",
+        ]
         if "axis" in fields:  # files of earlier versions have u along x
             arrays.append("axis")
-        made = dict(fields) | {name: np.array(fields[name], dtype=float) for name in arrays}
+        made = dict(fields) | {
+            name: np.array(fields[name], dtype=float) for name in arrays
+        }
         made["terms"] = tuple((int(i), int(j)) for i, j in fields["terms"])
         made["feet"] = tuple(fields["feet"])
         made["residual_rms_m"] = float(np.array(fields["residual_rms_m"], dtype=float))
@@ -293,7 +334,9 @@ def design(scaled: FloatArray, terms: Terms) -> FloatArray:
 
 def polynomial_terms(degree: int) -> Terms:
     """List the exponents (i, j) with i + j <= `degree`, by total degree."""
-    return tuple((total - j, j) for total in range(degree + 1) for j in range(total + 1))
+    return tuple(
+        (total - j, j) for total in range(degree + 1) for j in range(total + 1)
+    )
 
 
 def rim_of(places: FloatArray, n_directions: int) -> FloatArray:
@@ -305,7 +348,9 @@ def rim_of(places: FloatArray, n_directions: int) -> FloatArray:
 def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
     """Move places (P, 2) beyond the rim towards the origin onto the rim."""
     moved = np.array(places, dtype=np.float64)
-    outer = np.flatnonzero(np.einsum("pk,pk->p", places, places) > max(rim.min(), 0.0) ** 2)
+    outer = np.flatnonzero(
+        np.einsum("pk,pk->p", places, places) > max(rim.min(), 0.0) ** 2
+    )
     beyond = np.max(places[outer] @ directions(len(rim)).T / rim, axis=1)
     moved[outer] /= np.maximum(beyond, 1.0)[:, np.newaxis]
     return moved
@@ -394,17 +439,22 @@ def regress_floor(
 def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
     """Regress values (n,) on columns (n, k) with little weight on outliers, (k,).
 
-    These are M-estimates with Tukey's biweight (c = 4.685), with weights iterated until the
-    coefficients are stationary. The scale is the median absolute residual. statsmodels' `RLM` gives
-    the same result, but takes longer to load than the rest of the job to run.
+    These are M-estimates with Tukey's biweight (c = 4.685), with weights iterated until
+    the coefficients are stationary. The scale is the median absolute residual.
+    statsmodels' `RLM` gives the same result, but takes longer to load than the rest of
+    the job to run.
     """
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
     for _ in range(100):
         residuals = values - columns @ found
         scale = robust_rms(residuals)
-        if scale <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit
+        if scale <= np.finfo(float).eps * np.abs(values).max(
+            initial=0.0
+        ):  # a perfect fit
             break
-        root = np.clip(1 - (residuals / scale / BIWEIGHT) ** 2, 0, None)  # root of the weights
+        root = np.clip(
+            1 - (residuals / scale / BIWEIGHT) ** 2, 0, None
+        )  # root of the weights
         before = found
         found = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)[0]
         if np.abs(found - before).max() <= 1e-10 * scale:
@@ -414,15 +464,18 @@ def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
 
 def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:
     """Return polynomial terms at places (P, 2) and contrasts of the mounts, (P, T + n - 1)."""
-    return np.hstack([design(scaled, terms), _sum_to_zero(len(rest.start_m))[rest.foot]])
+    return np.hstack(
+        [design(scaled, terms), _sum_to_zero(len(rest.start_m))[rest.foot]]
+    )
 
 
 def _floor_spread(columns: FloatArray, rim: FloatArray) -> float:
     """Return the largest standard error on the rim for unit residuals; inf if undetermined.
 
-    The error is that of the floor alone, without the offset of the foot that stands on it. If each
-    foot stays in its own place, the data cannot separate a slope from mount heights and determine
-    only their sum. The rim is where a polynomial is least certain.
+    The error is that of the floor alone, without the offset of the foot that stands on
+    it. If each foot stays in its own place, the data cannot separate a slope from mount
+    heights and determine only their sum. The rim is where a polynomial is least
+    certain.
     """
     _, values, right = np.linalg.svd(columns, full_matrices=False)
     if len(columns) <= columns.shape[1] or values[-1] < _COLLINEAR * values[0]:

@@ -26,19 +26,19 @@ def force_onsets(
 ) -> FloatArray:
     """Find the instants at which the vertical force rises through a threshold, one for each stance.
 
-    A stance reaches `sure_n` after the force has been below the threshold for `UNLOADED_S`. So a
-    rattle of the plate is not a contact, and a dip during the rise or the stance is not a new one.
-    A stance that has begun before the first sample has no onset, nor has a stance beside a missing
-    sample. Two feet on the plate at the same time make one stance. The instant is interpolated
-    between two samples.
+    A stance reaches `sure_n` after the force has been below the threshold for
+    `UNLOADED_S`. So a rattle of the plate is not a contact, and a dip during the rise
+    or the stance is not a new one. A stance that has begun before the first sample has
+    no onset, nor has a stance beside a missing sample. Two feet on the plate at the
+    same time make one stance. The instant is interpolated between two samples.
 
     Parameters
     ----------
     time : (N,) array
         Times of the samples, s.
     force : (N,) array
-        Vertical force, N (or the unit of the thresholds, if different), positive in stance; NaN
-        where missing.
+        Vertical force, N (or the unit of the thresholds, if different), positive in
+        stance; NaN where missing.
     least_n : float
         Threshold of the onset, N; it must exceed the noise of the unloaded plate.
     sure_n : float
@@ -51,10 +51,14 @@ def force_onsets(
     """
     t, f = np.asarray(time, float), np.asarray(force, float)
     last = _last_unloaded(t, f, least_n, sure_n)
-    return t[last] + (least_n - f[last]) / (f[last + 1] - f[last]) * (t[last + 1] - t[last])
+    return t[last] + (least_n - f[last]) / (f[last + 1] - f[last]) * (
+        t[last + 1] - t[last]
+    )
 
 
-def _last_unloaded(t: FloatArray, f: FloatArray, least_n: float, sure_n: float) -> IntArray:
+def _last_unloaded(
+    t: FloatArray, f: FloatArray, least_n: float, sure_n: float
+) -> IntArray:
     """Find the last unloaded sample before each rise to `sure_n`; the next is above threshold."""
     loaded = np.flatnonzero(f >= sure_n)
     if len(loaded) == 0:
@@ -69,7 +73,8 @@ def _last_unloaded(t: FloatArray, f: FloatArray, least_n: float, sure_n: float) 
     return rises[f[rises + 1] >= least_n]  # false beside a missing sample
 
 
-# Contact instants from a force under the feet: threshold, load, and the foot it may belong to.
+# Contact instants from a force under the feet: threshold, load, and the foot it may
+# belong to.
 
 LOADED_SHARE = 0.3  # share of the large forces from which a foot carries load
 LARGE_QUANTILE = 0.9  # quantile of the forces above the threshold that counts as large
@@ -83,7 +88,8 @@ def contact_times_of(
     Parameters
     ----------
     signal : ForceSignal
-        Its options give the threshold, and the height above which the force is from other feet.
+        Its options give the threshold, and the height above which the force is from
+        other feet.
     threshold : float, optional
         Threshold in the signal's unit; by default from the options, see `threshold_of`.
 
@@ -103,8 +109,8 @@ def contact_times_of(
 def threshold_of(signal: external.ForceSignal) -> float:
     """Return the threshold in the signal's unit: as given in N, or a share of body weight.
 
-    If the configuration does not give the weight, it is the mean force, since the feet carry the
-    weight over whole strides. This requires a column that all feet step on.
+    If the configuration does not give the weight, it is the mean force, since the feet
+    carry the weight over whole strides. This requires a column that all feet step on.
     """
     options = signal.options
     if options["threshold_n"] is not None:
@@ -127,7 +133,9 @@ def load_of(signal: external.ForceSignal, *, threshold: float) -> float:
     above = signal.force[signal.force >= threshold]
     large = float(np.quantile(above, LARGE_QUANTILE)) if len(above) else 0.0
     if not large > 2 * threshold:
-        wanted = f"loads of more than twice the threshold of {threshold:.4g} {signal.unit}"
+        wanted = (
+            f"loads of more than twice the threshold of {threshold:.4g} {signal.unit}"
+        )
         most = f"at most {np.nanmax(signal.force):.4g}; do forces.unit and the threshold fit?"
         raise AnalysisError.at(f"force '{signal.column.name}'", wanted, most)
     return max(2 * threshold, LOADED_SHARE * large)
@@ -138,7 +146,14 @@ EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
 MEASURES = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
 THRESHOLD_COLUMNS = ("recording", "column", "threshold", "unit", *MEASURES)
 BEFORE_S, AFTER_S = 0.08, 0.12  # time shown about the first external contact, s
-FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # multiples of the threshold that are compared
+FACTORS = (
+    0.5,
+    0.75,
+    1.0,
+    1.5,
+    2.0,
+    3.0,
+)  # multiples of the threshold that are compared
 
 
 def example_landing(
@@ -158,23 +173,34 @@ def example_landing(
     Returns
     -------
     pandas.DataFrame
-        recording, time_s (from the first external contact), kind (``height``, ``force``,
-        ``threshold``, ``external`` or ``found``), name (the foot, or the column for a force and for
-        a contact of several feet), value (m, N, body weights; s for instants), unit. The landing is
-        the matched one with the median difference, with all columns that contain it. Empty if there
-        is none.
+        recording, time_s (from the first external contact), kind (``height``,
+        ``force``, ``threshold``, ``external`` or ``found``), name (the foot, or the
+        column for a force and for a contact of several feet), value (m, N, body
+        weights; s for instants), unit. The landing is the matched one with the median
+        difference, with all columns that contain it. Empty if there is none.
     """
-    matched = overlay[(overlay["status"] == MATCHED) & ~overlay["excluded"].astype(bool)]
+    matched = overlay[
+        (overlay["status"] == MATCHED) & ~overlay["excluded"].astype(bool)
+    ]
     if matched.empty:
         return pd.DataFrame(columns=list(EXAMPLE_COLUMNS))
-    row = matched.sort_values("difference_s", kind="stable").iloc[(len(matched) - 1) // 2]
+    row = matched.sort_values("difference_s", kind="stable").iloc[
+        (len(matched) - 1) // 2
+    ]
     same = overlay[(overlay["index"] == row["index"]) & (overlay["status"] == MATCHED)]
     origin = float(same["external_s"].min())
     known = recording.names("foot")
     told, pieces = f" {' '.join(same['feet'])} ", []
 
     def add(kind: str, name: str, unit: str, time_s: Any, value: Any) -> None:
-        columns = (recording.name, np.atleast_1d(time_s) - origin, kind, name, value, unit)
+        columns = (
+            recording.name,
+            np.atleast_1d(time_s) - origin,
+            kind,
+            name,
+            value,
+            unit,
+        )
         pieces.append(pd.DataFrame(dict(zip(EXAMPLE_COLUMNS, columns, strict=True))))
 
     def near(time: FloatArray) -> BoolArray:
@@ -213,7 +239,9 @@ def threshold_rows(
         try:
             contacts = contact_times_of(signal, threshold=threshold)
             table = compare_contacts(recording, touchdowns, contacts, window_s=window_s)
-        except AnalysisError:  # too high for this force; the chosen threshold was compared before
+        except (
+            AnalysisError
+        ):  # too high for this force; the chosen threshold was compared before
             continue
         measures = summarise_overlay(table).iloc[0]
         told = (recording.name, signal.column.name, threshold, signal.unit)
@@ -272,17 +300,25 @@ def overlay_external_truth(
     contacts, thresholds, examples = [], [], []
     for recording in recordings:
         blocks, feet = configured[recording.name], recording.names("foot")
-        own = touchdowns[touchdowns["recording"] == recording.name].reset_index(drop=True)
+        own = touchdowns[touchdowns["recording"] == recording.name].reset_index(
+            drop=True
+        )
         known, signals = [], []
         if blocks["contacts"]["file"] is not None:
-            known += external.read_contact_times(blocks["contacts"], feet=feet, rate_hz=rate_hz)
+            known += external.read_contact_times(
+                blocks["contacts"], feet=feet, rate_hz=rate_hz
+            )
         if blocks["forces"]["file"] is not None:
             signals = external.read_force_signals(blocks["forces"], feet=feet)
             known += [contact_times_of(signal) for signal in signals]
-        compared = [compare_contacts(recording, own, one, window_s=window_s) for one in known]
+        compared = [
+            compare_contacts(recording, own, one, window_s=window_s) for one in known
+        ]
         contacts += compared
         thresholds += threshold_rows(recording, own, signals, window_s=window_s)
-        shown = pd.concat(compared[-len(signals) :], ignore_index=True)  # forces if there are any
+        shown = pd.concat(
+            compared[-len(signals) :], ignore_index=True
+        )  # forces if there are any
         examples.append(example_landing(recording, shown, signals))
     table = pd.concat(contacts, ignore_index=True)
     at_thresholds = pd.DataFrame(thresholds, columns=list(THRESHOLD_COLUMNS))

@@ -34,7 +34,8 @@ def match_instants(
     Returns
     -------
     in_first, in_second : (P,) int arrays
-        Indices of the pairs in order of time; each entry of either list is in at most one pair.
+        Indices of the pairs in order of time; each entry of either list is in at most
+        one pair.
     """
     groups = _clusters(first, second, window_s)
     pairs = [_assigned(first, second, *group, window_s) for group in groups]
@@ -56,24 +57,34 @@ def _clusters(
 
 
 def _assigned(
-    first: FloatArray, second: FloatArray, rows: IntArray, columns: IntArray, window_s: float
+    first: FloatArray,
+    second: FloatArray,
+    rows: IntArray,
+    columns: IntArray,
+    window_s: float,
 ) -> IntArray:
-    if len(rows) == len(columns) == 1:  # as in most recordings, which need no slow import then
+    if (
+        len(rows) == len(columns) == 1
+    ):  # as in most recordings, which need no slow import then
         return np.column_stack([rows, columns])
     from scipy.optimize import linear_sum_assignment
 
     apart = np.abs(first[rows][:, None] - second[columns])
-    price = 1.0 + len(apart) + len(columns)  # one more pair outweighs any sum of differences
+    price = (
+        1.0 + len(apart) + len(columns)
+    )  # one more pair outweighs any sum of differences
     cost = np.where(apart <= window_s, apart / window_s, price)
     i, j = linear_sum_assignment(cost)
     return np.column_stack([rows[i], columns[j]])[apart[i, j] <= window_s]
 
 
-def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> float | None:
+def likely_offset(
+    first: FloatArray, second: FloatArray, *, window_s: float
+) -> float | None:
     """Return the shift of `second` that aligns the most instants, s; None if none stands out.
 
-    Two clocks that were not started together differ by a constant, at which the differences of all
-    pairs pile up.
+    Two clocks that were not started together differ by a constant, at which the
+    differences of all pairs pile up.
 
     Parameters
     ----------
@@ -85,7 +96,9 @@ def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> 
     if not 0 < len(first) * len(second) <= LARGEST_TABLE:
         return None
     apart = np.sort((first[:, None] - second).ravel())
-    inside = np.searchsorted(apart, apart + window_s, side="right") - np.arange(len(apart))
+    inside = np.searchsorted(apart, apart + window_s, side="right") - np.arange(
+        len(apart)
+    )
     best = int(np.argmax(inside))
     if inside[best] < max(3, 0.5 * min(len(first), len(second))):
         return None
@@ -95,16 +108,30 @@ def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> 
 MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
 OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
 UNMATCHED = (MISSED, INVENTED, OTHER_FOOT, NOT_COMPARED)
-LATE_S = 0.1  # time after the post section, s, in which a contact belongs to the same touchdown
+# Time after the post section, s, in which a contact belongs to the same touchdown
+LATE_S = 0.1
 NO_DESCENT = "no descent through the pre section"
 COLUMNS = (
-    *("recording", "source", "column", "feet", "status", "external_s", "found_s", "se_s"),
+    *(
+        "recording",
+        "source",
+        "column",
+        "feet",
+        "status",
+        "external_s",
+        "found_s",
+        "se_s",
+    ),
     *("difference_s", "first_foot", "index", "excluded", "reason"),
 )
 
 
 def compare_contacts(
-    recording: Recording, touchdowns: pd.DataFrame, external: ContactTimes, *, window_s: float
+    recording: Recording,
+    touchdowns: pd.DataFrame,
+    external: ContactTimes,
+    *,
+    window_s: float,
 ) -> pd.DataFrame:
     """Compare the first contacts of a column's feet with instants from an external device.
 
@@ -122,11 +149,12 @@ def compare_contacts(
     Returns
     -------
     pandas.DataFrame
-        One row for each contact, with `COLUMNS`, in order of time. `status` is ``matched``;
-        ``missed`` (external, not found); ``invented`` (found and used, not external); ``other
-        foot`` (external, from a foot that is not followed); or ``not compared``, with the reason.
-        `difference_s` is found minus external: positive if hopdata is late. `excluded` is whether
-        the touchdown with this index is excluded from the study, and `reason` is why.
+        One row for each contact, with `COLUMNS`, in order of time. `status` is
+        ``matched``; ``missed`` (external, not found); ``invented`` (found and used, not
+        external); ``other foot`` (external, from a foot that is not followed); or ``not
+        compared``, with the reason. `difference_s` is found minus external: positive if
+        hopdata is late. `excluded` is whether the touchdown with this index is excluded
+        from the study, and `reason` is why.
 
     Raises
     ------
@@ -157,7 +185,10 @@ def compare_contacts(
         if not inside[k]:
             row |= {"status": NOT_COMPARED, "reason": "outside the recording"}
         elif others[k]:
-            row |= {"status": OTHER_FOOT, "reason": "all feet of this column are in the air"}
+            row |= {
+                "status": OTHER_FOOT,
+                "reason": "all feet of this column are in the air",
+            }
         elif k in partner:
             row |= {"status": MATCHED, **of_ours[partner[k]]}
         else:
@@ -170,22 +201,37 @@ def compare_contacts(
     table = pd.DataFrame(rows, columns=list(COLUMNS[4:]))
     table["index"] = table["index"].astype("Int64")
     table["difference_s"] = table["found_s"] - table["external_s"]
-    by_time = table["external_s"].fillna(table["found_s"]).sort_values(kind="stable").index
+    by_time = (
+        table["external_s"].fillna(table["found_s"]).sort_values(kind="stable").index
+    )
     table = table.loc[by_time].reset_index(drop=True)
-    same = recording.name, external.source, external.column.name, " ".join(external.column.feet)
+    same = (
+        recording.name,
+        external.source,
+        external.column.name,
+        " ".join(external.column.feet),
+    )
     return table.assign(**dict(zip(COLUMNS[:4], same, strict=True)))[list(COLUMNS)]
 
 
 def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     """Return the first contact of these feet in each touchdown that has one."""
-    instants = touchdowns[[f"contact_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
+    instants = touchdowns[[f"contact_{foot}_s" for foot in feet]].to_numpy(
+        dtype=np.float64
+    )
     errors = touchdowns[[f"se_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     rows = np.flatnonzero(~np.isnan(instants).all(axis=1))
-    first = np.nanargmin(instants[rows], axis=1) if len(rows) else np.empty(0, dtype=np.int64)
+    first = (
+        np.nanargmin(instants[rows], axis=1)
+        if len(rows)
+        else np.empty(0, dtype=np.int64)
+    )
     own = touchdowns[["index", "excluded", "reason"]].iloc[rows].reset_index(drop=True)
     own = own.astype({"excluded": bool}).fillna({"reason": ""})
     names = [feet[i] for i in first]
-    return own.assign(found_s=instants[rows, first], se_s=errors[rows, first], first_foot=names)
+    return own.assign(
+        found_s=instants[rows, first], se_s=errors[rows, first], first_foot=names
+    )
 
 
 def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
@@ -197,7 +243,9 @@ def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
     for foot in external.column.feet:
         height = recording.feet[:, names.index(foot), 2]
         seen = ~np.isnan(height)
-        lowest = np.minimum(lowest, np.interp(external.instant, recording.time[seen], height[seen]))
+        lowest = np.minimum(
+            lowest, np.interp(external.instant, recording.time[seen], height[seen])
+        )
     return lowest > external.other_feet_above_m
 
 
@@ -206,13 +254,17 @@ def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
     before = np.flatnonzero(touchdowns["t_pre_s"].to_numpy() <= instant)
     if len(before):
         row = touchdowns.iloc[before[-1]]
-        if not instant > row["t_post_s"] + LATE_S:  # true if the post section was never reached
+        if (
+            not instant > row["t_post_s"] + LATE_S
+        ):  # true if the post section was never reached
             return {"index": row["index"], "excluded": bool(row["excluded"]),
                     "reason": row["reason"] or "found at another time"}  # fmt: skip
     return {"reason": NO_DESCENT}
 
 
-def _within(instants: FloatArray, first: float, last: float, margin: float) -> BoolArray:
+def _within(
+    instants: FloatArray, first: float, last: float, margin: float
+) -> BoolArray:
     return np.asarray((instants >= first - margin) & (instants <= last + margin))
 
 
@@ -232,7 +284,8 @@ def _place(recording: Recording, external: ContactTimes) -> str:
 # How well found and external contacts agree: counts, bias and scatter of each column.
 
 CONFIDENCE = 0.95
-# Fewest and most contacts from which a drift is estimated, and the confidence that it needs.
+# Fewest and most contacts from which a drift is estimated, and the confidence that it
+# needs.
 LEAST_FOR_DRIFT, MOST_FOR_DRIFT, SURELY = 10, 1000, 0.999
 ALL = "all"
 
@@ -248,15 +301,17 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        recording (``all`` where several share a column), source, column, feet, first_feet (which of
-        the feet touched first, and how often), n_external (contacts of these feet), n_matched,
-        n_excluded (matched contacts in excluded touchdowns), n_missed, n_invented, n_other_foot,
-        n_not_compared; bias_s (median difference of matched contacts), bias_low_s and bias_high_s
-        (95 % interval by order statistics), robust_sd_s (from the median absolute deviation),
-        drift_s (change of the difference from the first contact to the last, by the median slope;
-        0 if chance may explain it, NaN for several recordings or fewer than ten contacts), sd_s,
-        largest_s (largest distance from the bias), scatter_over_se (robust sd of the distances from
-        the bias in units of their standard errors: 1 if these are right).
+        recording (``all`` where several share a column), source, column, feet,
+        first_feet (which of the feet touched first, and how often), n_external
+        (contacts of these feet), n_matched, n_excluded (matched contacts in excluded
+        touchdowns), n_missed, n_invented, n_other_foot, n_not_compared; bias_s (median
+        difference of matched contacts), bias_low_s and bias_high_s (95 % interval by
+        order statistics), robust_sd_s (from the median absolute deviation), drift_s
+        (change of the difference from the first contact to the last, by the median
+        slope; 0 if chance may explain it, NaN for several recordings or fewer than ten
+        contacts), sd_s, largest_s (largest distance from the bias), scatter_over_se
+        (robust sd of the distances from the bias in units of their standard errors: 1
+        if these are right).
     """
     keys = ["source", "column", "feet"]
     groups = list(table.groupby(["recording", *keys], sort=False))
@@ -264,7 +319,9 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
         if len(group["recording"].unique()) > 1:
             groups.append(((ALL, *key), group))
     names = ["recording", *keys]
-    return pd.DataFrame([dict(zip(names, key, strict=True)) | _measures(g) for key, g in groups])
+    return pd.DataFrame(
+        [dict(zip(names, key, strict=True)) | _measures(g) for key, g in groups]
+    )
 
 
 def median_interval(values: FloatArray) -> tuple[float, float]:
@@ -278,7 +335,8 @@ def median_interval(values: FloatArray) -> tuple[float, float]:
     Returns
     -------
     low, high : float
-        Bounds of the median with a confidence of at least `CONFIDENCE`; NaN if n is too small.
+        Bounds of the median with a confidence of at least `CONFIDENCE`; NaN if n is too
+        small.
     """
     from scipy.stats import quantile_test
 
@@ -292,7 +350,11 @@ def robust_sd(values: FloatArray) -> float:
     """Estimate the sd from the median absolute deviation; NaN for fewer than two values."""
     from scipy.stats import median_abs_deviation
 
-    return float(median_abs_deviation(values, scale="normal")) if len(values) > 1 else float("nan")
+    return (
+        float(median_abs_deviation(values, scale="normal"))
+        if len(values) > 1
+        else float("nan")
+    )
 
 
 def _drift(time: FloatArray, difference: FloatArray) -> float:
@@ -315,15 +377,22 @@ def _measures(group: pd.DataFrame) -> dict[str, Any]:
     first = matched["first_foot"].value_counts()
     error = matched["se_s"].to_numpy(dtype=np.float64)
     return {
-        "first_feet": ", ".join(f"{foot} {count}" for foot, count in sorted(first.items())),
+        "first_feet": ", ".join(
+            f"{foot} {count}" for foot, count in sorted(first.items())
+        ),
         "n_external": int(status.isin([MATCHED, MISSED]).sum()),
         "n_matched": n,
         "n_excluded": int(matched["excluded"].astype(bool).sum()),
-        **{f"n_{kind.replace(' ', '_')}": int((status == kind).sum()) for kind in UNMATCHED},
+        **{
+            f"n_{kind.replace(' ', '_')}": int((status == kind).sum())
+            for kind in UNMATCHED
+        },
         "bias_s": bias,
         "bias_low_s": low,
         "bias_high_s": high,
-        "drift_s": _drift(matched["external_s"].to_numpy(), difference) if clocks else np.nan,
+        "drift_s": _drift(matched["external_s"].to_numpy(), difference)
+        if clocks
+        else np.nan,
         "robust_sd_s": robust_sd(difference),
         "sd_s": float(np.std(difference, ddof=1)) if n > 1 else float("nan"),
         "largest_s": float(np.abs(difference - bias).max()) if n else float("nan"),

@@ -56,10 +56,10 @@ def order_probability(
 
     Only the order of the estimates can be more probable than one half.
 
-    The true instants are modelled as independent normals about the estimates. The nested integral
-    P(T_1 < T_2 < ... < T_n) is evaluated by the recursion
-    F_k(t) = int_{-inf}^t p_k(s) F_{k-1}(s) ds, with Gauss-Legendre nodes in cells that follow every
-    normal. It is accurate to about 1e-8 for any n.
+    The true instants are modelled as independent normals about the estimates. The
+    nested integral P(T_1 < T_2 < ... < T_n) is evaluated by the recursion F_k(t) =
+    int_{-inf}^t p_k(s) F_{k-1}(s) ds, with Gauss-Legendre nodes in cells that follow
+    every normal. It is accurate to about 1e-8 for any n.
 
     Parameters
     ----------
@@ -73,8 +73,15 @@ def order_probability(
     (L,) array
         Probabilities; NaN where an instant or an error is NaN.
     """
-    order = contact_order(instants) if order is None else np.broadcast_to(order, instants.shape)
-    mean, sd = np.take_along_axis(instants, order, axis=1), np.take_along_axis(se, order, axis=1)
+    order = (
+        contact_order(instants)
+        if order is None
+        else np.broadcast_to(order, instants.shape)
+    )
+    mean, sd = (
+        np.take_along_axis(instants, order, axis=1),
+        np.take_along_axis(se, order, axis=1),
+    )
     mean -= mean[:, :1]  # at a clock time of 1.7e9 s, rounding would merge nodes
     out = np.full(len(instants), np.nan)
     rows = np.flatnonzero(~(np.isnan(instants) | np.isnan(se)).any(axis=1))
@@ -83,11 +90,13 @@ def order_probability(
     return out
 
 
-def runner_up(instants: FloatArray, se: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+def runner_up(
+    instants: FloatArray, se: FloatArray
+) -> tuple[NDArray[np.int64], FloatArray]:
     """Return the most probable order other than that of the estimates, and its probability.
 
-    The search covers the orders that exchange two consecutive contacts. Any other order is less
-    probable if the standard errors are similar.
+    The search covers the orders that exchange two consecutive contacts. Any other order
+    is less probable if the standard errors are similar.
 
     Parameters
     ----------
@@ -149,7 +158,9 @@ def _cells(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return nodes (L, C, p), half lengths (L, C), and weights of partial and whole integrals."""
     marks = np.arange(-REACH, REACH + 0.5, 1.0)
-    edges = np.sort((mean[:, :, None] + sd[:, :, None] * marks).reshape(len(mean), -1), axis=1)
+    edges = np.sort(
+        (mean[:, :, None] + sd[:, :, None] * marks).reshape(len(mean), -1), axis=1
+    )
     half = 0.5 * np.diff(edges, axis=1)
     centre = 0.5 * (edges[:, 1:] + edges[:, :-1])
     x, whole = np.polynomial.legendre.leggauss(CELL_NODES)

@@ -17,7 +17,8 @@ from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
 
-# How much quantities that should not change differ between recordings, or within a single one.
+# How much quantities that should not change differ between recordings, or within a
+# single one.
 
 #: Quantity -> unit; each has one value per touchdown.
 QUANTITIES = {
@@ -33,7 +34,9 @@ LEAST = 5  # fewest touchdowns of a part
 
 
 @one_blas_thread()
-def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd.DataFrame:
+def drift_table(
+    recordings: Sequence[Recording], touchdowns: pd.DataFrame
+) -> pd.DataFrame:
     """Compare used touchdowns between recordings, or between quarters of a single one.
 
     Parameters
@@ -46,16 +49,28 @@ def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd
     Returns
     -------
     pandas.DataFrame
-        One row for each quantity and part: ``quantity, unit, part, touchdowns, median, se`` (of
-        the median), ``typical`` (median of all), ``spread`` (robust standard deviation within
-        parts) and ``deviation`` of the part's median, in spreads. Parts with fewer than five
-        touchdowns are left out. A quantity with fewer than two parts left has no rows.
+        One row for each quantity and part: ``quantity, unit, part, touchdowns, median,
+        se`` (of the median), ``typical`` (median of all), ``spread`` (robust standard
+        deviation within parts) and ``deviation`` of the part's median, in spreads.
+        Parts with fewer than five touchdowns are left out. A quantity with fewer than
+        two parts left has no rows.
     """
-    values = pd.concat([_values(one, touchdowns) for one in recordings], ignore_index=True)
+    values = pd.concat(
+        [_values(one, touchdowns) for one in recordings], ignore_index=True
+    )
     if len(recordings) == 1:
         values["part"] = _quarters(values["t_pre_s"].to_numpy(float))
     rows = [row for name in QUANTITIES for row in _rows(values, name)]
-    columns = ["quantity", "unit", "part", "touchdowns", "median", "se", "typical", "spread"]
+    columns = [
+        "quantity",
+        "unit",
+        "part",
+        "touchdowns",
+        "median",
+        "se",
+        "typical",
+        "spread",
+    ]
     return pd.DataFrame(rows, columns=[*columns, "deviation"])
 
 
@@ -76,7 +91,9 @@ def _values(recording: Recording, touchdowns: pd.DataFrame) -> pd.DataFrame:
 
 def _frames(recording: Recording, times: FloatArray) -> NDArray[np.int64]:
     """Return the frame after each time, (n,)."""
-    return np.searchsorted(recording.time, times).clip(max=max(len(recording.time) - 1, 0))
+    return np.searchsorted(recording.time, times).clip(
+        max=max(len(recording.time) - 1, 0)
+    )
 
 
 def _mean_distance(body: FloatArray) -> FloatArray:
@@ -87,7 +104,10 @@ def _mean_distance(body: FloatArray) -> FloatArray:
 
 def _quarters(times: FloatArray) -> list[str]:
     place = np.argsort(np.argsort(times, kind="stable"), kind="stable")
-    return [f"part {k} of {PARTS_OF_ONE}" for k in 1 + place * PARTS_OF_ONE // max(len(times), 1)]
+    return [
+        f"part {k} of {PARTS_OF_ONE}"
+        for k in 1 + place * PARTS_OF_ONE // max(len(times), 1)
+    ]
 
 
 def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
@@ -100,14 +120,17 @@ def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
     if len(parts) < 2:  # nothing to compare
         return []
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
-    # Each part's median is taken from its own values: with five, one deviation in five is zero.
+    # Each part's median is taken from its own values: with five, one deviation in five
+    # is zero.
     spread = MAD_TO_SD * float(np.median(within)) / (1 - len(parts) / len(within))
     typical = float(np.median(np.concatenate(list(parts.values()))))
     told: list[tuple[object, ...]] = []
     for part, v in parts.items():
         median, se = float(np.median(v)), SE_OF_MEDIAN * spread / np.sqrt(len(v))
         off = (median - typical) / spread if spread > 0 else 0.0
-        told.append((name, QUANTITIES[name], part, len(v), median, se, typical, spread, off))
+        told.append(
+            (name, QUANTITIES[name], part, len(v), median, se, typical, spread, off)
+        )
     return told
 
 
@@ -125,8 +148,8 @@ def section_stability(
 ) -> pd.DataFrame:
     """Select the sections again with six other bandwidths, and from parts of the data.
 
-    The parts are each half, each recording, and all data but the second around the frame farthest
-    on the wrong side of a section: one bad second must not move it.
+    The parts are each half, each recording, and all data but the second around the
+    frame farthest on the wrong side of a section: one bad second must not move it.
 
     Parameters
     ----------
@@ -142,10 +165,11 @@ def section_stability(
     Returns
     -------
     pandas.DataFrame
-        ``kind`` (``chosen, bandwidth, second, half, recording``), ``variant``, ``bandwidth_m`` by
-        which the sections were chosen, ``pre_height_m``, ``post_height_m``, and ``note``, which
-        says why a variant has no sections. Heights set by the configuration stay as they are; if
-        both are, there is no bandwidth to vary.
+        ``kind`` (``chosen, bandwidth, second, half, recording``), ``variant``,
+        ``bandwidth_m`` by which the sections were chosen, ``pre_height_m``,
+        ``post_height_m``, and ``note``, which says why a variant has no sections.
+        Heights set by the configuration stay as they are; if both are, there is no
+        bandwidth to vary.
     """
     landings = landings or {one.name: find_landings(one) for one in recordings}
     rows = [_row("chosen", "all data", sections)]
@@ -154,7 +178,9 @@ def section_stability(
             found = select_sections(part, landings=landings, **{**options, **changed})
             rows.append(_row(kind, variant, found))
         except AnalysisError as error:
-            rows.append((kind, variant, float("nan"), float("nan"), float("nan"), str(error)))
+            rows.append(
+                (kind, variant, float("nan"), float("nan"), float("nan"), str(error))
+            )
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -170,7 +196,9 @@ def _variants(
             yield "second", told, parts, {}
 
     for half, name in enumerate(("first half", "second half")):
-        ends = [slice(*(0, len(one.time) // 2, None)[half : half + 2]) for one in recordings]
+        ends = [
+            slice(*(0, len(one.time) // 2, None)[half : half + 2]) for one in recordings
+        ]
         yield "half", name, [*map(Recording.part, recordings, ends)], {}
     for recording in recordings if len(recordings) > 1 else ():
         yield "recording", recording.name, [recording], {}
@@ -197,7 +225,8 @@ def _without_second(
 ) -> Iterator[tuple[str, list[Recording]]]:
     """Yield the name of a variant, and the recordings with the second around a frame unseen.
 
-    The second is restored afterwards, since memory may not hold a copy of a long recording.
+    The second is restored afterwards, since memory may not hold a copy of a long
+    recording.
     """
     bad = recordings[number]
     time = bad.time[frame]
@@ -212,7 +241,9 @@ def _without_second(
         bad.positions[unseen] = kept
 
 
-def _row(kind: str, variant: str, found: Sections) -> tuple[str, str, float, float, float, str]:
+def _row(
+    kind: str, variant: str, found: Sections
+) -> tuple[str, str, float, float, float, str]:
     bandwidth_m = float("nan")
     if found.bandwidth_m is not None:
         bandwidth_m = found.bandwidth_m

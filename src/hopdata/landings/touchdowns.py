@@ -47,7 +47,10 @@ def exclusion_reasons(
     failures = (
         (none[:, None], NO_FOOT_LANDED),
         (transitions.gap_pre[:, None] > longest_gap_s, HIDDEN_PRE),
-        (transitions.gap_post[:, None] > longest_gap_s, "frames missing at the post section"),
+        (
+            transitions.gap_post[:, None] > longest_gap_s,
+            "frames missing at the post section",
+        ),
         (~transitions.complete[:, None], "post section never reached"),
         (status == descents.MISSING, "frames missing at the contact of foot {}"),
         (status == descents.THIN, "too few frames to time foot {}"),
@@ -56,7 +59,10 @@ def exclusion_reasons(
         (status == descents.POOR_FIT, "poor fit of foot {}"),
         (status == descents.RISES, "foot {} rises where it should touch"),
         (timed & np.isnan(instant), "no contact found for foot {}"),
-        (timed & (instant < t_pre - continued_s), "foot {} down before the pre section"),
+        (
+            timed & (instant < t_pre - continued_s),
+            "foot {} down before the pre section",
+        ),
         (timed & (instant > t_post), "foot {} not down by the post section"),
         # The error exceeds the whole transition: no kink was seen.
         (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
@@ -92,30 +98,34 @@ def touchdown_table(
     pre_height_m, post_height_m : float
         The sections: mean height of the body markers, m.
     landings : pandas.DataFrame, optional
-        Landings of the recording with their contacts, from `find_landings`; by default found here.
-        If their contacts are by another method, only the descents of the body are used.
+        Landings of the recording with their contacts, from `find_landings`; by default
+        found here. If their contacts are by another method, only the descents of the
+        body are used.
     method : str
-        See `hopdata.landings.contacts.find.find_contacts`. Every method but the kink fit searches
-        between the sections.
+        See `hopdata.landings.contacts.find.find_contacts`. Every method but the kink
+        fit searches between the sections.
     ambiguous_below : float
-        Touchdowns whose schedule is less probable than this are of the class ``ambiguous``.
+        Touchdowns whose schedule is less probable than this are of the class
+        ``ambiguous``.
     ambiguous : {"keep", "pool", "exclude"}
-        How ambiguous touchdowns are treated: used with their most probable order, used only where
-        the order does not matter (see `hopdata.landings.states.assemble`), or excluded.
+        How ambiguous touchdowns are treated: used with their most probable order, used
+        only where the order does not matter (see `hopdata.landings.states.assemble`),
+        or excluded.
     **options
         Options of `find_landings`.
 
     Returns
     -------
     pandas.DataFrame
-        One row for each descent through the pre section, in order of time: recording, index,
-        method, t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, common_<foot>_s
-        (the error that all instants of a foot may share, not in se), schedule (the most probable
-        one), probability, class (the schedule or ``ambiguous``), runner_up and its
-        runner_up_probability, spread_s, excluded, reason. Three more kinds of landings have rows
-        and are excluded: landings that start from a top below the pre section, where t_pre_s is
-        the instant of the top; landings that end above it; and landings seen in the feet alone
-        while the body is hidden, where t_pre_s is the last instant with all feet up.
+        One row for each descent through the pre section, in order of time: recording,
+        index, method, t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each
+        foot, common_<foot>_s (the error that all instants of a foot may share, not in
+        se), schedule (the most probable one), probability, class (the schedule or
+        ``ambiguous``), runner_up and its runner_up_probability, spread_s, excluded,
+        reason. Three more kinds of landings have rows and are excluded: landings that
+        start from a top below the pre section, where t_pre_s is the instant of the top;
+        landings that end above it; and landings seen in the feet alone while the body
+        is hidden, where t_pre_s is the last instant with all feet up.
 
     Raises
     ------
@@ -126,7 +136,8 @@ def touchdown_table(
     """
     require_choice("touchdowns.ambiguous", ambiguous, schedules.TREATMENTS)
     printed = chosen("touchdowns.method", method, find.METHODS) is not None
-    # The printed methods search again, between the sections, and need the descents alone.
+    # The printed methods search again, between the sections, and need the descents
+    # alone.
     if landings is None or not (printed or find.are_by(landings, method)):
         landings = find.find_landings(recording, method=method, **options)
     spans = landings[["begin_s", "end_s"]].to_numpy(float)
@@ -134,7 +145,9 @@ def touchdown_table(
     transitions = _transitions(recording, spans, hidden, (pre_height_m, post_height_m))
     contacts = find.contacts_of(landings)
     if printed:
-        down_m = options.get("down_height_m") or find.usual_down_height(recording, spans)
+        down_m = options.get("down_height_m") or find.usual_down_height(
+            recording, spans
+        )
         of = recording.time, recording.feet[:, :, 2], transitions
         contacts = find.find_contacts(*of, down_height_m=down_m, method=method)
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
@@ -142,10 +155,13 @@ def touchdown_table(
     tops = np.interp(spans[:, 0], *_seen(recording))
     low = (tops < pre_height_m) & (table["reason"] != HIDDEN_PRE)
     table.loc[low, ["reason", "excluded"]] = LOW_FLIGHT, True
-    # A sway on feet that stay down is not a landing, nor is a descent that ends above the sections.
+    # A sway on feet that stay down is not a landing, nor is a descent that ends above
+    # the sections.
     through = (tops >= pre_height_m) & np.isfinite(transitions.t_pre)
     landed = (contacts.status == descents.LANDED).any(axis=1) | hidden
-    table["t_pre_s"] = table["t_pre_s"].where(np.isfinite(transitions.t_pre), spans[:, 0])
+    table["t_pre_s"] = table["t_pre_s"].where(
+        np.isfinite(transitions.t_pre), spans[:, 0]
+    )
     table = table[through | landed].reset_index(drop=True)
     return table.assign(index=np.arange(len(table)))
 
@@ -173,7 +189,9 @@ def touchdown_tables(
     """
     for recording, entries in zip(recordings, exclude, strict=True):
         table = touchdown_table(recording, landings=landings[recording.name], **options)
-        yield left_out(mark_filled(recording, table, largest_share=largest_share), entries)
+        yield left_out(
+            mark_filled(recording, table, largest_share=largest_share), entries
+        )
 
 
 def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -184,10 +202,10 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
     table
         See `touchdown_table`.
     entries
-        ``recordings[].exclude`` of the configuration: ``from_s`` and ``to_s``, s, ``landings``,
-        ``markers`` and the ``reason``. A touchdown that is already excluded keeps its own reason,
-        unless the entry removes markers. Entries that remove only body markers exclude nothing
-        more here.
+        ``recordings[].exclude`` of the configuration: ``from_s`` and ``to_s``, s,
+        ``landings``, ``markers`` and the ``reason``. A touchdown that is already
+        excluded keeps its own reason, unless the entry removes markers. Entries that
+        remove only body markers exclude nothing more here.
 
     Raises
     ------
@@ -203,12 +221,17 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
             of = table["recording"].iloc[0] if len(table) else ""
             wanted = f"numbers of the {len(table)} landings of '{of}'"
             raise AnalysisError.at("recordings[].exclude: landings", wanted, number)
-        begin, end = np.array([entry.get("from_s"), entry.get("to_s")], float)  # NaN: no limit
+        begin, end = np.array(
+            [entry.get("from_s"), entry.get("to_s")], float
+        )  # NaN: no limit
         inside = ~(ends < begin) & ~(begins > end)
         out, markers = table["excluded"].to_numpy(bool), entry.get("markers") or ()
         told = f"by hand: {', '.join(markers)}: {entry['reason']}"
         if named:
-            chosen, told = table["index"].isin(named) & ~out, f"by hand: {entry['reason']}"
+            chosen, told = (
+                table["index"].isin(named) & ~out,
+                f"by hand: {entry['reason']}",
+            )
         elif any(f"contact_{name}_s" in table for name in markers):
             chosen = inside  # a foot was removed by hand, so its contacts do not count
         elif markers:
@@ -220,7 +243,10 @@ def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.Da
 
 
 def _transitions(
-    recording: Recording, spans: FloatArray, hidden: BoolArray, sections: tuple[float, float]
+    recording: Recording,
+    spans: FloatArray,
+    hidden: BoolArray,
+    sections: tuple[float, float],
 ) -> descents.Transitions:
     """Find where landings cross the sections; a hidden landing crosses at the ends of its span."""
     seen = _seen(recording)
@@ -250,14 +276,20 @@ def _table(
     common = contacts.common if contacts.common.size else np.full(len(feet), np.nan)
     names = schedules.schedule_names(contacts.instant)
     probability = schedules.order_probability(contacts.instant, contacts.se)
-    classes = schedules.schedule_classes(names, probability, ambiguous_below=ambiguous_below)
+    classes = schedules.schedule_classes(
+        names, probability, ambiguous_below=ambiguous_below
+    )
     second, second_probability = schedules.runner_up(contacts.instant, contacts.se)
     seconds = zip(names, schedules.order_names(second), strict=True)
     by = {"longest_gap_s": descents.longest_gap_s(recording.time, recording.pace)}
     by["continued_s"] = descents.CONTINUED_S * recording.pace
     reasons = exclusion_reasons(transitions, contacts, **by)
-    left_out = {schedules.AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
-    reasons = [r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)]
+    left_out = (
+        {schedules.AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
+    )
+    reasons = [
+        r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)
+    ]
     columns = {
         "recording": recording.name,
         "index": np.arange(len(transitions)),

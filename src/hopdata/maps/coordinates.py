@@ -1,13 +1,14 @@
 """Coordinates of a rigid body on a section, computed from marker states.
 
-Three or more markers on one rigid body have 6B coordinates and twelve degrees of freedom. The
-section removes one of these, and leaving out place and heading removes three. Eight remain: pitch
-and roll, the velocity of the centre in the heading frame, and the angular velocity. Eleven numbers
-describe the outcome of a landing: the change of place and heading, and the same eight coordinates
-at the post section.
+Three or more markers on one rigid body have 6B coordinates and twelve degrees of
+freedom. The section removes one of these, and leaving out place and heading removes
+three. Eight remain: pitch and roll, the velocity of the centre in the heading frame,
+and the angular velocity. Eleven numbers describe the outcome of a landing: the change
+of place and heading, and the same eight coordinates at the post section.
 
-Angles are those of the body relative to its mean attitude, about axes that turn with its heading,
-so they stay small and free of singularities for any body that lands on its feet.
+Angles are those of the body relative to its mean attitude, about axes that turn with
+its heading, so they stay small and free of singularities for any body that lands on its
+feet.
 """
 
 from dataclasses import dataclass
@@ -65,11 +66,17 @@ def rigid_states(states: FloatArray, shape: FloatArray) -> RigidStates:
     moving = velocities - velocity[:, None]
     inertia = np.einsum("nbi,nbi->n", arms, arms)[:, None, None] * np.eye(3)
     inertia = inertia - np.einsum("nbi,nbj->nij", arms, arms)
-    turning = np.linalg.solve(inertia, np.cross(arms, moving).sum(axis=1)[..., None])[..., 0]
-    return RigidStates(centre, velocity, rotation, np.einsum("nji,nj->ni", rotation, turning))
+    turning = np.linalg.solve(inertia, np.cross(arms, moving).sum(axis=1)[..., None])[
+        ..., 0
+    ]
+    return RigidStates(
+        centre, velocity, rotation, np.einsum("nji,nj->ni", rotation, turning)
+    )
 
 
-def section_coordinates(pre: RigidStates, post: RigidStates) -> tuple[FloatArray, FloatArray]:
+def section_coordinates(
+    pre: RigidStates, post: RigidStates
+) -> tuple[FloatArray, FloatArray]:
     """Return inputs (n, 8) and outputs (n, 11): see `INPUT_NAMES` and `OUTPUT_NAMES` in `rigid`.
 
     Steps and velocities are in the heading frame of the state at the pre section.
@@ -84,8 +91,8 @@ def section_coordinates(pre: RigidStates, post: RigidStates) -> tuple[FloatArray
 def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
     """Return weights (11,) that turn outputs into rms displacements of the markers, m.
 
-    Angles are weighted by the rms distance of the markers from the axis, velocities by the
-    distance covered in the unit of time.
+    Angles are weighted by the rms distance of the markers from the axis, velocities by
+    the distance covered in the unit of time.
     """
     about = np.sqrt(np.mean((shape**2).sum(axis=1, keepdims=True) - shape**2, axis=0))
     position = np.concatenate([[1.0, 1.0, about[2]], about[[1, 0]]])
@@ -99,18 +106,21 @@ def _tilt(rotation: FloatArray) -> FloatArray:
 
 # Kinks: the shape of a landing map that is not C1 near a simultaneous contact.
 #
-# The flow of an event-selected system is continuous, and to first order it is linear on each mode
-# schedule (Burden et al. 2016; chapter I of the dissertation). The maps of two schedules can differ
-# only in how they depend on the contact instants, and they must agree where two feet touch at once.
-# So the difference from one linear map is a continuous function of the contact instants that is
-# linear on each contact order. The functions "latest contact of a set of feet" span all such
-# functions; there are 2^n - n - 1 of them for n feet. Their coefficients in the map are all zero
-# exactly if the map has one derivative.
+# The flow of an event-selected system is continuous, and to first order it is linear on
+# each mode schedule (Burden et al. 2016; chapter I of the dissertation). The maps of
+# two schedules can differ only in how they depend on the contact instants, and they
+# must agree where two feet touch at once. So the difference from one linear map is a
+# continuous function of the contact instants that is linear on each contact order. The
+# functions "latest contact of a set of feet" span all such functions; there are 2^n - n
+# - 1 of them for n feet. Their coefficients in the map are all zero exactly if the map
+# has one derivative.
 #
-# A C1 map can still have second derivatives that differ between schedules. The differences begin
-# with the signed square of the time between two contacts, ``d |d|``, and continue with ``|d|^3``.
+# A C1 map can still have second derivatives that differ between schedules. The
+# differences begin with the signed square of the time between two contacts, ``d |d|``,
+# and continue with ``|d|^3``.
 
-#: Up to this many feet the kinks of all sets of feet are used; with more feet only those of pairs.
+#: Up to this many feet the kinks of all sets of feet are used; with more feet only
+#: those of pairs.
 ALL_SETS_UP_TO = 3
 Feet = tuple[int, ...]
 
@@ -160,7 +170,8 @@ def time_differences(instants: FloatArray) -> FloatArray:
     return np.column_stack([instants[:, i] - instants[:, j] for i, j in pairs])
 
 
-# Free smooth terms of a landing map: monomials of the inputs, as many as the landings allow.
+# Free smooth terms of a landing map: monomials of the inputs, as many as the landings
+# allow.
 
 #: Number of landings required for each free term.
 LANDINGS_PER_TERM = 2.5

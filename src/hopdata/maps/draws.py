@@ -15,8 +15,8 @@ _CHUNK_BYTES = 2 * 2**20
 def named_generator(seed: int, *names: str) -> np.random.Generator:
     """Return the random generator of these names under `seed`.
 
-    The stream depends only on the seed and the names, so results do not change when other models
-    or schedules are added, omitted or reordered.
+    The stream depends only on the seed and the names, so results do not change when
+    other models or schedules are added, omitted or reordered.
 
     Parameters
     ----------
@@ -32,7 +32,8 @@ def named_generator(seed: int, *names: str) -> np.random.Generator:
 def schedule_stream(rows: IntArray) -> str:
     """Return the name of a schedule's random stream: its first landing.
 
-    A schedule's own name has the numbers of the feet, which depend on their order in a file.
+    A schedule's own name has the numbers of the feet, which depend on their order in a
+    file.
     """
     return f"schedule from landing {rows[0]}"
 
@@ -56,8 +57,8 @@ def distinct_draws(
     Returns
     -------
     tuple of ndarray
-        One (count, size) array of increasing indices per set. No index occurs twice in the same
-        row, within a set or in two sets.
+        One (count, size) array of increasing indices per set. No index occurs twice in
+        the same row, within a set or in two sets.
 
     Raises
     ------
@@ -65,7 +66,8 @@ def distinct_draws(
         If the sets together are larger than the population.
     """
     total = sum(sizes)
-    # The first steps of a Fisher-Yates shuffle: each step swaps in one of the remaining items.
+    # The first steps of a Fisher-Yates shuffle: each step swaps in one of the remaining
+    # items.
     left = np.arange(population, population - total, -1)
     steps = generator.integers(0, left, size=(count, total))
     drawn = [_shuffled(steps[some], population) for some in chunks(count, population)]
@@ -87,7 +89,9 @@ def _shuffled(steps: IntArray, population: int) -> IntArray:
     for k in range(steps.shape[1]):
         place = k + steps[:, k]
         drawn[:, k] = items[row, place]
-        items[row, place] = items[:, k]  # half a swap suffices: column k is not read again
+        items[row, place] = items[
+            :, k
+        ]  # half a swap suffices: column k is not read again
     return drawn
 
 
@@ -96,12 +100,18 @@ def _shuffled(steps: IntArray, population: int) -> IntArray:
 Notes = list[dict[str, str]]
 
 
-def grouped(schedule: NDArray[np.str_], least: int) -> tuple[dict[str, IntArray], dict[str, int]]:
+def grouped(
+    schedule: NDArray[np.str_], least: int
+) -> tuple[dict[str, IntArray], dict[str, int]]:
     """Return the rows of each schedule with at least `least` landings, and the sizes of the others.
 
     Landings without a schedule (empty) are left out.
     """
-    rows = {str(name): np.flatnonzero(schedule == name) for name in np.unique(schedule) if name}
+    rows = {
+        str(name): np.flatnonzero(schedule == name)
+        for name in np.unique(schedule)
+        if name
+    }
     rare = {name: len(own) for name, own in rows.items() if len(own) < least}
     return {name: own for name, own in rows.items() if name not in rare}, rare
 
@@ -124,12 +134,15 @@ def rare_notes(what: str, sizes: Mapping[str, int], wanted: str) -> Notes:
     Returns
     -------
     list
-        ``{"what", "reason"}`` for each schedule, or one note for all if there are more than six:
-        six feet may show hundreds of schedules with one or two landings each.
+        ``{"what", "reason"}`` for each schedule, or one note for all if there are more
+        than six: six feet may show hundreds of schedules with one or two landings each.
     """
     if len(sizes) <= MOST_ONE_BY_ONE:
         return [
-            {"what": f"{what} of schedule {name}", "reason": f"{size} touchdowns, {wanted}"}
+            {
+                "what": f"{what} of schedule {name}",
+                "reason": f"{size} touchdowns, {wanted}",
+            }
             for name, size in sizes.items()
         ]
     counts = sizes.values()

@@ -1,14 +1,16 @@
 """Bootstrapped prediction errors of the six models of Fig. 2.4.
 
-The models are affine maps and mean predictors of the state at the post section from the state at
-the pre section. Some are "specialised" to one mode schedule. The others use all landings, or only
-those "near" to or "far" from the trajectory on which all feet touch at once (Sec. 2.3 of the
-dissertation: contact spread below or above the median of the data set).
+The models are affine maps and mean predictors of the state at the post section from the
+state at the pre section. Some are "specialised" to one mode schedule. The others use
+all landings, or only those "near" to or "far" from the trajectory on which all feet
+touch at once (Sec. 2.3 of the dissertation: contact spread below or above the median of
+the data set).
 
-A bootstrap here is a random split: 161 distinct landings are drawn from those that a model may
-use, 120 to fit and the other 41 to test. No landing is drawn twice, because a landing on both sides
-of a split would flatter the fit. If a model has fewer than 161 landings, both numbers shrink in
-proportion for every model of the study, so that all are compared at the same sample size.
+A bootstrap here is a random split: 161 distinct landings are drawn from those that a
+model may use, 120 to fit and the other 41 to test. No landing is drawn twice, because a
+landing on both sides of a split would flatter the fit. If a model has fewer than 161
+landings, both numbers shrink in proportion for every model of the study, so that all
+are compared at the same sample size.
 """
 
 from __future__ import annotations
@@ -20,7 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
-from hopdata.maps.affine import affine_test_errors, checked, mean_test_errors, pooled_basis
+from hopdata.maps.affine import (
+    affine_test_errors,
+    checked,
+    mean_test_errors,
+    pooled_basis,
+)
 from hopdata.maps.draws import (
     Notes,
     distinct_draws,
@@ -40,7 +47,8 @@ SPARE_LANDINGS = 2
 class Population:
     """Landings that a model draws from.
 
-    `kind` is ``class``, ``near``, ``all`` or ``far``; `schedule` is the mode schedule of a class.
+    `kind` is ``class``, ``near``, ``all`` or ``far``; `schedule` is the mode schedule
+    of a class.
     """
 
     kind: str
@@ -63,7 +71,8 @@ def select_populations(
 ) -> tuple[list[Population], Notes]:
     """Sort the landings into classes, near, all and far, and note the classes left out.
 
-    Near and far landings have a contact spread below and above the median of all landings.
+    Near and far landings have a contact spread below and above the median of all
+    landings.
     """
     classes, rare = grouped(schedule, minimum_class)
     populations = [Population("class", name, rows) for name, rows in classes.items()]
@@ -163,9 +172,10 @@ class PredictionStudy:
     Attributes
     ----------
     errors
-        One row per model, schedule and bootstrap: ``model, schedule, bootstrap, n_train, n_test``;
-        ``mse, mse_position, mse_velocity`` in squared normalised units; and ``worst_position_mm,
-        worst_velocity_m_s``, the largest rms error of any one coordinate.
+        One row per model, schedule and bootstrap: ``model, schedule, bootstrap,
+        n_train, n_test``; ``mse, mse_position, mse_velocity`` in squared normalised
+        units; and ``worst_position_mm, worst_velocity_m_s``, the largest rms error of
+        any one coordinate.
     summary
         One row per model: see `summarise_errors`.
     notes
@@ -201,7 +211,8 @@ def bootstrap_prediction(
     schedule
         (n,) mode schedules; a landing without one (empty) joins no class.
     spread
-        (n,) sd of the contact instants, s; a landing without one (NaN) is neither near nor far.
+        (n,) sd of the contact instants, s; a landing without one (NaN) is neither near
+        nor far.
     seed
         Seed of the study. Each class and each of near, all and far has its own stream.
     length_unit_m, time_unit_s
@@ -220,14 +231,17 @@ def bootstrap_prediction(
 
     Notes
     -----
-    An affine map is fitted only if the training set is large enough (see `needed_training`);
-    otherwise it is left out and noted. Too few landings never raise an error: the result may be an
-    empty table with notes.
+    An affine map is fitted only if the training set is large enough (see
+    `needed_training`); otherwise it is left out and noted. Too few landings never raise
+    an error: the result may be an empty table with notes.
     """
     x, y = checked(x, y, schedule, spread)
     landings = np.asarray(schedule, str), np.asarray(spread, float)
     populations, notes = select_populations(*landings, minimum_class)
-    needed, units = needed_training(x), np.array([length_unit_m, length_unit_m / time_unit_s])
+    needed, units = (
+        needed_training(x),
+        np.array([length_unit_m, length_unit_m / time_unit_s]),
+    )
     populations, more = large_enough(populations, train, test, needed)
     sizes, scaled = common_split(populations, train, test)
     notes += more + scaled
@@ -255,20 +269,25 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``model, n_classes, n_train, n_test``; the median and quantiles of ``mse`` (``median,
-        q25, q75, p2_5, p97_5``); ``worst_position_mm, worst_velocity_m_s``, the 97.5 % quantile
-        over the splits of the rms error of the worst coordinate; and the median and 95 % interval
-        of the errors in position and in velocity alone (``position_median, position_p2_5,
-        position_p97_5``, and the same for ``velocity``).
+        ``model, n_classes, n_train, n_test``; the median and quantiles of ``mse``
+        (``median, q25, q75, p2_5, p97_5``); ``worst_position_mm, worst_velocity_m_s``,
+        the 97.5 % quantile over the splits of the rms error of the worst coordinate;
+        and the median and 95 % interval of the errors in position and in velocity alone
+        (``position_median, position_p2_5, position_p97_5``, and the same for
+        ``velocity``).
     """
     rows = []
     for model in [name for name in MODELS if name in set(errors["model"])]:
         part = errors[errors["model"] == model]
         mse = np.quantile(part["mse"], [0.5, 0.25, 0.75, 0.025, 0.975])
         worst = [np.quantile(part[column], 0.975) for column in _WORST]
-        parts = [np.quantile(part[f"mse_{kind}"], [0.5, 0.025, 0.975]) for kind in _PARTS]
+        parts = [
+            np.quantile(part[f"mse_{kind}"], [0.5, 0.025, 0.975]) for kind in _PARTS
+        ]
         sizes = part["n_train"].iloc[0], part["n_test"].iloc[0]
-        rows.append((model, part["schedule"].nunique(), *sizes, *mse, *worst, *np.ravel(parts)))
+        rows.append(
+            (model, part["schedule"].nunique(), *sizes, *mse, *worst, *np.ravel(parts))
+        )
     return pd.DataFrame(rows, columns=[*_SUMMARY_COLUMNS, *_WORST, *_PART_COLUMNS])
 
 
@@ -285,10 +304,10 @@ def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, f
     Returns
     -------
     dict
-        Median contact spread of the touchdowns used, ``spread_ms``; median errors, relative to the
-        variance, of the models ``near, all, far, specialised``; the ratios
-        ``specialised_over_mean`` and ``all_over_specialised``; and the specialised models'
-        ``worst_position_mm`` and ``worst_velocity_m_s``.
+        Median contact spread of the touchdowns used, ``spread_ms``; median errors,
+        relative to the variance, of the models ``near, all, far, specialised``; the
+        ratios ``specialised_over_mean`` and ``all_over_specialised``; and the
+        specialised models' ``worst_position_mm`` and ``worst_velocity_m_s``.
     """
     rows = summary.set_index("model").reindex(list(MODELS))
     median = dict(zip(MODELS, rows["median"].to_numpy(float), strict=True))
@@ -305,15 +324,30 @@ def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, f
 
 _WORST = ("worst_position_mm", "worst_velocity_m_s")
 _SIZES = ("n_train", "n_test")
-_SUMMARY_COLUMNS = ("model", "n_classes", *_SIZES, "median", "q25", "q75", "p2_5", "p97_5")
+_SUMMARY_COLUMNS = (
+    "model",
+    "n_classes",
+    *_SIZES,
+    "median",
+    "q25",
+    "q75",
+    "p2_5",
+    "p97_5",
+)
 _PARTS = ("position", "velocity")
-_PART_COLUMNS = [f"{part}_{level}" for part in _PARTS for level in ("median", "p2_5", "p97_5")]
+_PART_COLUMNS = [
+    f"{part}_{level}" for part in _PARTS for level in ("median", "p2_5", "p97_5")
+]
 _ERRORS = ("mse", *(f"mse_{part}" for part in _PARTS), *_WORST)
 _COLUMNS = ("model", "schedule", "bootstrap", *_SIZES, *_ERRORS)
 
 
 def _rows(
-    model: str, population: Population, errors: FloatArray, sizes: tuple[int, int], unit: FloatArray
+    model: str,
+    population: Population,
+    errors: FloatArray,
+    sizes: tuple[int, int],
+    unit: FloatArray,
 ) -> pd.DataFrame:
     """Return the table of one model and population, given its (R, 6B) squared errors."""
     position, velocity = np.split(errors, 2, axis=1)

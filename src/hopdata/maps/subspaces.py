@@ -1,10 +1,11 @@
 """Constraint subspaces of the mode schedules, and the arc lengths between them (Fig. 2.5).
 
-The cosines of the principal angles are the singular values of ``a.T @ b``, and their sines are
-those of ``b - a @ (a.T @ b)`` (Björck and Golub 1973). A cosine near one loses half the digits of
-a small angle, and a sine near one loses half those of an angle near a right angle, so each angle is
-computed from the more accurate of the two. The arc length is the 2-norm of the angles (Edelman,
-Arias and Smith 1998, Sec. 4.3), which is the geodesic distance on the Grassmann manifold.
+The cosines of the principal angles are the singular values of ``a.T @ b``, and their
+sines are those of ``b - a @ (a.T @ b)`` (Björck and Golub 1973). A cosine near one
+loses half the digits of a small angle, and a sine near one loses half those of an angle
+near a right angle, so each angle is computed from the more accurate of the two. The arc
+length is the 2-norm of the angles (Edelman, Arias and Smith 1998, Sec. 4.3), which is
+the geodesic distance on the Grassmann manifold.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from hopdata.maps.draws import (
     schedule_stream,
 )
 
-#: Arc lengths d below this need the sines: an error e in each cosine changes d by k e / d.
+#: Arc lengths d below this need the sines: an error e in each cosine changes d by k e /
+#: d.
 _SMALL_ARC_LENGTH = 0.5
 
 
@@ -43,15 +45,17 @@ def principal_angles(a: FloatArray, b: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray
-        (..., k) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16 times
-        the deviation of the bases from orthonormality.
+        (..., k) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16
+        times the deviation of the bases from orthonormality.
     """
     a, b = np.asarray(a, float), np.asarray(b, float)
     overlap = a.swapaxes(-1, -2) @ b
     cosines = np.linalg.svd(overlap, compute_uv=False)
     sines = np.linalg.svd(b - a @ overlap, compute_uv=False)[..., ::-1]
     small = cosines**2 > 0.5
-    return np.where(small, np.arcsin(np.minimum(sines, 1)), np.arccos(np.minimum(cosines, 1)))
+    return np.where(
+        small, np.arcsin(np.minimum(sines, 1)), np.arccos(np.minimum(cosines, 1))
+    )
 
 
 def arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -72,7 +76,9 @@ def arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
     lengths = np.asarray(np.linalg.norm(np.arccos(np.minimum(cosines, 1)), axis=-1))
     close = lengths < _SMALL_ARC_LENGTH
     if close.any():
-        a, b = (np.broadcast_to(part, (*lengths.shape, *part.shape[-2:])) for part in (a, b))
+        a, b = (
+            np.broadcast_to(part, (*lengths.shape, *part.shape[-2:])) for part in (a, b)
+        )
         lengths[close] = np.linalg.norm(principal_angles(a[close], b[close]), axis=-1)
     return lengths
 
@@ -82,7 +88,8 @@ def orthonormalised(matrices: FloatArray) -> FloatArray:
     return np.linalg.qr(np.asarray(matrices, float))[0]
 
 
-# Baselines: distances between equal but noisy subspaces and between unrelated ones, without data.
+# Baselines: distances between equal but noisy subspaces and between unrelated ones,
+# without data.
 
 
 def noised_identity(
@@ -90,32 +97,36 @@ def noised_identity(
 ) -> FloatArray:
     """Return the arc lengths between `count` pairs of (D, k) identities with normal noise.
 
-    The dissertation compares with "noised identical matrices ... with a signal-to-noise ratio of
-    10" (Sec. 2.3). It does not say what the noise is added to or how the ratio is defined. Of all
-    possible readings, noise of sd 0.1 on every entry of both matrices gives distances like the
-    printed ones.
+    The dissertation compares with "noised identical matrices ... with a signal-to-noise
+    ratio of 10" (Sec. 2.3). It does not say what the noise is added to or how the ratio
+    is defined. Of all possible readings, noise of sd 0.1 on every entry of both
+    matrices gives distances like the printed ones.
     """
     noise = noise_sd * generator.standard_normal((2, count, *shape))
     return arc_length(*orthonormalised(np.eye(*shape) + noise))
 
 
-def random(generator: np.random.Generator, shape: tuple[int, int], count: int) -> FloatArray:
+def random(
+    generator: np.random.Generator, shape: tuple[int, int], count: int
+) -> FloatArray:
     """Return the arc lengths between `count` pairs of uniform (Haar) random subspaces."""
     return arc_length(*orthonormalised(generator.standard_normal((2, count, *shape))))
 
 
 # Constraint subspaces of the landing map: bootstrapped principal components of pairs.
 #
-# A pair (pre state, post state) has 12B coordinates. The two section conditions make two of its
-# principal components nearly constant. A map from 6B - 1 to 6B - 1 dimensions then appears as
-# 6B - 1 large and 6B - 1 small components among the remaining 12B - 2 (Sec. 2.2.4 of the
-# dissertation). The printed text compares the small ones. But 30 landings have rank 29 at most,
-# which leaves several small components arbitrary, so the *leading* ones are kept here. The arc
-# length between two subspaces equals that between their complements.
+# A pair (pre state, post state) has 12B coordinates. The two section conditions make
+# two of its principal components nearly constant. A map from 6B - 1 to 6B - 1
+# dimensions then appears as 6B - 1 large and 6B - 1 small components among the
+# remaining 12B - 2 (Sec. 2.2.4 of the dissertation). The printed text compares the
+# small ones. But 30 landings have rank 29 at most, which leaves several small
+# components arbitrary, so the *leading* ones are kept here. The arc length between two
+# subspaces equals that between their complements.
 
 #: Number of principal components that the two Poincaré sections use up.
 SECTION_COMPONENTS = 2
-#: A draw lacks the components whose singular values are below this fraction of the largest.
+#: A draw lacks the components whose singular values are below this fraction of the
+#: largest.
 _RANK_TOLERANCE = 1e-10
 
 
@@ -126,14 +137,15 @@ class SubspaceStudy:
     Attributes
     ----------
     bases
-        Schedule -> (bootstraps, D, k) orthonormal bases of the leading components, in the axes of
-        `pooled_frame`.
+        Schedule -> (bootstraps, D, k) orthonormal bases of the leading components, in
+        the axes of `pooled_frame`.
     shape
         (D, k) of the bases, known even if no class has any.
     notes
         Omissions, each ``{"what": ..., "reason": ...}``.
     streams
-        Schedule -> name of its random stream (see `hopdata.maps.draws.schedule_stream`).
+        Schedule -> name of its random stream (see
+        `hopdata.maps.draws.schedule_stream`).
     """
 
     bases: dict[str, FloatArray]
@@ -153,7 +165,9 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
         (n, 6B) normalised pairs of all usable landings.
     """
     pairs = np.hstack([x, y])
-    right = np.linalg.svd(np.linalg.qr(pairs - pairs.mean(0), mode="r"), full_matrices=True)[2]
+    right = np.linalg.svd(
+        np.linalg.qr(pairs - pairs.mean(0), mode="r"), full_matrices=True
+    )[2]
     return np.asarray(right[:-SECTION_COMPONENTS].T)
 
 
@@ -175,16 +189,18 @@ def bootstrap_subspaces(
     x, y
         (n, 6B) normalised pairs.
     schedule
-        (n,) mode schedules; landings without one (empty) are used only for the pooled frame.
+        (n,) mode schedules; landings without one (empty) are used only for the pooled
+        frame.
     seed
         Seed of the study; each schedule has its own stream.
     bootstraps
         Number of draws per schedule.
     samples
-        Number of distinct landings per draw, centred on their own mean. Smaller classes are left
-        out.
+        Number of distinct landings per draw, centred on their own mean. Smaller classes
+        are left out.
     components
-        Dimension k of the subspaces; by default the smaller of 6B - 1 and `samples` - 1.
+        Dimension k of the subspaces; by default the smaller of 6B - 1 and `samples` -
+        1.
 
     Raises
     ------
@@ -194,7 +210,11 @@ def bootstrap_subspaces(
     x, y = np.asarray(x, float), np.asarray(y, float)
     unknown = np.flatnonzero(~np.isfinite(np.hstack([x, y])).all(axis=1))
     if len(x) < 2 or unknown.size:
-        there = f"{unknown.size} others, the first in row {unknown[0]}" if unknown.size else len(x)
+        there = (
+            f"{unknown.size} others, the first in row {unknown[0]}"
+            if unknown.size
+            else len(x)
+        )
         raise AnalysisError.at("subspaces", "at least 2 landings, all finite", there)
     classes, rare = grouped(np.asarray(schedule, str), samples)
     pairs = np.hstack([x, y]) @ pooled_frame(x, y)
@@ -202,9 +222,13 @@ def bootstrap_subspaces(
     bases: dict[str, FloatArray] = {}
     streams: dict[str, str] = {}
     notes = []
-    if not components and k < x.shape[1] - 1:  # the markers need more than a draw's landings span
+    if (
+        not components and k < x.shape[1] - 1
+    ):  # the markers need more than a draw's landings span
         what = f"{k} components instead of {x.shape[1] - 1}"
-        notes.append(_note(what, f"{samples} landings span no more: set subspaces.samples"))
+        notes.append(
+            _note(what, f"{samples} landings span no more: set subspaces.samples")
+        )
     for name, rows in classes.items():
         what = f"subspaces of schedule {name}"
         if k >= samples or k > pairs.shape[1]:
@@ -219,9 +243,13 @@ def bootstrap_subspaces(
         if full.any():
             bases[name] = found[full]
         if not full.all():
-            lacking = f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
+            lacking = (
+                f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
+            )
             notes.append(_note(what, lacking))
-    notes += rare_notes("subspaces", rare, f"{samples} distinct ones wanted in each draw")
+    notes += rare_notes(
+        "subspaces", rare, f"{samples} distinct ones wanted in each draw"
+    )
     return SubspaceStudy(bases, (pairs.shape[1], k), notes, streams)
 
 
@@ -259,22 +287,23 @@ def leading_subspaces(
 
 # Arc-length distances between subspaces, and the two baselines of Fig. 2.5.
 #
-# There are four kinds: in-class (two draws of one mode schedule), cross-class (draws of two
-# schedules), noised identity (two identities with noise, as equal matrices look when estimated)
-# and random (as unrelated subspaces look).
+# There are four kinds: in-class (two draws of one mode schedule), cross-class (draws of
+# two schedules), noised identity (two identities with noise, as equal matrices look
+# when estimated) and random (as unrelated subspaces look).
 #
-# Draws of one schedule come from one pool and share landings. In-class distances are therefore
-# smaller than those of independent draws, and an AUC against them is above 0.5 even if all
-# schedules have one map. The AUC is reported as a description, not as a test.
+# Draws of one schedule come from one pool and share landings. In-class distances are
+# therefore smaller than those of independent draws, and an AUC against them is above
+# 0.5 even if all schedules have one map. The AUC is reported as a description, not as a
+# test.
 
 
 def pair_mean_error(values: FloatArray, first: IntArray, second: IntArray) -> float:
     """Return the standard error of the mean over pairs of numbered draws; NaN for one pair.
 
-    A mean over pairs is a U-statistic: pairs that share a draw are not independent. Two pairs are
-    assumed to covary only if they have a draw in common (Aronow, Samii and Assenova 2015). The
-    result is at least the error for independent pairs, although the estimate from a sample can be
-    smaller.
+    A mean over pairs is a U-statistic: pairs that share a draw are not independent. Two
+    pairs are assumed to covary only if they have a draw in common (Aronow, Samii and
+    Assenova 2015). The result is at least the error for independent pairs, although the
+    estimate from a sample can be smaller.
 
     Parameters
     ----------
@@ -358,23 +387,29 @@ def measure_distances(
     shape
         (D, k) of the bases and of the baselines.
     seed
-        Seed of the study; each schedule, pair of schedules and baseline has its own stream.
+        Seed of the study; each schedule, pair of schedules and baseline has its own
+        stream.
     pairs
-        Number of pairs per schedule, per pair of schedules and per baseline; if there are fewer
-        pairs of draws, all are used.
+        Number of pairs per schedule, per pair of schedules and per baseline; if there
+        are fewer pairs of draws, all are used.
     noise_sd
         Sd of the noise on each entry of both identity matrices.
     streams
-        Schedule -> name of its random stream, from `bootstrap_subspaces`; by default its own name.
+        Schedule -> name of its random stream, from `bootstrap_subspaces`; by default
+        its own name.
     """
     stream_of = streams or {name: name for name in bases}
     notes = [] if bases else [_note("in-class distances", "no schedule has subspaces")]
     if len(bases) < 2:
         reason = f"{len(bases)} of the 2 schedules needed have subspaces"
         notes.append(_note("cross-class distances", reason))
-    starts = dict(zip(bases, np.cumsum([0, *map(len, bases.values())]).tolist(), strict=False))
+    starts = dict(
+        zip(bases, np.cumsum([0, *map(len, bases.values())]).tolist(), strict=False)
+    )
     blocks, ends = [], {}
-    kinds: dict[str, tuple[Callable[..., tuple[IntArray, IntArray]], list[tuple[str, ...]]]] = {
+    kinds: dict[
+        str, tuple[Callable[..., tuple[IntArray, IntArray]], list[tuple[str, ...]]]
+    ] = {
         "in_class": (in_class_pairs, [(name,) for name in bases]),
         "cross_class": (cross_class_pairs, list(combinations(bases, 2))),
     }
@@ -384,19 +419,30 @@ def measure_distances(
             a, b = names[0], names[-1]
             # The draws do not depend on which of two schedules is named first.
             in_order = sorted(names, key=stream_of.__getitem__)
-            generator = named_generator(seed, kind, *(stream_of[name] for name in in_order))
-            first, second = choose(generator, *(len(bases[name]) for name in in_order), pairs)
+            generator = named_generator(
+                seed, kind, *(stream_of[name] for name in in_order)
+            )
+            first, second = choose(
+                generator, *(len(bases[name]) for name in in_order), pairs
+            )
             if in_order != list(names):
                 first, second = second, first
             blocks.append((kind, a, b, arc_length(bases[a][first], bases[b][second])))
             numbers.append(np.array([first + starts[a], second + starts[b]]))
         ends[kind] = np.hstack(numbers)
-    noised = noised_identity(named_generator(seed, "noised_identity"), shape, pairs, noise_sd)
+    noised = noised_identity(
+        named_generator(seed, "noised_identity"), shape, pairs, noise_sd
+    )
     unrelated = random(named_generator(seed, "random"), shape, pairs)
     blocks += [("noised_identity", "", "", noised), ("random", "", "", unrelated)]
     found = {kind for kind, *_ in blocks}
-    lengths = {kind: np.concatenate([b[-1] for b in blocks if b[0] == kind]) for kind in found}
-    errors = {kind: pair_mean_error(lengths[kind], *ends[kind]) for kind in found & ends.keys()}
+    lengths = {
+        kind: np.concatenate([b[-1] for b in blocks if b[0] == kind]) for kind in found
+    }
+    errors = {
+        kind: pair_mean_error(lengths[kind], *ends[kind])
+        for kind in found & ends.keys()
+    }
     return DistanceStudy(_table(blocks), summarise_distances(lengths, errors), notes)
 
 
@@ -410,14 +456,15 @@ def summarise_distances(
     lengths
         Kind -> distances, rad; kinds without any are left out.
     standard_errors
-        Kind -> Monte-Carlo standard error of the mean; by default that of independent distances.
+        Kind -> Monte-Carlo standard error of the mean; by default that of independent
+        distances.
 
     Returns
     -------
     DataFrame
         ``kind, n, mean, mean_se, sd, q05, q25, median, q75, q95`` in rad and
-        ``auc_against_in_class``: the probability that a distance of this kind exceeds an in-class
-        one (NaN if there are no in-class distances).
+        ``auc_against_in_class``: the probability that a distance of this kind exceeds
+        an in-class one (NaN if there are no in-class distances).
     """
     own = np.sort(lengths.get("in_class", np.zeros(0)))
     rows = []
@@ -426,7 +473,14 @@ def summarise_distances(
         spread = values.std(ddof=1) if len(values) > 1 else np.nan
         error = standard_errors.get(kind, spread / np.sqrt(len(values)))
         quantiles = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95])
-        levels = (len(values), values.mean(), error, spread, *quantiles, auc(values, own))
+        levels = (
+            len(values),
+            values.mean(),
+            error,
+            spread,
+            *quantiles,
+            auc(values, own),
+        )
         rows.append((kind, *levels))
     return pd.DataFrame(rows, columns=list(_SUMMARY_COLUMNS))
 
@@ -436,7 +490,9 @@ def auc(values: FloatArray, reference: FloatArray) -> float:
     if not (len(values) and len(reference)):
         return float("nan")
     ordered = np.sort(reference)  # fast if it is sorted already
-    below = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
+    below = np.searchsorted(ordered, values, "left") + np.searchsorted(
+        ordered, values, "right"
+    )
     return float(below.mean() / (2 * len(reference)))
 
 

@@ -1,11 +1,14 @@
 """Units of length and time in which position and velocity errors have equal weight.
 
-They follow Sec. 2.2.4 of the dissertation, which prints 29.13 mm and 27 ms but not the rule. Here:
+They follow Sec. 2.2.4 of the dissertation, which prints 29.13 mm and 27 ms but not the
+rule. Here:
 
-- the length unit is the rms norm of the centred post-section position vector of all body
-  markers, so that one unit is the typical distance of a landing's outcome from the mean outcome;
-- the time unit is the ratio of the rms position prediction error to the rms velocity prediction
-  error of the unspecialised affine map, where each landing is predicted from all the others.
+- the length unit is the rms norm of the centred post-section position vector of all
+  body markers, so that one unit is the typical distance of a landing's outcome from the
+  mean outcome;
+- the time unit is the ratio of the rms position prediction error to the rms velocity
+  prediction error of the unspecialised affine map, where each landing is predicted from
+  all the others.
 """
 
 from dataclasses import asdict, dataclass
@@ -27,11 +30,13 @@ class Units:
     length_unit_m, time_unit_s
         The units; their ratio is the velocity unit.
     length_rule, time_rule
-        How each unit was chosen, in words: from the data, or given in the configuration.
+        How each unit was chosen, in words: from the data, or given in the
+        configuration.
     rms_position_error_m, rms_velocity_error_m_s
         Rms prediction error per coordinate of the predictor.
     predictor
-        ``"affine"``, or ``"mean"`` if no affine map can be used: see `prediction_errors`.
+        ``"affine"``, or ``"mean"`` if no affine map can be used: see
+        `prediction_errors`.
     n_landings
         Number of landings used.
     """
@@ -58,15 +63,19 @@ class Units:
 
 @one_blas_thread()
 def choose_units(
-    x: FloatArray, y: FloatArray, *, length_m: float | None = None, time_s: float | None = None
+    x: FloatArray,
+    y: FloatArray,
+    *,
+    length_m: float | None = None,
+    time_s: float | None = None,
 ) -> Units:
     """Choose the units of a study from its pairs.
 
     Parameters
     ----------
     x, y
-        (n, 6B) home-frame states at the pre and the post section: 3B positions in m, then 3B
-        velocities in m/s.
+        (n, 6B) home-frame states at the pre and the post section: 3B positions in m,
+        then 3B velocities in m/s.
     length_m, time_s
         Fixed units; by default the rules of this module choose them.
 
@@ -83,7 +92,9 @@ def choose_units(
     places = np.split(y - y.mean(0), 2, axis=1)[0]
     spread = float(np.sqrt(np.mean(np.sum(places**2, axis=1))))
     length = spread if length_m is None else float(length_m)
-    time = position / velocity if time_s is None and velocity > 0 else float(time_s or 0)
+    time = (
+        position / velocity if time_s is None and velocity > 0 else float(time_s or 0)
+    )
     if not (np.isfinite([length, time]).all() and length > 0 and time > 0):
         found = f"a length unit of {length:g} m and a time unit of {time:g} s"
         found += "; set units.length_m and units.time_s"
@@ -103,10 +114,11 @@ def choose_units(
 def prediction_errors(x: FloatArray, y: FloatArray) -> tuple[FloatArray, str]:
     """Return the leave-one-out errors (n, 6B) of the unspecialised map and the predictor's name.
 
-    The mean predictor is used if there are too few landings for an affine map, or if the affine
-    map is exact, so that its errors are only rounding.
+    The mean predictor is used if there are too few landings for an affine map, or if
+    the affine map is exact, so that its errors are only rounding.
     """
-    # The error of the mean of the others is n / (n - 1) times the distance from the mean of all.
+    # The error of the mean of the others is n / (n - 1) times the distance from the
+    # mean of all.
     of_mean = (y - y.mean(0)) * len(y) / (len(y) - 1)
     try:
         errors = leave_one_out_residuals(x, y)

@@ -1,51 +1,56 @@
 """What a file may cost, known from its size before it is read.
 
-A file is a claim: a few bytes can name millions of markers, nest a thousand groups or unpack
-to gigabytes. Readers compare each claim with these limits before they act on it. All limits
-leave room for ten million frames, which are rows and not names, links or longer lines.
+A file is a claim: a few bytes can name millions of markers, nest a thousand groups or
+unpack to gigabytes. Readers compare each claim with these limits before they act on it.
+All limits leave room for ten million frames, which are rows and not names, links or
+longer lines.
 """
 
 from pathlib import Path
 
-# MB that all numbers of a packed file may take, as the default of input.most_unpacked_mb in
-# the schema. 1.5 times larger: 1.5 times the memory that a damaged file can ask for.
+# MB that all numbers of a packed file may take, as the default of
+# input.most_unpacked_mb in the schema. 1.5 times larger: 1.5 times the memory that a
+# damaged file can ask for.
 MOST_UNPACKED_MB = 2000.0
 
-# Markers of a recording. The largest systems track some hundred; the unnamed fragments of an
-# hour of tracking are some thousand. 1.5 times larger: a bad file is refused after 1.5 times
-# the work, about 5 s.
+# Markers of a recording. The largest systems track some hundred; the unnamed fragments
+# of an hour of tracking are some thousand. 1.5 times larger: a bad file is refused
+# after 1.5 times the work, about 5 s.
 MOST_MARKERS = 20_000
 
-# Bytes of a line of text: three coordinates of all markers at 25 characters each. 1.5 times
-# larger: 1.5 times the memory for a line that is split, some 30 bytes a byte.
+# Bytes of a line of text: three coordinates of all markers at 25 characters each. 1.5
+# times larger: 1.5 times the memory for a line that is split, some 30 bytes a byte.
 LONGEST_LINE = 1_500_000
 
-# Columns of a text table: the coordinates of all markers, and some counters. pandas takes
-# some 20 us for each. 1.5 times larger: 1.5 times the time for a bad file, about 3 s.
+# Columns of a text table: the coordinates of all markers, and some counters. pandas
+# takes some 20 us for each. 1.5 times larger: 1.5 times the time for a bad file, about
+# 3 s.
 MOST_COLUMNS = 3 * MOST_MARKERS + 100
 
-# Cells of text that are split or parsed at a time: 8 bytes each once parsed, about 60 before.
-# 1.5 times larger: 1.5 times the memory of a block, about 250 MB; the times do not change.
+# Cells of text that are split or parsed at a time: 8 bytes each once parsed, about 60
+# before. 1.5 times larger: 1.5 times the memory of a block, about 250 MB; the times do
+# not change.
 MOST_CELLS = 4_000_000
 
 # Bytes that one byte of deflated data can expand to at most: 258 bytes for 2 bits.
 DEFLATE_MOST = 1032
 
-# Links of an HDF5 file, and items of a MAT file. MATLAB writes one for each cell of a cell
-# array. 1.5 times larger: 1.5 times the time for a bad file, about 1 s.
+# Links of an HDF5 file, and items of a MAT file. MATLAB writes one for each cell of a
+# cell array. 1.5 times larger: 1.5 times the time for a bad file, about 1 s.
 MOST_LINKS = 20_000
 
-# Matrices of a MAT file up to version 7: variables, fields and cells. 1.5 times larger: 1.5
-# times the time for a bad file, about 3 s.
+# Matrices of a MAT file up to version 7: variables, fields and cells. 1.5 times larger:
+# 1.5 times the time for a bad file, about 3 s.
 MOST_MATRICES = 100_000
 
-# Groups within groups. Real files have about five levels. 1.5 times larger: no difference.
+# Groups within groups. Real files have about five levels. 1.5 times larger: no
+# difference.
 DEEPEST = 32
 
-# CPU time of the trial of an HDF5 file, s: at least, for each of its objects, which take some
-# 400 bytes, and for each byte. Four to ten times what was measured on one core of 2020: 0.5 ms an
-# object, 200 MB a second. 1.5 times larger: 1.5 times the wait for the answer about a file on
-# which the library hangs.
+# CPU time of the trial of an HDF5 file, s: at least, for each of its objects, which
+# take some 400 bytes, and for each byte. Four to ten times what was measured on one
+# core of 2020: 0.5 ms an object, 200 MB a second. 1.5 times larger: 1.5 times the wait
+# for the answer about a file on which the library hangs.
 _LEAST_S = 2.0
 _S_PER_OBJECT = 2e-3
 _BYTES_PER_OBJECT = 400

@@ -23,8 +23,8 @@ class Column:
     name : str
         Column (or event label, or analog channel) of the file.
     feet : tuple of str
-        Feet of the recording that the column cannot tell apart; it gives the first contact of any
-        of them.
+        Feet of the recording that the column cannot tell apart; it gives the first
+        contact of any of them.
     """
 
     name: str
@@ -46,8 +46,8 @@ class ContactTimes:
     span_s : tuple of float
         First and last instant at which a contact would have been listed, s.
     other_feet_above_m : float, optional
-        Height, m. A contact during which all feet of the column are higher than this belongs to
-        another foot. None if the column records no other foot.
+        Height, m. A contact during which all feet of the column are higher than this
+        belongs to another foot. None if the column records no other foot.
     """
 
     column: Column
@@ -82,14 +82,16 @@ class ForceSignal:
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
-def columns_of(entries: Sequence[Mapping[str, Any]], feet: Sequence[str]) -> tuple[Column, ...]:
+def columns_of(
+    entries: Sequence[Mapping[str, Any]], feet: Sequence[str]
+) -> tuple[Column, ...]:
     """Return the configured columns, or one column named after each foot if there are none.
 
     Parameters
     ----------
     entries : sequence of mappings
-        ``columns`` of the configuration, each with ``name`` and ``feet``; a column without ``feet``
-        belongs to the foot of the same name.
+        ``columns`` of the configuration, each with ``name`` and ``feet``; a column
+        without ``feet`` belongs to the foot of the same name.
     feet : sequence of str
         Feet of the recording.
     """
@@ -97,7 +99,8 @@ def columns_of(entries: Sequence[Mapping[str, Any]], feet: Sequence[str]) -> tup
     return tuple(Column(e["name"], tuple(e["feet"] or [e["name"]])) for e in entries)
 
 
-# Contact instants from another source: a table, or the events stored in a recording's file.
+# Contact instants from another source: a table, or the events stored in a recording's
+# file.
 
 SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3}
 WITH_EVENTS = (".c3d", ".mat")  # text files are recognised by their first line
@@ -111,8 +114,8 @@ def read_contact_times(
     Parameters
     ----------
     options : mapping
-        ``recordings[].contacts`` of the configuration: file, columns, label_column, time_column,
-        unit, offset_s.
+        ``recordings[].contacts`` of the configuration: file, columns, label_column,
+        time_column, unit, offset_s.
     feet : sequence of str
         Feet of the recording.
     rate_hz : float, optional
@@ -126,21 +129,30 @@ def read_contact_times(
     Raises
     ------
     RecordingError
-        If the file cannot be used; names the file, the column, what was expected and found.
+        If the file cannot be used; names the file, the column, what was expected and
+        found.
     """
-    path, unit = Path(options["file"]), chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT)
+    path, unit = (
+        Path(options["file"]),
+        chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT),
+    )
     columns = columns_of(options["columns"], feet)
     if _is_recording(path):
         found = _events(path, columns, rate_hz)
     elif (label := options["label_column"]) is not None:  # one row per contact
         table = open_table(path)
-        labels, times = np.array(table.texts(label)), table.numbers(options["time_column"])
+        labels, times = (
+            np.array(table.texts(label)),
+            table.numbers(options["time_column"]),
+        )
         found = _by_label(f"{path}, column '{label}'", columns, labels, times)
     else:
         table = open_table(path)
         found = {column.name: table.numbers(column.name) for column in columns}
     start = options["offset_s"]
-    return [_contact_times(path, one, found[one.name] * unit + start) for one in columns]
+    return [
+        _contact_times(path, one, found[one.name] * unit + start) for one in columns
+    ]
 
 
 def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactTimes:
@@ -148,10 +160,14 @@ def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactT
     if not len(instants):
         place = f"{path}: column '{column.name}'"
         raise RecordingError.at(place, "at least one contact instant", "none")
-    return ContactTimes(column, instants, "contacts", (float(instants[0]), float(instants[-1])))
+    return ContactTimes(
+        column, instants, "contacts", (float(instants[0]), float(instants[-1]))
+    )
 
 
-def _events(path: Path, columns: Sequence[Column], rate_hz: float | None) -> dict[str, FloatArray]:
+def _events(
+    path: Path, columns: Sequence[Column], rate_hz: float | None
+) -> dict[str, FloatArray]:
     """Return instants by label, from the events of a motion-capture file."""
     from hopdata.recordings.readers.formats import read_raw
 
@@ -162,7 +178,10 @@ def _events(path: Path, columns: Sequence[Column], rate_hz: float | None) -> dic
 
 
 def _by_label(
-    place: str, columns: Sequence[Column], labels: np.ndarray[Any, Any], times: FloatArray
+    place: str,
+    columns: Sequence[Column],
+    labels: np.ndarray[Any, Any],
+    times: FloatArray,
 ) -> dict[str, FloatArray]:
     present = tuple(dict.fromkeys(labels.tolist()))
     for column in columns:
@@ -182,27 +201,32 @@ def _is_recording(path: Path) -> bool:
     return first.split(b"\t")[0].strip() in [key.encode() for key in KEYS]
 
 
-# Vertical forces under the feet, from a text table or the analog channels of a C3D file.
+# Vertical forces under the feet, from a text table or the analog channels of a C3D
+# file.
 
 NEWTONS_PER_UNIT = {"N": 1.0, "kN": 1000.0, "body_weight": 1.0}
 # Units as C3D files spell them, in small letters; "nt" is that of older laboratories.
 FORCE_UNIT_SPELLINGS = {
     **dict.fromkeys(("n", "nt", "newton", "newtons"), "N"),
     **dict.fromkeys(("kn", "kilonewton", "kilonewtons"), "kN"),
-    **dict.fromkeys(("bw", "xbw", "body_weight", "body weight", "bodyweight"), "body_weight"),
+    **dict.fromkeys(
+        ("bw", "xbw", "body_weight", "body weight", "bodyweight"), "body_weight"
+    ),
 }
 LEAST_RATE_HZ = 50.0  # Hz; below it, onsets are no more precise than those of a camera
 RATE_TOLERANCE = 1e-3  # relative
 
 
-def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> list[ForceSignal]:
+def read_force_signals(
+    options: Mapping[str, Any], *, feet: Sequence[str]
+) -> list[ForceSignal]:
     """Read the forces named by a recording's block ``forces``.
 
     Parameters
     ----------
     options : mapping
-        ``recordings[].forces`` of the configuration: file, columns, time_column, rate_hz, unit,
-        inverted, offset_s, and the threshold, which is passed on.
+        ``recordings[].forces`` of the configuration: file, columns, time_column,
+        rate_hz, unit, inverted, offset_s, and the threshold, which is passed on.
     feet : sequence of str
         Feet of the recording.
 
@@ -214,7 +238,8 @@ def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> li
     Raises
     ------
     RecordingError
-        If the file cannot be used; names the file, the column, what was expected and found.
+        If the file cannot be used; names the file, the column, what was expected and
+        found.
     """
     path = Path(options["file"])
     columns = columns_of(options["columns"], feet)
@@ -223,7 +248,9 @@ def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> li
     table = open_table(path)
     forces = {column.name: table.numbers(column.name) for column in columns}
     time = _times(table, options, len(forces[columns[0].name])) + options["offset_s"]
-    return [_signal(path, column, time, forces[column.name], options) for column in columns]
+    return [
+        _signal(path, column, time, forces[column.name], options) for column in columns
+    ]
 
 
 def _analog_signals(
@@ -239,7 +266,9 @@ def _analog_signals(
     for column in columns:
         force, stated = analogs.channel(column.name)
         _check_force_unit(f"{path}: channel '{column.name}'", stated, options["unit"])
-        signals.append(_signal(path, column, analogs.time + options["offset_s"], force, options))
+        signals.append(
+            _signal(path, column, analogs.time + options["offset_s"], force, options)
+        )
     return signals
 
 
@@ -262,23 +291,33 @@ def _check_force_unit(place: str, stated: str, wanted: str) -> None:
         found = f"'{stated}'; name a channel of forces, or export the plate's forces calibrated"
         raise RecordingError.at(place, f"a unit of force ({known})", found)
     if unit != wanted:
-        raise RecordingError.at(place, f"forces.unit: {unit} as the file states", wanted)
+        raise RecordingError.at(
+            place, f"forces.unit: {unit} as the file states", wanted
+        )
 
 
-def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> FloatArray:
+def _times(
+    table: ColumnTable, options: Mapping[str, Any], n_samples: int
+) -> FloatArray:
     """Return the time of each sample from the start of the file's clock, (K,), s."""
     rate, name = options["rate_hz"], options["time_column"] or table.clock
     if name is None:
         if rate is None:
             wanted = "the samples' rate or forces.time_column"
-            raise RecordingError.at(f"{table.rows.path}: forces.rate_hz", wanted, "neither")
+            raise RecordingError.at(
+                f"{table.rows.path}: forces.rate_hz", wanted, "neither"
+            )
         return np.arange(n_samples) / float(rate)
     time = table.numbers(name)
-    _check_times(f"{table.rows.path}, column '{name}'", time, rate, n_lines=table.rows.n_lines)
+    _check_times(
+        f"{table.rows.path}, column '{name}'", time, rate, n_lines=table.rows.n_lines
+    )
     return time
 
 
-def _check_times(place: str, time: FloatArray, rate: float | None, *, n_lines: int = 1) -> None:
+def _check_times(
+    place: str, time: FloatArray, rate: float | None, *, n_lines: int = 1
+) -> None:
     steps = np.diff(time)
     if len(time) < 2 or not (steps > 0).all():
         bad = int(np.flatnonzero(~(steps > 0))[0]) if len(time) > 1 else 0
@@ -289,14 +328,20 @@ def _check_times(place: str, time: FloatArray, rate: float | None, *, n_lines: i
         hint = "; a column that counts samples is not a time: leave it out and give forces.rate_hz"
     if rate is not None and abs(found / rate - 1) > RATE_TOLERANCE:
         wanted = f"steps of {1 / rate:.6g} s as stated by forces.rate_hz: {rate:g}"
-        raise RecordingError.at(place, wanted, f"{1 / found:.6g} s ({found:.6g} Hz){hint}")
+        raise RecordingError.at(
+            place, wanted, f"{1 / found:.6g} s ({found:.6g} Hz){hint}"
+        )
     if found < LEAST_RATE_HZ:
         wanted = f"at least {LEAST_RATE_HZ:g} samples a second"
         raise RecordingError.at(place, wanted, f"{found:.6g}{hint}")
 
 
 def _signal(
-    path: Path, column: Column, time: FloatArray, force: FloatArray, options: Mapping[str, Any]
+    path: Path,
+    column: Column,
+    time: FloatArray,
+    force: FloatArray,
+    options: Mapping[str, Any],
 ) -> ForceSignal:
     newtons = chosen("forces.unit", options["unit"], NEWTONS_PER_UNIT)
     upward = force * newtons * (-1.0 if options["inverted"] else 1.0)
@@ -307,6 +352,8 @@ def _signal(
     if -low > high:
         set_it = f"set forces.inverted: {str(not options['inverted']).lower()}"
         found = f"{low:.4g} to {high:.4g}; {set_it}"
-        raise RecordingError.at(place, "the upward force on the feet to be positive", found)
+        raise RecordingError.at(
+            place, "the upward force on the feet to be positive", found
+        )
     unit = "body_weight" if options["unit"] == "body_weight" else "N"
     return ForceSignal(column, time, upward, unit, options)

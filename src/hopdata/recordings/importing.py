@@ -20,15 +20,17 @@ from hopdata.recordings.raw import RawRecording, rotate_up, without_subject
 from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw
 from hopdata.recordings.readers.text import listed
 
-# Several files of one day are joined into one recording, frames in sequence, with a pause between.
+# Several files of one day are joined into one recording, frames in sequence, with a
+# pause between.
 
 
 def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
     """Join files, which must be given in order of time.
 
-    If every file states when its measurement began, that sets its place in time. Otherwise, a file
-    keeps its time stamps if they follow those of the file before; any other file is moved to begin
-    `PAUSE_S` after the previous one, with a remark. No frames are made up for the time between.
+    If every file states when its measurement began, that sets its place in time.
+    Otherwise, a file keeps its time stamps if they follow those of the file before; any
+    other file is moved to begin `PAUSE_S` after the previous one, with a remark. No
+    frames are made up for the time between.
 
     Parameters
     ----------
@@ -38,14 +40,19 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
     Raises
     ------
     RecordingError
-        If the files differ in rate, unit, markers or stated vertical axis, or are out of order.
+        If the files differ in rate, unit, markers or stated vertical axis, or are out
+        of order.
     """
     first = raws[0]
     for path, raw in zip(paths[1:], raws[1:], strict=True):
         _check_alike(paths[0], first, path, raw)
     starts, remarks = _starts(paths, raws)
-    moved = [(raw, start - raw.time[0]) for start, raw in zip(starts, raws, strict=True)]
-    events = tuple(Event(event.label, event.time_s + s) for raw, s in moved for event in raw.events)
+    moved = [
+        (raw, start - raw.time[0]) for start, raw in zip(starts, raws, strict=True)
+    ]
+    events = tuple(
+        Event(event.label, event.time_s + s) for raw, s in moved for event in raw.events
+    )
     return replace(
         first,
         time=np.concatenate([raw.time + s for raw, s in moved]),
@@ -56,17 +63,23 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
     )
 
 
-def _check_alike(first_path: Path, first: RawRecording, path: Path, raw: RawRecording) -> None:
+def _check_alike(
+    first_path: Path, first: RawRecording, path: Path, raw: RawRecording
+) -> None:
     for what, wanted, found in (
         ("unit", first.unit, raw.unit),
         ("markers", first.markers, raw.markers),
         ("vertical axis", first.stated_up, raw.stated_up),
         ("frame rate (Hz)", first.rate_hz, raw.rate_hz),
     ):
-        apart = abs(raw.rate_hz - first.rate_hz) > reading.RATE_TOLERANCE * first.rate_hz
+        apart = (
+            abs(raw.rate_hz - first.rate_hz) > reading.RATE_TOLERANCE * first.rate_hz
+        )
         if apart if what.startswith("frame rate") else wanted != found:
             told = f"{found}; files joined in one recording must agree"
-            raise RecordingError.at(f"{path}: {what}", f"{wanted} as in {first_path.name}", told)
+            raise RecordingError.at(
+                f"{path}: {what}", f"{wanted} as in {first_path.name}", told
+            )
 
 
 def _starts(
@@ -88,7 +101,9 @@ def _starts(
     return starts, (f"{told}{reading.PAUSE_S:g} s after the file before",) * bool(moved)
 
 
-def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> list[float] | None:
+def _starts_by_clock(
+    paths: Sequence[Path], raws: Sequence[RawRecording]
+) -> list[float] | None:
     """Return the times of the first frames, or None unless all files state plausible starts.
 
     Raises
@@ -102,10 +117,16 @@ def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> lis
     starts = [at + float(raw.time[0]) for at, raw in zip(began, raws, strict=True)]
     for i in range(1, len(raws)):
         if starts[i] < starts[i - 1]:
-            wanted = f"a file recorded after {paths[i - 1].name} ({raws[i - 1].started})"
-            found = f"one that began {raws[i].started}; name the files in the order of time"
+            wanted = (
+                f"a file recorded after {paths[i - 1].name} ({raws[i - 1].started})"
+            )
+            found = (
+                f"one that began {raws[i].started}; name the files in the order of time"
+            )
             raise RecordingError.at(paths[i], wanted, found)
-        if starts[i] <= starts[i - 1] + float(raws[i - 1].time[-1] - raws[i - 1].time[0]):
+        if starts[i] <= starts[i - 1] + float(
+            raws[i - 1].time[-1] - raws[i - 1].time[0]
+        ):
             return None  # the files share one date, so it is a placeholder
     return starts
 
@@ -113,7 +134,13 @@ def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> lis
 BLOCK = 50_000  # frames turned at a time
 ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 
-PER_FOOT = ("contact_times", "foot_down", "contact_points", "floor_at_contacts", "preloads_n")
+PER_FOOT = (
+    "contact_times",
+    "foot_down",
+    "contact_points",
+    "floor_at_contacts",
+    "preloads_n",
+)
 
 
 @one_blas_thread()
@@ -136,17 +163,19 @@ def import_recording(
     Parameters
     ----------
     path : path or sequence of path
-        A file whose suffix is one of `formats.suffixes`, or several to be joined (see `join`).
+        A file whose suffix is one of `formats.suffixes`, or several to be joined (see
+        `join`).
     name : str
         Name of the recording in the study.
     markers : mapping
-        Marker names for each of ``"body"``, ``"feet"``, ``"boom"``; the result keeps this order.
+        Marker names for each of ``"body"``, ``"feet"``, ``"boom"``; the result keeps
+        this order.
     unit : {"auto", "m", "mm"}
-        Unit of the file's positions. ``"auto"`` takes the format's own unit, or the other one if
-        only that gives a plausible size; a remark says so.
+        Unit of the file's positions. ``"auto"`` takes the format's own unit, or the
+        other one if only that gives a plausible size; a remark says so.
     vertical_axis : {"auto", "x", "y", "z", "-x", "-y", "-z"}
-        Axis of the file that points up. ``"auto"`` takes the axis along which the markers fall, or
-        the body is above its feet; a remark says so.
+        Axis of the file that points up. ``"auto"`` takes the axis along which the
+        markers fall, or the body is above its feet; a remark says so.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one (`raw.overrule_rate`).
     most_unpacked_mb : float
@@ -154,17 +183,17 @@ def import_recording(
     least_score : float
         Keypoints from video with a lower score count as unseen.
     exclude : sequence of mappings
-        ``recordings[].exclude`` of the configuration: the ``markers`` of an entry count as unseen
-        from ``from_s`` to ``to_s``; a remark says so.
+        ``recordings[].exclude`` of the configuration: the ``markers`` of an entry count
+        as unseen from ``from_s`` to ``to_s``; a remark says so.
 
     Returns
     -------
     recording : Recording
-        Positions in m, z up, with the file's SHA-256. For several files, names and digests are
-        joined by commas.
+        Positions in m, z up, with the file's SHA-256. For several files, names and
+        digests are joined by commas.
     truth : Truth or None
-        Truth of a synthetic recording, if body, feet and axes are those it was made for. None for
-        several files.
+        Truth of a synthetic recording, if body, feet and axes are those it was made
+        for. None for several files.
 
     Raises
     ------
@@ -173,7 +202,9 @@ def import_recording(
     """
     paths = [Path(p) for p in ([path] if isinstance(path, str | Path) else path)]
     if not paths:
-        raise RecordingError(f"recording '{name}': expected at least one file, found none")
+        raise RecordingError(
+            f"recording '{name}': expected at least one file, found none"
+        )
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
     stated, pieces = [], []
     for p in paths:
@@ -185,8 +216,12 @@ def import_recording(
     raw = join(paths, spoken) if len(paths) > 1 else pieces[0]
     positions = raw.positions
     taken = orientation.choose_unit(positions, unit=unit, nominal=raw.unit)
-    guessed = orientation.unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
-    vertical_axis, found = orientation.choose_up(vertical_axis, sources[0], raw, taken, markers)
+    guessed = (
+        orientation.unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
+    )
+    vertical_axis, found = orientation.choose_up(
+        vertical_axis, sources[0], raw, taken, markers
+    )
     for first in range(0, len(positions), BLOCK):
         block = positions[first : first + BLOCK]
         block *= reading.METRES_PER_UNIT[taken]
@@ -196,7 +231,9 @@ def import_recording(
         time=raw.time,
         positions=positions,
         markers=raw.markers,
-        roles=tuple(role for key, role in ROLE_OF_KEY.items() for _ in markers.get(key) or ()),
+        roles=tuple(
+            role for key, role in ROLE_OF_KEY.items() for _ in markers.get(key) or ()
+        ),
         rate_hz=raw.rate_hz,
         source=", ".join(sources),
         source_sha256=", ".join(sha256(p) for p in paths),
@@ -204,7 +241,9 @@ def import_recording(
         events=raw.events,
         remarks=raw.remarks + guessed + found,
     )
-    if np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5:  # only then is it every second
+    if (
+        np.diff(raw.time).max(initial=0.0) * raw.rate_hz < 1.5
+    ):  # only then is it every second
         recording = recording.part(recorded_frames(recording.body))
     halved = len(recording.time) < len(raw.time)
     told = f"{recording.source}: every second frame is made up from its neighbours, and left out"
@@ -215,14 +254,18 @@ def import_recording(
     return recording, _truth(paths[0], stated[0], recording)
 
 
-def _unseen(recording: Recording, exclude: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+def _unseen(
+    recording: Recording, exclude: Sequence[Mapping[str, Any]]
+) -> tuple[str, ...]:
     """Set markers to NaN (in place) where the configuration excludes them; return remarks."""
     remarks = []
     for entry in exclude:
         begin, end = (recording.time[k] if t is None else t
                       for k, t in ((0, entry["from_s"]), (-1, entry["to_s"])))  # fmt: skip
         inside = (recording.time >= begin) & (recording.time <= end)
-        told = f"counts as unseen from {begin:g} to {end:g} s, by hand: {entry['reason']}"
+        told = (
+            f"counts as unseen from {begin:g} to {end:g} s, by hand: {entry['reason']}"
+        )
         for name in entry["markers"]:
             recording.positions[inside, recording.markers.index(name)] = np.nan
             remarks.append(f"{recording.source}: marker '{name}' {told}")
@@ -243,11 +286,13 @@ ANOTHER_SESSION = (
 )
 
 
-def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> RawRecording:
+def _chosen(
+    path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]
+) -> RawRecording:
     """Keep only the configured markers, body first, then feet, then boom.
 
-    If no configured name has a subject (`Anna:toe`) and the file has only one subject, its name is
-    dropped.
+    If no configured name has a subject (`Anna:toe`) and the file has only one subject,
+    its name is dropped.
     """
     for key in wanted:
         require_choice("markers", key, ROLE_OF_KEY)
@@ -259,23 +304,37 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
         for marker in wanted.get(key) or ():
             if marker not in raw.markers:
                 several = set(marker.split()) <= set(raw.markers)
-                near = "; is a comma missing?" if several else did_you_mean(marker, raw.markers)
-                near += "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
+                near = (
+                    "; is a comma missing?"
+                    if several
+                    else did_you_mean(marker, raw.markers)
+                )
+                near += "".join(
+                    f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told
+                )
                 near += ANOTHER_SESSION * set(asked).isdisjoint(raw.markers)
                 place, there = f"{path}: markers.{key}", f"({listed(raw.markers)})"
-                raise RecordingError.at(place, f"a marker of the file {there}", f"{marker!r}{near}")
+                raise RecordingError.at(
+                    place, f"a marker of the file {there}", f"{marker!r}{near}"
+                )
             if marker in chosen:
-                raise RecordingError.at(f"markers.{key}", "each marker once", f"'{marker}' twice")
+                raise RecordingError.at(
+                    f"markers.{key}", "each marker once", f"'{marker}' twice"
+                )
             chosen.append(marker)
     order = [raw.markers.index(marker) for marker in chosen]
-    return replace(raw, markers=tuple(chosen), positions=_only(raw.positions, order), roles=())
+    return replace(
+        raw, markers=tuple(chosen), positions=_only(raw.positions, order), roles=()
+    )
 
 
 def _only(positions: FloatArray, order: Sequence[int]) -> FloatArray:
     """Return some markers of (N, M, 3) positions, overwriting the memory of the input."""
     kept = positions.reshape(-1)[: 3 * len(positions) * len(order)]
     kept = kept.reshape(len(positions), len(order), 3)
-    for first in range(0, len(positions), BLOCK):  # each block is read before it is overwritten
+    for first in range(
+        0, len(positions), BLOCK
+    ):  # each block is read before it is overwritten
         block = slice(first, first + BLOCK)
         kept[block] = positions[block][:, order]
     return kept
@@ -285,7 +344,9 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
     """Return the truth in the file, feet in the recording's order, or None if it does not apply."""
     from hopdata.recordings.readers.hdf5 import is_truth_of, read_truth
 
-    if not is_truth_of(roles, body=recording.names("body"), feet=recording.names("foot")):
+    if not is_truth_of(
+        roles, body=recording.names("body"), feet=recording.names("foot")
+    ):
         return None
     truth = read_truth(path)
     if truth is None:
@@ -295,6 +356,8 @@ def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth 
     if truth.foot_down.shape != expected:
         wanted = "{} frames and {} feet as in the recording".format(*expected)
         place = f"{path}: truth"
-        raise RecordingError.at(place, wanted, "{} and {}".format(*truth.foot_down.shape))
+        raise RecordingError.at(
+            place, wanted, "{} and {}".format(*truth.foot_down.shape)
+        )
     order = [feet.index(name) for name in recording.names("foot")]
     return replace(truth, **{key: getattr(truth, key)[:, order] for key in PER_FOOT})

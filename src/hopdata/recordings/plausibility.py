@@ -9,14 +9,19 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, body_over_feet, extent, fraction_seen, sampled
 from hopdata.recordings.quality import softness
-from hopdata.recordings.quality.orientation import PLAUSIBLE_EXTENT_M, FreeFall, free_fall
+from hopdata.recordings.quality.orientation import (
+    PLAUSIBLE_EXTENT_M,
+    FreeFall,
+    free_fall,
+)
 from hopdata.recordings.quality.rigid import treated
 from hopdata.recordings.quality.stretches import check_stamps, feet_as_one, high_feet
 from hopdata.recordings.raw import FILE_AXES, along_file, is_pause, opposite
 
 MIN_BODY_MARKERS = 3
 MIN_FEET = 2
-TILT_LIMIT = 5.0  # ratio to the height: if exceeded along another axis, the vertical axis is wrong
+# Ratio to the height: if exceeded along another axis, the vertical axis is wrong
+TILT_LIMIT = 5.0
 SMALLEST_M = 0.003  # m; metres mistaken for millimetres are then detected from 3 m on
 STEP_TOLERANCE = 0.02  # relative to a frame
 
@@ -31,7 +36,8 @@ WRONG_UNITS = {
     "metres taken for millimetres": (1e3, "set input.unit: m"),
 }
 AS_READ = "as read"
-CLEARLY = 5.0  # free fall must be this many times as frequent in another unit as in the one taken
+# Free fall must be this many times as frequent in another unit as in the one taken
+CLEARLY = 5.0
 
 
 def check_plausible(
@@ -67,14 +73,18 @@ def check_markers(recording: Recording) -> None:
         names = recording.names(role)
         if len(names) < least:
             found = f"{len(names)} ({', '.join(names) or 'none'})"
-            raise RecordingError.at(f"{recording.place}: {what}", f"at least {least}", found)
+            raise RecordingError.at(
+                f"{recording.place}: {what}", f"at least {least}", found
+            )
 
 
 def check_time(recording: Recording) -> None:
     """Require a positive rate and strictly increasing time stamps that agree with it."""
     place, time, rate = recording.place, recording.time, recording.rate_hz
     if not (np.isfinite(rate) and rate > 0):
-        raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {rate:g} Hz")
+        raise RecordingError(
+            f"{place}: frame rate: expected more than 0 Hz, found {rate:g} Hz"
+        )
     if len(time) < 2:
         raise RecordingError(f"{place}: expected at least 2 frames, found {len(time)}")
     check_order(place, time)
@@ -91,8 +101,12 @@ def check_order(place: str, time: FloatArray) -> None:
     if len(bad):
         i = int(bad[0])
         found = f"{time[i + 1]:.6g} s; if frames occur twice, remove them from the file; if "
-        found += "times have too few digits, leave the column out and give input.rate_hz"
-        raise RecordingError.at(f"{place}: frame {i + 2}", f"a time after {time[i]:.6g} s", found)
+        found += (
+            "times have too few digits, leave the column out and give input.rate_hz"
+        )
+        raise RecordingError.at(
+            f"{place}: frame {i + 2}", f"a time after {time[i]:.6g} s", found
+        )
 
 
 def check_positions(recording: Recording) -> None:
@@ -100,7 +114,9 @@ def check_positions(recording: Recording) -> None:
     place = recording.place
     if np.isinf(recording.positions).any():
         name = recording.markers[int(np.argwhere(np.isinf(recording.positions))[0, 1])]
-        raise RecordingError(f"{place}: marker '{name}': expected finite positions, found infinity")
+        raise RecordingError(
+            f"{place}: marker '{name}': expected finite positions, found infinity"
+        )
     seen = fraction_seen(recording)
     tracks = np.moveaxis(recording.positions, 1, 0)
     for name, fraction, positions in zip(recording.markers, seen, tracks, strict=True):
@@ -118,7 +134,9 @@ def check_positions(recording: Recording) -> None:
             both = ~np.isnan(frames[:, i] + frames[:, j])
             if both.any() and np.array_equal(frames[:, i][both], frames[:, j][both]):
                 pair = f"{place}: markers '{recording.markers[j]}' and '{name}'"
-                raise RecordingError.at(pair, "different positions", "the same in every frame")
+                raise RecordingError.at(
+                    pair, "different positions", "the same in every frame"
+                )
 
 
 def check_scale(recording: Recording) -> None:
@@ -157,7 +175,9 @@ def check_upright(recording: Recording) -> None:
         up = opposite(FILE_AXES[recording.vertical_axis][best])
         hint = f"; set input.vertical_axis: {up}, or are markers.body and markers.feet exchanged?"
     if not recording.source:
-        hint = "; the last axis of positions is x, y, z with z up: reorder yours to match"
+        hint = (
+            "; the last axis of positions is x, y, z with z up: reorder yours to match"
+        )
     place = f"{recording.place}: vertical axis {recording.vertical_axis}"
     found = f"the body's mean at {found} from the feet{hint}"
     raise RecordingError.at(place, "the body above the feet", found)
@@ -177,7 +197,10 @@ def _up_by_fall(recording: Recording) -> str:
 
 def check_fall(recording: Recording) -> None:
     """Require freely falling markers, if any, to fall at 9.81 m/s²; catches centimetres."""
-    units = {AS_READ: 1.0, **{slip: factor for slip, (factor, _) in WRONG_UNITS.items()}}
+    units = {
+        AS_READ: 1.0,
+        **{slip: factor for slip, (factor, _) in WRONG_UNITS.items()},
+    }
     fall = free_fall(recording.positions, recording.rate_hz, units=units)
     if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
         return
@@ -185,10 +208,14 @@ def check_fall(recording: Recording) -> None:
         wanted = "markers to fall freely at 9.81 m/s²"
         found = f"{9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames"
         looks = f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}"
-        raise RecordingError.at(f"{recording.place}: scale", wanted, f"{found}; {looks}")
+        raise RecordingError.at(
+            f"{recording.place}: scale", wanted, f"{found}; {looks}"
+        )
 
 
-def check_rigid(recording: Recording, *, largest_strain: float = softness.LARGEST_STRAIN) -> None:
+def check_rigid(
+    recording: Recording, *, largest_strain: float = softness.LARGEST_STRAIN
+) -> None:
     """Require the body's markers to be one body: soft perhaps, but without a limb or a foot.
 
     Parameters
@@ -198,7 +225,9 @@ def check_rigid(recording: Recording, *, largest_strain: float = softness.LARGES
     largest_strain : float
         See `softness.what_bends`.
     """
-    bend = softness.what_bends(recording.body, recording.feet, largest_strain=largest_strain)
+    bend = softness.what_bends(
+        recording.body, recording.feet, largest_strain=largest_strain
+    )
     if bend is None:
         return
     names = recording.names("body")
@@ -229,8 +258,13 @@ def _key_of(bend: softness.Bend) -> str:
 # Remarks on a recording that can be analysed nevertheless.
 
 MISSING_NOTE_FRACTION = 0.1
-HIGH_FOOT = 0.2  # of the body's height over the feet; no mount and no floor is this uneven
-ROUNDED_TO_M = (0.01, 0.001)  # coarser first; finer rounding is lost in the noise of any camera
+HIGH_FOOT = (
+    0.2  # of the body's height over the feet; no mount and no floor is this uneven
+)
+ROUNDED_TO_M = (
+    0.01,
+    0.001,
+)  # coarser first; finer rounding is lost in the noise of any camera
 
 
 def notes(recording: Recording) -> list[str]:
@@ -243,12 +277,16 @@ def notes(recording: Recording) -> list[str]:
     """
     more = [
         f"marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
-        for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
+        for name, fraction in zip(
+            recording.markers, fraction_seen(recording), strict=True
+        )
         if 1 - fraction > MISSING_NOTE_FRACTION
     ]
     feet = recording.feet[:, :, 2], recording.names("foot")
     high = high_feet(*feet, above_m=HIGH_FOOT * body_over_feet(recording)[2])
-    more += [f"{one}; does it touch the ground, or does the floor slope?" for one in high]
+    more += [
+        f"{one}; does it touch the ground, or does the floor slope?" for one in high
+    ]
     more += [f"{one}; is one a copy of the other?" for one in feet_as_one(*feet)]
     more += [*_rounding(recording), *_missing_times(recording)]
     more += softness.softness_remark(recording.body, recording.names("body"))
@@ -259,8 +297,8 @@ def notes(recording: Recording) -> list[str]:
 def rounded_to(positions: FloatArray) -> float | None:
     """Return the step, m, that all coordinates (N, M, 3), m, are multiples of; None if too fine.
 
-    A multiple rounded to float32 counts as one, but not so far from the origin that float32 itself
-    has steps of more than a hundredth of these.
+    A multiple rounded to float32 counts as one, but not so far from the origin that
+    float32 itself has steps of more than a hundredth of these.
     """
 
     def all_multiples(part: FloatArray, step: float) -> bool:
@@ -270,7 +308,9 @@ def rounded_to(positions: FloatArray) -> float | None:
         return bool(seen.size and np.all(off <= np.minimum(rounding, 0.01 * step)))
 
     parts = (sampled(positions), positions)  # a sample rules out most files quickly
-    return next((s for s in ROUNDED_TO_M if all(all_multiples(p, s) for p in parts)), None)
+    return next(
+        (s for s in ROUNDED_TO_M if all(all_multiples(p, s) for p in parts)), None
+    )
 
 
 def _rounding(recording: Recording) -> list[str]:

@@ -27,7 +27,9 @@ _SPELT = (
 )
 _BY_PROGRAM = re.compile(r"(.*:)?(\*\d+|unlabel+ed.*)", re.IGNORECASE)
 
-UNSEEN_FROM = 9999.0  # programs write at least this, three times, for a marker that was not seen
+UNSEEN_FROM = (
+    9999.0  # programs write at least this, three times, for a marker that was not seen
+)
 FASTEST_HZ = 1e5  # Hz, as in the schema of input.rate_hz
 RATE_TOLERANCE = 1e-3  # relative; larger than the error of any rounded rate in a file
 MOST_LISTED = 12  # names in a remark
@@ -49,7 +51,8 @@ class RawRecording:
     time : (N,) array
         Time stamp of each frame, s.
     positions : (N, M, 3) array
-        Marker positions along the file's axes, in `unit`; NaN where a marker was not seen.
+        Marker positions along the file's axes, in `unit`; NaN where a marker was not
+        seen.
     rate_hz : float
         Nominal frame rate, Hz.
     unit : str
@@ -69,7 +72,8 @@ class RawRecording:
     remarks : tuple of str
         False statements of the file that could be corrected, one line each.
     has_stamps : bool
-        Whether `time` comes from the file; otherwise it is counted in frames at `rate_hz`.
+        Whether `time` comes from the file; otherwise it is counted in frames at
+        `rate_hz`.
     """
 
     markers: tuple[str, ...]
@@ -102,7 +106,8 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     Raises
     ------
     RecordingError
-        If neither is known (`RateUnknownError`), or a rate is not positive or beyond any camera's.
+        If neither is known (`RateUnknownError`), or a rate is not positive or beyond
+        any camera's.
     """
     for where, rate in ((f"{place}: frame rate", stated), ("input.rate_hz", given)):
         if rate is not None and not 0 < rate < math.inf:
@@ -139,7 +144,11 @@ def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawReco
         return raw
     told = f"{place}: frame rate: {given:g} Hz as in input.rate_hz; the file states {raw.rate_hz:g}"
     if raw.has_stamps:
-        own = 1 / float(np.median(np.diff(raw.time))) if len(raw.time) > 1 else raw.rate_hz
+        own = (
+            1 / float(np.median(np.diff(raw.time)))
+            if len(raw.time) > 1
+            else raw.rate_hz
+        )
         if not abs(own - given) <= SLACK * given:
             wanted = f"{own:.4g} Hz as in its time stamps"
             found = f"input.rate_hz: {given:g}; leave it out, or correct the time in the export"
@@ -167,24 +176,31 @@ def metric(place: str, stated: str) -> tuple[str, float]:
 def labelled(place: str, names: Sequence[str]) -> tuple[list[int], tuple[str, ...]]:
     """Return which trajectories were named by a person, and a remark on the others.
 
-    ``*113`` and ``Unlabeled 7`` are fragments of any marker. They are kept if a file has nothing
-    else.
+    ``*113`` and ``Unlabeled 7`` are fragments of any marker. They are kept if a file
+    has nothing else.
     """
     kept = [i for i, name in enumerate(names) if not _BY_PROGRAM.fullmatch(name)]
     if not kept or len(kept) == len(names):
         return list(range(len(names))), ()
-    return kept, (f"{place}: {len(names) - len(kept)} unlabeled trajectories are left out",)
+    return kept, (
+        f"{place}: {len(names) - len(kept)} unlabeled trajectories are left out",
+    )
 
 
 def without_subject(names: Sequence[str]) -> tuple[str, ...]:
     """Drop the subject from names such as ``Anna:toe``, unless there are several subjects."""
     subjects = {name.partition(":")[0] for name in names if ":" in name}
-    return tuple(name.split(":", 1)[-1] if len(subjects) == 1 else name for name in names)
+    return tuple(
+        name.split(":", 1)[-1] if len(subjects) == 1 else name for name in names
+    )
 
 
 def largest(numbers: FloatArray) -> float:
     """Return the largest absolute value without a temporary array; NaN if all values are NaN."""
-    bounds = (extreme.reduce(numbers, axis=None, initial=np.nan) for extreme in (np.fmin, np.fmax))
+    bounds = (
+        extreme.reduce(numbers, axis=None, initial=np.nan)
+        for extreme in (np.fmin, np.fmax)
+    )
     return float(max(map(abs, bounds)))
 
 
@@ -193,8 +209,8 @@ def distinct_names(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Make marker names complete and distinct; return them with remarks on the changes.
 
-    All markers that share a name are numbered, so that a request for that name fails and the user
-    can choose.
+    All markers that share a name are numbered, so that a request for that name fails
+    and the user can choose.
 
     Parameters
     ----------
@@ -217,7 +233,9 @@ def distinct_names(
             wanted = f"a name of letters and digits for marker {i}"
             raise RecordingError.at(place, wanted, repr(name))
     if len(names) > MOST_MARKERS:
-        raise RecordingError.at(place, f"at most {MOST_MARKERS:,} markers", f"{len(names):,}")
+        raise RecordingError.at(
+            place, f"at most {MOST_MARKERS:,} markers", f"{len(names):,}"
+        )
     distinct = [name or f"unnamed {i}" for i, name in enumerate(names, start=1)]
     remarks = []
     if n_nameless := sum(not name for name in names):
@@ -245,8 +263,8 @@ def distinct_names(
 def blank_unseen(positions: FloatArray) -> None:
     """Set markers to NaN (in place) in frames where the file marks them as not seen.
 
-    In those frames a coordinate is missing, all three are 0, or all three are one number of at
-    least 9999 in size (-9999, 9999.99, 99999).
+    In those frames a coordinate is missing, all three are 0, or all three are one
+    number of at least 9999 in size (-9999, 9999.99, 99999).
     """
     for track in np.moveaxis(positions, 1, 0):
         x, y, z = track.T
@@ -276,8 +294,8 @@ def assembled(
     named : tuple
         Output of `distinct_names`.
     positions : (N, M, 3) array
-        In the stated unit. Unseen positions are set to NaN (`blank_unseen`), then all are scaled in
-        place.
+        In the stated unit. Unseen positions are set to NaN (`blank_unseen`), then all
+        are scaled in place.
     number : (N,) array
         Number of each frame, from 1.
     stamps : (N,) array, optional
@@ -285,8 +303,8 @@ def assembled(
     unit : tuple of str
         Where the file states its unit, and its spelling; empty if it does not.
     rates_hz : tuple
-        Rate stated by the file, and ``input.rate_hz``, Hz, or None. If the file states none, the
-        time stamps give its rate.
+        Rate stated by the file, and ``input.rate_hz``, Hz, or None. If the file states
+        none, the time stamps give its rate.
     rate_place : str
         Where the rate should stand; by default the file.
     remarks : tuple of str
@@ -310,24 +328,35 @@ def assembled(
     late: tuple[str, ...] = ()
     if stamps is not None:
         time, late = settle(place, stamps, number, rate)
-    others = {"unit_is_stated": bool(unit[1]), "has_stamps": stamps is not None, **others}
+    others = {
+        "unit_is_stated": bool(unit[1]),
+        "has_stamps": stamps is not None,
+        **others,
+    }
     said = (*remarks, *named[1], *late)
-    return RawRecording(named[0], time, positions, rate, of_unit, remarks=said, **others)
+    return RawRecording(
+        named[0], time, positions, rate, of_unit, remarks=said, **others
+    )
 
 
-def frame_count(place: str, key: str, stated: float | None, n_rows: int) -> tuple[str, ...]:
+def frame_count(
+    place: str, key: str, stated: float | None, n_rows: int
+) -> tuple[str, ...]:
     """Return a remark if the stated number of frames differs from the number of rows."""
     if stated is None or stated == n_rows:
         return ()
-    found = f"{n_rows} rows, which are used" + "; was the file cut short?" * (n_rows < stated)
+    found = f"{n_rows} rows, which are used" + "; was the file cut short?" * (
+        n_rows < stated
+    )
     return (mismatch(f"{place}: {key}", f"{stated:g} frames as stated", found),)
 
 
 # Axes of the file and axes of the recording, in which z is up.
 
-# Directions of the file that become the recording's x, y, z, for each direction that pointed up in
-# the file. If an axis pointed up, the axes are permuted cyclically; if its opposite did, the first
-# and the last of them are also mirrored. All are proper rotations, which keep right and left apart.
+# Directions of the file that become the recording's x, y, z, for each direction that
+# pointed up in the file. If an axis pointed up, the axes are permuted cyclically; if
+# its opposite did, the first and the last of them are also mirrored. All are proper
+# rotations, which keep right and left apart.
 FILE_AXES = {
     "x": ("y", "z", "x"), "y": ("z", "x", "y"), "z": ("x", "y", "z"),
     "-x": ("-y", "z", "-x"), "-y": ("-z", "x", "-y"), "-z": ("-x", "y", "-z"),
@@ -362,14 +391,17 @@ def opposite(axis: str) -> str:
 def along_file(offset: FloatArray, vertical_axis: str) -> dict[str, float]:
     """Return an offset (3,) of the recording along the axes of the file."""
     pairs = zip(FILE_AXES[vertical_axis], offset.tolist(), strict=True)
-    parts = {axis[-1]: -value if axis.startswith("-") else value for axis, value in pairs}
+    parts = {
+        axis[-1]: -value if axis.startswith("-") else value for axis, value in pairs
+    }
     return {axis: parts[axis] for axis in "xyz"}
 
 
 # Time stamps and frame rate of a file: consistent, rounded or irregular.
 
 SNAP = 0.05  # frames; stamps this close to the nominal grid are rounded values of it
-FINER = 0.9  # frames; a last decimal below this means that stamps are not printed to whole frames
+# Frames; a last decimal below this means that stamps are not printed to whole frames
+FINER = 0.9
 _MOST_DECIMALS = 6
 
 
@@ -378,9 +410,9 @@ def settle(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Put time stamps back onto the grid they were rounded from.
 
-    Exports round the time to 10 us or 1 ms, and some spread N frames over N / rate. Stamps that are
-    otherwise evenly spaced follow the cameras' clock. All others are left unchanged for the checks
-    to judge.
+    Exports round the time to 10 us or 1 ms, and some spread N frames over N / rate.
+    Stamps that are otherwise evenly spaced follow the cameras' clock. All others are
+    left unchanged for the checks to judge.
 
     Parameters
     ----------
@@ -406,16 +438,20 @@ def settle(
         return stamps, ()
     grid: FloatArray = stamps[0] + (number - number[0]) / rate_hz
     ends = f"at the rate of {rate_hz:g} Hz they would end at {grid[-1]:.6g} s"
-    told = f"time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but {ends}"
+    told = (
+        f"time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but {ends}"
+    )
     return grid, (f"{place}: {told}; all {len(grid)} are taken from the rate",)
 
 
-def _fitting_grid(stamps: FloatArray, number: FloatArray, rate_hz: float) -> FloatArray | None:
+def _fitting_grid(
+    stamps: FloatArray, number: FloatArray, rate_hz: float
+) -> FloatArray | None:
     """Return the grid that the stamps are rounded from; None if there is none.
 
-    It begins at the first stamp or, since that is rounded too, midway between the bounds set by all
-    stamps. The second choice is not tried for stamps printed to whole frames, because it would
-    accept a repeated stamp.
+    It begins at the first stamp or, since that is rounded too, midway between the
+    bounds set by all stamps. The second choice is not tried for stamps printed to whole
+    frames, because it would accept a repeated stamp.
     """
     ticks: FloatArray = (number - number[0]) / rate_hz
     late = stamps - ticks
@@ -448,24 +484,32 @@ def printed_digit(stamps: FloatArray) -> float:
     return float(10.0 ** -next(told, _MOST_DECIMALS))
 
 
-def rate_of(stamps: FloatArray, number: FloatArray, *, whole: bool = True) -> float | None:
+def rate_of(
+    stamps: FloatArray, number: FloatArray, *, whole: bool = True
+) -> float | None:
     """Return the frame rate from time stamps and frame numbers (N,), Hz; None if undetermined.
 
-    With `whole`, a rate within the usual rounding of a whole number becomes that number. If the
-    first and last stamps are too coarse, the rate is the one of fewest decimals that reproduces all
-    stamps.
+    With `whole`, a rate within the usual rounding of a whole number becomes that
+    number. If the first and last stamps are too coarse, the rate is the one of fewest
+    decimals that reproduces all stamps.
     """
     if len(stamps) < 2 or not (stamps[-1] > stamps[0] and number[-1] > number[0]):
         return None
     number = _with_missing_rows(stamps, number)
     rate = (number[-1] - number[0]) / (stamps[-1] - stamps[0])
-    if whole and rate > 0 and _fitting_grid(stamps, number, rate) is None:  # ends are too coarse
+    if (
+        whole and rate > 0 and _fitting_grid(stamps, number, rate) is None
+    ):  # ends are too coarse
         slope = float(np.polyfit(number - number[0], stamps, 1)[0])
         plain = (round(1 / slope, n) for n in range(_MOST_DECIMALS) if slope > 0)
-        fitting = (x for x in plain if x > 0 and _fitting_grid(stamps, number, x) is not None)
+        fitting = (
+            x for x in plain if x > 0 and _fitting_grid(stamps, number, x) is not None
+        )
         rate = next(fitting, rate)
     nearest = np.round(rate)
-    return float(nearest if whole and abs(rate - nearest) < RATE_TOLERANCE * rate else rate)
+    return float(
+        nearest if whole and abs(rate - nearest) < RATE_TOLERANCE * rate else rate
+    )
 
 
 def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:

@@ -19,7 +19,9 @@ NO_BREAK_SPACE = "\u00a0"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 #: Texts that readers see in place of names.
-WORDS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("words.toml").read_text("utf-8"))
+WORDS: dict[str, Any] = tomllib.loads(
+    Path(__file__).with_name("words.toml").read_text("utf-8")
+)
 NOTES: dict[str, str] = WORDS["notes"]
 
 
@@ -42,7 +44,9 @@ def significant(value: Any, digits: int = 3) -> str:
         return count(number)
     if abs(number) < 1e-4:
         mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
-        return f"{mantissa.replace('-', MINUS)} × 10{str(int(exponent)).translate(RAISED)}"
+        return (
+            f"{mantissa.replace('-', MINUS)} × 10{str(int(exponent)).translate(RAISED)}"
+        )
     return f"{number:.{digits}g}".replace("-", MINUS)
 
 
@@ -85,8 +89,16 @@ def plain(value: Any) -> str:
 def labelled(key: str, value: Any) -> tuple[str, str, str]:
     """Return words, value and displayed unit of a key in SI: ``pre_height_m`` in mm."""
     for suffix, unit, factor in WORDS["units"]:
-        if key.endswith(suffix) and isinstance(value, int | float) and not isinstance(value, bool):
-            return key.removesuffix(suffix).replace("_", " "), significant(value * factor), unit
+        if (
+            key.endswith(suffix)
+            and isinstance(value, int | float)
+            and not isinstance(value, bool)
+        ):
+            return (
+                key.removesuffix(suffix).replace("_", " "),
+                significant(value * factor),
+                unit,
+            )
     counted = key.rpartition(" ")[2].startswith("n_") and isinstance(value, int)
     return key.replace("_", " "), count(value) if counted else plain(value), ""
 
@@ -134,7 +146,9 @@ class Table:
         return "prose" if any(len(row[column]) > PROSE for row in self.rows) else "text"
 
 
-def mapping_table(title: str, head: tuple[str, str], entries: Mapping[str, Any]) -> Table | None:
+def mapping_table(
+    title: str, head: tuple[str, str], entries: Mapping[str, Any]
+) -> Table | None:
     """Return a table with two columns of text: names and plain values."""
     rows = tuple((key, plain(value)) for key, value in flat(entries))
     return Table(title, head, rows, text_columns=2) if rows else None
@@ -163,7 +177,9 @@ Columns: TypeAlias = Mapping[str, Cell]
 
 def text(key: str) -> Cell:
     """Return a function that shows a text, or a dash if there is none."""
-    return lambda row: MISSING if row.get(key) == "" or is_missing(row.get(key)) else str(row[key])
+    return lambda row: (
+        MISSING if row.get(key) == "" or is_missing(row.get(key)) else str(row[key])
+    )
 
 
 def counted(key: str) -> Cell:
@@ -177,7 +193,12 @@ def decimals(key: str, digits: int, factor: float = 1.0) -> Cell:
 
 
 def table_of(
-    title: str, rows: Iterable[Row], columns: Columns, *, text_columns: int = 1, note: str = ""
+    title: str,
+    rows: Iterable[Row],
+    columns: Columns,
+    *,
+    text_columns: int = 1,
+    note: str = "",
 ) -> Table | None:
     """Return a table with a line for each row, or None if there are no rows."""
     cells = tuple(tuple(cell(row) for cell in columns.values()) for row in rows)
@@ -190,9 +211,16 @@ def records(frame: pd.DataFrame | None) -> list[dict[Any, Any]]:
 
 
 def first_rows(
-    title: str, frame: pd.DataFrame | None, columns: Columns, most: int, name: str, texts: int
+    title: str,
+    frame: pd.DataFrame | None,
+    columns: Columns,
+    most: int,
+    name: str,
+    texts: int,
 ) -> Table | None:
     """Return a table of the first rows; its note counts the rest and names the file with all."""
     left = 0 if frame is None else len(frame) - most
     note = f"{count(left)} more in tables/{name}.csv." if left > 0 else ""
-    return table_of(title, records(frame)[:most], columns, text_columns=texts, note=note)
+    return table_of(
+        title, records(frame)[:most], columns, text_columns=texts, note=note
+    )

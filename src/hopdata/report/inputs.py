@@ -16,7 +16,8 @@ from hopdata.errors import ConfigError
 from hopdata.recording import Recording
 from hopdata.report.formatting import NO_BREAK_SPACE
 
-# Captions: short texts in the workflow's folder, with numbers filled in from the tables.
+# Captions: short texts in the workflow's folder, with numbers filled in from the
+# tables.
 
 PERCENT = re.compile(r"(?<=\d) %")
 SPACES = re.compile(r"[ \t\n]+")  # not the no-break space between a number and its unit
@@ -37,13 +38,13 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
     Parameters
     ----------
     template : str
-        Jinja text: a line ``# Title``, then paragraphs; one that begins with ``Alt:`` is the
-        alternative text of the picture.
+        Jinja text: a line ``# Title``, then paragraphs; one that begins with ``Alt:``
+        is the alternative text of the picture.
     facts : mapping
         From `hopdata.report.page.study_facts`.
     name : str
-        Name of the figure: the default title and alternative text, and the place in error
-        messages.
+        Name of the figure: the default title and alternative text, and the place in
+        error messages.
 
     Raises
     ------
@@ -52,14 +53,20 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
     """
     from jinja2 import Environment, StrictUndefined, TemplateError
 
-    environment = Environment(undefined=StrictUndefined, autoescape=False, trim_blocks=True)
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=False, trim_blocks=True
+    )
     try:
         text = environment.from_string(template).render(facts)
     except TemplateError as error:
         raise ConfigError(f"caption of {name}: {error}") from error
     blocks = [_tidied(block) for block in text.split("\n\n") if block.strip()]
     titles = [block[1:].strip() for block in blocks if block.startswith("#")]
-    alts = [block.removeprefix("Alt:").strip() for block in blocks if block.startswith("Alt:")]
+    alts = [
+        block.removeprefix("Alt:").strip()
+        for block in blocks
+        if block.startswith("Alt:")
+    ]
     body = tuple(block for block in blocks if not block.startswith(("#", "Alt:")))
     title = titles[0] if titles else name
     return Caption(title=title, paragraphs=body, alt=alts[0] if alts else title)
@@ -106,12 +113,13 @@ class PageInputs:
     figures : sequence of ReportFigure
         In the order of the page; an animation is a figure of media type ``image/gif``.
     truth : mapping, optional
-        Contents of ``truth.json``: name to ``value, unit, what``; empty or None for real
-        recordings.
+        Contents of ``truth.json``: name to ``value, unit, what``; empty or None for
+        real recordings.
     provenance : mapping, optional
         From `hopdata.provenance.provenance`.
     notes : sequence
-        Steps that could not be done, each a sentence or a mapping with ``what`` and ``reason``.
+        Steps that could not be done, each a sentence or a mapping with ``what`` and
+        ``reason``.
     """
 
     study: str
@@ -130,7 +138,8 @@ class SteeringInputs(PageInputs):
     outcomes, horizons : DataFrame, optional
         ``outcomes.csv``, ``horizons.csv``.
     counts : sequence of mappings, optional
-        ``observed.json``: for each recording, frames, stances and hops, and what was left out.
+        ``observed.json``: for each recording, frames, stances and hops, and what was
+        left out.
     scores : DataFrame, optional
         ``model_scores.csv``.
     examples : DataFrame, optional
@@ -151,8 +160,8 @@ class ReportInputs(PageInputs):
     Parameters
     ----------
     recordings : sequence of mappings
-        One per recording: ``name`` and any of ``source, n_frames, duration_s, rate_hz, n_feet,
-        n_body, seen`` (fraction of the marker positions that were seen).
+        One per recording: ``name`` and any of ``source, n_frames, duration_s, rate_hz,
+        n_feet, n_body, seen`` (fraction of the marker positions that were seen).
     touchdowns : DataFrame, optional
         The study's table of touchdowns, including excluded ones.
     filled : DataFrame, optional
@@ -171,9 +180,11 @@ class ReportInputs(PageInputs):
         Contents of ``verdict.json``.
     overlay : mapping
         Tables of the contacts known from other sources, by name (``contact_overlay``,
-        ``contact_overlay_summary``, ``contact_overlay_thresholds``); empty if there are none.
+        ``contact_overlay_summary``, ``contact_overlay_thresholds``); empty if there are
+        none.
     quality : sequence of mappings, optional
-        Contents of ``quality.json``: checks with ``what, value, unit, good, poor, status, remark``.
+        Contents of ``quality.json``: checks with ``what, value, unit, good, poor,
+        status, remark``.
     faults : DataFrame, optional
         ``faults.csv``.
     remarks : DataFrame, optional
@@ -208,7 +219,9 @@ def describe_recording(recording: Recording) -> dict[str, Any]:
         "rate_hz": recording.rate_hz,
         "n_feet": len(recording.names("foot")),
         "n_body": len(recording.names("body")),
-        "seen": float(np.isfinite(recording.positions).all(axis=2).mean()) if len(time) else None,
+        "seen": float(np.isfinite(recording.positions).all(axis=2).mean())
+        if len(time)
+        else None,
     }
 
 
@@ -229,7 +242,9 @@ def read_figures(
     list of ReportFigure
         In the order in which the names first appear in `images`.
     """
-    texts = {Path(path).stem: Path(path).read_text(encoding="utf-8") for path in captions}
+    texts = {
+        Path(path).stem: Path(path).read_text(encoding="utf-8") for path in captions
+    }
     files: dict[str, dict[str, Path]] = {}
     for path in map(Path, images):
         files.setdefault(path.stem, {})[path.suffix] = path
@@ -237,7 +252,9 @@ def read_figures(
     for name, formats in files.items():
         suffix = next((s for s in MEDIA_TYPES if s in formats), "")
         image = formats[suffix].read_bytes() if suffix else b""
-        figures.append(ReportFigure(name, image, MEDIA_TYPES.get(suffix, ""), texts.get(name, "")))
+        figures.append(
+            ReportFigure(name, image, MEDIA_TYPES.get(suffix, ""), texts.get(name, ""))
+        )
     return figures
 
 
@@ -270,14 +287,21 @@ def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
         source = f"data:{figure.media_type};base64,{encoded}"
     # The SVG's own width on paper; the full text width for anything else.
     found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
-    return Picture(source, float(found.group(1)) if found else DOUBLE_COLUMN_PT, caption)
+    return Picture(
+        source, float(found.group(1)) if found else DOUBLE_COLUMN_PT, caption
+    )
 
 
 def placed_pictures(
-    figures: Iterable[ReportFigure], facts: Mapping[str, Any], places: Mapping[str, str], other: str
+    figures: Iterable[ReportFigure],
+    facts: Mapping[str, Any],
+    places: Mapping[str, str],
+    other: str,
 ) -> dict[str, list[Picture]]:
     """Return pictures by the section of the page they belong to."""
-    placed: dict[str, list[Picture]] = {place: [] for place in (*places.values(), other)}
+    placed: dict[str, list[Picture]] = {
+        place: [] for place in (*places.values(), other)
+    }
     for figure in figures:
         placed[places.get(figure.name, other)].append(picture_of(figure, facts))
     return placed
@@ -300,7 +324,9 @@ def rendered(template: str, **content: Any) -> str:
         lstrip_blocks=True,
     )
     names = ("report.css", "fold.js", "scene.js")
-    style, fold, turn = ((TEMPLATES / name).read_text(encoding="utf-8") for name in names)
+    style, fold, turn = (
+        (TEMPLATES / name).read_text(encoding="utf-8") for name in names
+    )
     scripts = {"fold": fold + turn if content.get("scene") else fold}
     return environment.get_template(template).render(**content, **scripts, style=style)
 

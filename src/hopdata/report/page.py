@@ -17,7 +17,14 @@ from hopdata.report.scene import landings_scene
 
 # Cases of the scaling study other than the scene itself.
 CONTROLS = ("coupling", "impulse", "delay", "study")
-COUNTS = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded", "n_schedules")
+COUNTS = (
+    "n_descents",
+    "n_landings",
+    "n_not_landed",
+    "n_used",
+    "n_excluded",
+    "n_schedules",
+)
 
 
 def study_facts(inputs: ReportInputs) -> dict[str, Any]:
@@ -26,18 +33,20 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
     Returns
     -------
     dict
-        Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body; ``n_landings``, those
-        in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the landings
-        and ``n_excluded``, the rest of them; ``n_schedules`` among those used. Texts with units
-        (``pre, post, travel, min_threshold, max_threshold, bandwidth, units, spread``; by the other
-        rule ``beside_pre, beside_post``; shares of the landings ``pre_held, post_held``).
-        ``printed_rule`` (whether sections are knees of densities), ``pre_given, post_given``
-        (whether the configuration sets them), ``landings_only`` (whether the densities are of the
-        body's descents only), ``medians`` of the fitted models (normalised) and ``distances`` (rad)
-        by name, ``fitted`` and ``not_fitted`` as text, ``labels_right`` by method (%), and
-        ``study``. ``method``, by which the contacts were found; ``scaling``, the ``scene`` of the
-        scaling study and how many ``controls`` it has; ``has_forces``, whether contacts were
-        compared with forces.
+        Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body;
+        ``n_landings``, those in which a foot of the study lands; ``n_not_landed``, the
+        others; ``n_used`` of the landings and ``n_excluded``, the rest of them;
+        ``n_schedules`` among those used. Texts with units (``pre, post, travel,
+        min_threshold, max_threshold, bandwidth, units, spread``; by the other rule
+        ``beside_pre, beside_post``; shares of the landings ``pre_held, post_held``).
+        ``printed_rule`` (whether sections are knees of densities), ``pre_given,
+        post_given`` (whether the configuration sets them), ``landings_only`` (whether
+        the densities are of the body's descents only), ``medians`` of the fitted models
+        (normalised) and ``distances`` (rad) by name, ``fitted`` and ``not_fitted`` as
+        text, ``labels_right`` by method (%), and ``study``. ``method``, by which the
+        contacts were found; ``scaling``, the ``scene`` of the scaling study and how
+        many ``controls`` it has; ``has_forces``, whether contacts were compared with
+        forces.
     """
     rad = partial(show.fixed, decimals=2)
     slopes = _by_name(inputs.truth or {}, "scaling_slope_")
@@ -86,20 +95,28 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
         orders = int(used["schedule"].replace("", None).nunique())
         others = len(table) - landings, len(used), landings - len(used), orders
         counts |= zip(COUNTS, (len(table), landings, *others), strict=True)
-        counts["spread"] = _shown(used["spread_s"].median() if len(used) else None, 1e3, "ms")
+        counts["spread"] = _shown(
+            used["spread_s"].median() if len(used) else None, 1e3, "ms"
+        )
     return {"n_recordings": len(names), "n_frames": sum(frames) or None, **counts}
 
 
 def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
-    pre, post = (show.scaled(sections.get(f"{side}_height_m"), 1.0) for side in ("pre", "post"))
+    pre, post = (
+        show.scaled(sections.get(f"{side}_height_m"), 1.0) for side in ("pre", "post")
+    )
     decided = sections.get("decided") or {}
     held = sections.get("held") or {}
     beside = sections.get("beside") or {}
     return {
         "pre": _shown(pre, 1e3, "mm"),
         "post": _shown(post, 1e3, "mm"),
-        "travel": _shown(None if pre is None or post is None else pre - post, 1e3, "mm"),
-        "min_threshold": _shown(sections.get("min_foot_threshold_m"), 1e3, "mm", decimals=1),
+        "travel": _shown(
+            None if pre is None or post is None else pre - post, 1e3, "mm"
+        ),
+        "min_threshold": _shown(
+            sections.get("min_foot_threshold_m"), 1e3, "mm", decimals=1
+        ),
         "landings_only": sections.get("frames") == "landings",
         "printed_rule": sections.get("rule") == "printed",
         "pre_given": decided.get("pre_height_m") == "config",
@@ -109,7 +126,9 @@ def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
         "bandwidth": _shown(sections.get("bandwidth_m"), 1e3, "mm", decimals=1),
         "beside_pre": _shown(beside.get("pre_height_m"), 1e3, "mm"),
         "beside_post": _shown(beside.get("post_height_m"), 1e3, "mm"),
-        "max_threshold": _shown(sections.get("max_foot_threshold_m"), 1e3, "mm", decimals=1),
+        "max_threshold": _shown(
+            sections.get("max_foot_threshold_m"), 1e3, "mm", decimals=1
+        ),
     }
 
 
@@ -127,7 +146,10 @@ def _units(units: Mapping[str, Any]) -> dict[str, str | None]:
 
 
 def _models(inputs: ReportInputs) -> dict[str, Any]:
-    medians, names = _medians(inputs.prediction, "model", tables.MODEL_NAMES), tables.MODEL_NAMES
+    medians, names = (
+        _medians(inputs.prediction, "model", tables.MODEL_NAMES),
+        tables.MODEL_NAMES,
+    )
     return {
         "medians": medians,
         "fitted": show.words([names[m] for m in names if medians[m] is not None]),
@@ -136,23 +158,30 @@ def _models(inputs: ReportInputs) -> dict[str, Any]:
 
 
 def _medians(
-    table: Any, column: str, names: Mapping[str, str], shown: Callable[..., str] = show.significant
+    table: Any,
+    column: str,
+    names: Mapping[str, str],
+    shown: Callable[..., str] = show.significant,
 ) -> dict[str, str | None]:
     found: dict[str, Any] = {}
     if table is not None:
         found = dict(zip(table[column].astype(str), table["median"], strict=True))
     return {
-        name: None if show.is_missing(found.get(name)) else shown(found[name]) for name in names
+        name: None if show.is_missing(found.get(name)) else shown(found[name])
+        for name in names
     }
 
 
-def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
+def _labels_right(
+    truth: Mapping[str, Mapping[str, Any]],
+) -> dict[str, tuple[str, str | None]]:
     """Return correct mode schedules by method, in per cent: of touchdowns used, of all landings."""
     prefix, of_all = "labels_right_", "labels_right_of_all_"
     methods = [
         name.removeprefix(prefix)
         for name in truth
-        if name.startswith(prefix) and not name.startswith((of_all, "labels_right_unambiguous_"))
+        if name.startswith(prefix)
+        and not name.startswith((of_all, "labels_right_unambiguous_"))
     ]
     return {
         method.replace("_", " "): (share, _percent(truth.get(of_all + method)))
@@ -174,11 +203,15 @@ def _percent(entry: Mapping[str, Any] | None) -> str | None:
     return _shown((entry or {}).get("value"), 100, "%", decimals=1)
 
 
-def _shown(value: Any, factor: float, unit: str, *, decimals: int | None = None) -> str | None:
+def _shown(
+    value: Any, factor: float, unit: str, *, decimals: int | None = None
+) -> str | None:
     """Format with its unit, to three digits or `decimals` decimals; None if it is missing."""
     if (number := show.scaled(value, factor)) is None:
         return None
-    text = show.significant(number) if decimals is None else show.fixed(number, decimals)
+    text = (
+        show.significant(number) if decimals is None else show.fixed(number, decimals)
+    )
     return show.with_unit(text, unit)
 
 
@@ -227,10 +260,14 @@ def build_report(inputs: ReportInputs) -> str:
 def _all_seen(inputs: ReportInputs) -> bool:
     """Return whether there are neither gaps nor faults, so that a figure of them would be empty."""
     seen = [item.get("seen") == 1.0 for item in inputs.recordings]
-    return bool(seen) and all(seen) and inputs.faults is not None and inputs.faults.empty
+    return (
+        bool(seen) and all(seen) and inputs.faults is not None and inputs.faults.empty
+    )
 
 
-def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
+def _highlights(
+    facts: Mapping[str, Any], inputs: ReportInputs
+) -> list[tuple[str, str, str]]:
     """Return name, value and remark of each key number; the value says so if it is unknown."""
     frames = f"{show.count(facts['n_frames'])} frames" if facts["n_frames"] else ""
     between = f"pre section {facts['pre']}, post section {facts['post']}"
@@ -240,17 +277,31 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
     apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
     weigh = "position and velocity errors weigh the same"
     cards = [
-        ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
+        (
+            "Difference of the maps",
+            facts["verdict"]["difference"],
+            facts["verdict"]["remark"],
+        ),
         ("Quality of the data", *tables.quality_summary(inputs.quality)),
         ("Recordings", show.count(facts["n_recordings"]), frames),
         ("Touchdowns used", show.count(facts["n_used"]), _of_landings(facts)),
-        ("Contact orders seen", show.count(facts["n_schedules"]), "; ".join(of_all + apart)),
-        ("Travel through the touchdown", facts["travel"], between if facts["travel"] else ""),
+        (
+            "Contact orders seen",
+            show.count(facts["n_schedules"]),
+            "; ".join(of_all + apart),
+        ),
+        (
+            "Travel through the touchdown",
+            facts["travel"],
+            between if facts["travel"] else "",
+        ),
         ("Units of length and time", facts["units"], weigh if facts["units"] else ""),
         ("Affine model over mean", *_gain(inputs.prediction)),
     ]
     if inputs.prediction is not None:
-        cards.append(("One model over one per order", *_price_of_one(inputs.prediction)))
+        cards.append(
+            ("One model over one per order", *_price_of_one(inputs.prediction))
+        )
     for method, (share, of_all) in facts["labels_right"].items():
         missed = f"; {of_all} of all true landings" if of_all else ""
         cards.append((f"Orders right, {method}", share, f"of those used{missed}"))
@@ -275,7 +326,9 @@ def _known(value: str | None) -> str:
 def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
     """Return the error of the unspecialised affine model over that of the specialised ones."""
     ratio = _ratio(prediction, "all", "specialised")
-    remark = "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
+    remark = (
+        "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
+    )
     absent = (None, "needs an affine model of each order")
     return absent if ratio is None else (show.significant(ratio, 3), remark)
 
@@ -291,7 +344,9 @@ def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
 
 
 def _ratio(prediction: pd.DataFrame, model: str, other: str) -> float | None:
-    medians = dict(zip(prediction["model"].astype(str), prediction["median"], strict=True))
+    medians = dict(
+        zip(prediction["model"].astype(str), prediction["median"], strict=True)
+    )
     one, two = medians.get(model, 0), medians.get(other, 0)
     return one / two if one > 0 and two > 0 else None
 

@@ -15,14 +15,20 @@ from hopdata.recording import Recording
 
 BEFORE_S, AFTER_S = 0.15, 0.25  # shown around a landing
 MOST_ORDERS = 6
-STRETCHES, MOST_FRAMES, MOST_PLACES = 5, 2000, 40_000  # of a recording; frames times markers
+STRETCHES, MOST_FRAMES, MOST_PLACES = (
+    5,
+    2000,
+    40_000,
+)  # of a recording; frames times markers
 FASTEST_HZ = 120.0
 UNSEEN = -32768
 FINEST_M = 1e-4
 Row = Mapping[Any, Any]
 
 
-def landings_scene(recordings: Sequence[Recording], touchdowns: pd.DataFrame | None) -> str:
+def landings_scene(
+    recordings: Sequence[Recording], touchdowns: pd.DataFrame | None
+) -> str:
     """Return a typical landing of each of the most common orders as JSON; empty if there is none.
 
     Parameters
@@ -41,7 +47,9 @@ def landings_scene(recordings: Sequence[Recording], touchdowns: pd.DataFrame | N
         row = same.iloc[len(same) // 2].to_dict()
         recording, zero = by_name[str(row["recording"])], float(row["t_pre_s"])
         near = slice(*recording.time.searchsorted(_span(row, BEFORE_S, AFTER_S)))
-        contacts = [float(row[f"contact_{foot}_s"]) - zero for foot in recording.names("foot")]
+        contacts = [
+            float(row[f"contact_{foot}_s"]) - zero for foot in recording.names("foot")
+        ]
         title = f"feet {str(order).replace('>', ' → ')}, of {len(same)} landings"
         parts.append(_part(recording.part(near), title, zero, contacts))
     return _scene(parts, 0.1)
@@ -49,20 +57,30 @@ def landings_scene(recordings: Sequence[Recording], touchdowns: pd.DataFrame | N
 
 def recording_scene(recording: Recording) -> str:
     """Return a recording (m, z up); of a long one, stretches spread from beginning to end."""
-    some = recording.part(slice(None, None, max(1, round(recording.rate_hz / FASTEST_HZ))))
+    some = recording.part(
+        slice(None, None, max(1, round(recording.rate_hz / FASTEST_HZ)))
+    )
     frames, seen = len(some.time), min(MOST_FRAMES, MOST_PLACES // len(some.markers))
     number = min(STRETCHES, -(-frames // seen))
     starts = np.linspace(0, max(frames - seen, 0), number).astype(int)
     stretches = [some.part(slice(start, start + seen)) for start in starts]
     titles = [f"{part.time[0]:.1f} to {part.time[-1]:.1f} s" for part in stretches]
     return _scene(
-        [_part(part, title, 0.0) for part, title in zip(stretches, titles, strict=True)], 1.0
+        [
+            _part(part, title, 0.0)
+            for part, title in zip(stretches, titles, strict=True)
+        ],
+        1.0,
     )
 
 
 def _scene(parts: list[dict[str, Any]], speed: float) -> str:
     # No text in it may close the script element it is in.
-    return json.dumps({"speed": speed, "parts": parts}).replace("<", "\\u003c") if parts else ""
+    return (
+        json.dumps({"speed": speed, "parts": parts}).replace("<", "\\u003c")
+        if parts
+        else ""
+    )
 
 
 def _part(
@@ -77,7 +95,9 @@ def _part(
         "markers": recording.markers,
         "roles": recording.roles,
         "time": _packed(recording.time - zero_s, "<f4"),
-        "places": _packed(np.nan_to_num(np.round((places - middle) / step), nan=UNSEEN), "<i2"),
+        "places": _packed(
+            np.nan_to_num(np.round((places - middle) / step), nan=UNSEEN), "<i2"
+        ),
         "middle": middle.tolist(),
         "step": step,
         "contacts": [round(at, 6) if np.isfinite(at) else None for at in contacts],
@@ -107,7 +127,8 @@ def small_plot(recording: Recording | None, row: Row) -> str:
     recording : Recording, optional
         Levelled.
     row : mapping
-        ``t_pre_s`` and ``t_post_s`` of the landing, s; ``contact_<foot>_s`` for feet that touched.
+        ``t_pre_s`` and ``t_post_s`` of the landing, s; ``contact_<foot>_s`` for feet
+        that touched.
     """
     if recording is None or not np.isfinite(float(row["t_pre_s"])):
         return ""
@@ -122,12 +143,20 @@ def small_plot(recording: Recording | None, row: Row) -> str:
     y = (HEIGHT - 2) * (1 - (heights[some] - low) / max(high - low, 1e-6)) + 1
     lines = []
     for number, foot in enumerate(recording.names("foot")):
-        points = (f"{a:.0f} {b:.0f}" for a, b in zip(x, y[:, number], strict=True) if b == b)
+        points = (
+            f"{a:.0f} {b:.0f}" for a, b in zip(x, y[:, number], strict=True) if b == b
+        )
         drawn = f'<path d="M{"L".join(points)}"/>'
-        contact = WIDTH * (float(row.get(f"contact_{foot}_s", np.nan)) - start) / (stop - start)
+        contact = (
+            WIDTH
+            * (float(row.get(f"contact_{foot}_s", np.nan)) - start)
+            / (stop - start)
+        )
         if np.isfinite(contact):
             drawn += f'<path d="M{contact:.0f} 0V{HEIGHT}" class="at"/>'
         lines.append(f'<g class="foot{number % 6}">{drawn}</g>')
-    told = escape(f"heights of {', '.join(recording.names('foot'))}, {1e3 * (high - low):.0f} mm")
+    told = escape(
+        f"heights of {', '.join(recording.names('foot'))}, {1e3 * (high - low):.0f} mm"
+    )
     size = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
     return f'<svg class="small" role="img" aria-label="{told}" {size}>{"".join(lines)}</svg>'

@@ -20,8 +20,12 @@ PLANNER = "planner"  # the controller of which something is required
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     """Return one row for each experiment and controller."""
     columns: show.Columns = {
-        "experiment": lambda row: EXPERIMENTS.get(str(row["experiment"]), str(row["experiment"])),
-        "controller": lambda row: CONTROLLERS.get(str(row["controller"]), str(row["controller"])),
+        "experiment": lambda row: EXPERIMENTS.get(
+            str(row["experiment"]), str(row["experiment"])
+        ),
+        "controller": lambda row: CONTROLLERS.get(
+            str(row["controller"]), str(row["controller"])
+        ),
         "worst seed": _of_seed("worst"),
         "median seed": _of_seed("median"),
         "hops": show.decimals("hops", 1),
@@ -44,7 +48,9 @@ def _of_seed(name: str) -> show.Cell:
 
     def cell(row: show.Row) -> str:
         starts = row["runs"] / row["seeds"]
-        return f"{show.significant(row[name] * starts, 3)} of {show.count(round(starts))}"
+        return (
+            f"{show.significant(row[name] * starts, 3)} of {show.count(round(starts))}"
+        )
 
     return cell
 
@@ -53,7 +59,9 @@ def horizons_table(horizons: pd.DataFrame | None) -> show.Table | None:
     """Return one row for each horizon of the printed controller."""
     columns: show.Columns = {
         "horizon (hops)": show.counted("horizon"),
-        "succeeded": lambda row: f"{show.count(row['succeeded'])} of {show.count(row['runs'])}",
+        "succeeded": lambda row: (
+            f"{show.count(row['succeeded'])} of {show.count(row['runs'])}"
+        ),
         "hops": show.decimals("hops", 1),
     }
     note = "Same starts and same random disturbances: only the horizon differs."
@@ -86,7 +94,10 @@ def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | N
         for reason, number in numbers.items()
         if number
     )
-    head, title = ("recording", "what", "reason", "number"), "Left out, or relying on other frames"
+    head, title = (
+        ("recording", "what", "reason", "number"),
+        "Left out, or relying on other frames",
+    )
     return show.Table(title, head, rows, text_columns=3) if rows else None
 
 
@@ -143,11 +154,12 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``starts`` (runs of each experiment, controller and seed) and ``seeds``; ``share``, texts by
-        "experiment controller"; ``training_hops``; ``has_planner`` and ``has_horizons``, whether
-        the planner and other horizons were tried; ``examples``, the run shown of each experiment:
-        None if there is none, else its ``controller``, ``by`` (words), ``success`` and ``foretold``
-        (whether the controller predicts).
+        ``starts`` (runs of each experiment, controller and seed) and ``seeds``;
+        ``share``, texts by "experiment controller"; ``training_hops``; ``has_planner``
+        and ``has_horizons``, whether the planner and other horizons were tried;
+        ``examples``, the run shown of each experiment: None if there is none, else its
+        ``controller``, ``by`` (words), ``success`` and ``foretold`` (whether the
+        controller predicts).
     """
     rows = show.records(inputs.outcomes)
     hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
@@ -155,10 +167,13 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
         "has_planner": any(row["controller"] == PLANNER for row in rows),
         "has_horizons": inputs.horizons is not None and not inputs.horizons.empty,
         "examples": {name: _example(inputs.examples, name) for name in EXPERIMENTS},
-        "starts": show.count(rows[0]["runs"] / rows[0]["seeds"]) if rows else show.MISSING,
+        "starts": show.count(rows[0]["runs"] / rows[0]["seeds"])
+        if rows
+        else show.MISSING,
         "seeds": show.count(rows[0]["seeds"]) if rows else show.MISSING,
         "share": {
-            f"{row['experiment']} {row['controller']}": _of_seed("median")(row) for row in rows
+            f"{row['experiment']} {row['controller']}": _of_seed("median")(row)
+            for row in rows
         },
         "training_hops": show.count(hops),
     }
@@ -195,9 +210,16 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     used = sum(entry["used"] for entry in inputs.counts or ())
     pairs = sum(entry["pairs"] for entry in inputs.counts or ())
     cards.append(
-        ("Hops used", show.count(used), f"of {show.count(pairs)}; those left out are listed below")
+        (
+            "Hops used",
+            show.count(used),
+            f"of {show.count(pairs)}; those left out are listed below",
+        )
     )
-    for key, name in (("heading_rms", "Error of the heading"), ("boom_angle_rms", "Boom angle")):
+    for key, name in (
+        ("heading_rms", "Error of the heading"),
+        ("boom_angle_rms", "Boom angle"),
+    ):
         entry = (inputs.truth or {}).get(key)
         if entry:
             text = show.with_unit(show.fixed(entry["value"], 1), str(entry["unit"]))

@@ -41,7 +41,9 @@ def filled_table(
     """Return one row per marker with gaps, the least seen first; None if there are no gaps."""
     if filled is None:
         return None
-    gappy = filled[filled["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
+    gappy = filled[filled["gaps"] > 0].sort_values(
+        "missing", ascending=False, kind="stable"
+    )
     columns: show.Columns = {
         "recording": show.text("recording"),
         "marker": show.text("marker"),
@@ -82,13 +84,23 @@ def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> show.Table | None:
         "feet differ by (mm)": _spread_of_feet,
     }
     rows = [{"recording": name, **floor} for name, floor in floors.items()]
-    notes = [f"{name}: {floor['note']}" for name, floor in floors.items() if floor.get("note")]
+    notes = [
+        f"{name}: {floor['note']}"
+        for name, floor in floors.items()
+        if floor.get("note")
+    ]
     return show.table_of("Floor", rows, columns, note="; ".join(notes))
 
 
 def _spread_of_feet(floor: Mapping[str, Any]) -> str:
-    offsets = [value for value in floor.get("foot_offsets_m") or () if not show.is_missing(value)]
-    return show.fixed((max(offsets) - min(offsets)) * 1e3, 2) if offsets else show.MISSING
+    offsets = [
+        value
+        for value in floor.get("foot_offsets_m") or ()
+        if not show.is_missing(value)
+    ]
+    return (
+        show.fixed((max(offsets) - min(offsets)) * 1e3, 2) if offsets else show.MISSING
+    )
 
 
 def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
@@ -106,18 +118,25 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     ]
     pre, post = sections.get("pre_height_m"), sections.get("post_height_m")
     if pre is not None and post is not None:
-        rows.append(("travel from pre to post", show.fixed((pre - post) * 1e3, 2), "mm"))
+        rows.append(
+            ("travel from pre to post", show.fixed((pre - post) * 1e3, 2), "mm")
+        )
     for side in ("pre", "post"):
         speed_m_s = sections.get(f"{side}_speed_m_s")
         if speed_m_s is not None:
-            # A height that is wrong by 1 mm shifts the instant of the passage by this many ms.
+            # A height that is wrong by 1 mm shifts the instant of the passage by this
+            # many ms.
             name = f"time per mm of height, {side} section"
             rows.append((name, show.fixed(1 / speed_m_s, 2), "ms"))
     shown = {*SECTION_NAMES, "decided"}
-    for key, value in show.flat({key: sections[key] for key in sections if key not in shown}):
+    for key, value in show.flat(
+        {key: sections[key] for key in sections if key not in shown}
+    ):
         words, text, unit = show.labelled(key, value)
         rows.append((DETAIL_NAMES.get(key, words), text, unit))
-    return show.Table("Thresholds and sections", ("quantity", "value", "unit"), tuple(rows))
+    return show.Table(
+        "Thresholds and sections", ("quantity", "value", "unit"), tuple(rows)
+    )
 
 
 def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
@@ -125,7 +144,9 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     if touchdowns is None or touchdowns.empty:
         return None
     used = touchdowns[~excluded(touchdowns)]
-    groups = sorted(used.groupby("schedule"), key=lambda item: (-len(item[1]), str(item[0])))
+    groups = sorted(
+        used.groupby("schedule"), key=lambda item: (-len(item[1]), str(item[0]))
+    )
     rows = [
         (
             str(schedule).replace(">", " → "),
@@ -142,7 +163,9 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     left = f"{counted(len(rarer), 'rarer order')}, {counted(sum(rarer), 'touchdown')}"
     note = f"Not listed: {left}, at most {max(rarer)} each." if rarer else ""
     medians = ("median spread of contacts (ms)", "mean probability of the order")
-    return show.Table("Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note)
+    return show.Table(
+        "Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note
+    )
 
 
 def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
@@ -154,11 +177,16 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     names = [str(name) for name in dict.fromkeys(touchdowns["recording"])]
     shown = names if 1 < len(names) <= MOST_RECORDINGS else []
     recordings, rows = out["recording"].astype(str), []
-    parts = {str(reason): recordings[reasons == reason] for reason in reasons.value_counts().index}
+    parts = {
+        str(reason): recordings[reasons == reason]
+        for reason in reasons.value_counts().index
+    }
     for reason, part in (*parts.items(), ("all reasons", recordings)):
         each = tuple(show.count((part == name).sum()) for name in shown)
         rows.append((reason, *each, show.count(len(part))))
-    return show.Table("Descents that are not used", ("reason", *shown, "descents"), tuple(rows))
+    return show.Table(
+        "Descents that are not used", ("reason", *shown, "descents"), tuple(rows)
+    )
 
 
 def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
@@ -198,7 +226,9 @@ def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
         "worst velocity (m/s)": show.decimals("worst_velocity_m_s", 3),
     }
     note = show.NOTES["prediction"].format(power=power)
-    note += " A dash: not fitted, too few touchdowns." * any(len(row) == 1 for row in rows)
+    note += " A dash: not fitted, too few touchdowns." * any(
+        len(row) == 1 for row in rows
+    )
     return show.table_of("Prediction errors", rows, columns, note=note)
 
 
@@ -220,7 +250,9 @@ def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
     return show.table_of("Arc-length distances", rows, columns, note=note)
 
 
-def _in_order(summary: pd.DataFrame | None, key: str, names: Mapping[str, str]) -> list[show.Row]:
+def _in_order(
+    summary: pd.DataFrame | None, key: str, names: Mapping[str, str]
+) -> list[show.Row]:
     """Return a row for each name, in the printed order; a missing one has only its name."""
     found = {str(row[key]): row for row in show.records(summary)}
     names_of_all = dict.fromkeys((*names, *found)) if found else ()
@@ -229,7 +261,10 @@ def _in_order(summary: pd.DataFrame | None, key: str, names: Mapping[str, str]) 
 
 def _quantiles(**shares: float) -> list[tuple[str, str]]:
     """Return the heading and column of each quantile."""
-    return [("median" if key == "median" else show.percent(p), key) for key, p in shares.items()]
+    return [
+        ("median" if key == "median" else show.percent(p), key)
+        for key, p in shares.items()
+    ]
 
 
 def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | None:
@@ -238,7 +273,11 @@ def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | N
         (_capital(str(entry.get("what") or name)), *_measured(name, entry))
         for name, entry in (truth or {}).items()
     )
-    return show.Table("Estimates and truth", ("quantity", "value", "unit"), rows) if rows else None
+    return (
+        show.Table("Estimates and truth", ("quantity", "value", "unit"), rows)
+        if rows
+        else None
+    )
 
 
 def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
@@ -292,7 +331,9 @@ AGREEMENT: show.Columns = {
     "of other feet": show.counted("n_other_foot"),
     "not compared": show.counted("n_not_compared"),
     "bias (ms)": show.decimals("bias_s", 2, 1e3),
-    "95 % interval (ms)": lambda row: f"{_ms(row['bias_low_s'])} to {_ms(row['bias_high_s'])}",
+    "95 % interval (ms)": lambda row: (
+        f"{_ms(row['bias_low_s'])} to {_ms(row['bias_high_s'])}"
+    ),
     "clock drift (ms)": show.decimals("drift_s", 1, 1e3),
     "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     "largest deviation from bias (ms)": show.decimals("largest_s", 2, 1e3),
@@ -302,8 +343,13 @@ AGREEMENT: show.Columns = {
 
 def agreement_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
     """Return one row per column and recording: counts, bias with its interval, scatter."""
-    rows, note = show.records(overlay.get("contact_overlay_summary")), show.NOTES["agreement"]
-    return show.table_of("Agreement of the contacts", rows, AGREEMENT, text_columns=3, note=note)
+    rows, note = (
+        show.records(overlay.get("contact_overlay_summary")),
+        show.NOTES["agreement"],
+    )
+    return show.table_of(
+        "Agreement of the contacts", rows, AGREEMENT, text_columns=3, note=note
+    )
 
 
 def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
@@ -336,7 +382,9 @@ def thresholds_table(overlay: Mapping[str, pd.DataFrame]) -> show.Table | None:
         "robust sd (ms)": show.decimals("robust_sd_s", 2, 1e3),
     }
     rows = show.records(overlay.get("contact_overlay_thresholds"))
-    return show.table_of("Agreement at other force thresholds", rows, columns, text_columns=2)
+    return show.table_of(
+        "Agreement at other force thresholds", rows, columns, text_columns=2
+    )
 
 
 def _ms(value: Any) -> str:
@@ -354,7 +402,9 @@ STATUS = {
     }.items()
 }  # fmt: skip
 WORSE = ("good", "not known", "look", "poor")
-NOT_ASKED = "not asked"  # nothing was configured to compare with, so there is nothing to judge
+NOT_ASKED = (
+    "not asked"  # nothing was configured to compare with, so there is nothing to judge
+)
 MOST_FAULTS, MOST_EXCLUDED = 30, 500
 NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
 
@@ -366,7 +416,12 @@ def quality_summary(checks: Checks | None) -> tuple[str | None, str]:
         return None, ""
     counts = Counter(str(check["status"]) for check in asked)
     poor = f", {counts['poor']} poor" if counts["poor"] else ""
-    others = [f"{s}: {one['what']}" for s in WORSE[:0:-1] for one in asked if one["status"] == s]
+    others = [
+        f"{s}: {one['what']}"
+        for s in WORSE[:0:-1]
+        for one in asked
+        if one["status"] == s
+    ]
     return f"{counts['good']} of {len(asked)} good{poor}", "; ".join(others)
 
 
@@ -382,13 +437,18 @@ def quality_table(checks: Checks | None) -> show.Table | None:
         "good": lambda check: _limits(check)[0],
         "poor": lambda check: _limits(check)[1],
     }
-    return show.table_of("Can these data be trusted?", checks or (), columns, text_columns=3)
+    return show.table_of(
+        "Can these data be trusted?", checks or (), columns, text_columns=3
+    )
 
 
 def _limits(check: Mapping[str, Any]) -> tuple[str, str]:
     good, poor = float(check["good"]), float(check["poor"])
     signs = ("≤", ">") if good <= poor else ("≥", "<")
-    unit, none = str(check["unit"]), good == 0.0 and signs[0] == "≤"  # nothing is below 0
+    unit, none = (
+        str(check["unit"]),
+        good == 0.0 and signs[0] == "≤",
+    )  # nothing is below 0
     return (
         ("" if none else f"{signs[0]} ") + show.with_unit(f"{good:g}", unit),
         f"{signs[1]} {show.with_unit(f'{poor:g}', unit)}",
@@ -419,7 +479,8 @@ def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
 def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
     """Return the subjects of the checks, with the worst status of each and its remark.
 
-    Checks that were not asked for light nothing; a good light names what it leaves open.
+    Checks that were not asked for light nothing; a good light names what it leaves
+    open.
     """
     shown = []
     for name in dict.fromkeys(str(check["about"]) for check in checks or ()):
@@ -432,7 +493,9 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
         if status == "good":
             told = counted(len(own), "check")
             told += "".join(
-                f"; {check['what']}: {check['remark']}" for check in of_all if check not in own
+                f"; {check['what']}: {check['remark']}"
+                for check in of_all
+                if check not in own
             )
         shown.append((name, status, told))
     return shown

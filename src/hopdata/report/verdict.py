@@ -27,11 +27,12 @@ def verdict_facts(
     Returns
     -------
     dict
-        ``sentence``; ``outlook``, what these data could have shown; ``difference``, the effect with
-        its interval; ``true``, the true effect in a simulation; ``remark``, the deciding bound;
-        ``confidence``, ``power``; ``conclusion``; ``found``, whether an effect was estimated at
-        all; ``jumps``, whether a jump of the outcome decided; ``allowed``, by how much orders of
-        one smooth map may seem to differ; ``detectable``, None if nothing could have been seen.
+        ``sentence``; ``outlook``, what these data could have shown; ``difference``, the
+        effect with its interval; ``true``, the true effect in a simulation; ``remark``,
+        the deciding bound; ``confidence``, ``power``; ``conclusion``; ``found``,
+        whether an effect was estimated at all; ``jumps``, whether a jump of the outcome
+        decided; ``allowed``, by how much orders of one smooth map may seem to differ;
+        ``detectable``, None if nothing could have been seen.
     """
     known: Verdict = verdict or {}
     effect = known.get(known.get("decided_by", "effect"))
@@ -51,8 +52,12 @@ def verdict_facts(
     }
     if effect is None:
         return facts
-    estimate, low, high, bound = (show.significant(100 * effect[key], 2) for key in ENDS)
-    most, none = (show.with_unit(text, "%") for text in (bound, f"{100 * known['margin']:g}"))
+    estimate, low, high, bound = (
+        show.significant(100 * effect[key], 2) for key in ENDS
+    )
+    most, none = (
+        show.with_unit(text, "%") for text in (bound, f"{100 * known['margin']:g}")
+    )
     bounded = f"; one-sided bound {most}, less than {none} counts as none"
     true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
     facts["true"] = None if show.is_missing(true) else _percent(float(true))
@@ -110,16 +115,24 @@ def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) 
 
 def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     rows, effect = group["members"], group["effect"]
-    answers = Counter("no answer" if row["reason"] else row["conclusion"] for row in rows)
+    answers = Counter(
+        "no answer" if row["reason"] else row["conclusion"] for row in rows
+    )
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
-    cards = [("Studies judged", f"{len(rows) - answers['no answer']} of {len(rows)}", said)]
+    cards = [
+        ("Studies judged", f"{len(rows) - answers['no answer']} of {len(rows)}", said)
+    ]
     if effect is None:
         return cards
     model = effect["combined"]
     ends = f"{_percent(effect['low'])} to {_percent(effect['high'])}"
     of_q = f"Q = {show.significant(model['q'])}, p = {show.significant(model['q_p_value'], 2)}"
     return [
-        ("Difference over subjects (rms)", _percent(effect["estimate"]), f"interval {ends}"),
+        (
+            "Difference over subjects (rms)",
+            _percent(effect["estimate"]),
+            f"interval {ends}",
+        ),
         ("At most", _percent(effect["upper_bound"]), "one-sided bound of the rms"),
         *cards,
         ("Between subjects (I²)", _percent(model["i2"]), of_q),
@@ -135,14 +148,22 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     checks = row.get("quality", [])
     statuses = Counter(status for _, status in checks)
     needed, of = row.get("landings_needed") or 0, "jump_" * ("jump_low" in row)
-    is_lacking = row.get("conclusion") != "different" and needed > row.get("landings", 0)
+    is_lacking = row.get("conclusion") != "different" and needed > row.get(
+        "landings", 0
+    )
     return {
         **row,
         "needed": show.count(needed) if is_lacking else "",
-        "size": None if row["reason"] else "a jump of " * bool(of) + _percent(row[f"{of}estimate"]),
-        "ends": " to ".join(_percent(row[of + k]) for k in ("low", "high") if not row["reason"]),
+        "size": None
+        if row["reason"]
+        else "a jump of " * bool(of) + _percent(row[f"{of}estimate"]),
+        "ends": " to ".join(
+            _percent(row[of + k]) for k in ("low", "high") if not row["reason"]
+        ),
         "checks": ", ".join(
-            f"{statuses[one]} {one}" for one in ("good", "look", "poor") if statuses[one]
+            f"{statuses[one]} {one}"
+            for one in ("good", "look", "poor")
+            if statuses[one]
         ),
         "poor": "; ".join(what for what, status in checks if status == "poor"),
     }

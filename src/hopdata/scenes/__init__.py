@@ -11,8 +11,9 @@ from hopdata.errors import require_choice
 if TYPE_CHECKING:
     from hopdata.scenes.scene import Scene
 
-#: Maps each name in the configuration to its parameter class. Classes are imported on demand,
-#: because they load a compiler. Installed packages add theirs by entry points (``hopdata.scenes``).
+#: Maps each name in the configuration to its parameter class. Classes are imported on
+#: demand, because they load a compiler. Installed packages add theirs by entry points
+#: (``hopdata.scenes``).
 SCENES = {
     "hopper": "hopdata.scenes.hopper_parameters:HopperParameters",
     "quadruped": "hopdata.scenes.quadruped:Quadruped",

@@ -1,15 +1,16 @@
 """A rigid body on legs: its twelve states, its yaw-pitch-roll attitude and its events.
 
-The state holds the position of the origin O (world, m), yaw, pitch and roll (rad), the velocity of
-O (world, m/s) and the angular velocity (body axes, rad/s). Rotations (z-y'-x'') map body
-coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch) Rx(roll)``.
+The state holds the position of the origin O (world, m), yaw, pitch and roll (rad), the
+velocity of O (world, m/s) and the angular velocity (body axes, rad/s). Rotations
+(z-y'-x'') map body coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch)
+Rx(roll)``.
 
-The mode of a body with n legs is int64: one lock per leg (+1 in contact, otherwise -1), one for the
-apex and one for a fall; then one integer per leg, 1 once it is released; then one that is 1 once
-any foot has touched.
+The mode of a body with n legs is int64: one lock per leg (+1 in contact, otherwise -1),
+one for the apex and one for a fall; then one integer per leg, 1 once it is released;
+then one that is 1 once any foot has touched.
 
-The compiled helpers take scalars so that a vector field allocates no memory. They are compiled
-together with the field that calls them and are cached with it.
+The compiled helpers take scalars so that a vector field allocates no memory. They are
+compiled together with the field that calls them and are cached with it.
 """
 
 import math
@@ -73,8 +74,9 @@ def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
 def after_event(mode: IntArray, n: int, guard: int, direction: int) -> int:
     """Update the mode after an event and return 1 if the event ends the integration, else 0.
 
-    The n legs are released once all of them stand; a leg that lifts off is re-armed. A fall always
-    ends the integration. An apex ends it in flight, once a foot has touched.
+    The n legs are released once all of them stand; a leg that lifts off is re-armed. A
+    fall always ends the integration. An apex ends it in flight, once a foot has
+    touched.
     """
     standing = 0
     for leg in range(n):
@@ -96,8 +98,9 @@ def after_event(mode: IntArray, n: int, guard: int, direction: int) -> int:
 def legged_system(n_legs: int, *, n_states: int = N_STATES, **functions: Any) -> System:
     """Return the hybrid system of a body on legs with the given field, guards and handler.
 
-    The guards are ``foot1`` ... ``foot<n>`` (two-way), ``apex`` (the climb rate falls through zero)
-    and ``fallen`` (the angle between the body z-axis and the vertical exceeds its limit; terminal).
+    The guards are ``foot1`` ... ``foot<n>`` (two-way), ``apex`` (the climb rate falls
+    through zero) and ``fallen`` (the angle between the body z-axis and the vertical
+    exceeds its limit; terminal).
     """
     return System(
         **functions,

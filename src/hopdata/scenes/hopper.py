@@ -1,20 +1,22 @@
 """Hopper on preloaded springy legs with a counterweight boom: field, guards and events.
 
-The robot of the dissertation's chapters II and III is modelled as a rigid chassis of mass M and
-inertia I with a point mass m at c(t) in the body; m_t = M + m. Let f be the force of the floor and
-tau its torque about the chassis' centre of mass O, both in body axes. With
-beta = w x (w x c) + 2 w x c' + c'' and mu = m (1 - m / m_t), the two momentum balances give
+The robot of the dissertation's chapters II and III is modelled as a rigid chassis of
+mass M and inertia I with a point mass m at c(t) in the body; m_t = M + m. Let f be the
+force of the floor and tau its torque about the chassis' centre of mass O, both in body
+axes. With beta = w x (w x c) + 2 w x c' + c'' and mu = m (1 - m / m_t), the two
+momentum balances give
 
     [I + mu (|c|^2 1 - c c^T)] w' = tau - w x I w - (m / m_t) c x f - mu c x beta
     v' = g + R [f / m_t - (m / m_t) (w' x c + beta)].
 
 State and modes are those of the chassis on its legs (`hopdata.scenes.body`).
 
-The gap of a foot is its height at rest length above the floor, the plane z = 0. A leg in contact
-pushes with F0 - k gap - c dgap/dt. Contact begins at touchdown, gap = 0, and ends at lift-off: at
-gap = e if all legs have stood in the meantime, which restores energy. Each leg adds its own force
-independently of the others, and contact depends on position alone. These two properties make the
-flow through a landing continuously differentiable.
+The gap of a foot is its height at rest length above the floor, the plane z = 0. A leg
+in contact pushes with F0 - k gap - c dgap/dt. Contact begins at touchdown, gap = 0, and
+ends at lift-off: at gap = e if all legs have stood in the meantime, which restores
+energy. Each leg adds its own force independently of the others, and contact depends on
+position alone. These two properties make the flow through a landing continuously
+differentiable.
 """
 
 import math
@@ -46,14 +48,19 @@ def solve_with_point_mass(
 ) -> Vector:
     """Solve ``[diag(ix, iy, iz) + mass (|c|^2 1 - c c^T)] u = b`` for u.
 
-    The matrix is a diagonal matrix minus a dyad, so the Sherman-Morrison formula applies.
+    The matrix is a diagonal matrix minus a dyad, so the Sherman-Morrison formula
+    applies.
     """
     cx, cy, cz = c
     swing = mass * (cx * cx + cy * cy + cz * cz)
     dx, dy, dz = ix + swing, iy + swing, iz + swing
     gx, gy, gz = cx / dx, cy / dy, cz / dz
     ux, uy, uz = b[0] / dx, b[1] / dy, b[2] / dz
-    factor = mass * (cx * ux + cy * uy + cz * uz) / (1.0 - mass * (cx * gx + cy * gy + cz * gz))
+    factor = (
+        mass
+        * (cx * ux + cy * uy + cz * uz)
+        / (1.0 - mass * (cx * gx + cy * gy + cz * gz))
+    )
     return ux + factor * gx, uy + factor * gy, uz + factor * gz
 
 
@@ -64,7 +71,8 @@ def solve_with_point_mass(
 def boom_angle(t: float | FloatArray, p: FloatArray) -> tuple[Any, Any, Any]:
     """Return the boom angle (rad) and its first two time derivatives at one or many times.
 
-    The boom moves along a cycloid, so its acceleration is continuous at the start and the end.
+    The boom moves along a cycloid, so its acceleration is continuous at the start and
+    the end.
     """
     s = np.minimum(np.maximum((t - p[hp.BOOM_START]) / p[hp.BOOM_DURATION], 0.0), 1.0)
     swing, turn = p[hp.BOOM_SWING], 2.0 * np.pi
@@ -89,7 +97,9 @@ def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
 
 
 @kept_njit(error_model="numpy")
-def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[float, float]:
+def foot_gap(
+    leg: int, y: FloatArray, rot: Rotation, p: FloatArray
+) -> tuple[float, float]:
     """Return the gap of a leg, m, and its rate, m/s."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
     px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
@@ -99,7 +109,9 @@ def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[flo
 
 
 @kept_njit(error_model="numpy")
-def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
+def foot_lift(
+    leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray
+) -> float:
     """Return the acceleration of a leg's gap, m/s^2, for the state's rate `dy`."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
     px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
@@ -114,20 +126,25 @@ def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatAr
 def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> Wrench:
     """Return the floor's force on one leg (N) and its torque about O (N m), both in body axes.
 
-    The force acts at the floor beneath the foot. The sliding speed is that of the body at this
-    point, so friction dissipates energy for any motion of the body.
+    The force acts at the floor beneath the foot. The sliding speed is that of the body
+    at this point, so friction dissipates energy for any motion of the body.
     """
     gap, gap_rate = foot_gap(leg, y, rot, p)
     k = hp.LEGS + hp.LEG_STRIDE * leg
     normal = p[k] - p[hp.STIFFNESS] * gap - p[hp.DAMPING] * gap_rate
-    # Arm from O to the floor beneath the foot, body axes: rest foot minus the gap along world z.
+    # Arm from O to the floor beneath the foot, body axes: rest foot minus the gap along
+    # world z.
     qx = p[k + 1] - gap * rot[6]
     qy = p[k + 2] - gap * rot[7]
     qz = -p[hp.LEG_LENGTH] - gap * rot[8]
     sx, sy, sz = cross(y[9], y[10], y[11], qx, qy, qz)
     vx = y[6] + rot[0] * sx + rot[1] * sy + rot[2] * sz
     vy = y[7] + rot[3] * sx + rot[4] * sy + rot[5] * sz
-    drag = -p[hp.FRICTION] * normal / math.sqrt(vx * vx + vy * vy + p[hp.SLIP_VELOCITY] ** 2)
+    drag = (
+        -p[hp.FRICTION]
+        * normal
+        / math.sqrt(vx * vx + vy * vy + p[hp.SLIP_VELOCITY] ** 2)
+    )
     fx, fy = drag * vx, drag * vy
     bx = rot[0] * fx + rot[3] * fy + rot[6] * normal
     by = rot[1] * fx + rot[4] * fy + rot[7] * normal
@@ -136,7 +153,9 @@ def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> Wrench:
 
 
 @kept_njit(error_model="numpy")
-def total_wrench(y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray) -> tuple[Wrench, int]:
+def total_wrench(
+    y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray
+) -> tuple[Wrench, int]:
     """Return total force and torque of the legs in contact (body axes) and the number of legs."""
     fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     for leg in range(int(p[hp.N_LEGS])):
@@ -152,13 +171,19 @@ def total_wrench(y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray) ->
 def swing_acceleration(w: Vector, c: Vector, c1: Vector, c2: Vector) -> Vector:
     """Return the counterweight's acceleration in the turning body: w x (w x c) + 2 w x c' + c''."""
     ax, ay, az = cross(w[0], w[1], w[2], c[0], c[1], c[2])
-    nx, ny, nz = cross(w[0], w[1], w[2], ax + 2.0 * c1[0], ay + 2.0 * c1[1], az + 2.0 * c1[2])
+    nx, ny, nz = cross(
+        w[0], w[1], w[2], ax + 2.0 * c1[0], ay + 2.0 * c1[1], az + 2.0 * c1[2]
+    )
     return nx + c2[0], ny + c2[1], nz + c2[2]
 
 
 @kept_njit(error_model="numpy")
 def body_accelerations(
-    w: Vector, force: Vector, torque: Vector, swing: tuple[Vector, Vector, Vector], p: FloatArray
+    w: Vector,
+    force: Vector,
+    torque: Vector,
+    swing: tuple[Vector, Vector, Vector],
+    p: FloatArray,
 ) -> tuple[Vector, Vector]:
     """Return specific force on O and angular acceleration of body and point mass, in body axes."""
     total = p[hp.MASS] + p[hp.COUNTERWEIGHT]
@@ -185,7 +210,12 @@ def body_accelerations(
 
 @kept_njit(error_model="numpy")
 def fill_rates(
-    t: float, y: FloatArray, rot: Rotation, wrench: Wrench, p: FloatArray, dy: FloatArray
+    t: float,
+    y: FloatArray,
+    rot: Rotation,
+    wrench: Wrench,
+    p: FloatArray,
+    dy: FloatArray,
 ) -> None:
     """Fill `dy` with the state's rate under a force and a torque in body axes."""
     w = (y[9], y[10], y[11])
@@ -199,7 +229,9 @@ def fill_rates(
 
 
 @field
-def hopper_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
+def hopper_field(
+    t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
+) -> None:
     """Fill `dy` with the state's rate (Newton-Euler equations, see the module docstring)."""
     rot = rotation_entries(y[3], y[4], y[5])
     fill_rates(t, y, rot, total_wrench(y, mode, rot, p)[0], p, dy)
@@ -239,4 +271,6 @@ def hopper_event(
 @cache
 def hopper_system(n_legs: int = 3) -> System:
     """Return the hybrid system of a hopper with `n_legs` legs; see `legged_system`."""
-    return legged_system(n_legs, field=hopper_field, guards=hopper_guards, on_event=hopper_event)
+    return legged_system(
+        n_legs, field=hopper_field, guards=hopper_guards, on_event=hopper_event
+    )

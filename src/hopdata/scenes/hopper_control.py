@@ -1,14 +1,14 @@
 """Variants of the hopper: controls, and a board that it pushes.
 
-A control breaks the conditions for a continuously differentiable landing in one of three ways
-(`hopdata.scenes.scene.Control`).
+A control breaks the conditions for a continuously differentiable landing in one of
+three ways (`hopdata.scenes.scene.Control`).
 
-- Coupling: the force of each leg is multiplied by 1 + kappa (s - n) while s of the n legs are in
-  contact. Forces are no longer additive.
-- Impulse: at touchdown a vertical impulse at the foot removes the fraction eps of the foot's normal
-  velocity. The state jumps. An impulse at one foot also moves the other feet, so the state after a
-  simultaneous contact depends on the order, unless the feet are orthogonal with respect to the
-  inertia (Pace and Burden 2017).
+- Coupling: the force of each leg is multiplied by 1 + kappa (s - n) while s of the n
+  legs are in contact. Forces are no longer additive.
+- Impulse: at touchdown a vertical impulse at the foot removes the fraction eps of the
+  foot's normal velocity. The state jumps. An impulse at one foot also moves the other
+  feet, so the state after a simultaneous contact depends on the order, unless the feet
+  are orthogonal with respect to the inertia (Pace and Burden 2017).
 - Delay: contact occurs at gap + tau dgap/dt = 0. The guards depend on velocity.
 """
 
@@ -34,7 +34,8 @@ from hopdata.scenes.hopper import (
 )
 from hopdata.scenes.scene import Variant
 
-# Indices of the strengths, which follow the legs' entries at the end of the parameter vector.
+# Indices of the strengths, which follow the legs' entries at the end of the parameter
+# vector.
 COUPLING, IMPULSE, DELAY = -3, -2, -1
 
 _guards = kept_njit(error_model="numpy")(hopper_guards.function)
@@ -42,7 +43,9 @@ _event = kept_njit(error_model="numpy")(hopper_event.function)
 
 
 @field
-def control_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
+def control_field(
+    t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
+) -> None:
     """Fill `dy` with the state's rate; the legs' forces are coupled."""
     rot = rotation_entries(y[3], y[4], y[5])
     (force, torque), standing = total_wrench(y, mode, rot, p)
@@ -71,12 +74,14 @@ def control_guards(
 
 
 @kept_njit(error_model="numpy")
-def take_normal_velocity(t: float, y: FloatArray, leg: int, fraction: float, p: FloatArray) -> None:
+def take_normal_velocity(
+    t: float, y: FloatArray, leg: int, fraction: float, p: FloatArray
+) -> None:
     """Apply a vertical impulse at a foot to `y` that reduces its normal velocity by `fraction`.
 
-    An impulse changes the momenta as a force changes their rates, and velocity-dependent forces are
-    finite and contribute nothing. The change therefore follows from the equations of motion at
-    rest.
+    An impulse changes the momenta as a force changes their rates, and
+    velocity-dependent forces are finite and contribute nothing. The change therefore
+    follows from the equations of motion at rest.
     """
     rot = rotation_entries(y[3], y[4], y[5])
     rest = (0.0, 0.0, 0.0)
@@ -111,16 +116,21 @@ def control_event(
 def control_system(n_legs: int = 3) -> System:
     """Return the hybrid system of the control; its guards and modes are as in `hopper_system`."""
     return replace(
-        hopper_system(n_legs), field=control_field, guards=control_guards, on_event=control_event
+        hopper_system(n_legs),
+        field=control_field,
+        guards=control_guards,
+        on_event=control_event,
     )
 
 
-# The board of the dissertation's Sec. 3.5 (Fig. 3.7) is pushed along the floor. It has no inertia.
-# While a leg is in contact, the board holds the chassis back at its centre of mass with a force
-# that is constant except at low speed and that opposes only motion into the board. Each leg in
-# contact contributes its share of the force, so forces stay additive over the legs.
+# The board of the dissertation's Sec. 3.5 (Fig. 3.7) is pushed along the floor. It has
+# no inertia. While a leg is in contact, the board holds the chassis back at its centre
+# of mass with a force that is constant except at low speed and that opposes only motion
+# into the board. Each leg in contact contributes its share of the force, so forces stay
+# additive over the legs.
 
-# Indices of the board's numbers, which follow the legs' entries at the end of the parameter vector.
+# Indices of the board's numbers, which follow the legs' entries at the end of the
+# parameter vector.
 DRAG, DIRECTION_X, DIRECTION_Y, FRONT = -4, -3, -2, -1
 
 
@@ -135,7 +145,8 @@ class HopperDrag:
     direction : (x, y)
         Unit vector into the board, world frame.
     front_m : float
-        Position along `direction` at which the chassis' centre of mass touches the board, m.
+        Position along `direction` at which the chassis' centre of mass touches the
+        board, m.
     """
 
     drag_n: float
@@ -149,7 +160,9 @@ class HopperDrag:
 
 
 @field
-def drag_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
+def drag_field(
+    t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
+) -> None:
     """Fill `dy` with the state's rate, including the board's drag while it is touched."""
     rot = rotation_entries(y[3], y[4], y[5])
     (force, torque), standing = total_wrench(y, mode[1:], rot, p)
@@ -205,4 +218,8 @@ def system_of(n_legs: int, variant: Variant | None) -> System:
     """Return the hybrid system of a hopper with `n_legs` legs, or of its variant if given."""
     if variant is None:
         return hopper_system(n_legs)
-    return drag_system(n_legs) if isinstance(variant, HopperDrag) else control_system(n_legs)
+    return (
+        drag_system(n_legs)
+        if isinstance(variant, HopperDrag)
+        else control_system(n_legs)
+    )

@@ -14,10 +14,15 @@ from hopdata.scenes.scene import Scene, Variant
 if TYPE_CHECKING:
     from hopdata.hybrid import System
 
-# Indices into the flat vector: scalars first, then (preload, x, y) of each leg's rest foot.
+# Indices into the flat vector: scalars first, then (preload, x, y) of each leg's rest
+# foot.
 N_LEGS, GRAVITY, MASS, COUNTERWEIGHT, INERTIA_X, INERTIA_Y, INERTIA_Z = range(7)
-STIFFNESS, DAMPING, FRICTION, SLIP_VELOCITY, RELEASE_EXTENSION, LEG_LENGTH = range(7, 13)
-BOOM_RADIUS, BOOM_OFFSET, BOOM_HEIGHT, BOOM_ANGLE, BOOM_SWING, BOOM_START = range(13, 19)
+STIFFNESS, DAMPING, FRICTION, SLIP_VELOCITY, RELEASE_EXTENSION, LEG_LENGTH = range(
+    7, 13
+)
+BOOM_RADIUS, BOOM_OFFSET, BOOM_HEIGHT, BOOM_ANGLE, BOOM_SWING, BOOM_START = range(
+    13, 19
+)
 BOOM_DURATION, TILT_LIMIT, LEGS = range(19, 22)
 LEG_STRIDE = 3
 
@@ -26,9 +31,9 @@ LEG_STRIDE = 3
 class HopperParameters(Scene):
     """A rigid chassis on evenly spaced, preloaded springy legs, with a counterweight on a boom.
 
-    With the defaults it hops like the dissertation's robot: 0.63 s per hop, 0.24 m high, with
-    contacts some 10 ms apart. The origin of the body axes is the chassis' centre of mass; z points
-    up and x towards the first leg.
+    With the defaults it hops like the dissertation's robot: 0.63 s per hop, 0.24 m
+    high, with contacts some 10 ms apart. The origin of the body axes is the chassis'
+    centre of mass; z points up and x towards the first leg.
 
     Parameters
     ----------
@@ -43,21 +48,26 @@ class HopperParameters(Scene):
     preload_n : float
         Force of a leg at its rest length; the contact force jumps to it at touchdown.
     foot_radius_m, leg_length_m : float
-        Position of the rest feet: distance from the body z-axis, and distance below the origin.
+        Position of the rest feet: distance from the body z-axis, and distance below the
+        origin.
     friction, slip_velocity_m_s : float
-        Coefficient of friction, and the sliding speed at which friction reaches 71 % of its limit.
+        Coefficient of friction, and the sliding speed at which friction reaches 71 % of
+        its limit.
     release_extension_m : float
-        Extension beyond rest length up to which a leg pushes once all legs have stood, which
-        restores energy.
+        Extension beyond rest length up to which a leg pushes once all legs have stood,
+        which restores energy.
     boom_radius_m, boom_offset_m, boom_height_m : float
-        The counterweight moves on a circle of this radius about (offset, 0, height) in the body.
+        The counterweight moves on a circle of this radius about (offset, 0, height) in
+        the body.
     boom_angle_rad : float
-        Angle of the boom; at pi, with radius = offset, the counterweight is on the body z-axis.
+        Angle of the boom; at pi, with radius = offset, the counterweight is on the body
+        z-axis.
     boom_swing_rad, boom_start_s, boom_duration_s : float
-        Angle, start and duration of the cycloidal move. Time counts from the apex at which a hop
-        begins; some 0.2 s of flight remain then.
+        Angle, start and duration of the cycloidal move. Time counts from the apex at
+        which a hop begins; some 0.2 s of flight remain then.
     tilt_limit_rad : float
-        Angle between the body z-axis and the vertical beyond which the hopper has fallen.
+        Angle between the body z-axis and the vertical beyond which the hopper has
+        fallen.
     gravity_m_s2 : float
         Acceleration due to gravity.
     """
@@ -101,12 +111,18 @@ class HopperParameters(Scene):
         angle = 2 * np.pi * np.arange(self.n_legs) / self.n_legs
         below = np.full(self.n_legs, -self.leg_length_m)
         return np.column_stack(
-            [self.foot_radius_m * np.cos(angle), self.foot_radius_m * np.sin(angle), below]
+            [
+                self.foot_radius_m * np.cos(angle),
+                self.foot_radius_m * np.sin(angle),
+                below,
+            ]
         )
 
     def system(self, variant: Variant | None = None) -> System:
         """Return the hybrid system of the hopper, of its control, or with a `HopperDrag`."""
-        from hopdata.scenes import hopper_control  # imported here: it imports this module
+        from hopdata.scenes import (
+            hopper_control,
+        )  # imported here: it imports this module
 
         return hopper_control.system_of(self.n_legs, variant)
 
@@ -118,10 +134,15 @@ class HopperParameters(Scene):
         legs[:, 0] = self.preload_n if preloads_n is None else preloads_n
         legs[:, 1:] = self.rest_feet()[:, :2]
         scalars = [float(getattr(self, one.name)) for one in fields(self)[:LEGS]]
-        return np.array([*scalars, *legs.ravel(), *(variant.numbers if variant else ())])
+        return np.array(
+            [*scalars, *legs.ravel(), *(variant.numbers if variant else ())]
+        )
 
     def vectors(
-        self, preloads_n: FloatArray, variant: Variant | None, since_apex_s: FloatArray | float
+        self,
+        preloads_n: FloatArray,
+        variant: Variant | None,
+        since_apex_s: FloatArray | float,
     ) -> FloatArray:
         """Return the parameter vectors (L, p) for a boom that has already swung for some time."""
         vectors = np.tile(self.vector(None, variant), (len(preloads_n), 1))
@@ -152,9 +173,14 @@ class HopperParameters(Scene):
             return
         hops, back = np.arange(count), self.boom_angle_rad + self.boom_swing_rad
         yield self, hops[::2]
-        yield replace(self, boom_angle_rad=back, boom_swing_rad=-self.boom_swing_rad), hops[1::2]
+        yield (
+            replace(self, boom_angle_rad=back, boom_swing_rad=-self.boom_swing_rad),
+            hops[1::2],
+        )
 
     def _boom_angles(self, times_s: FloatArray | float) -> FloatArray:
-        from hopdata.scenes.hopper import boom_angle  # imported here: it imports this module
+        from hopdata.scenes.hopper import (
+            boom_angle,
+        )  # imported here: it imports this module
 
         return np.asarray(boom_angle.py_func(times_s, self.vector())[0])

@@ -1,20 +1,21 @@
 """Quadruped that pronks: a rigid body on four compliant legs whose feet stay where they touch.
 
-Let r be the position of a leg's rest foot, v its velocity, and d its displacement since the foot
-touched. The floor pushes a leg in contact, at r, with the force
+Let r be the position of a leg's rest foot, v its velocity, and d its displacement since
+the foot touched. The floor pushes a leg in contact, at r, with the force
 
     (-k_s d_x - c_s v_x,  -k_s d_y - c_s v_y,  F0 - k r_z - c v_z).
 
-Contact begins at touchdown, r_z = 0, and ends at lift-off: at r_z = e if all legs have stood in the
-meantime, which restores energy. The Newton-Euler equations are m v' = sum F - m g and
-I w' = R^T sum (r - O) x F - w x I w.
+Contact begins at touchdown, r_z = 0, and ends at lift-off: at r_z = e if all legs have
+stood in the meantime, which restores energy. The Newton-Euler equations are m v' = sum
+F - m g and I w' = R^T sum (r - O) x F - w x I w.
 
-The state has 20 entries: the body's (`hopdata.scenes.body`), then (d_x, d_y) of each leg, which are
-integrated in contact and reset to zero at lift-off. The modes are those of `hopdata.scenes.body`.
+The state has 20 entries: the body's (`hopdata.scenes.body`), then (d_x, d_y) of each
+leg, which are integrated in contact and reset to zero at lift-off. The modes are those
+of `hopdata.scenes.body`.
 
-Each leg adds its own force and contact depends on position alone, so the flow through a landing is
-continuously differentiable. A coupling kappa multiplies all forces by 1 + kappa (s - 4) while s
-legs are in contact, and makes the flow non-differentiable.
+Each leg adds its own force and contact depends on position alone, so the flow through a
+landing is continuously differentiable. A coupling kappa multiplies all forces by 1 +
+kappa (s - 4) while s legs are in contact, and makes the flow non-differentiable.
 """
 
 import math
@@ -43,9 +44,21 @@ from hopdata.scenes.scene import Scene, Variant, parameter
 N_LEGS = 4
 APEX, FALLEN, RELEASED = N_LEGS, N_LEGS + 1, N_LEGS + 2
 
-# Indices into the flat vector: the fields of `Quadruped` in order, then the preloads and kappa.
-MASS, INERTIA_X, INERTIA_Y, INERTIA_Z, STIFFNESS, DAMPING, SIDE_STIFFNESS, SIDE_DAMPING = range(8)
-HALF_LENGTH, HALF_WIDTH, LEG_LENGTH, RELEASE_EXTENSION, TILT_LIMIT, GRAVITY = range(9, 15)
+# Indices into the flat vector: the fields of `Quadruped` in order, then the preloads
+# and kappa.
+(
+    MASS,
+    INERTIA_X,
+    INERTIA_Y,
+    INERTIA_Z,
+    STIFFNESS,
+    DAMPING,
+    SIDE_STIFFNESS,
+    SIDE_DAMPING,
+) = range(8)
+HALF_LENGTH, HALF_WIDTH, LEG_LENGTH, RELEASE_EXTENSION, TILT_LIMIT, GRAVITY = range(
+    9, 15
+)
 PRELOADS, COUPLING = 15, 15 + N_LEGS
 
 
@@ -67,7 +80,9 @@ def turned(rot: Rotation, x: float, y: float, z: float) -> Vector:
 
 
 @kept_njit(error_model="numpy")
-def rest_motion(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
+def rest_motion(
+    leg: int, y: FloatArray, rot: Rotation, p: FloatArray
+) -> tuple[Vector, Vector]:
     """Return a rest foot's position relative to O, m, and its velocity, m/s, in world axes."""
     bx, by, bz = rest_place(leg, p)
     sx, sy, sz = cross(y[9], y[10], y[11], bx, by, bz)
@@ -91,7 +106,14 @@ def quadruped_field(
             py = -p[SIDE_STIFFNESS] * y[k + 1] - p[SIDE_DAMPING] * vy
             pz = p[PRELOADS + leg] - p[STIFFNESS] * (y[2] + rz) - p[DAMPING] * vz
             qx, qy, qz = cross(rx, ry, rz, px, py, pz)
-            fx, fy, fz, tx, ty, tz = fx + px, fy + py, fz + pz, tx + qx, ty + qy, tz + qz
+            fx, fy, fz, tx, ty, tz = (
+                fx + px,
+                fy + py,
+                fz + pz,
+                tx + qx,
+                ty + qy,
+                tz + qz,
+            )
             dy[k], dy[k + 1] = vx, vy
             standing += 1
     share = 1.0 + p[COUPLING] * (standing - N_LEGS)
@@ -166,31 +188,52 @@ class Quadruped(Scene):
     inertia_z_kg_m2: float = positive(
         0.13, "Moment of inertia of the body about its vertical axis.", "kg m²"
     )
-    stiffness_n_m: float = positive(67.5, "Stiffness of a leg along the vertical.", "N/m")
+    stiffness_n_m: float = positive(
+        67.5, "Stiffness of a leg along the vertical.", "N/m"
+    )
     damping_n_s_m: float = parameter(
         3.6, "Damping of a leg along the vertical.", "N s/m", minimum=0
     )
     side_stiffness_n_m: float = parameter(
-        60.0, "Stiffness of a leg against moving aside from its foothold.", "N/m", minimum=0
+        60.0,
+        "Stiffness of a leg against moving aside from its foothold.",
+        "N/m",
+        minimum=0,
     )
     side_damping_n_s_m: float = parameter(
         10.0, "Damping of a leg against moving aside.", "N s/m", minimum=0
     )
     preload_n: float = parameter(
-        16.5, "Force of a leg at its rest length; the contact force jumps to it.", "N", minimum=0
+        16.5,
+        "Force of a leg at its rest length; the contact force jumps to it.",
+        "N",
+        minimum=0,
     )
-    half_length_m: float = positive(0.3, "Distance of the feet ahead of or behind the centre.", "m")
-    half_width_m: float = positive(0.22, "Distance of the feet to the left or right of it.", "m")
+    half_length_m: float = positive(
+        0.3, "Distance of the feet ahead of or behind the centre.", "m"
+    )
+    half_width_m: float = positive(
+        0.22, "Distance of the feet to the left or right of it.", "m"
+    )
     leg_length_m: float = positive(
         0.27, "Height of the centre of mass above the feet at rest length.", "m"
     )
     release_extension_m: float = parameter(
-        0.125, "How far beyond its rest length a leg pushes once all have stood.", "m", minimum=0
+        0.125,
+        "How far beyond its rest length a leg pushes once all have stood.",
+        "m",
+        minimum=0,
     )
     tilt_limit_rad: float = parameter(
-        1.0, "Tilt beyond which the quadruped has fallen.", "rad", exclusiveMinimum=0, maximum=np.pi
+        1.0,
+        "Tilt beyond which the quadruped has fallen.",
+        "rad",
+        exclusiveMinimum=0,
+        maximum=np.pi,
     )
-    gravity_m_s2: float = parameter(9.81, "Acceleration due to gravity.", "m/s²", minimum=0)
+    gravity_m_s2: float = parameter(
+        9.81, "Acceleration due to gravity.", "m/s²", minimum=0
+    )
 
     def rest_feet(self) -> FloatArray:
         """Return the feet at rest length, (4, 3), body frame, m."""
@@ -206,5 +249,7 @@ class Quadruped(Scene):
     ) -> FloatArray:
         """Return the flat parameter vector; its last entry is the coupling."""
         scalars = [getattr(self, one.name) for one in fields(self)]
-        preloads = np.broadcast_to(self.preload_n if preloads_n is None else preloads_n, N_LEGS)
+        preloads = np.broadcast_to(
+            self.preload_n if preloads_n is None else preloads_n, N_LEGS
+        )
         return np.array([*scalars, *preloads, variant.numbers[0] if variant else 0.0])

@@ -1,12 +1,14 @@
 """The interface of a scene: a rigid body that lands on compliant feet.
 
-A scene is one file with a frozen dataclass of parameters, derived from `Scene`, and the compiled
-field, guards and handler of its system. It is registered by name in `hopdata.scenes.SCENES`.
+A scene is one file with a frozen dataclass of parameters, derived from `Scene`, and the
+compiled field, guards and handler of its system. It is registered by name in
+`hopdata.scenes.SCENES`.
 
-The state begins with the twelve states of the body (`hopdata.scenes.body`). Any further states are
-the memory of feet in contact: they are zero in flight and never leave the integrator. The guards
-are ``foot1`` ... ``foot<n>`` (two-way, +1 in contact), ``apex`` (falling; ends a hop, in flight
-after a landing) and ``fallen`` (terminal at any time). Further modes start at 0.
+The state begins with the twelve states of the body (`hopdata.scenes.body`). Any further
+states are the memory of feet in contact: they are zero in flight and never leave the
+integrator. The guards are ``foot1`` ... ``foot<n>`` (two-way, +1 in contact), ``apex``
+(falling; ends a hop, in flight after a landing) and ``fallen`` (terminal at any time).
+Further modes start at 0.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ class Control:
     impulse : float
         eps: fraction of a foot's normal velocity that an impulse removes at touchdown.
     delay_s : float
-        tau: time by which contact runs ahead of the gap (positive: before the foot is down), s.
+        tau: time by which contact runs ahead of the gap (positive: before the foot is
+        down), s.
     """
 
     coupling: float = 0.0
@@ -72,7 +75,8 @@ class Scene(ABC):
     controls: ClassVar[tuple[str, ...]] = ()
     #: Whether the body has a moving boom, with a marker on it.
     has_boom: ClassVar[bool] = False
-    #: True if a foot in contact stays under its rest position, False if it stays where it touched.
+    #: True if a foot in contact stays under its rest position, False if it stays where
+    #: it touched.
     feet_slide: ClassVar[bool] = True
 
     mass_kg: float
@@ -120,7 +124,10 @@ class Scene(ABC):
         """
 
     def vectors(
-        self, preloads_n: FloatArray, variant: Variant | None, _since_apex_s: FloatArray | float
+        self,
+        preloads_n: FloatArray,
+        variant: Variant | None,
+        _since_apex_s: FloatArray | float,
     ) -> FloatArray:
         """Return the parameter vectors (L, p) of L landings that start after the apex.
 
@@ -172,7 +179,8 @@ def parameter(default: float, description: str, unit: str = "", **bounds: float)
     description, unit : str
         Text and unit for the configuration page.
     bounds
-        JSON schema bounds: ``minimum``, ``exclusiveMinimum``, ``maximum``, ``exclusiveMaximum``.
+        JSON schema bounds: ``minimum``, ``exclusiveMinimum``, ``maximum``,
+        ``exclusiveMaximum``.
     """
     told = {"description": description} | ({"x-unit": unit} if unit else {})
     return field(default=default, metadata={**told, **bounds})

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-# How an excitation is drawn and observed: corrected, or by the dissertation's Algorithms 1 to 4 as
-# printed.
+# How an excitation is drawn and observed: corrected, or by the dissertation's
+# Algorithms 1 to 4 as printed.
 OBSERVATIONS = CORRECTED, PRINTED = ("corrected", "printed")
 
 # Random streams under the seed of an excitation: the first number of the key.

@@ -22,9 +22,9 @@ FAR_SWING = "swing beyond the limit"
 TILTED = "tilted in a stance"
 
 SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
-# The simulated hopper leans by less than 5 degrees in its stances. If it is kicked until 3 to 12 %
-# of its stances are not on all feet, it leans by more than 20 degrees in 82 % of those, and in at
-# most 0.8 % of the others.
+# The simulated hopper leans by less than 5 degrees in its stances. If it is kicked
+# until 3 to 12 % of its stances are not on all feet, it leans by more than 20 degrees
+# in 82 % of those, and in at most 0.8 % of the others.
 UPRIGHT_RAD = np.deg2rad(20)
 
 
@@ -104,11 +104,12 @@ def frame_changes(
     Parameters
     ----------
     stances : StanceStates
-        A hop from or to a stance tilted by more than `UPRIGHT_RAD` is not used, since the robot is
-        tipping over.
+        A hop from or to a stance tilted by more than `UPRIGHT_RAD` is not used, since
+        the robot is tipping over.
     swing_limit_rad : float
         Largest commanded swing, below pi. A swing that exceeds it by more than
-        `SWING_MARGIN_RAD` is taken for an error of the boom angle, and its hop is not used.
+        `SWING_MARGIN_RAD` is taken for an error of the boom angle, and its hop is not
+        used.
     recording : str
         Name of the recording.
 

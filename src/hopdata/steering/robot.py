@@ -1,7 +1,8 @@
 """The steered hopper, hop by hop: the input is a swing of the boom, the output a stance.
 
-A hop runs from apex to apex. Its swing begins at the apex and ends before the feet touch down. Its
-stance is the instant at which the mean height of the body markers is lowest.
+A hop runs from apex to apex. Its swing begins at the apex and ends before the feet
+touch down. Its stance is the instant at which the mean height of the body markers is
+lowest.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from hopdata.synthesis.camera import MotionCapture, fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
 
-STANCE_SEARCH_S = 0.01  # time step of the search for the lowest point, before a parabola refines it
+STANCE_SEARCH_S = (
+    0.01  # time step of the search for the lowest point, before a parabola refines it
+)
 
 
 LIGHT_BOOM = HopperParameters(
@@ -40,15 +43,16 @@ class SteeredHopper:
     hopper : HopperParameters
         The body; its boom angle is the boom's initial angle.
     preload_shares : tuple of float
-        Preload of each leg as a fraction of the hopper's. No real robot is built evenly: with the
-        boom in neutral, the default drifts to the right and turns clockwise, as the
-        dissertation's robot did (Sec. 3.4.3).
+        Preload of each leg as a fraction of the hopper's. No real robot is built
+        evenly: with the boom in neutral, the default drifts to the right and turns
+        clockwise, as the dissertation's robot did (Sec. 3.4.3).
     kicks : Kicks
         Random disturbances at each apex.
     markers : MarkerOptions
         Positions of the markers.
     swing_limit_rad : float
-        Largest swing per hop; the dissertation's robot tips over beyond 90 degrees (Sec. 3.3).
+        Largest swing per hop; the dissertation's robot tips over beyond 90 degrees
+        (Sec. 3.3).
     release_height_m : float
         Height of the feet above the floor when the hopper is released.
     hop_limit_s : float
@@ -64,8 +68,14 @@ class SteeredHopper:
     hop_limit_s: float = 3.0
 
     def __post_init__(self) -> None:
-        legs, shares, limit = self.hopper.n_legs, len(self.preload_shares), self.swing_limit_rad
-        require(shares == legs, "preload_shares", f"one for each of {legs} legs", shares)
+        legs, shares, limit = (
+            self.hopper.n_legs,
+            len(self.preload_shares),
+            self.swing_limit_rad,
+        )
+        require(
+            shares == legs, "preload_shares", f"one for each of {legs} legs", shares
+        )
         require(0 < limit <= np.pi, "swing_limit_rad", "more than 0, at most pi", limit)
 
     @property
@@ -75,7 +85,9 @@ class SteeredHopper:
 
     def still(self) -> SteeredHopper:
         """Return the same hopper without disturbances."""
-        return replace(self, kicks=Kicks(**dict.fromkeys(Kicks.__dataclass_fields__, 0.0)))
+        return replace(
+            self, kicks=Kicks(**dict.fromkeys(Kicks.__dataclass_fields__, 0.0))
+        )
 
 
 @dataclass(frozen=True)
@@ -91,10 +103,10 @@ class Apex:
 class Stance:
     """The true stance of a hop.
 
-    `time_s` is the time of the lowest point, s. `pose` (3,) is the mean of the body markers
-    projected on the floor, m, and the unwrapped yaw, rad. Time and pose are NaN if the hop `fell`.
-    `boom_angle_rad` is the boom angle at the end of the hop. `touched` says whether the hopper
-    touched a board.
+    `time_s` is the time of the lowest point, s. `pose` (3,) is the mean of the body
+    markers projected on the floor, m, and the unwrapped yaw, rad. Time and pose are NaN
+    if the hop `fell`. `boom_angle_rad` is the boom angle at the end of the hop.
+    `touched` says whether the hopper touched a board.
     """
 
     time_s: float
@@ -108,9 +120,10 @@ class Stance:
 class SteeredHop:
     """One hop of a steered hopper.
 
-    `start` and `end` are its apexes, `swing_rad` the executed swing (within the limit) and `stance`
-    its landing. `frame_time_s` (K,) are the requested frames, and `markers` (K, B + 1, 3) the true
-    positions of the markers in them, m: the body markers first, the boom's last.
+    `start` and `end` are its apexes, `swing_rad` the executed swing (within the limit)
+    and `stance` its landing. `frame_time_s` (K,) are the requested frames, and
+    `markers` (K, B + 1, 3) the true positions of the markers in them, m: the body
+    markers first, the boom's last.
     """
 
     start: Apex
@@ -122,7 +135,9 @@ class SteeredHop:
     hop: Hop
 
 
-def released(robot: SteeredHopper, pose: ArrayLike, boom_angle_rad: float = np.pi) -> Apex:
+def released(
+    robot: SteeredHopper, pose: ArrayLike, boom_angle_rad: float = np.pi
+) -> Apex:
     """Return the apex at which an operator releases the hopper at rest, markers at `pose` (3,)."""
     x, y, yaw = np.asarray(pose, dtype=float)
     state = level_state(robot.hopper, robot.release_height_m)
@@ -159,14 +174,17 @@ def steer_hop(
     rng : numpy Generator
         Source of the random kicks.
     rate_hz : float
-        Frame rate of the markers, Hz; frame k is at k / rate_hz on the clock of the apex. No
-        frames by default.
+        Frame rate of the markers, Hz; frame k is at k / rate_hz on the clock of the
+        apex. No frames by default.
     board : Board, optional
         Board in the hopper's way; `Board.pushed` returns where the hop leaves it.
     """
     swing = float(np.clip(swing_rad, -robot.swing_limit_rad, robot.swing_limit_rad))
     parameters = replace(
-        robot.hopper, boom_angle_rad=apex.boom_angle_rad, boom_swing_rad=swing, boom_start_s=0.0
+        robot.hopper,
+        boom_angle_rad=apex.boom_angle_rad,
+        boom_swing_rad=swing,
+        boom_start_s=0.0,
     )
     chance = 1 + robot.kicks.preload_fraction * rng.standard_normal(parameters.n_legs)
     first, most = np.ceil(np.array([apex.time_s, robot.hop_limit_s]) * rate_hz - 1e-9)
@@ -184,30 +202,47 @@ def steer_hop(
     boom = parameters.after(hop.end_time_s).boom_angle_rad
     end = Apex(apex.time_s + hop.end_time_s, hop.end_state, boom)
     on = np.isin(times, searched)  # nearly coincident frames would spoil the parabola
-    stance = _stance(robot, replace(hop, states=hop.states[on]), times[on], apex.time_s, boom)
+    stance = _stance(
+        robot, replace(hop, states=hop.states[on]), times[on], apex.time_s, boom
+    )
     frame_time_s, markers = apex.time_s + times[shown], _markers(robot, hop, shown)
     return SteeredHop(apex, swing, stance, end, frame_time_s, markers, hop)
 
 
 def _stance(
-    robot: SteeredHopper, hop: Hop, times: FloatArray, start_s: float, boom_angle_rad: float
+    robot: SteeredHopper,
+    hop: Hop,
+    times: FloatArray,
+    start_s: float,
+    boom_angle_rad: float,
 ) -> Stance:
     """Return the stance of a hop: the vertex of the parabola through the three lowest heights."""
-    height = fixed_markers(hop.states, np.array(robot.markers.body_m))[..., 2].mean(axis=1)
-    k, touched = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2))), hop.touched_s < np.inf
+    height = fixed_markers(hop.states, np.array(robot.markers.body_m))[..., 2].mean(
+        axis=1
+    )
+    k, touched = (
+        int(np.clip(np.argmin(height), 1, max(1, len(times) - 2))),
+        hop.touched_s < np.inf,
+    )
     if hop.fell or len(times) < 3:
-        return Stance(np.nan, np.full(3, np.nan), boom_angle_rad, fell=True, touched=touched)
+        return Stance(
+            np.nan, np.full(3, np.nan), boom_angle_rad, fell=True, touched=touched
+        )
     near = slice(k - 1, k + 2)
     bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
     lowest = times[k] - slope / (2 * bend)
     poses = marker_poses(robot, hop.states[near])
     pose = np.array([np.interp(lowest, times[near], column) for column in poses.T])
-    return Stance(start_s + float(lowest), pose, boom_angle_rad, fell=False, touched=touched)
+    return Stance(
+        start_s + float(lowest), pose, boom_angle_rad, fell=False, touched=touched
+    )
 
 
 def _markers(robot: SteeredHopper, hop: Hop, shown: BoolArray) -> FloatArray:
     states = hop.states[shown]
-    body = np.broadcast_to(robot.markers.body_m, (len(states), len(robot.markers.body_m), 3))
+    body = np.broadcast_to(
+        robot.markers.body_m, (len(states), len(robot.markers.body_m), 3)
+    )
     boom = hop.boom[shown] + robot.markers.boom_m
     return in_world(states, np.concatenate([body, boom[:, None]], axis=1))
 
@@ -219,7 +254,8 @@ def _markers(robot: SteeredHopper, hop: Hop, shown: BoolArray) -> FloatArray:
 class Board:
     """A board across the floor that is pushed along its normal and stays where it was pushed to.
 
-    The hopper touches it only while it stands beyond the board's front: in flight it is above it.
+    The hopper touches it only while it stands beyond the board's front: in flight it is
+    above it.
 
     Parameters
     ----------
@@ -252,7 +288,9 @@ class Board:
         """Return the board where the hop left it, ahead of the hopper's farthest contact."""
         if not np.isfinite(hop.hop.touched_s):
             return self
-        front = float((hop.hop.event_state[:, :2] @ self.direction).max()) + self.reach_m
+        front = (
+            float((hop.hop.event_state[:, :2] @ self.direction).max()) + self.reach_m
+        )
         return replace(self, place_m=max(self.place_m, front))
 
 

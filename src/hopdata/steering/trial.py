@@ -18,7 +18,12 @@ from hopdata.steering import CORRECTED, EXCITATION, PRINTED, TRIAL, child
 from hopdata.steering import robot as plant
 from hopdata.steering.control.objectives import is_finite
 from hopdata.steering.frame_changes import CHANGE
-from hopdata.synthesis.camera import MotionCapture, draw_floor, fixed_markers, track_markers
+from hopdata.synthesis.camera import (
+    MotionCapture,
+    draw_floor,
+    fixed_markers,
+    track_markers,
+)
 from hopdata.synthesis.simulate import observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
 
@@ -32,7 +37,8 @@ class ControlGrid:
     n_angles : int
         Number of equally spaced boom angles (N_p in print).
     n_steps : int
-        Largest number of grid steps that the boom moves in one hop, either way (N_v in print).
+        Largest number of grid steps that the boom moves in one hop, either way (N_v in
+        print).
     repeats : int
         How often each move is to be made (N_c in print).
 
@@ -49,7 +55,9 @@ class ControlGrid:
     def __post_init__(self) -> None:
         for name, size in vars(self).items():
             whole = isinstance(size, int | np.integer)
-            require(whole and size >= 1, name, "a whole number of at least 1", f"{size!r}")
+            require(
+                whole and size >= 1, name, "a whole number of at least 1", f"{size!r}"
+            )
 
     @property
     def step_rad(self) -> float:
@@ -62,13 +70,16 @@ class ControlGrid:
         return np.arange(-self.n_steps, self.n_steps + 1)
 
 
-def eulerian_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> FloatArray:
+def eulerian_excitation(
+    grid: ControlGrid, rng: np.random.Generator | int
+) -> FloatArray:
     """Draw a sequence that makes every move exactly `repeats` times and ends where it began.
 
-    It consists of laps that make every move once, so the first lap already covers the grid. Each
-    lap is drawn uniformly from all Eulerian circuits: the last moves from the angles form a uniform
-    random tree towards the start (Wilson 1996), and the other moves are in random order (the BEST
-    theorem of van Aardenne-Ehrenfest and de Bruijn).
+    It consists of laps that make every move once, so the first lap already covers the
+    grid. Each lap is drawn uniformly from all Eulerian circuits: the last moves from
+    the angles form a uniform random tree towards the start (Wilson 1996), and the other
+    moves are in random order (the BEST theorem of van Aardenne-Ehrenfest and de
+    Bruijn).
 
     Returns
     -------
@@ -76,7 +87,9 @@ def eulerian_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> Fl
         Swing in the flight after each stance except the last, rad.
     """
     rng = np.random.default_rng(rng)
-    return grid.step_rad * np.concatenate([_random_lap(grid, rng) for _ in range(grid.repeats)])
+    return grid.step_rad * np.concatenate(
+        [_random_lap(grid, rng) for _ in range(grid.repeats)]
+    )
 
 
 def _random_lap(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
@@ -116,10 +129,11 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator) -> IntArray:
 def random_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> FloatArray:
     """Draw moves at random until all have been made (Algorithm 1).
 
-    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
-    from those to which a move is still to be made, or from all in reach if there are none. This
-    corrects what the printed algorithm omits or mistakes: the size of its matrix, the draw itself,
-    the copy of the matrix, and the last angle, without which the last move would not be commanded.
+    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to
+    make``, from those to which a move is still to be made, or from all in reach if
+    there are none. This corrects what the printed algorithm omits or mistakes: the size
+    of its matrix, the draw itself, the copy of the matrix, and the last angle, without
+    which the last move would not be commanded.
 
     Returns
     -------
@@ -130,8 +144,13 @@ def random_excitation(grid: ControlGrid, rng: np.random.Generator | int) -> Floa
     wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
     made, k = list[int](), 0
     while wanted.any():
-        choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
-        weights = wanted[(k + grid.steps[choices]) % grid.n_angles].sum(axis=1) + 1 / grid.n_steps
+        choices = (
+            np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
+        )
+        weights = (
+            wanted[(k + grid.steps[choices]) % grid.n_angles].sum(axis=1)
+            + 1 / grid.n_steps
+        )
         move = rng.choice(choices, p=weights / weights.sum())
         wanted[k, move] = max(wanted[k, move] - 1, 0)
         made.append(int(grid.steps[move]))
@@ -152,10 +171,11 @@ class SteeredTrial:
     ----------
     recording : Recording
     stances : DataFrame
-        One row per hop with a stance: the ``frame`` in which the mean height of the body markers is
-        lowest, its ``time_s``, the pose in it (`POSE`: floor position of the body markers' mean, m,
-        and yaw, rad), the unwrapped ``boom_angle_rad``, and ``follows``: whether the previous row
-        is the previous hop, with no handling in between.
+        One row per hop with a stance: the ``frame`` in which the mean height of the
+        body markers is lowest, its ``time_s``, the pose in it (`POSE`: floor position
+        of the body markers' mean, m, and yaw, rad), the unwrapped ``boom_angle_rad``,
+        and ``follows``: whether the previous row is the previous hop, with no handling
+        in between.
     motion : DataFrame
         One row per frame: ``time_s``, the pose, ``boom_angle_rad, tilt_rad``.
     """
@@ -193,8 +213,12 @@ def record_trial(
         If there are no swings, or one is not a finite number.
     """
     camera = camera or MotionCapture()
-    operator = Operator(release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s)
-    swings = np.clip(_numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
+    operator = Operator(
+        release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s
+    )
+    swings = np.clip(
+        _numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad
+    )
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
     trial = run_trial(
@@ -218,20 +242,30 @@ def _numbers(swings_rad: Iterable[float]) -> FloatArray:
     swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
     count = len(swings) if isinstance(swings, list) else 0
     sound = count > 0 and is_finite(swings, (count,))
-    require(sound, "swings_rad", "a list of at least one finite number", str(swings)[:60])
+    require(
+        sound, "swings_rad", "a list of at least one finite number", str(swings)[:60]
+    )
     return np.array(swings, dtype=float)
 
 
-def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame) -> pd.DataFrame:
+def true_stances(
+    robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame
+) -> pd.DataFrame:
     """Return the stances of the hops in which all legs stood; see `SteeredTrial`."""
-    height = fixed_markers(trial.states, np.array(robot.markers.body_m))[..., 2].mean(axis=1)
+    height = fixed_markers(trial.states, np.array(robot.markers.body_m))[..., 2].mean(
+        axis=1
+    )
     ends = trial.hop_start_s + [hop.end_time_s for hop in trial.hops]
     stood = np.array([hop.all_stood() and not hop.fell for hop in trial.hops])
-    first, last = (np.ceil(t * trial.rate_hz).astype(int) for t in (trial.hop_start_s, ends))
+    first, last = (
+        np.ceil(t * trial.rate_hz).astype(int) for t in (trial.hop_start_s, ends)
+    )
     stood &= last <= len(height)
     spans = zip(first[stood], last[stood], strict=True)
     frame = np.array([a + np.argmin(height[a:b]) for a, b in spans], dtype=np.int64)
-    joined = np.append(False, np.isclose(trial.hop_start_s[1:], ends[:-1], rtol=0, atol=1e-9))
+    joined = np.append(
+        False, np.isclose(trial.hop_start_s[1:], ends[:-1], rtol=0, atol=1e-9)
+    )
     joined[1:] &= stood[:-1]
     poses = motion[[*POSE, "boom_angle_rad"]].iloc[frame].reset_index(drop=True)
     table = pd.DataFrame({"frame": frame, "time_s": frame / trial.rate_hz})
@@ -240,17 +274,19 @@ def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame)
 
 def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
     """Return the boom angle at every frame, (N,), from the positions of the counterweight."""
-    angle = np.unwrap(np.arctan2(trial.boom[:, 1], trial.boom[:, 0] - robot.hopper.boom_offset_m))
+    angle = np.unwrap(
+        np.arctan2(trial.boom[:, 1], trial.boom[:, 0] - robot.hopper.boom_offset_m)
+    )
     turns = np.round((robot.hopper.boom_angle_rad - angle[0]) / (2 * np.pi))
     return np.asarray(angle + 2 * np.pi * turns)
 
 
 # The true frame change of the simulated hopper on a grid, without disturbances.
 #
-# A hop depends on more than boom angle and swing, since motion left over from the last hop
-# continues. So the map is measured on a hopper that has settled with the boom at rest, has since
-# made one swing, and makes the next. Averaged over that one swing, it is a function of boom angle
-# and swing alone.
+# A hop depends on more than boom angle and swing, since motion left over from the last
+# hop continues. So the map is measured on a hopper that has settled with the boom at
+# rest, has since made one swing, and makes the next. Averaged over that one swing, it
+# is a function of boom angle and swing alone.
 
 SETTLING_HOPS = 10  # with the boom at rest, before the first swing
 
@@ -290,7 +326,8 @@ def true_frame_changes(
     robot : SteeredHopper
         Its kicks are ignored.
     boom_angles, swings : int
-        Number of boom angles over a turn, and of swings (and previous swings) from limit to limit.
+        Number of boom angles over a turn, and of swings (and previous swings) from
+        limit to limit.
 
     Raises
     ------
@@ -309,14 +346,18 @@ def true_frame_changes(
         return apex
 
     for (a, angle), (p, previous) in product(enumerate(angles), enumerate(grid)):
-        before = _whole(still, settled(round((angle - previous) % (2 * np.pi), 9)), previous)
+        before = _whole(
+            still, settled(round((angle - previous) % (2 * np.pi), 9)), previous
+        )
         for s, swing in enumerate(grid):
             after = _whole(still, before.end, swing)
             changes[a, s, p] = relative(before.stance.pose, after.stance.pose)
     return TrueFrameChanges(angles, grid, grid, changes)
 
 
-def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> plant.SteeredHop:
+def _whole(
+    robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float
+) -> plant.SteeredHop:
     hop = plant.steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
     if hop.stance.fell:
         swung = f"a swing of {swing_rad:.2f} rad from {apex.boom_angle_rad:.2f} rad"
@@ -377,6 +418,8 @@ def true_map_of(table: pd.DataFrame) -> TrueFrameChanges:
     axes = [table[name].drop_duplicates().to_numpy(dtype=float) for name in INPUTS]
     shape = tuple(len(axis) for axis in axes)
     if len(table) != np.prod(shape):
-        raise RecordingError(f"true map: expected a grid of {shape}, found {len(table)} rows")
+        raise RecordingError(
+            f"true map: expected a grid of {shape}, found {len(table)} rows"
+        )
     change = table[CHANGE].to_numpy(dtype=float).reshape(*shape, 3)
     return TrueFrameChanges(axes[0], axes[1], axes[2], change)

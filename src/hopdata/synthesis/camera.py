@@ -40,7 +40,9 @@ class CurvedFloor:
 def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
     """Draw the directions, lengths and phases of a floor's waves."""
     angle = rng.uniform(0.0, 2.0 * np.pi, options.waves)
-    number = 2.0 * np.pi / (options.wave_length_m * rng.uniform(1.0, 1.5, options.waves))
+    number = (
+        2.0 * np.pi / (options.wave_length_m * rng.uniform(1.0, 1.5, options.waves))
+    )
     vectors = np.column_stack([number * np.cos(angle), number * np.sin(angle)])
     return CurvedFloor(options, vectors, rng.uniform(0.0, 2.0 * np.pi, options.waves))
 
@@ -54,8 +56,9 @@ class MotionCapture:
     rate_hz : float
         Frame rate, Hz.
     noise_m : float
-        Standard deviation of the noise on each coordinate of each marker, m. The default is the
-        dissertation's 0.6 mm; distances between markers then vary by 0.85 mm.
+        Standard deviation of the noise on each coordinate of each marker, m. The
+        default is the dissertation's 0.6 mm; distances between markers then vary by
+        0.85 mm.
     resolution_m : float
         Rounding step of coordinates, m; 0 for none. A power of two compresses well.
     floor, gaps, markers
@@ -70,7 +73,11 @@ class MotionCapture:
     markers: MarkerOptions = field(default_factory=MarkerOptions)
 
     def observe(
-        self, positions: FloatArray, floor: CurvedFloor, hidden: BoolArray, rng: np.random.Generator
+        self,
+        positions: FloatArray,
+        floor: CurvedFloor,
+        hidden: BoolArray,
+        rng: np.random.Generator,
     ) -> FloatArray:
         """Return the marker positions reported by the cameras.
 
@@ -97,11 +104,13 @@ class MotionCapture:
         seen[hidden] = np.nan
         return seen
 
-    def draw_gaps(self, frames: int, markers: int, rng: np.random.Generator) -> BoolArray:
+    def draw_gaps(
+        self, frames: int, markers: int, rng: np.random.Generator
+    ) -> BoolArray:
         """Draw the markers hidden in each frame, (N, M).
 
-        Drop-outs of each marker begin at random (Poisson) and last a geometrically distributed
-        number of frames, at least one. Overlapping ones merge.
+        Drop-outs of each marker begin at random (Poisson) and last a geometrically
+        distributed number of frames, at least one. Overlapping ones merge.
         """
         hidden = np.zeros((frames, markers), dtype=bool)
         expected = self.gaps.rate_per_min / 60.0 * frames / self.rate_hz
@@ -109,7 +118,9 @@ class MotionCapture:
         for marker in range(markers):
             count = rng.poisson(expected)
             starts = rng.integers(0, max(frames, 1), count)
-            for start, length in zip(starts, rng.geometric(end_probability, count), strict=True):
+            for start, length in zip(
+                starts, rng.geometric(end_probability, count), strict=True
+            ):
                 hidden[start : start + length, marker] = True
         return hidden
 
@@ -136,8 +147,8 @@ def track_markers(
 ) -> MarkerTracks:
     """Follow all markers of a trial at its frames.
 
-    With a control's `delay_s`, contacts happen when the guard says so. The feet run ahead by this
-    time on their way down, and so are on the floor at that instant.
+    With a control's `delay_s`, contacts happen when the guard says so. The feet run
+    ahead by this time on their way down, and so are on the floor at that instant.
     """
     down, feet = _follow_feet(trial, scene, options.retraction_s, delay_s)
     body = fixed_markers(trial.states, np.array(options.body_m))
@@ -169,9 +180,10 @@ def _follow_feet(
 ) -> tuple[BoolArray, FloatArray]:
     """Return contact (N, n) and position (N, n, 3) of every foot in every frame.
 
-    A foot in contact is on the floor, below its rest place or where it touched down. A foot in
-    flight is at its rest place plus its extension at lift-off, which stays fixed in the body and
-    fades within `retraction_s`. Place, speed and acceleration do not jump.
+    A foot in contact is on the floor, below its rest place or where it touched down. A
+    foot in flight is at its rest place plus its extension at lift-off, which stays
+    fixed in the body and fades within `retraction_s`. Place, speed and acceleration do
+    not jump.
     """
     time = np.arange(len(trial.states)) / trial.rate_hz
     rotations = rotation_matrices(trial.states[:, 3:6])
@@ -203,8 +215,9 @@ def _last_event(
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Find the last contact event of a leg before each of N frames.
 
-    Returns the time since, s; the foot's place on the floor then, (N, 3), world, m; its offset from
-    the rest place, (N, 3), body frame, m; and whether it touched down (else it lifted off).
+    Returns the time since, s; the foot's place on the floor then, (N, 3), world, m; its
+    offset from the rest place, (N, 3), body frame, m; and whether it touched down (else
+    it lifted off).
     """
     mine = np.flatnonzero(trial.event_leg == leg)
     states, touches = trial.event_state[mine], trial.event_down[mine]
@@ -216,5 +229,7 @@ def _last_event(
     # Before the first event: in flight, at rest length.
     when = np.append(trial.event_time[mine], -np.inf)
     last = np.searchsorted(when[:-1], time, side="right") - 1
-    place, extension = (np.vstack([one, np.zeros(3)])[last] for one in (place, extension))
+    place, extension = (
+        np.vstack([one, np.zeros(3)])[last] for one in (place, extension)
+    )
     return time - when[last], place, extension, np.append(touches, False)[last]

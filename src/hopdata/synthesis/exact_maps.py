@@ -1,13 +1,13 @@
 """Exact linear map from section to section for each mode schedule.
 
-On the trajectory with simultaneous contact of all feet, the map through a landing has one
-derivative for each order in which its neighbours touch: flow to the contacts, a product of
-saltation matrices, flow to the post section, projected on the sections. The derivatives are equal
-if the map is C1 there.
+On the trajectory with simultaneous contact of all feet, the map through a landing has
+one derivative for each order in which its neighbours touch: flow to the contacts, a
+product of saltation matrices, flow to the post section, projected on the sections. The
+derivatives are equal if the map is C1 there.
 
-Feet on one rigid body cannot touch in every order. For six feet, about a dozen of the 720 orders
-border on the simultaneous contact. The others also have a product of matrices, but no landing
-follows it.
+Feet on one rigid body cannot touch in every order. For six feet, about a dozen of the
+720 orders border on the simultaneous contact. The others also have a product of
+matrices, but no landing follows it.
 """
 
 from dataclasses import dataclass
@@ -33,8 +33,14 @@ from hopdata.synthesis.hops import padded
 # Free components of an apex state, without place and heading.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
 RTOL = 1e-12
-# A single method, since code that carries the derivative takes seconds to compile for each.
-EXACTLY: dict[str, Any] = {"rtol": RTOL, "atol": 1e-14, "method": "dop853", "jacobian": True}
+# A single method, since code that carries the derivative takes seconds to compile for
+# each.
+EXACTLY: dict[str, Any] = {
+    "rtol": RTOL,
+    "atol": 1e-14,
+    "method": "dop853",
+    "jacobian": True,
+}
 SAME_INSTANT_S = 1e-13
 MOST_STEPS = 20
 
@@ -58,7 +64,9 @@ class SimultaneousLanding:
 @cache
 def flying_system(system: System) -> System:
     """Return a scene's field without guards: all legs stay up (mode -1) or down (+1)."""
-    return System(field=system.field, n_states=system.n_states, n_extra_modes=system.n_modes)
+    return System(
+        field=system.field, n_states=system.n_states, n_extra_modes=system.n_modes
+    )
 
 
 def homed(states: FloatArray) -> FloatArray:
@@ -74,8 +82,8 @@ def simultaneous_landing(
 ) -> SimultaneousLanding:
     """Find the apex state nearest to the mean from which all feet touch at once.
 
-    Newton's method on the linearised contact instants. Each step takes the smallest correction, as
-    measured by the covariance of the landings.
+    Newton's method on the linearised contact instants. Each step takes the smallest
+    correction, as measured by the covariance of the landings.
 
     Parameters
     ----------
@@ -103,7 +111,9 @@ def simultaneous_landing(
         missing = apart - slope @ (apex[FREE] - mean)
         weights = np.linalg.lstsq(slope @ wide @ slope.T, missing, rcond=1e-10)[0]
         apex[FREE] = mean - wide @ slope.T @ weights
-    found = f"instants {1e3 * np.ptp(instants):.3g} ms apart after {MOST_STEPS} corrections"
+    found = (
+        f"instants {1e3 * np.ptp(instants):.3g} ms apart after {MOST_STEPS} corrections"
+    )
     raise AnalysisError.at("simultaneous contact", "one near the mean landing", found)
 
 
@@ -112,12 +122,14 @@ def _contact(
 ) -> tuple[FloatArray, float, FloatArray, FloatArray]:
     """Fly to the mean contact instant.
 
-    Returns the derivative of the state there with respect to the apex state, the instant, the
-    derivatives of the contact instants with respect to that state, and these instants relative to
-    it.
+    Returns the derivative of the state there with respect to the apex state, the
+    instant, the derivatives of the contact instants with respect to that state, and
+    these instants relative to it.
     """
     n, system, vector = scene.n_legs, scene.system(control), scene.vector(None, control)
-    fall = fall or float(np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2))
+    fall = fall or float(
+        np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2)
+    )
     for _ in range(MOST_STEPS):
         flight = _flown(system, vector, (0.0, fall), apex)
         start = Instant(fall, flight.y_end, flight_mode(system, -1.0), vector)
@@ -126,7 +138,12 @@ def _contact(
         if abs(instants.mean()) < SAME_INSTANT_S:
             break
         fall += float(instants.mean())
-    return _slopes(flight), fall, -here.gradients[:n] / here.guard_rates[:n, None], instants
+    return (
+        _slopes(flight),
+        fall,
+        -here.gradients[:n] / here.guard_rates[:n, None],
+        instants,
+    )
 
 
 def _flown(
@@ -134,7 +151,9 @@ def _flown(
 ) -> Solution:
     """Fly with all legs up, carrying the derivative with respect to the state."""
     start, mode = padded(state, system), flight_mode(system, -1.0).tolist()
-    return solve(flying_system(system), t_span, start, params=vector, mode=mode, **EXACTLY)
+    return solve(
+        flying_system(system), t_span, start, params=vector, mode=mode, **EXACTLY
+    )
 
 
 def _slopes(solution: Solution) -> FloatArray:
@@ -174,52 +193,74 @@ class SectionJacobians:
 
 
 def section_jacobians(
-    scene: Scene, control: Control, apex_states: FloatArray, sections: landings.SectionHeights
+    scene: Scene,
+    control: Control,
+    apex_states: FloatArray,
+    sections: landings.SectionHeights,
 ) -> SectionJacobians:
     """Return each schedule's linear map at the simultaneous contact nearest to the mean.
 
     Parameters
     ----------
     scene, control
-        The system that lands, with equal preloads. A swinging boom must rest before the pre
-        section. Otherwise the map depends on the time of the apex, which is not a coordinate.
+        The system that lands, with equal preloads. A swinging boom must rest before the
+        pre section. Otherwise the map depends on the time of the apex, which is not a
+        coordinate.
     apex_states : (L, 12) array
-        States of the landings at their apexes, at least ten. With more than three feet, the only
-        orders with a map are those in which these landings touch when drawn together.
+        States of the landings at their apexes, at least ten. With more than three feet,
+        the only orders with a map are those in which these landings touch when drawn
+        together.
     sections : SectionHeights
         The sections.
 
     Raises
     ------
     AnalysisError
-        If there is no simultaneous contact between the sections, or the control has both impulses
-        and a delay; after the first contact the others are then later, or over.
+        If there is no simultaneous contact between the sections, or the control has
+        both impulses and a delay; after the first contact the others are then later, or
+        over.
     """
-    if control.impulse and control.delay_s:  # an impulse moves guards that depend on velocities
-        raise AnalysisError("simultaneous contact: expected impulses or a delay, found both")
+    if (
+        control.impulse and control.delay_s
+    ):  # an impulse moves guards that depend on velocities
+        raise AnalysisError(
+            "simultaneous contact: expected impulses or a delay, found both"
+        )
     landing = simultaneous_landing(scene, control, apex_states)
     preloads = np.full((1, scene.n_legs), scene.preload_n)
     of = (scene, control, landing.apex_state[None], preloads, sections)
     fall = landings.true_landings(*of, rtol=RTOL, workers=1)
     if not fall.pre_time_s[0] < landing.contact_time_s:
-        wanted = f"a simultaneous contact below the pre section ({sections.pre_m:.4g} m)"
+        wanted = (
+            f"a simultaneous contact below the pre section ({sections.pre_m:.4g} m)"
+        )
         raise AnalysisError.at("sections", wanted, "it above")
     pre, centre = fall.pre_state[0], sections.centre_m
     system, vector = scene.system(control), scene.vector(None, control)
-    flight = _flown(system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre)
-    start = Instant(landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector)
-    tree = BouligandDerivative(system, start, range(scene.n_legs), np.ones(system.n_states))
+    flight = _flown(
+        system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre
+    )
+    start = Instant(
+        landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector
+    )
+    tree = BouligandDerivative(
+        system, start, range(scene.n_legs), np.ones(system.n_states)
+    )
     before = _slopes(flight) @ landings.section_tangents(pre, centre)
     orders = _orders(tree, landing, apex_states, vector)
     maps, outcomes = [], []
     for order in orders:
         node = tree.node(order)
         flow, post = _to_post_section(scene, control, sections, node.here.instant)
-        maps.append(landings.output_slopes(pre, post, centre) @ (flow @ node.product @ before))
+        maps.append(
+            landings.output_slopes(pre, post, centre) @ (flow @ node.product @ before)
+        )
         outcomes.append(landings.output_coordinates(pre, post, centre))
     schedules = tuple(">".join(str(foot + 1) for foot in order) for order in orders)
     x = landings.input_coordinates(pre, centre)
-    return SectionJacobians(landing, pre, schedules, np.array(maps), x, np.array(outcomes))
+    return SectionJacobians(
+        landing, pre, schedules, np.array(maps), x, np.array(outcomes)
+    )
 
 
 def _orders(
@@ -230,12 +271,14 @@ def _orders(
 ) -> tuple[tuple[int, ...], ...]:
     """Return the sorted orders: all for up to three feet, otherwise those that occur.
 
-    An order occurs if some landing touches in it when the landings are drawn together about the
-    simultaneous one.
+    An order occurs if some landing touches in it when the landings are drawn together
+    about the simultaneous one.
     """
     if len(tree.guards) <= ALL_ORDERS_UP_TO:
         return tuple(permutations(tree.guards))
-    flight = _flown(tree.system, vector, (0.0, landing.contact_time_s), landing.apex_state)
+    flight = _flown(
+        tree.system, vector, (0.0, landing.contact_time_s), landing.apex_state
+    )
     apart = (homed(apex_states) - landing.apex_state) @ _slopes(flight).T
     return tuple(sorted({tree.order(deviation) for deviation in apart}))
 
@@ -251,12 +294,20 @@ def _to_post_section(
         scene, control, np.full((1, n), scene.preload_n),
         point_m=sections.centre_m, height_m=sections.post_m,
     )[0]  # fmt: skip
-    t_span, begin = (start.t, start.t + landings.LONGEST_S), np.append(start.y, [start.t] * n)
+    t_span, begin = (
+        (start.t, start.t + landings.LONGEST_S),
+        np.append(start.y, [start.t] * n),
+    )
     stance = solve(system, t_span, begin, params=vector, mode=mode.tolist(), **EXACTLY)
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
         wanted = f"the body to sink to the post section ({sections.post_m:.4g} m)"
         raise AnalysisError.at("sections", wanted, stance.message)
     end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
-    post, flow = stance.y_end[:N_STATES], np.asarray(stance.jacobian)[:N_STATES, : own.n_states]
+    post, flow = (
+        stance.y_end[:N_STATES],
+        np.asarray(stance.jacobian)[:N_STATES, : own.n_states],
+    )
     rate = field_at(system, end)[:N_STATES]
-    return project_onto_section(flow, rate, landings.height_slope(post, sections.centre_m)), post
+    return project_onto_section(
+        flow, rate, landings.height_slope(post, sections.centre_m)
+    ), post

@@ -12,7 +12,8 @@ from hopdata.hybrid.layout import SLIDING, TERMINATED, TOO_MANY_EVENTS, ZENO
 from hopdata.scenes.body import N_STATES, euler_rates, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene, Variant
 
-# A foot with this many contact events in one hop is chattering: it neither stands nor flies.
+# A foot with this many contact events in one hop is chattering: it neither stands nor
+# flies.
 OPTIONS: dict[str, Any] = {"rtol": 1e-10, "atol": 1e-12, "max_events": 100_000}
 
 
@@ -20,15 +21,17 @@ OPTIONS: dict[str, Any] = {"rtol": 1e-10, "atol": 1e-12, "max_events": 100_000}
 class Hop:
     """One hop: its inputs, its outcome, and the contacts on the way.
 
-    States are those of the body, see `hopdata.scenes.body`. `ending` is "apex", "tipped over", "no
-    apex in time", or "stuck". A stuck hopper rests on legs that have not been released, whose force
-    jumps at the very place where they would stand (a sliding mode, or contacts without end).
+    States are those of the body, see `hopdata.scenes.body`. `ending` is "apex", "tipped
+    over", "no apex in time", or "stuck". A stuck hopper rests on legs that have not
+    been released, whose force jumps at the very place where they would stand (a sliding
+    mode, or contacts without end).
 
-    Times count from the apex at which the hop began, s. Contact events in order of time:
-    `event_time` (E,), `event_leg` (E,), `event_down` (E,) True for a touchdown and False for a
-    lift-off, `event_state` (E, 12). `states` (K, 12) are those at the requested frame times, up to
-    the end, and `boom` (K, 3) the places of the boom then, body frame, m; (K, 0) without one.
-    `touched_s` is when a standing hopper first touched a board in its way; NaN if it never did.
+    Times count from the apex at which the hop began, s. Contact events in order of
+    time: `event_time` (E,), `event_leg` (E,), `event_down` (E,) True for a touchdown
+    and False for a lift-off, `event_state` (E, 12). `states` (K, 12) are those at the
+    requested frame times, up to the end, and `boom` (K, 3) the places of the boom then,
+    body frame, m; (K, 0) without one. `touched_s` is when a standing hopper first
+    touched a board in its way; NaN if it never did.
     """
 
     start_state: FloatArray
@@ -63,7 +66,9 @@ class Hop:
 
     def all_stood(self) -> bool:
         """Tell whether all legs were in contact at once."""
-        return bool(np.any(np.cumsum(np.where(self.event_down, 1, -1)) == len(self.preloads_n)))
+        return bool(
+            np.any(np.cumsum(np.where(self.event_down, 1, -1)) == len(self.preloads_n))
+        )
 
 
 def fly_hop(
@@ -83,8 +88,8 @@ def fly_hop(
     state : (12,) array
         State in flight, at or near the apex.
     variant : Variant, optional
-        A `Control` or other variant that flies and lands instead of the scene; by default the scene
-        itself.
+        A `Control` or other variant that flies and lands instead of the scene; by
+        default the scene itself.
     preloads_n : (n,) array, optional
         Preload of each leg in this hop, N.
     frame_times_s : (K,) array, optional
@@ -95,7 +100,8 @@ def fly_hop(
     Raises
     ------
     AnalysisError
-        If the integrator fails, or the scene lacks guards with the names listed in `Scene`.
+        If the integrator fails, or the scene lacks guards with the names listed in
+        `Scene`.
     """
     n = scene.n_legs
     preloads = np.full(n, scene.preload_n) if preloads_n is None else preloads_n
@@ -103,7 +109,9 @@ def fly_hop(
     system = scene.system(variant)
     wanted = [*(f"foot{leg + 1}" for leg in range(n)), "apex", "fallen"]
     if not set(wanted) <= set(system.guard_names):
-        raise AnalysisError.at("guards of the scene", ", ".join(wanted), system.guard_names)
+        raise AnalysisError.at(
+            "guards of the scene", ", ".join(wanted), system.guard_names
+        )
     first = system.guard_names.index("foot1")
     mode = flight_mode(system, state[8])
     if first and variant is not None:  # a board, which it may have passed already
@@ -133,7 +141,9 @@ def fly_hop(
         event_leg=guard[contact],
         event_down=events.direction[contact] > 0,
         event_state=events.after[contact, :N_STATES],
-        touched_s=_first_touch(events, contact, beyond=mode[0] > 0) if first else np.nan,
+        touched_s=_first_touch(events, contact, beyond=mode[0] > 0)
+        if first
+        else np.nan,
     )
 
 
@@ -185,16 +195,21 @@ def level_state(scene: Scene, height_m: float) -> FloatArray:
     return state
 
 
-# A control that hops on from its own landings soon hops differently from the scene, and their
-# landings can no longer be compared. Each of its hops therefore begins in an apex state of the
-# scene's gait. In the flight after its last lift-off it is led to the next apex state, so that the
-# recording continues.
+# A control that hops on from its own landings soon hops differently from the scene, and
+# their landings can no longer be compared. Each of its hops therefore begins in an apex
+# state of the scene's gait. In the flight after its last lift-off it is led to the next
+# apex state, so that the recording continues.
 
 LEAST_FLIGHT_S = 0.05  # s; a shorter flight would visibly pull the body about
 
 
 def control_hop(
-    scene: Scene, control: Control, gait: Hop, *, frame_times_s: FloatArray, limit_s: float
+    scene: Scene,
+    control: Control,
+    gait: Hop,
+    *,
+    frame_times_s: FloatArray,
+    limit_s: float,
 ) -> Hop:
     """Let a control hop from the apex at which a hop of the gait began.
 
@@ -210,11 +225,13 @@ def control_hop(
     Returns
     -------
     Hop
-        It ends in the final state of the gait's hop, unless either fell or the control's flight is
-        too short to be led there.
+        It ends in the final state of the gait's hop, unless either fell or the
+        control's flight is too short to be led there.
     """
     times: dict[str, Any] = {"frame_times_s": frame_times_s, "limit_s": limit_s}
-    hop = fly_hop(scene, gait.start_state, variant=control, preloads_n=gait.preloads_n, **times)
+    hop = fly_hop(
+        scene, gait.start_state, variant=control, preloads_n=gait.preloads_n, **times
+    )
     if hop.fell or gait.fell or hop.end_time_s - hop.event_time[-1] < LEAST_FLIGHT_S:
         return hop
     return led_to(hop, gait.end_state, frame_times_s[: len(hop.states)])
@@ -223,15 +240,16 @@ def control_hop(
 def led_to(hop: Hop, end_state: FloatArray, times_s: FloatArray) -> Hop:
     """Lead a hop to another end state during the flight after its last lift-off.
 
-    A quintic blends the pose into the flight that ends in that state, so that position, velocity
-    and acceleration are continuous at both ends. Contacts do not change.
+    A quintic blends the pose into the flight that ends in that state, so that position,
+    velocity and acceleration are continuous at both ends. Contacts do not change.
     """
     take_off = hop.event_time[-1]
     flight = hop.end_time_s - take_off
     s = np.clip((times_s - take_off) / flight, 0.0, 1.0)[:, None]
     before_end = (times_s - hop.end_time_s)[:, None]
     share, growth = smooth_step(s), smooth_step_rate(s) / flight
-    # Both fly under gravity, so to first order their difference changes at a constant rate.
+    # Both fly under gravity, so to first order their difference changes at a constant
+    # rate.
     rate = pose_rate(end_state) - pose_rate(hop.end_state)
     apart = end_state[:6] - hop.end_state[:6] + rate * before_end
     states = hop.states.copy()
@@ -243,7 +261,9 @@ def led_to(hop: Hop, end_state: FloatArray, times_s: FloatArray) -> Hop:
 
 def pose_rate(state: FloatArray) -> FloatArray:
     """Return the rates of position and of yaw, pitch and roll, (6,), m/s and rad/s."""
-    return np.concatenate([state[6:9], euler_rates.py_func(state[4], state[5], *state[9:12])])
+    return np.concatenate(
+        [state[6:9], euler_rates.py_func(state[4], state[5], *state[9:12])]
+    )
 
 
 def smooth_step(s: FloatArray) -> FloatArray:

@@ -13,19 +13,26 @@ from hopdata.hybrid import System, field, guards, on_event, solve_batch
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.layout import TERMINATED
 from hopdata.rigid import turned
-from hopdata.scenes.body import N_STATES, rotation_entries, rotation_matrices, vertical_rate
+from hopdata.scenes.body import (
+    N_STATES,
+    rotation_entries,
+    rotation_matrices,
+    vertical_rate,
+)
 from hopdata.scenes.scene import Scene, Variant
 from hopdata.synthesis.hops import padded, place_of
 
-# A landing between the sections. It is the scene's system, with the guard for a fall replaced by
-# the height of a body point (the mean of the body markers) over a section, which ends the
-# integration as it falls through zero. Further states hold the instants of the first contacts, so
-# that many landings can be integrated at once without logging their events.
+# A landing between the sections. It is the scene's system, with the guard for a fall
+# replaced by the height of a body point (the mean of the body markers) over a section,
+# which ends the integration as it falls through zero. Further states hold the instants
+# of the first contacts, so that many landings can be integrated at once without logging
+# their events.
 
 NOT_YET = -1.0  # placeholder for the instant of a contact that has not happened
 SECTION = 4  # section parameters, before the scene's: point of the body and height
 
-# Placeholders filled by `landing_system`: the scene's functions and its number of states.
+# Placeholders filled by `landing_system`: the scene's functions and its number of
+# states.
 scene_field: Any = None
 scene_guards: Any = None
 scene_event: Any = None
@@ -61,7 +68,9 @@ def landing_vectors(
     return np.hstack([np.tile(section, (len(vectors), 1)), vectors])
 
 
-def _field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
+def _field(
+    t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray
+) -> None:
     """Fill `dy` as the scene does; the contact instants stay constant."""
     scene_field(t, y, mode, p[SECTION:], dy)
     dy[scene_states:] = 0.0
@@ -98,8 +107,8 @@ def _event(
 def landing_system(system: System) -> System:
     """Return the system of a landing: the scene's, with n more states for the contact instants.
 
-    The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as in the scene) and
-    ``section`` (stops). Nothing stops a fall.
+    The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as in the
+    scene) and ``section`` (stops). Nothing stops a fall.
     """
     feet = system.n_guards - 2
     return System(
@@ -113,7 +122,9 @@ def landing_system(system: System) -> System:
 
 
 @cache
-def _functions(own: Any, own_guards: Any, own_event: Any, n_states: int) -> dict[str, Any]:
+def _functions(
+    own: Any, own_guards: Any, own_event: Any, n_states: int
+) -> dict[str, Any]:
     """Return the functions of a landing; systems that differ only in feet share them."""
     inside = {
         "scene_field": njit(error_model="numpy")(own.function),
@@ -139,14 +150,15 @@ class TrueLandings:
     Parameters
     ----------
     pre_time_s, post_time_s : (L,) array
-        Times at which the mean of the body markers falls through the sections, from the apex, s.
+        Times at which the mean of the body markers falls through the sections, from the
+        apex, s.
     pre_state, post_state : (L, 12) array
         States of the body there; see `hopdata.scenes.body`.
     contact_s : (L, n) array
         Instant of each foot's first contact, from the apex, s.
     whole : (L,) array of bool
-        Whether a landing counts. It must reach both sections, with all feet up at the pre section
-        and down at the post section, as the pipeline requires.
+        Whether a landing counts. It must reach both sections, with all feet up at the
+        pre section and down at the post section, as the pipeline requires.
     """
 
     pre_time_s: FloatArray
@@ -185,7 +197,9 @@ class SectionHeights:
 
     def __post_init__(self) -> None:
         if not self.pre_m > self.post_m:
-            raise ValueError(f"pre_m: expected above {self.post_m} m, found {self.pre_m} m")
+            raise ValueError(
+                f"pre_m: expected above {self.post_m} m, found {self.pre_m} m"
+            )
 
     @property
     def centre_m(self) -> FloatArray:
@@ -223,23 +237,33 @@ def true_landings(
     Returns
     -------
     TrueLandings
-        Each ends at the first passage through the post section, whether or not all feet are down
-        there.
+        Each ends at the first passage through the post section, whether or not all feet
+        are down there.
     """
     what, count = (scene, variant, sections), len(apex_states)
-    options: dict[str, Any] = {"rtol": rtol, "atol": ATOL_PER_RTOL * rtol, "workers": workers}
+    options: dict[str, Any] = {
+        "rtol": rtol,
+        "atol": ATOL_PER_RTOL * rtol,
+        "workers": workers,
+    }
     pre_time, pre, early, fell = _fall(
         *what, apex_states, preloads_n, sections.pre_m, 0.0, **options
     )
     whole = fell & (early < 0).all(axis=1)
-    post_time, post, contact = np.full(count, np.nan), np.full((count, N_STATES), np.nan), early
+    post_time, post, contact = (
+        np.full(count, np.nan),
+        np.full((count, N_STATES), np.nan),
+        early,
+    )
     go = np.flatnonzero(whole)
     if len(go):
         after, post[go], contact[go], fell = _fall(
             *what, pre[go], preloads_n[go], sections.post_m, pre_time[go], **options
         )
         post_time[go] = after + pre_time[go]
-        contact[go] = np.where(contact[go] >= 0, contact[go] + pre_time[go, None], NOT_YET)
+        contact[go] = np.where(
+            contact[go] >= 0, contact[go] + pre_time[go, None], NOT_YET
+        )
         whole[go] = fell & (contact[go] >= 0).all(axis=1)
     contact = np.where(contact < 0, np.nan, contact)
     return TrueLandings(pre_time, post_time, pre, post, contact, whole)
@@ -257,12 +281,16 @@ def _fall(
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
     """Integrate until the body falls through a height.
 
-    Returns the time taken, the states, the contact instants, and whether it fell through; times and
-    states are NaN where it did not.
+    Returns the time taken, the states, the contact instants, and whether it fell
+    through; times and states are NaN where it did not.
     """
     own, centre = scene.system(variant), sections.centre_m
     system, unknown = landing_system(own), np.full(preloads_n.shape, NOT_YET)
-    at: dict[str, Any] = {"point_m": centre, "height_m": height_m, "since_apex_s": since_apex_s}
+    at: dict[str, Any] = {
+        "point_m": centre,
+        "height_m": height_m,
+        "since_apex_s": since_apex_s,
+    }
     above = place_of(centre, states)[:, 2] > height_m
     solution = solve_batch(
         system,
@@ -272,8 +300,13 @@ def _fall(
         mode=[0] * system.n_modes,
         **options,
     )
-    # Only crossing the section sets its mode to down; ending at an apex leaves it unchanged.
-    fell = above & (solution.status == TERMINATED) & (solution.mode[:, system.n_guards - 1] < 0)
+    # Only crossing the section sets its mode to down; ending at an apex leaves it
+    # unchanged.
+    fell = (
+        above
+        & (solution.status == TERMINATED)
+        & (solution.mode[:, system.n_guards - 1] < 0)
+    )
     return (
         np.where(fell, solution.t_end, np.nan),
         np.where(fell[:, None], solution.y_end[:, :N_STATES], np.nan),
@@ -282,11 +315,12 @@ def _fall(
     )
 
 
-# Coordinates of a rigid body on a section, where the mean of the body markers (the centre) has a
-# given height. Without place and heading, eight remain as the input of a landing: pitch and roll,
-# velocity of the centre in the heading frame, angular velocity in body axes. The outcome has
-# eleven: the steps of centre and heading since the pre section, and the same eight at the post
-# section, with the velocity in the heading frame of the pre section.
+# Coordinates of a rigid body on a section, where the mean of the body markers (the
+# centre) has a given height. Without place and heading, eight remain as the input of a
+# landing: pitch and roll, velocity of the centre in the heading frame, angular velocity
+# in body axes. The outcome has eleven: the steps of centre and heading since the pre
+# section, and the same eight at the post section, with the velocity in the heading
+# frame of the pre section.
 
 
 COMPLEX_STEP = 1e-30
@@ -305,7 +339,9 @@ def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
     return _intrinsic(states, centre_m, states[..., 3])
 
 
-def output_coordinates(pre: FloatArray, post: FloatArray, centre_m: FloatArray) -> FloatArray:
+def output_coordinates(
+    pre: FloatArray, post: FloatArray, centre_m: FloatArray
+) -> FloatArray:
     """Return the outcome of landings, (n, 11), from their states (n, 12) at both sections."""
     yaw = pre[..., 3]
     step = turned(place_of(centre_m, post) - place_of(centre_m, pre), yaw)[..., :2]
@@ -326,7 +362,9 @@ def section_tangents(pre: FloatArray, centre_m: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(derivative(every, pre))[:, 4:])
 
 
-def output_slopes(pre: FloatArray, post: FloatArray, centre_m: FloatArray) -> FloatArray:
+def output_slopes(
+    pre: FloatArray, post: FloatArray, centre_m: FloatArray
+) -> FloatArray:
     """Return derivatives of the outcome by the state at the post section, (11, 12)."""
     return derivative(lambda state: output_coordinates(pre, state, centre_m), post)
 
@@ -346,4 +384,6 @@ def _intrinsic(states: Any, centre_m: FloatArray, yaw: Any) -> Any:
     arm = np.cross(states[..., 9:12], centre_m)
     rotation = rotation_matrices(states[..., 3:6])
     velocity = states[..., 6:9] + np.einsum("...ij,...j->...i", rotation, arm)
-    return np.concatenate([states[..., 4:6], turned(velocity, yaw), states[..., 9:12]], axis=-1)
+    return np.concatenate(
+        [states[..., 4:6], turned(velocity, yaw), states[..., 9:12]], axis=-1
+    )

@@ -1,8 +1,8 @@
 """Noise-free landings whose deviations from simultaneous contact are scaled down.
 
-As the inputs of a map draw together about a point, its behaviour there is that of its derivative.
-The error of the best linear map falls with the square of the scale if a derivative exists, and with
-the scale itself if each order of contacts has its own.
+As the inputs of a map draw together about a point, its behaviour there is that of its
+derivative. The error of the best linear map falls with the square of the scale if a
+derivative exists, and with the scale itself if each order of contacts has its own.
 """
 
 import json
@@ -57,7 +57,10 @@ def known_scene(truth: Truth) -> KnownScene:
     parameters = json.loads(truth.parameters_json)
     simulation, camera = parameters["simulation"], parameters["motion_capture"]
     name = simulation.get("scene", STANDARD)
-    scene, control = scene_class(name)(**simulation[name]), Control(**simulation.get("control", {}))
+    scene, control = (
+        scene_class(name)(**simulation[name]),
+        Control(**simulation.get("control", {})),
+    )
     return KnownScene(name, scene, control, np.array(camera["markers"]["body_m"]))
 
 
@@ -72,7 +75,9 @@ def common_scene(truths: Iterable[Truth]) -> KnownScene:
     scenes = [known_scene(truth) for truth in truths]
     same = {(s.scene, s.control, s.body_points_m.tobytes()) for s in scenes}
     if len(same) != 1:
-        raise AnalysisError(f"truth: expected recordings of one scene, found {len(same)}")
+        raise AnalysisError(
+            f"truth: expected recordings of one scene, found {len(same)}"
+        )
     return scenes[0]
 
 
@@ -137,8 +142,8 @@ def study_landings(
     Parameters
     ----------
     truths : sequence of Truth
-        Truths of all its recordings. With a swinging boom, only hops with the boom as in the first
-        hop are used.
+        Truths of all its recordings. With a swinging boom, only hops with the boom as
+        in the first hop are used.
     body : sequence of str
         Names of the body markers used by the study.
     pre_m, post_m : float
@@ -162,18 +167,24 @@ def study_landings(
 def _starts(truths: Sequence[Truth], scene: Scene) -> tuple[FloatArray, FloatArray]:
     """Return apex states and preloads of all hops with the boom as in the first hop."""
     pairs = [(truth, next(scene.by_hop(len(truth.apex_states)))[1]) for truth in truths]
-    apexes, preloads = ([t.apex_states[k] for t, k in pairs], [t.preloads_n[k] for t, k in pairs])
+    apexes, preloads = (
+        [t.apex_states[k] for t, k in pairs],
+        [t.preloads_n[k] for t, k in pairs],
+    )
     return np.concatenate(apexes), np.concatenate(preloads)
 
 
 def scaling_cases(known: KnownScene, **strengths: float) -> dict[str, Control]:
     """Name the scene and its controls, each with its own strength or the one given here.
 
-    The study's own control replaces that of its kind, or is added last if it mixes kinds.
+    The study's own control replaces that of its kind, or is added last if it mixes
+    kinds.
     """
     own, cases = known.control, {known.name: Control()}
     for name in known.scene.controls:
-        cases[name.removesuffix("_s")] = Control(**{name: getattr(own, name) or strengths[name]})
+        cases[name.removesuffix("_s")] = Control(
+            **{name: getattr(own, name) or strengths[name]}
+        )
     return cases if own in cases.values() else {**cases, "study": own}
 
 
@@ -208,8 +219,8 @@ def scaled_landings(
     Yields
     ------
     ScaledLandings
-        Without landings for a case whose simultaneous contact is not between the sections, or that
-        does not sink to the lower one; the log gives the reason.
+        Without landings for a case whose simultaneous contact is not between the
+        sections, or that does not sink to the lower one; the log gives the reason.
     """
     apart, still = preloads_n - scene.preload_n, scene.still()
     for case, control in cases.items():
@@ -222,7 +233,10 @@ def scaled_landings(
         middle = exact.landing.apex_state
         deviations = homed(apex_states) - middle
         for scale in scales:
-            states, preloads = middle + scale * deviations, scene.preload_n + scale * apart
+            states, preloads = (
+                middle + scale * deviations,
+                scene.preload_n + scale * apart,
+            )
             of = (still, control, states, preloads, sections)
             found = true_landings(*of, rtol=RTOL, workers=workers)
             rows = np.flatnonzero(found.whole)
@@ -235,9 +249,14 @@ def scaled_landings(
             )  # fmt: skip
 
 
-def _nothing(case: str, control: Control, scale: float, preloads_n: FloatArray) -> ScaledLandings:
+def _nothing(
+    case: str, control: Control, scale: float, preloads_n: FloatArray
+) -> ScaledLandings:
     """Return the result for a case in which no landing counts."""
-    shape, none = (len(OUTPUT_NAMES), len(INPUT_NAMES)), np.empty((0, preloads_n.shape[1]))
+    shape, none = (
+        (len(OUTPUT_NAMES), len(INPUT_NAMES)),
+        np.empty((0, preloads_n.shape[1])),
+    )
     x, y = np.empty((0, shape[1])), np.empty((0, shape[0]))
     return ScaledLandings(
         case, control, scale, x, y, none, none, np.empty(0, dtype=str), len(preloads_n),
@@ -257,8 +276,8 @@ class TrueStates:
     Parameters
     ----------
     x, y : (n, 6B) array
-        World positions of the B body markers (x1, y1, z1, x2, ...), m, followed by their
-        velocities, m/s, at the pre and the post section.
+        World positions of the B body markers (x1, y1, z1, x2, ...), m, followed by
+        their velocities, m/s, at the pre and the post section.
     schedule : (n,) array of str
         Orders of the contacts.
     spread_s : (n,) array
@@ -275,7 +294,9 @@ class TrueStates:
 
 
 @one_blas_thread()
-def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> TrueStates:
+def true_states(
+    truth: Truth, known: KnownScene, sections: SectionHeights
+) -> TrueStates:
     """Integrate the landings of a recording to the sections.
 
     Parameters
@@ -289,22 +310,37 @@ def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> Tr
     """
     parts = []
     for scene, rows in known.scene.by_hop(len(truth.apex_states)):
-        of = (scene, known.control, truth.apex_states[rows], truth.preloads_n[rows], sections)
+        of = (
+            scene,
+            known.control,
+            truth.apex_states[rows],
+            truth.preloads_n[rows],
+            sections,
+        )
         parts.append((rows, true_landings(*of, rtol=TRUE_SECTIONS_RTOL, workers=1)))
     index = np.concatenate([rows[found.whole] for rows, found in parts])
     order = np.argsort(index)
 
     def joined(name: str) -> Any:
-        return np.concatenate([np.array(getattr(f, name))[f.whole] for _, f in parts])[order]
+        return np.concatenate([np.array(getattr(f, name))[f.whole] for _, f in parts])[
+            order
+        ]
 
-    x, y = (marker_states(joined(f"{side}_state"), sections.points_m) for side in ("pre", "post"))
-    return TrueStates(x, y, joined("schedule"), joined("contact_s").std(axis=1), index[order])
+    x, y = (
+        marker_states(joined(f"{side}_state"), sections.points_m)
+        for side in ("pre", "post")
+    )
+    return TrueStates(
+        x, y, joined("schedule"), joined("contact_s").std(axis=1), index[order]
+    )
 
 
 def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:
     """Return positions and velocities, (n, 6B), of body points (B, 3), for states (n, 12)."""
     turning = np.cross(states[:, None, 9:12], points_m[None])
-    velocities = in_world(states[:, [6, 7, 8, 3, 4, 5]], turning)  # turned and added like places
+    velocities = in_world(
+        states[:, [6, 7, 8, 3, 4, 5]], turning
+    )  # turned and added like places
     both = (fixed_markers(states, points_m), velocities)
     return np.hstack([one.reshape(len(states), -1) for one in both])
 
@@ -317,8 +353,8 @@ def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, A
     -------
     dict
         ``inputs`` and ``outputs`` (names of the coordinates), ``body_points_m`` (B, 3),
-        ``schedules`` (S), ``maps`` (S, 11, 8), and the input ``x`` (8) and outcomes ``y`` (S, 11)
-        of the landing at which they hold.
+        ``schedules`` (S), ``maps`` (S, 11, 8), and the input ``x`` (8) and outcomes
+        ``y`` (S, 11) of the landing at which they hold.
     """
     known = common_scene(truths)
     apexes, _ = _starts(truths, known.scene)

@@ -37,8 +37,8 @@ class Simulation:
     kicks, operator
         See their classes.
     control : Control
-        System that lands instead of the scene, from the apexes of its gait; at strength zero, the
-        scene itself.
+        System that lands instead of the scene, from the apexes of its gait; at strength
+        zero, the scene itself.
     """
 
     hops: int = 1000
@@ -92,11 +92,11 @@ def simulate_recording(
     Parameters
     ----------
     simulation, motion_capture : mapping, optional
-        Blocks of the configuration (fields of `Simulation` and `MotionCapture`); missing keys take
-        their defaults.
+        Blocks of the configuration (fields of `Simulation` and `MotionCapture`);
+        missing keys take their defaults.
     seed : int or sequence of int
-        Seed of all random numbers. Kicks, floor, noise and gaps have separate streams, so that
-        changing one leaves the others unchanged.
+        Seed of all random numbers. Kicks, floor, noise and gaps have separate streams,
+        so that changing one leaves the others unchanged.
     name : str
         Name of the recording.
 
@@ -120,12 +120,18 @@ def simulate_recording(
         control=control if control.active else None,
         duration_s=math.inf if simulated.duration_s is None else simulated.duration_s,
     )
-    tracks = cameras.track_markers(trial, scene, camera.markers, delay_s=control.delay_s)
+    tracks = cameras.track_markers(
+        trial, scene, camera.markers, delay_s=control.delay_s
+    )
     floor = cameras.draw_floor(camera.floor, floor_rng)
     recording = observed(tracks, floor, camera, name, *camera_rngs)
     times, points = first_contacts(trial, scene)
     bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
-    parameters = {"seed": seed, "simulation": simulated.said(), "motion_capture": asdict(camera)}
+    parameters = {
+        "seed": seed,
+        "simulation": simulated.said(),
+        "motion_capture": asdict(camera),
+    }
     return recording, Truth(
         contact_times=times,
         apex_times=trial.hop_start_s,

@@ -49,7 +49,8 @@ class Operator:
     release_spread_m : float
         Largest distance of the release from the centre, in x and in y.
     arena_m : float
-        It is carried back at the first apex further than this from the centre, in x or y.
+        It is carried back at the first apex further than this from the centre, in x or
+        y.
     carry_s : float
         Duration of carrying.
     hop_limit_s : float
@@ -70,11 +71,13 @@ class FloorOptions:
     Parameters
     ----------
     bowl_depth_m, bowl_radius_m : float
-        Rise of the bowl far from the centre, and the distance at which it reaches half of that.
+        Rise of the bowl far from the centre, and the distance at which it reaches half
+        of that.
     waves : int
         Number of waves.
     wave_amplitude_m, wave_length_m : float
-        Amplitude of each wave, and the shortest wave length; the longest is 1.5 times as long.
+        Amplitude of each wave, and the shortest wave length; the longest is 1.5 times
+        as long.
     """
 
     bowl_depth_m: float = 0.004
@@ -114,7 +117,11 @@ class MarkerOptions:
         Time in which a leg extended at lift-off returns to its rest length.
     """
 
-    body_m: tuple[Point, ...] = ((0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055))
+    body_m: tuple[Point, ...] = (
+        (0.13, 0.03, 0.05),
+        (-0.08, 0.11, 0.075),
+        (-0.07, -0.14, 0.055),
+    )
     boom_m: Point = (0.0, 0.0, 0.0)
     retraction_s: float = 0.15
 
@@ -129,14 +136,18 @@ def from_mapping(kind: type[Options], values: Mapping[str, Any] | None) -> Optio
     """
     known: dict[str, Any] = {one.name: one.default_factory for one in fields(kind)}  # type: ignore[arg-type]
     built = {
-        key: from_mapping(known[key], value) if is_dataclass(known.get(key)) else _frozen(value)
+        key: from_mapping(known[key], value)
+        if is_dataclass(known.get(key))
+        else _frozen(value)
         for key, value in (values or {}).items()
     }
     return told_call(kind)(**built)
 
 
 def _frozen(value: Any) -> Any:
-    return tuple(_frozen(v) for v in value) if isinstance(value, list | tuple) else value
+    return (
+        tuple(_frozen(v) for v in value) if isinstance(value, list | tuple) else value
+    )
 
 
 # Record of a trial while the clock runs: frames, hops and contacts.
@@ -184,7 +195,9 @@ class Tape:
 
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz, self.clock, self.n_frames = rate_hz, 0.0, 0
-        self.frames: list[tuple[FloatArray, FloatArray]] = []  # states, places of the boom
+        self.frames: list[
+            tuple[FloatArray, FloatArray]
+        ] = []  # states, places of the boom
         self.hops: list[Hop] = []
         self.starts: list[float] = []
         self.events: list[tuple[FloatArray, IntArray, BoolArray, FloatArray]] = []
@@ -193,7 +206,9 @@ class Tape:
     def frames_within(self, duration_s: float) -> FloatArray:
         """Return the frame times still to come within this duration, relative to the clock, s."""
         last = math.ceil((self.clock + duration_s) * self.rate_hz)
-        return np.maximum(np.arange(self.n_frames, last) / self.rate_hz - self.clock, 0.0)
+        return np.maximum(
+            np.arange(self.n_frames, last) / self.rate_hz - self.clock, 0.0
+        )
 
     def add_frames(self, states: FloatArray, boom: FloatArray) -> None:
         """Append the states and boom places of the next frames."""
@@ -209,7 +224,9 @@ class Tape:
         self.events.append((at, hop.event_leg, hop.event_down, hop.event_state))
         self.clock += hop.end_time_s
 
-    def carry(self, hop: Hop, release: FloatArray, carry_s: float, scene: Scene) -> None:
+    def carry(
+        self, hop: Hop, release: FloatArray, carry_s: float, scene: Scene
+    ) -> None:
         """Log the operator's handling after a hop; the boom does not move."""
         frames, legs = self.frames_within(carry_s), hop.legs_down()
         when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
@@ -221,9 +238,13 @@ class Tape:
 
     def trial(self, duration_s: float) -> Trial:
         """Return the recorded trial, cut at this time."""
-        time, leg, down, state = (np.concatenate(part) for part in zip(*self.events, strict=True))
+        time, leg, down, state = (
+            np.concatenate(part) for part in zip(*self.events, strict=True)
+        )
         states, boom = (np.concatenate(part) for part in zip(*self.frames, strict=True))
-        frames = min(self.n_frames, math.ceil(min(self.clock, duration_s) * self.rate_hz))
+        frames = min(
+            self.n_frames, math.ceil(min(self.clock, duration_s) * self.rate_hz)
+        )
         ends = np.array(self.starts) + [hop.end_time_s for hop in self.hops]
         n_whole = int(np.sum(ends <= duration_s))
         starts, hops = np.array(self.starts), tuple(self.hops[:n_whole])
@@ -236,8 +257,8 @@ def carried(
 ) -> FloatArray:
     """Return states, (K, 12), of a body moved by hand: cubics without a jump in speed.
 
-    The motion starts as in `state` and ends as in `release`; `times_s` (K,) count from the start.
-    The angular velocity of these states is unused and left at zero.
+    The motion starts as in `state` and ends as in `release`; `times_s` (K,) count from
+    the start. The angular velocity of these states is unused and left at zero.
     """
     from scipy.interpolate import CubicHermiteSpline
 
@@ -263,8 +284,8 @@ def run_trial(
 ) -> Trial:
     """Let a body make a number of hops, or hop for a time, whichever ends first.
 
-    A control lands from the apexes of the scene's own gait, whatever the outcome of its last
-    landing; see `hopdata.synthesis.hops.control_hop`.
+    A control lands from the apexes of the scene's own gait, whatever the outcome of its
+    last landing; see `hopdata.synthesis.hops.control_hop`.
 
     Parameters
     ----------
@@ -295,9 +316,14 @@ def run_trial(
         if tape.clock >= duration_s:
             break
         limit_s = operator.hop_limit_s
-        frames: dict[str, Any] = {"frame_times_s": tape.frames_within(limit_s), "limit_s": limit_s}
+        frames: dict[str, Any] = {
+            "frame_times_s": tape.frames_within(limit_s),
+            "limit_s": limit_s,
+        }
         scene = replace(scene, **next(changes, {}))
-        own = preloads * (1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs))
+        own = preloads * (
+            1 + kicks.preload_fraction * rng.standard_normal(scene.n_legs)
+        )
         hop = fly_hop(scene, kicked(state, kicks, rng), preloads_n=own, **frames)
         shown = hop if control is None else control_hop(scene, control, hop, **frames)
         tape.add_hop(shown)

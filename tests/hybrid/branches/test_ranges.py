@@ -114,7 +114,9 @@ def test_a_range_contains_all_values_and_no_branch_is_open(kind):
         for point in [*corners, *rng.uniform(low, high, (20, N))]:
             assert least <= smooth(kind, *point) <= most, (low, high, point)
         widths.append((most - least) / np.abs(high - low).max())
-    assert np.median(widths) < 40.0  # ranges that contain everything would be right as well
+    assert (
+        np.median(widths) < 40.0
+    )  # ranges that contain everything would be right as well
 
 
 @pytest.mark.parametrize("kind", range(12))
@@ -126,7 +128,9 @@ def test_a_branch_is_open_where_values_or_slopes_jump(kind):
         found += is_open
         if is_open:
             continue
-        values = np.array([branching(kind, *point) for point in np.linspace(low, high, 101)])
+        values = np.array(
+            [branching(kind, *point) for point in np.linspace(low, high, 101)]
+        )
         assert least <= values.min()
         assert values.max() <= most
         bends = np.abs(np.diff(values, 2)).max()

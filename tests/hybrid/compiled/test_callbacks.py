@@ -25,7 +25,9 @@ from hopdata.hybrid.compiled.callbacks import Callback, Caught, current
 
 def test_a_callback_is_still_a_python_function():
     slope = np.empty(2)
-    ladder_field(0.0, np.array([3.0, 0.0]), np.array([1, -1]), np.array([0, 0, 2.0, 5.0]), slope)
+    ladder_field(
+        0.0, np.array([3.0, 0.0]), np.array([1, -1]), np.array([0, 0, 2.0, 5.0]), slope
+    )
     assert slope.tolist() == [3.0, 3.0]
     assert ladder_guards.__name__ == "ladder_guards"
     assert "rebound" in repr(rebound)
@@ -64,7 +66,9 @@ def test_a_full_disk_does_not_matter(monkeypatch):
     def f(t, y, mode, params, dy):
         dy[0] = 1.25
 
-    assert solve(System(f, n_states=1), (0, 1), [0.0]).y_end[0] == pytest.approx(1.25, abs=1e-14)
+    assert solve(System(f, n_states=1), (0, 1), [0.0]).y_end[0] == pytest.approx(
+        1.25, abs=1e-14
+    )
     assert f.compiled
 
 
@@ -87,10 +91,13 @@ def test_closures_are_compiled_with_their_constants():
         return System(moving, n_states=1)
 
     for speed in (2.0, 5.0):
-        assert solve(make(speed), (0, 1), [0.0]).y_end[0] == pytest.approx(speed, abs=1e-14)
+        assert solve(make(speed), (0, 1), [0.0]).y_end[0] == pytest.approx(
+            speed, abs=1e-14
+        )
 
 
-# Plain Python functions in the compiled driver: same results, same memory, same exceptions.
+# Plain Python functions in the compiled driver: same results, same memory, same
+# exceptions.
 
 CONSTANTS = {"speed": 2.0}
 
@@ -102,7 +109,11 @@ def plain(callback: Callback) -> Callback:
 
 def plain_ball():
     return System(
-        plain(fall_field), plain(floor_guard), plain(rebound), n_states=2, guard_names=("floor",)
+        plain(fall_field),
+        plain(floor_guard),
+        plain(rebound),
+        n_states=2,
+        guard_names=("floor",),
     )
 
 
@@ -120,15 +131,21 @@ def test_bit_for_bit_as_compiled():
     for name in ("t", "y", "mode", "y_end", "nfev", "status"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
     for name in ("time", "guard", "direction", "before", "after", "mode"):
-        assert np.array_equal(getattr(one.events, name), getattr(two.events, name)), name
+        assert np.array_equal(getattr(one.events, name), getattr(two.events, name)), (
+            name
+        )
 
 
 def test_compiled_and_plain_functions_may_stand_in_one_system():
     options = {"n_states": 2, "guard_names": ("a", "b")}
     arguments = ((0, 2), [0.0, 0.0])
     params = (0.5, 1.0, 1.0, 2.0)
-    one = solve(System(ladder_field, ladder_guards, **options), *arguments, params=params)
-    two = solve(System(ladder_field, plain(ladder_guards), **options), *arguments, params=params)
+    one = solve(
+        System(ladder_field, ladder_guards, **options), *arguments, params=params
+    )
+    two = solve(
+        System(ladder_field, plain(ladder_guards), **options), *arguments, params=params
+    )
     assert np.array_equal(one.y, two.y)
     assert np.array_equal(one.events.time, two.events.time)
 
@@ -159,7 +176,9 @@ def test_scipy_closures_and_objects():
         return bessel
 
     counter = Counter()
-    solution = solve(System(make(counter), n_states=1), (0, 1), [0.0], params=(2.0,), rtol=1e-12)
+    solution = solve(
+        System(make(counter), n_states=1), (0, 1), [0.0], params=(2.0,), rtol=1e-12
+    )
     assert counter.calls == solution.nfev
     assert solution.y_end[0] == pytest.approx(itj0y0(2.0)[0] / 2, abs=1e-12)
 
@@ -181,7 +200,9 @@ def test_exceptions_pass_unchanged(where, error):
 
     functions = {"field": fall_field, "guards": floor_guard, "on_event": rebound}
     signature = functions[where].signature
-    functions[where] = Callback(failing(functions[where].function), signature, compiled=False)
+    functions[where] = Callback(
+        failing(functions[where].function), signature, compiled=False
+    )
     system = System(*functions.values(), n_states=2, guard_names=("floor",))
     with pytest.raises(error) as caught:
         solve(system, (0, 9), [1.0, 0.0], params=(9.81, 0.0, 0.8))
@@ -197,7 +218,9 @@ def test_an_integration_within_a_field():
         dy[0] = solve(inner, (0, 1), [t]).y_end[0]  # t + 2
         if t > params[0]:
             with pytest.raises(ValueError, match="beyond"):
-                solve(System(raising_field, n_states=2), (0, 2), [0.0, 0.0], params=(1.0,))
+                solve(
+                    System(raising_field, n_states=2), (0, 2), [0.0, 0.0], params=(1.0,)
+                )
 
     solution = solve(System(outer, n_states=1), (0, 1), [0.0], params=(0.9,))
     assert solution.y_end[0] == pytest.approx(2.5, abs=1e-12)
@@ -281,7 +304,9 @@ def test_a_handler_that_forgets_to_return():
     def forgetful(t, y, mode, params, guard, direction):
         y[1] = -y[1]
 
-    system = System(fall_field, floor_guard, forgetful, n_states=2, guard_names=("floor",))
+    system = System(
+        fall_field, floor_guard, forgetful, n_states=2, guard_names=("floor",)
+    )
     with pytest.raises(TypeError, match="returns None; return 0 to go on, 1 to stop"):
         solve(system, (0, 2), [1.0, 0.0], params=(9.81, 0.0))
 
@@ -292,7 +317,9 @@ def test_callable_objects():
             dy[0], dy[1] = y[1], -params[0]
 
     with pytest.warns(SlowCallbackWarning, match="Fall object"):
-        solution = solve(System(field(Fall()), n_states=2), (0, 1), [1.0, 0.0], params=(2.0,))
+        solution = solve(
+            System(field(Fall()), n_states=2), (0, 1), [1.0, 0.0], params=(2.0,)
+        )
     assert solution.y_end == pytest.approx([0.0, -2.0], abs=1e-13)
 
 
@@ -300,11 +327,14 @@ def test_callable_objects():
 def test_the_function_from_other_compiled_code(compiled):
     one = Callback(fall_field.function, fall_field.signature, compiled)
     dy = np.zeros(2)
-    one.dispatcher(0.0, np.array([1.0, 3.0]), np.zeros(1, np.int64), np.array([9.81]), dy)
+    one.dispatcher(
+        0.0, np.array([1.0, 3.0]), np.zeros(1, np.int64), np.array([9.81]), dy
+    )
     assert dy.tolist() == [3.0, -9.81]
 
 
-# Exceptions reach the thread that catches them; those of other threads reach the previous hook.
+# Exceptions reach the thread that catches them; those of other threads reach the
+# previous hook.
 
 
 @pytest.fixture
@@ -347,7 +377,9 @@ def test_blocks_within_blocks(passed_on):
 
 def test_each_thread_has_its_own(passed_on):
     with Caught() as caught:
-        thread = threading.Thread(target=lambda: sys.unraisablehook(unraisable(KeyError())))
+        thread = threading.Thread(
+            target=lambda: sys.unraisablehook(unraisable(KeyError()))
+        )
         thread.start()
         thread.join()
     assert caught == []

@@ -12,7 +12,16 @@ import numba
 import numpy as np
 import pytest
 
-from hopdata.hybrid import System, affine, field, guards, jacobian, on_event, solve, solve_batch
+from hopdata.hybrid import (
+    System,
+    affine,
+    field,
+    guards,
+    jacobian,
+    on_event,
+    solve,
+    solve_batch,
+)
 from hopdata.hybrid.compiled.constants import Constants, renew_called
 from hopdata.hybrid.first_order import check_c1
 
@@ -186,8 +195,12 @@ def test_batches_lanes_derivatives_backward_and_debug():
     system = System(field(of_helper), n_states=1)
     asks = {
         "batch": lambda: solve_batch(system, (0, 1), [[1.0]]).y_end[0, 0],
-        "lanes": lambda: solve_batch(system, (0, 1), [[1.0]] * 4, lanes=True).y_end[3, 0],
-        "derivative": lambda: solve(system, (0, 1), [1.0], jacobian=True).jacobian[0, 0],
+        "lanes": lambda: solve_batch(system, (0, 1), [[1.0]] * 4, lanes=True).y_end[
+            3, 0
+        ],
+        "derivative": lambda: solve(system, (0, 1), [1.0], jacobian=True).jacobian[
+            0, 0
+        ],
         "backward": lambda: 1.0 / solve(system, (0, -1), [1.0]).y_end[0],
         "debug": lambda: solve(system, (0, 1), [1.0], debug=True).y_end[0],
     }
@@ -249,7 +262,9 @@ def decay_slope(t, y, mode, params, jac):
 
 @pytest.mark.parametrize("method", ["taylor", "rosenbrock"])
 def test_affine_form_and_jacobian(method):
-    system = System(field(of_global), affine=decay_form, jacobian=decay_slope, n_states=1)
+    system = System(
+        field(of_global), affine=decay_form, jacobian=decay_slope, n_states=1
+    )
     for wanted in (2.0, 5.0):
         set_global(wanted)
         assert found_rate(system, method=method) == pytest.approx(wanted)

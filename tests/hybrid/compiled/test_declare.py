@@ -87,7 +87,9 @@ def test_a_returned_array_is_told_when_it_is_compiled():
         dy[0] = y[1]
         return dy
 
-    with pytest.raises(TypeError, match=r"field 'f' .* returns an array; fill dy in place"):
+    with pytest.raises(
+        TypeError, match=r"field 'f' .* returns an array; fill dy in place"
+    ):
         solve(System(f, n_states=2), (0, 1), [0.0, 0.0])
 
 
@@ -121,7 +123,9 @@ def test_one_callback_for_another():
     def g(t, y, dy, mode, params, h, hdot):
         h[0] = hdot[0] = 0.0
 
-    with pytest.raises(TypeError, match="field: expected a function declared by @field"):
+    with pytest.raises(
+        TypeError, match="field: expected a function declared by @field"
+    ):
         System(g, n_states=1)
 
 
@@ -160,7 +164,9 @@ def test_every_decorator_compiles_a_function_of_its_signature(decorator):
     assert min(compiled.address, plain.address) > 0
     assert compiled.compiled
     assert not plain.compiled
-    assert kind.call("one") in decorator.__doc__.replace(f"{decorator.__name__}(", "one(")
+    assert kind.call("one") in decorator.__doc__.replace(
+        f"{decorator.__name__}(", "one("
+    )
 
 
 def test_matrices_reach_python_in_their_shape():
@@ -228,14 +234,22 @@ CASES = [
 
 
 @pytest.mark.parametrize(
-    ("function", "reason", "advice"), CASES, ids=lambda one: getattr(one, "__name__", one)
+    ("function", "reason", "advice"),
+    CASES,
+    ids=lambda one: getattr(one, "__name__", one),
 )
 def test_reason_and_advice_in_one_line(function, reason, advice):
     with pytest.warns(SlowCallbackWarning) as seen:
         assert field(function).address > 0
     assert len(seen) == 1
     text = str(seen[0].message)
-    for word in (function.__name__, "test_declare.py:", reason, advice, "compiled=False"):
+    for word in (
+        function.__name__,
+        "test_declare.py:",
+        reason,
+        advice,
+        "compiled=False",
+    ):
         assert word in text
     assert "\n" not in text
     assert seen[0].filename == __file__
@@ -263,7 +277,9 @@ def test_errors_without_words():
 
 
 def test_colours_and_length():
-    reason, _ = reason_and_advice(ValueError("Failed in mode\n\x1b[1mTell" + 500 * " me"))
+    reason, _ = reason_and_advice(
+        ValueError("Failed in mode\n\x1b[1mTell" + 500 * " me")
+    )
     assert reason.startswith("Tell me")
     assert reason.endswith("...")
     assert len(reason) <= LONGEST + 4
@@ -345,14 +361,20 @@ def walls(t, y, dy, mode, params, h, hdot):
 
 
 def test_too_few_states_or_guards():
-    with pytest.raises(ValueError, match=r"field 'spring' .* uses y\[1\], but y has the length 1"):
+    with pytest.raises(
+        ValueError, match=r"field 'spring' .* uses y\[1\], but y has the length 1"
+    ):
         System(spring, n_states=1)
-    with pytest.raises(ValueError, match=r"guards 'walls' .* uses h\[1\], but h has the length 1"):
+    with pytest.raises(
+        ValueError, match=r"guards 'walls' .* uses h\[1\], but h has the length 1"
+    ):
         System(spring, walls, n_states=2, guard_names=("wall",))
 
 
 def test_too_few_parameters():
     system = System(spring, n_states=2)
-    with pytest.raises(ValueError, match=r"uses params\[1\], but params has the length 1"):
+    with pytest.raises(
+        ValueError, match=r"uses params\[1\], but params has the length 1"
+    ):
         solve(system, (0, 1), [1.0, 0.0], params=(1.0,))
     assert solve(system, (0, 1), [1.0, 0.0], params=(1.0, 4.0)).success

@@ -106,7 +106,9 @@ def test_driver_digest_is_that_of_its_sources():
 @pytest.fixture
 def edited(tmp_path):
     """Return the digest of a copy of the package with an extra line in one of its files."""
-    shutil.copytree(PACKAGE, tmp_path / "hybrid", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        PACKAGE, tmp_path / "hybrid", ignore=shutil.ignore_patterns("__pycache__")
+    )
 
     def edit(name):
         path = tmp_path / "hybrid" / name
@@ -128,7 +130,8 @@ def test_driver_digest_changes_with_what_the_driver_imports(edited, name):
 
 
 @pytest.mark.parametrize(
-    "name", ["compiled/declare.py", "compiled/digest.py", "methods/table.py", "solve.py"]
+    "name",
+    ["compiled/declare.py", "compiled/digest.py", "methods/table.py", "solve.py"],
 )
 def test_driver_digest_does_not_change_with_the_rest(edited, name):
     assert edited(name) == driver_digest()
@@ -170,9 +173,14 @@ def test_sees_what_an_intrinsic_builds_its_code_with(tmp_path, monkeypatch):
     """A function builds it that only the intrinsic's inner function calls."""
     monkeypatch.syspath_prepend(tmp_path)
     digests = []
-    for name, built in (("sums", "builder.fadd(x, x)"), ("products", "builder.fmul(x, x)")):
+    for name, built in (
+        ("sums", "builder.fadd(x, x)"),
+        ("products", "builder.fmul(x, x)"),
+    ):
         (tmp_path / f"built_by_{name}.py").write_text(INTRINSIC.format(built=built))
-        digests.append(function_digest(importlib.import_module(f"built_by_{name}").function))
+        digests.append(
+            function_digest(importlib.import_module(f"built_by_{name}").function)
+        )
     assert digests[0] != digests[1]
 
 

@@ -65,9 +65,13 @@ def test_all_is_optimised_once(monkeypatch):
 
 def test_apart_is_not_put_into_its_callers():
     code, _ = made(kernels)
-    defined = [line for line in code.inspect_llvm().splitlines() if line.startswith("define")]
+    defined = [
+        line for line in code.inspect_llvm().splitlines() if line.startswith("define")
+    ]
     assert sum("total" in line for line in defined) == 1
-    assert not [line for line in defined if "shifted" in line and "alwaysinline" not in line]
+    assert not [
+        line for line in defined if "shifted" in line and "alwaysinline" not in line
+    ]
 
 
 def test_division_by_zero():

@@ -29,7 +29,9 @@ def private_names():
     """Return (file, module, name) of each import of a private name."""
     for path in sorted(LIBRARY.rglob("*.py")):
         text = path.read_text()
-        named = "numba" in text or "llvmlite" in text  # parsing all files would take a second
+        named = (
+            "numba" in text or "llvmlite" in text
+        )  # parsing all files would take a second
         for node in ast.walk(ast.parse(text)) if named else ():
             if isinstance(node, ast.ImportFrom) and node.module:
                 modules = [(node.module, one.name) for one in node.names]
@@ -50,12 +52,18 @@ def test_four_files_use_what_is_private():
 @pytest.mark.parametrize(("file", "module", "name"), sorted(private_names(), key=str))
 def test_each_private_name_is_there(file, module, name):
     found = importlib.import_module(module)
-    assert name is None or hasattr(found, name) or importlib.import_module(f"{module}.{name}")
+    assert (
+        name is None
+        or hasattr(found, name)
+        or importlib.import_module(f"{module}.{name}")
+    )
     part = module.removeprefix("numba.core.").removeprefix("numba.")
     if not module.startswith("llvmlite") and file != "hybrid/lanes/vectors.py":
         text = ast.get_docstring(ast.parse((LIBRARY / file).read_text()))
         words = {part, name} if part in ("core", "numba") else {part}
-        assert any(f"`{word}`" in text for word in words), f"{file} does not say why it uses {part}"
+        assert any(f"`{word}`" in text for word in words), (
+            f"{file} does not say why it uses {part}"
+        )
 
 
 def test_kernels_are_linked_and_not_compiled_one_by_one():

@@ -71,7 +71,9 @@ def pulse(t, y, dy, mode, params, h, hdot):
 
 def system(declared, of=flight, n_states=4, **others):
     name = "guard" if declared.signature.name == "guard" else "guards"
-    return System(of, n_states=n_states, guard_names=("h",), **{name: declared}, **others)
+    return System(
+        of, n_states=n_states, guard_names=("h",), **{name: declared}, **others
+    )
 
 
 def flights(share, count, seed):
@@ -93,7 +95,9 @@ def flights(share, count, seed):
 def test_a_ball_that_flies_into_something_on_the_floor(declared, share, rtol):
     ball = system(declared)
     for start, params, landing, begin in flights(share, 20, seed=3):
-        solution = solve(ball, (0, landing + 0.3), start, params=params, rtol=rtol, atol=rtol)
+        solution = solve(
+            ball, (0, landing + 0.3), start, params=params, rtol=rtol, atol=rtol
+        )
         assert solution.success
         assert solution.n_unproven == 0
         assert solution.events.direction.tolist() == [-1, 1, -1]
@@ -122,7 +126,10 @@ def test_a_step_that_ends_on_an_edge_does_not_blind_the_guard(share):
 
 
 def test_guards_that_are_only_sampled_are_told():
-    ball, (start, params, landing, _) = system(box_by_arrays), next(flights(0.1, 1, seed=1))
+    ball, (start, params, landing, _) = (
+        system(box_by_arrays),
+        next(flights(0.1, 1, seed=1)),
+    )
     assert ball.branches.address < 0
     solution = solve(ball, (0, landing + 0.3), start, params=params)
     assert solution.n_unproven > 0
@@ -220,7 +227,11 @@ def test_a_ball_that_bounces_down_a_staircase():
         new = min(edge, hit)
         if new > 3.0:
             break
-        y, v, x = y + v * (new - t) - 4.905 * (new - t) ** 2, v - 9.81 * (new - t), x + new - t
+        y, v, x = (
+            y + v * (new - t) - 4.905 * (new - t) ** 2,
+            v - 9.81 * (new - t),
+            x + new - t,
+        )
         t = new
         if hit < edge:
             v, y = 0.9 * abs(v), floor
@@ -242,6 +253,8 @@ def roof_by_where(t, y, dy, mode, params, h, hdot):
 def test_lanes_leave_guards_that_branch_to_the_driver():
     start, params, landing, _ = next(flights(0.02, 1, seed=2))
     options = {"params": params, "lanes": True}
-    batch = solve_batch(system(roof_by_where), (0, landing + 0.3), [start] * 3, **options)
+    batch = solve_batch(
+        system(roof_by_where), (0, landing + 0.3), [start] * 3, **options
+    )
     assert batch.lanes_reason.startswith("the guards branch")
     assert batch.n_events.tolist() == [3, 3, 3]

@@ -36,9 +36,12 @@ def test_the_interpolant_meets_the_mesh():
     assert np.abs(sampled.y - bare.y[:, 1:-1]).max() < 1e-14
 
 
-# Samples: as accurate as the steps, continuous, for each method, through events and jumps.
+# Samples: as accurate as the steps, continuous, for each method, through events and
+# jumps.
 
-PARAMS = bent_params([0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], gains=[0.4, -0.8, -0.5])
+PARAMS = bent_params(
+    [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], gains=[0.4, -0.8, -0.5]
+)
 START = [0.0, 1.2]
 TIMES = np.linspace(0, 2, 801)
 METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853", "rosenbrock"])
@@ -110,7 +113,9 @@ def test_octants(method):
 
 def test_a_swing_by_taylor():
     times = np.linspace(0, 3, 500)
-    found = solve(affine_landing(), (0, 3), [1.0, 0.0], params=(0, 0, -1.0, 0), t_eval=times)
+    found = solve(
+        affine_landing(), (0, 3), [1.0, 0.0], params=(0, 0, -1.0, 0), t_eval=times
+    )
     rest = -9.81 / 400.0
     assert np.abs(found.y[0] - rest - (1.0 - rest) * np.cos(20 * times)).max() < 1e-11
 
@@ -125,7 +130,10 @@ def test_in_a_stiff_mode(method):
         atol=[1e-14, 1e-12], t_eval=times,
     )  # fmt: skip
     fall = np.sqrt(2 / 9.81)
-    rest, rate = -9.81 / stiffness, stiffness / damping  # of the creep, to a relative 1e-6
+    rest, rate = (
+        -9.81 / stiffness,
+        stiffness / damping,
+    )  # of the creep, to a relative 1e-6
     start = -9.81 * fall / damping
     creep = rest + (start - rest) * np.exp(-rate * (times - fall))
     assert np.abs(found.y[0] - creep).max() < 1e-5 * abs(rest)

@@ -32,7 +32,11 @@ def one_crossing_and_a_dip(t, y, dy, mode, params, h, hdot):
 
 
 SYSTEM = System(
-    turning, one_crossing_and_a_dip, affine=turning_affine, n_states=2, guard_names=("line", "dip")
+    turning,
+    one_crossing_and_a_dip,
+    affine=turning_affine,
+    n_states=2,
+    guard_names=("line", "dip"),
 )
 
 
@@ -43,7 +47,10 @@ def test_a_dip_beside_a_crossing_is_neither_lost_nor_late(method):
         half = 10.0 ** rng.uniform(-3, -0.5)
         dip = rng.uniform(half, 3.0 - half)
         line = dip + half * rng.uniform(-2.0, 2.0)
-        if not 0.01 < line < 2.99 or min(abs(abs(line - dip) - half), 3 - half - dip) < 1e-4:
+        if (
+            not 0.01 < line < 2.99
+            or min(abs(abs(line - dip) - half), 3 - half - dip) < 1e-4
+        ):
             continue
         start = rng.uniform(0.0, 6.0)
         solution = solve(
@@ -51,16 +58,24 @@ def test_a_dip_beside_a_crossing_is_neither_lost_nor_late(method):
             params=[start + line, start + dip, half], method=method, rtol=1e-10, atol=1e-12,
         )  # fmt: skip
         wanted = sorted([(line, 0), (dip - half, 1), (dip + half, 1)])
-        assert solution.events.guard.tolist() == [guard for _, guard in wanted], (start, wanted)
+        assert solution.events.guard.tolist() == [guard for _, guard in wanted], (
+            start,
+            wanted,
+        )
         times = solution.events.time - start
-        assert times == pytest.approx([time for time, _ in wanted], abs=1e-6), (start, wanted)
+        assert times == pytest.approx([time for time, _ in wanted], abs=1e-6), (
+            start,
+            wanted,
+        )
 
 
 # Order of the method through events, and instants to the last digits.
 
 
 def test_impacts_of_a_parabola_are_exact_at_any_tolerance():
-    solution = solve(ball(directions=(1,)), (0, 5), [1.0, 0.0], params=(2.0, 0.0, 1.0), rtol=1e-3)
+    solution = solve(
+        ball(directions=(1,)), (0, 5), [1.0, 0.0], params=(2.0, 0.0, 1.0), rtol=1e-3
+    )
     assert solution.events.time == pytest.approx([1.0, 3.0], abs=1e-12)
     assert solution.events.before[:, 0] == pytest.approx([0.0, 0.0], abs=1e-14)
 
@@ -70,7 +85,11 @@ def test_lengths_do_not_matter(scale):
     rungs, gains = np.array([0.5, 0.7]), np.array([0.5, -0.2])
     instants, end = ladder_solution(rungs, gains, 1.0)
     solution = solve(
-        ladder(2), (0, 1 * scale), [0.0, 0.0], params=(*(rungs * scale), *gains), atol=0.0
+        ladder(2),
+        (0, 1 * scale),
+        [0.0, 0.0],
+        params=(*(rungs * scale), *gains),
+        atol=0.0,
     )
     assert solution.events.time / scale == pytest.approx(instants, rel=1e-14)
     assert solution.y_end[0] / scale == pytest.approx(end, rel=1e-14)
@@ -91,12 +110,16 @@ def test_touch_and_go_within_a_step(clearance):
     half = np.sqrt(clearance)
     assert solution.events.direction.tolist() == [1, -1]
     resolution = 1e-15 / half
-    assert solution.events.time == pytest.approx([1 - half, 1 + half], abs=1e-14 + resolution)
+    assert solution.events.time == pytest.approx(
+        [1 - half, 1 + half], abs=1e-14 + resolution
+    )
 
 
 @pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-8, 1e-12, 1e-14])
 def test_an_apex_below_the_ceiling_is_no_event(gap):
-    solution = solve(throw(), (0, 2), [0.0, 2.0], params=(2.0, 1.0 + gap), first_step=2.0)
+    solution = solve(
+        throw(), (0, 2), [0.0, 2.0], params=(2.0, 1.0 + gap), first_step=2.0
+    )
     assert solution.status == 0
     assert len(solution.events) == 0
 
@@ -126,7 +149,9 @@ def jumping_guard(t, y, dy, mode, params, h, hdot):
 
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
-def test_an_event_function_that_jumps_while_it_falls_is_landed_on_where_it_jumps(method):
+def test_an_event_function_that_jumps_while_it_falls_is_landed_on_where_it_jumps(
+    method,
+):
     """Newton's method leads away from the jump on either side of it."""
     clock = System(clock_field, jumping_guard, n_states=1, guard_names=("height",))
     rng = np.random.default_rng(4)
@@ -134,5 +159,7 @@ def test_an_event_function_that_jumps_while_it_falls_is_landed_on_where_it_jumps
         place = rng.uniform(0.3, 2.7)
         margins, slopes = 10.0 ** rng.uniform(-6, 0, 2), 10.0 ** rng.uniform(-3, 1, 2)
         params = [place, margins[0], slopes[0], margins[1], slopes[1]]
-        solution = solve(clock, (0, 3), [0.0], params=params, rtol=1e-9, atol=1e-12, method=method)
+        solution = solve(
+            clock, (0, 3), [0.0], params=params, rtol=1e-9, atol=1e-12, method=method
+        )
         assert solution.events.time == pytest.approx([place], abs=1e-12), params

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hybrid_systems import fall_field, floor_guard, ladder, ladder_solution, relay, throw
+from hybrid_systems import (
+    fall_field,
+    floor_guard,
+    ladder,
+    ladder_solution,
+    relay,
+    throw,
+)
 
 from hopdata.hybrid import System, field, guards, on_event, solve
 from hopdata.hybrid.layout import STATE_NOT_FINITE
@@ -31,14 +38,18 @@ def test_coincident_guards_share_their_instant():
     solution = solve(ladder(5), (0, 1), [0.0, 0.0], params=(*[0.3] * 5, *[0.1] * 5))
     assert solution.events.guard.tolist() == [0, 1, 2, 3, 4]
     assert len(set(solution.events.time.tolist())) == 1
-    after = [[1] * (k + 1) + [-1] * (4 - k) for k in range(5)]  # each event has the mode after it
+    after = [
+        [1] * (k + 1) + [-1] * (4 - k) for k in range(5)
+    ]  # each event has the mode after it
     assert solution.events.mode.tolist() == after
     assert solution.y_end[0] == pytest.approx(0.3 + 0.7 * 1.5, abs=1e-14)
 
 
 def test_apart_they_do_not():
     solution = solve(ladder(2), (0, 1), [0.0, 0.0], params=(0.3, 0.3 + 1e-9, 0, 0))
-    assert solution.events.time[1] - solution.events.time[0] == pytest.approx(1e-9, rel=1e-5)
+    assert solution.events.time[1] - solution.events.time[0] == pytest.approx(
+        1e-9, rel=1e-5
+    )
     assert solution.events.mode.tolist() == [[1, -1], [1, 1]]
 
 
@@ -46,7 +57,9 @@ def test_many_events_in_one_step():
     rng = np.random.default_rng(3)
     rungs, gains = rng.uniform(0, 1, 35), rng.uniform(-0.02, 0.05, 35)
     instants, end = ladder_solution(rungs, gains, 2.0)
-    solution = solve(ladder(35), (0, 2), [0.0, 0.0], params=(*rungs, *gains), first_step=2.0)
+    solution = solve(
+        ladder(35), (0, 2), [0.0, 0.0], params=(*rungs, *gains), first_step=2.0
+    )
     assert solution.events.guard.tolist() == np.argsort(rungs).tolist()
     assert solution.events.time == pytest.approx(np.sort(instants), abs=1e-13)
     assert solution.y_end[0] == pytest.approx(end, abs=1e-13)
@@ -55,7 +68,11 @@ def test_many_events_in_one_step():
 def test_a_handler_pushes_another_guard_across():
     solution = solve(relay(), (0, 2), [0.0, 0.0], mode=[-1])
     assert solution.events.guard.tolist() == [0, 1]
-    assert solution.events.time[0] == solution.events.time[1] == pytest.approx(1.0, abs=1e-15)
+    assert (
+        solution.events.time[0]
+        == solution.events.time[1]
+        == pytest.approx(1.0, abs=1e-15)
+    )
     assert solution.mode.tolist() == [1, 1, 1]
     assert solution.y_end == pytest.approx([2.0, 1.0], abs=1e-13)
 
@@ -65,7 +82,9 @@ def test_the_field_is_refreshed_after_each_flip():
     rungs = np.linspace(0.01, 0.2, 20)
     gains = np.full(20, 0.5)
     _, end = ladder_solution(rungs, gains, 0.3)
-    solution = solve(ladder(20), (0, 0.3), [0.0, 0.0], params=(*rungs, *gains), first_step=0.3)
+    solution = solve(
+        ladder(20), (0, 0.3), [0.0, 0.0], params=(*rungs, *gains), first_step=0.3
+    )
     assert solution.y_end[0] == pytest.approx(end, abs=1e-13)
 
 

@@ -20,7 +20,9 @@ from hopdata.scenes.hopper_parameters import HopperParameters
 
 PLACES, TILTS, GAINS = [0.5, 0.7, 1.0], [0.2, -0.3, 0.4], [0.4, -0.8, -0.5]
 STEADY = bent_params(PLACES, drive=0.3, tilts=TILTS, gains=GAINS)
-MOVING = bent_params(PLACES, drive=0.3, tilts=TILTS, sways=[0.1, 0.2, -0.3], gains=GAINS)
+MOVING = bent_params(
+    PLACES, drive=0.3, tilts=TILTS, sways=[0.1, 0.2, -0.3], gains=GAINS
+)
 START = [0.0, 1.2]
 METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
 
@@ -31,7 +33,9 @@ METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
 def test_through_jumps_of_the_field(make, params, method):
     found = carried(make(3), (0, 2), START, params=params, method=method)
     assert len(found.events) >= 4
-    assert gap(found.jacobian, differences(bent(3), (0, 2), START, params=params)) < 1e-10
+    assert (
+        gap(found.jacobian, differences(bent(3), (0, 2), START, params=params)) < 1e-10
+    )
 
 
 @field
@@ -108,7 +112,8 @@ def test_a_rate_that_follows_dy_is_believed_whatever_rounding_and_bends(params):
 
 def test_a_guard_whose_inputs_are_named_costs_fewer_evaluations():
     named, looped = (
-        System(pushed, one, n_states=3, guard_names=("bend",)) for one in (by_numbers, by_a_loop)
+        System(pushed, one, n_states=3, guard_names=("bend",))
+        for one in (by_numbers, by_a_loop)
     )
     assert named.methods("dopri5", True).scene.rate_inputs == (0, 1)
     assert looped.methods("dopri5", True).scene.rate_inputs == (0, 1, 2)
@@ -119,7 +124,10 @@ def test_ladder_of_speeds():
     params = (0.5, 0.75, 1.0, 1.5, -1.0, 3.0)
     found = carried(ladder(3), (0, 1.5), [0.0, 0.0], params=params)
     assert found.jacobian[0] == pytest.approx([4.5, 0.0], abs=1e-12)
-    assert gap(found.jacobian, differences(ladder(3), (0, 1.5), [0.0, 0.0], params=params)) < 1e-10
+    assert (
+        gap(found.jacobian, differences(ladder(3), (0, 1.5), [0.0, 0.0], params=params))
+        < 1e-10
+    )
 
 
 @METHODS
@@ -146,18 +154,25 @@ def test_guards_at_one_instant(tilt, method):
     params = bent_params([0.5] * 3, drive=0.3, tilts=tilt, gains=GAINS)
     found = carried(bent(3), (0, 1.2), START, params=params, method=method)
     assert len(set(found.events.time)) == 1
-    assert gap(found.jacobian, differences(bent(3), (0, 1.2), START, params=params)) < 1e-10
+    assert (
+        gap(found.jacobian, differences(bent(3), (0, 1.2), START, params=params))
+        < 1e-10
+    )
 
 
 def test_the_order_does_not_matter_where_the_flow_is_c1():
     """The guards depend on the angle alone and torques jump, so no guard feels another's jump."""
     places, sways = np.full(3, 0.5), np.array([0.0, 0.1, -0.1])
     instant = carried(bent(3), (0, 2), START, params=bent_params(places)).events.time[0]
-    places = places - sways * np.sin(instant)  # all at one instant, with different rates
+    places = places - sways * np.sin(
+        instant
+    )  # all at one instant, with different rates
     found = []
     for order in permutations(range(3)):
         at = list(order)
-        params = bent_params(places[at], sways=sways[at], gains=np.array([0.3, -0.4, 0.2])[at])
+        params = bent_params(
+            places[at], sways=sways[at], gains=np.array([0.3, -0.4, 0.2])[at]
+        )
         found.append(carried(bent(3), (0, 0.6), START, params=params))
         assert np.ptp(found[-1].events.time) < 1e-14
         assert len(found[-1].events) == 3
@@ -166,7 +181,9 @@ def test_the_order_does_not_matter_where_the_flow_is_c1():
 
 
 def test_where_the_order_matters_it_is_that_of_the_log():
-    params = bent_params([0.5 + 0.9 * 0.2, 0.5 - 0.9 * 0.3, 9.0], tilts=TILTS, gains=[0.4, -2.8, 0])
+    params = bent_params(
+        [0.5 + 0.9 * 0.2, 0.5 - 0.9 * 0.3, 9.0], tilts=TILTS, gains=[0.4, -2.8, 0]
+    )
     state, locks = [0.5, 0.9], [-1, -1, -1]
     there = solve(bent(3), (0, 1e-13), state, params=params, mode=locks, jacobian=True)
     assert there.events.guard.tolist() == [0, 1]
@@ -194,7 +211,12 @@ def test_an_event_next_to_the_end():
     assert len(after.events) == 2
     assert len(before.events) == 1
     matrix = saltation_product(
-        bent(3), before.y_end, [after.events.guard[1]], params=STEADY, mode=before.mode, t=instant
+        bent(3),
+        before.y_end,
+        [after.events.guard[1]],
+        params=STEADY,
+        mode=before.mode,
+        t=instant,
     )
     assert gap(after.jacobian, matrix @ before.jacobian) < 1e-7
     assert gap(after.jacobian, before.jacobian) > 1e-2
@@ -222,7 +244,9 @@ def test_the_impact_state_at_a_terminal_event(params):
     impact = project_onto_section(
         found.jacobian, rate, [1.0, tilt], time_rate=-sway * np.cos(found.t_end)
     )
-    assert np.abs(impact - differences(system, (0, 2), START, params=params)).max() < 1e-9
+    assert (
+        np.abs(impact - differences(system, (0, 2), START, params=params)).max() < 1e-9
+    )
 
 
 @pytest.mark.parametrize("terminal", [(False, False, False), (False, True, False)])
@@ -234,7 +258,10 @@ def test_through_a_reset_of_a_bent_system(terminal):
     assert found.success
     assert (found.events.before != found.events.after).any()
     if not any(terminal):
-        assert gap(found.jacobian, differences(system, (0, 3), START, params=params)) < 1e-8
+        assert (
+            gap(found.jacobian, differences(system, (0, 3), START, params=params))
+            < 1e-8
+        )
     options = {"params": params, "jacobian": True, "method": "dop853", **TIGHT}
     batch = solve_batch(system, (0, 3), [START] * 2, **options)
     assert batch.jacobian[1].tobytes() == found.jacobian.tobytes()
@@ -244,7 +271,10 @@ def test_a_handler_that_resets_nothing_is_no_reset():
     system = bent(3, on_event=turn_back)
     found = carried(system, (0, 2), START, params=STEADY)
     assert found.status == 0
-    assert gap(found.jacobian, carried(bent(3), (0, 2), START, params=STEADY).jacobian) == 0.0
+    assert (
+        gap(found.jacobian, carried(bent(3), (0, 2), START, params=STEADY).jacobian)
+        == 0.0
+    )
 
 
 def test_vertical_hopper():
@@ -252,19 +282,32 @@ def test_vertical_hopper():
     system, options = hopper.system(), {"params": hopper.params, "method": "taylor"}
     found = carried(system, (0, 1.2), [1.5, 0.0], **options)
     assert len(found.events) >= 2
-    assert gap(found.jacobian, differences(system, (0, 1.2), [1.5, 0.0], **options)) < 1e-8
+    assert (
+        gap(found.jacobian, differences(system, (0, 1.2), [1.5, 0.0], **options)) < 1e-8
+    )
 
 
 HOPPER = hopper_system()
-LANDING = {"params": HopperParameters().vector(), "mode": flight_mode(hopper_system(), -1.0)}
-OBLIQUE = np.array([0.0, 0.0, 0.32, 0.0, 0.03, -0.04, 0.05, -0.03, -1.5, 0.1, -0.2, 0.05])
+LANDING = {
+    "params": HopperParameters().vector(),
+    "mode": flight_mode(hopper_system(), -1.0),
+}
+OBLIQUE = np.array(
+    [0.0, 0.0, 0.32, 0.0, 0.03, -0.04, 0.05, -0.03, -1.5, 0.1, -0.2, 0.05]
+)
 
 
 @METHODS
 def test_three_legs_land_one_after_another(method):
     found = carried(HOPPER, (0, 0.06), OBLIQUE, method=method, **LANDING)
-    assert [HOPPER.guard_names[k] for k in found.events.guard] == ["foot1", "foot2", "foot3"]
-    assert gap(found.jacobian, differences(HOPPER, (0, 0.06), OBLIQUE, **LANDING)) < 1e-8
+    assert [HOPPER.guard_names[k] for k in found.events.guard] == [
+        "foot1",
+        "foot2",
+        "foot3",
+    ]
+    assert (
+        gap(found.jacobian, differences(HOPPER, (0, 0.06), OBLIQUE, **LANDING)) < 1e-8
+    )
 
 
 TOUCHING = np.array([0.0, 0.0, 0.27, 0.3, 0.0, 0.0, 0.05, -0.03, -2.1, 0.1, -0.2, 0.05])
@@ -285,7 +328,9 @@ def test_three_legs_at_once_are_the_saltation_matrices_of_any_order():
 
 def extrapolated(system, t_span, y0, **options):
     """Return differences without their first-order error across the kinks of a C1 flow."""
-    coarse, fine = (differences(system, t_span, y0, step=h, **options) for h in (2e-5, 1e-5))
+    coarse, fine = (
+        differences(system, t_span, y0, step=h, **options) for h in (2e-5, 1e-5)
+    )
     return 2 * fine - coarse
 
 
@@ -363,14 +408,20 @@ def driven(t, y, mode, params, dy):
     dy[0] = np.cos(params[0] * t)
 
 
-@pytest.mark.parametrize(("frequency", "start"), [(10.0, 0.0), (200.0, 0.0), (10.0, 1000.0)])
+@pytest.mark.parametrize(
+    ("frequency", "start"), [(10.0, 0.0), (200.0, 0.0), (10.0, 1000.0)]
+)
 def test_the_frequency_of_a_drive_after_many_periods(frequency, start):
     def slope(t):
-        return t * np.cos(frequency * t) / frequency - np.sin(frequency * t) / frequency**2
+        return (
+            t * np.cos(frequency * t) / frequency - np.sin(frequency * t) / frequency**2
+        )
 
     end = start + 5.0
     options = {"params": [frequency], "jacobian": "params", "rtol": 1e-11}
-    found = solve(System(driven, n_states=1), (start, end), [0.0], **options).sensitivity
+    found = solve(
+        System(driven, n_states=1), (start, end), [0.0], **options
+    ).sensitivity
     assert abs(found[0, 0] - slope(end) + slope(start)) < 1e-7 * end / frequency
 
 
@@ -383,4 +434,6 @@ def with_spin(t, y, mode, params, dy):
 def test_rounding_costs_no_digits():
     top, options = System(with_spin, n_states=3), {"params": (0.7, 0.3)}
     found = carried(top, (0, 5), [1.0, 0.2, 3.0], **options)
-    assert gap(found.jacobian, differences(top, (0, 5), [1.0, 0.2, 3.0], **options)) < 1e-9
+    assert (
+        gap(found.jacobian, differences(top, (0, 5), [1.0, 0.2, 3.0], **options)) < 1e-9
+    )

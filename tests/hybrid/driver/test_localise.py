@@ -64,7 +64,9 @@ def test_turning_points(rng):
         polynomial = np.polynomial.Polynomial(coefficients)
         top, bottom = turning_points(*ends(polynomial))
         curvature = polynomial.deriv(2)
-        roots = [x.real for x in polynomial.deriv().roots() if x.imag == 0 and 0 < x.real < 1]
+        roots = [
+            x.real for x in polynomial.deriv().roots() if x.imag == 0 and 0 < x.real < 1
+        ]
         for found, kind in ((top, -1), (bottom, 1)):
             expected = [x for x in roots if np.sign(curvature(x)) == kind]
             assert (found == NOWHERE) == (not expected)
@@ -78,13 +80,19 @@ def test_turning_points(rng):
 def test_turning_points_of_parabolas(b):
     polynomial = np.polynomial.Polynomial([0.0, -b, b])
     top, bottom = turning_points(*ends(polynomial))
-    assert (top, bottom) == {1.0: (NOWHERE, 0.5), 0.0: (NOWHERE,) * 2, -1.0: (0.5, NOWHERE)}[b]
+    assert (top, bottom) == {
+        1.0: (NOWHERE, 0.5),
+        0.0: (NOWHERE,) * 2,
+        -1.0: (0.5, NOWHERE),
+    }[b]
 
 
 def test_root(rng):
     for _ in range(100):
         a, c = rng.uniform(0.1, 0.9), rng.uniform(1.1, 3.0)
-        polynomial = np.polynomial.Polynomial.fromroots([a, c, -c]) * rng.uniform(0.1, 10)
+        polynomial = np.polynomial.Polynomial.fromroots([a, c, -c]) * rng.uniform(
+            0.1, 10
+        )
         assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(a, rel=1e-6)
 
 
@@ -94,11 +102,21 @@ def test_root_past_a_top_that_the_search_begins_before():
     assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(0.9, rel=1e-6)
 
 
-# The first flip in a step: a guard that has just flipped does not flip back because of rounding.
+# The first flip in a step: a guard that has just flipped does not flip back because of
+# rounding.
 
 ROUNDING = 1e-16
-# Landings where a spring lets go and soon touches again, by number of springs and of the start.
-NEARLY_GRAZING = [(27, 12), (27, 37), (27, 147), (29, 111), (30, 33), (33, 100), (35, 7)]
+# Landings where a spring lets go and soon touches again, by number of springs and of
+# the start.
+NEARLY_GRAZING = [
+    (27, 12),
+    (27, 37),
+    (27, 147),
+    (29, 111),
+    (30, 33),
+    (33, 100),
+    (35, 7),
+]
 
 
 def memory_of(guards):
@@ -125,16 +143,24 @@ def search(monkeypatch):
 
         monkeypatch.setattr(localisation, "probe", probe)
         problem = SimpleNamespace(mode=np.array([1]))
-        return localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 0, 1.0)
+        return localisation.crossing.py_func(
+            problem, memory, 1.0, 0, guess, 0.0, 0, 1.0
+        )
 
     return found
 
 
 @pytest.mark.parametrize("place", [0.1, 0.3, 0.7155111958385192, 0.95])
-@pytest.mark.parametrize(("above", "below"), [(0.33122, 3.4427e-6), (1e-3, 1e-3), (1e-6, 0.3)])
-def test_an_event_function_that_jumps_is_past_its_surface_there(search, place, above, below):
+@pytest.mark.parametrize(
+    ("above", "below"), [(0.33122, 3.4427e-6), (1e-3, 1e-3), (1e-6, 0.3)]
+)
+def test_an_event_function_that_jumps_is_past_its_surface_there(
+    search, place, above, below
+):
     def margin(x):
-        return above - 0.0734 * (x - place) if x < place else -below - 4.999 * (x - place)
+        return (
+            above - 0.0734 * (x - place) if x < place else -below - 4.999 * (x - place)
+        )
 
     def slope(x):
         return -0.0734 if x < place else -4.999
@@ -174,7 +200,8 @@ def test_rates_that_contradict_the_function_lead_to_no_place_before_its_surface(
 def interpreted(monkeypatch):
     """Return `crossing` for a guard that leaves its surface and meets it again at 0.5 of the step.
 
-    Near the start h is lost in rounding, so the guard seems to be just past the surface there.
+    Near the start h is lost in rounding, so the guard seems to be just past the surface
+    there.
     """
     guards = np.zeros((GUARD_ROWS, 1))
     guards[H0], guards[RATE0], guards[SIZE] = -ROUNDING, -0.5, 1.0
@@ -189,7 +216,9 @@ def interpreted(monkeypatch):
     monkeypatch.setattr(localisation, "probe", probe)
     for name in ("leave", "just_left", "knot"):
         monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
-    return lambda guess: localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 0, 1.0)
+    return lambda guess: localisation.crossing.py_func(
+        problem, memory, 1.0, 0, guess, 0.0, 0, 1.0
+    )
 
 
 @pytest.mark.parametrize("guess", [0.45, 0.9, 1e-3, 1e-13, 1e-16])
@@ -219,12 +248,16 @@ def test_where_the_cubic_turns_newton_shows_the_way():
 @pytest.mark.parametrize("form", [{}, {"sums": True}, {"sparse": True}])
 @pytest.mark.parametrize(("contacts", "start"), NEARLY_GRAZING)
 @pytest.mark.parametrize("jacobian", [False, True])
-def test_a_spring_that_is_met_again_soon_is_no_zeno_sequence(contacts, start, form, jacobian):
+def test_a_spring_that_is_met_again_soon_is_no_zeno_sequence(
+    contacts, start, form, jacobian
+):
     plate = Plate(contacts)
     y0 = plate.initial_states(150, 444)[start]
 
     def events_of(**options):
-        solution = solve(plate.system(**form), (0, 2), y0, params=plate.params, **options)
+        solution = solve(
+            plate.system(**form), (0, 2), y0, params=plate.params, **options
+        )
         assert solution.status == 0
         log = solution.events
         return list(zip(log.guard.tolist(), log.direction.tolist(), strict=True))
@@ -239,14 +272,18 @@ def test_a_ball_that_comes_to_rest_on_a_shaking_table_never_falls_through_it(see
     """Its last flights are lower than the rounding of h, as terms cancel: Zeno, or no event yet."""
     rng, statuses, end = np.random.default_rng(seed), set(), 3.0
     for _ in range(50):
-        size, rate, rtol = (10.0 ** rng.uniform(*span) for span in ((-3, -1), (0.5, 2), (-11, -5)))
+        size, rate, rtol = (
+            10.0 ** rng.uniform(*span) for span in ((-3, -1), (0.5, 2), (-11, -5))
+        )
         height, bounce = rng.choice([0.0, 1.0, -30.0]), rng.uniform(0.2, 0.8)
         ball = solve(
             table_ball(), (0.0, end), [height + size + 0.3, 0.0],
             params=[9.81, height, size, rate, bounce], rtol=rtol, t_eval=np.linspace(0.0, end, 301),
         )  # fmt: skip
         statuses.add(ball.status)
-        assert (height + size * np.sin(rate * ball.t) - ball.y[0]).max() < 1e-6, ball.message
+        assert (height + size * np.sin(rate * ball.t) - ball.y[0]).max() < 1e-6, (
+            ball.message
+        )
     assert statuses == {0, ZENO}
 
 
@@ -279,7 +316,12 @@ def test_a_guard_that_stays_clear_is_not_suspect():
     kinds = {PASS: 0, CROSSING: 0, DIP: 0}
     grid = np.linspace(0, 1, 401)
     for _ in range(3000):
-        g0, d0, g1, d1 = rng.uniform(0, 1), rng.normal() * 2, rng.uniform(-0.1, 1), rng.normal() * 2
+        g0, d0, g1, d1 = (
+            rng.uniform(0, 1),
+            rng.normal() * 2,
+            rng.uniform(-0.1, 1),
+            rng.normal() * 2,
+        )
         kind = suspect(g0, d0, g1, d1, 0.0)[0]
         kinds[kind] += 1
         lowest = cubic(g0, d0, g1, d1, grid).min()

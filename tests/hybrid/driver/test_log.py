@@ -11,7 +11,9 @@ from hopdata.hybrid import EventLog, System, field, guards, on_event, solve
 from hopdata.hybrid.layout import UNKNOWN
 from hopdata.hybrid.workspace import FIRST_EVENTS, Workspace
 
-MANY = 3 * FIRST_EVENTS  # guards that flip at one instant: more than there is room for at first
+MANY = (
+    3 * FIRST_EVENTS
+)  # guards that flip at one instant: more than there is room for at first
 
 
 @field
@@ -45,7 +47,12 @@ def recorded(n_guards, n_extra):
         return 0
 
     system = System(
-        advance, stairs, meddle, n_states=1, guard_names=names(n_guards), n_extra_modes=n_extra
+        advance,
+        stairs,
+        meddle,
+        n_states=1,
+        guard_names=names(n_guards),
+        n_extra_modes=n_extra,
     )
     return system, modes
 
@@ -70,7 +77,9 @@ def test_a_function_receives_the_same_events_in_pieces(apart):
     whole = solve(system, (0, 5), [0.0], params=[apart], mode=[0, 0]).events
     system, _ = recorded(MANY, 2)
     pieces: list[EventLog] = []
-    solution = solve(system, (0, 5), [0.0], params=[apart], mode=[0, 0], events=pieces.append)
+    solution = solve(
+        system, (0, 5), [0.0], params=[apart], mode=[0, 0], events=pieces.append
+    )
     assert solution.n_events == sum(map(len, pieces)) == MANY
     assert len(solution.events) == 0
     assert len(pieces) > 1
@@ -86,7 +95,9 @@ def test_counted_events_leave_no_log():
     assert solution.events.mode.shape == (0, MANY + 2)
     again = solve(recorded(MANY, 2)[0], (0, 5), [0.0], params=[0.0], mode=[0, 0])
     assert solution.mode.tolist() == again.mode.tolist()
-    kept = solve(system, (0, 5), [0.0], params=[0.0], mode=[0, 0])  # in the same workspace
+    kept = solve(
+        system, (0, 5), [0.0], params=[0.0], mode=[0, 0]
+    )  # in the same workspace
     assert len(kept.events) == MANY
 
 
@@ -104,7 +115,9 @@ def test_what_a_function_raises_in_the_middle_of_an_instant_ends_the_run():
 
 
 @pytest.mark.parametrize("room", ["_make_event_room", "_make_change_room"])
-def test_no_memory_for_more_events_is_an_error_with_the_events_so_far(monkeypatch, room):
+def test_no_memory_for_more_events_is_an_error_with_the_events_so_far(
+    monkeypatch, room
+):
     system, modes = recorded(MANY, 300)
     start = np.zeros(300, dtype=int)
     whole = solve(system, (0, 5), [0.0], params=[0.0], mode=start)
@@ -130,7 +143,9 @@ def test_memory_grows_with_guards_plus_events_not_with_their_product(events):
     def most_used(count):
         system = System(advance, stairs, n_states=1, guard_names=names(count))
         tracemalloc.start()
-        solution = solve(system, (0, 40.5), [0.0], params=[1.0], events=events, t_eval=())
+        solution = solve(
+            system, (0, 40.5), [0.0], params=[1.0], events=events, t_eval=()
+        )
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         assert solution.n_events == 40

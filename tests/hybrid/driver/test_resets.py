@@ -12,13 +12,18 @@ from hopdata.hybrid import System, field, guard, guards, on_event, solve, solve_
 from hopdata.hybrid.first_order import bouligand_derivative
 from hopdata.hybrid.layout import GRAZING_IN_JACOBIAN, TIE_IN_JACOBIAN
 
-# Random systems: affine before and after one nonlinear reset, at a plane that moves with time.
+# Random systems: affine before and after one nonlinear reset, at a plane that moves
+# with time.
 N = 3
 SIZES = {"A0": (N, N), "b0": (N,), "A1": (N, N), "b1": (N,), "plane": (N,), "wave": (3,),
          "R": (N, N), "by_time": (N,), "by_square": (N,)}  # fmt: skip
-PLACES = dict(zip(SIZES, np.cumsum([0, *(int(np.prod(s)) for s in SIZES.values())]), strict=False))
+PLACES = dict(
+    zip(SIZES, np.cumsum([0, *(int(np.prod(s)) for s in SIZES.values())]), strict=False)
+)
 COUNT = sum(int(np.prod(size)) for size in SIZES.values())
-A0, B0, A1, B1, PLANE, WAVE, R, BY_TIME, BY_SQUARE = (int(PLACES[name]) for name in SIZES)
+A0, B0, A1, B1, PLANE, WAVE, R, BY_TIME, BY_SQUARE = (
+    int(PLACES[name]) for name in SIZES
+)
 END, EPS = 1.5, 1e-30
 
 
@@ -54,14 +59,22 @@ def kick(t, y, mode, params, guard, direction):
     if mode[1] == 0:
         old = y.copy()
         for i in range(N):
-            y[i] = params[BY_TIME + i] * np.cos(t) + params[BY_SQUARE + i] * old[0] * old[1]
+            y[i] = (
+                params[BY_TIME + i] * np.cos(t)
+                + params[BY_SQUARE + i] * old[0] * old[1]
+            )
             for j in range(N):
                 y[i] += params[R + N * i + j] * old[j]
         mode[1] = 1
     return 0
 
 
-OPTIONS = {"n_states": N, "guard_names": ("plane",), "directions": (1,), "n_extra_modes": 1}
+OPTIONS = {
+    "n_states": N,
+    "guard_names": ("plane",),
+    "directions": (1,),
+    "n_extra_modes": 1,
+}
 KICKED = System(drift, moving_plane, kick, **OPTIONS)
 KICKED_ALONE = System(drift, guard=moving_plane_alone, on_event=kick, **OPTIONS)
 
@@ -81,7 +94,9 @@ def exact_end(y0, params, instant):
     for _ in range(4):
         y = flow(a0, part["b0"], y0, t)
         h = part["plane"] @ y - shift - size * np.sin(rate * t)
-        t -= h / (part["plane"] @ (a0 @ y + part["b0"]) - size * rate * np.cos(rate * t))
+        t -= h / (
+            part["plane"] @ (a0 @ y + part["b0"]) - size * rate * np.cos(rate * t)
+        )
     y = flow(a0, part["b0"], y0, t)
     y = r @ y + part["by_time"] * np.cos(t) + part["by_square"] * y[0] * y[1]
     return flow(a1, part["b1"], y, END - t)
@@ -105,7 +120,9 @@ def random_kicked(rng):
 
 def by_complex_steps(y0, params, instant, chosen):
     """Return derivatives with respect to the start and the chosen parameters."""
-    state = [exact_end(y0 + 1j * EPS * e, params + 0j, instant).imag / EPS for e in np.eye(N)]
+    state = [
+        exact_end(y0 + 1j * EPS * e, params + 0j, instant).imag / EPS for e in np.eye(N)
+    ]
     shifts = np.eye(COUNT)[chosen] * 1j * EPS
     return np.array(state).T, np.array(
         [exact_end(y0 + 0j, params + shift, instant).imag / EPS for shift in shifts]
@@ -136,7 +153,9 @@ def test_random_resets_by_all_parameters_agree_with_complex_steps():
         assert found.sensitivity.shape == (N, COUNT)
         worst = max(worst, gap(found.jacobian, state))
         scale = np.abs(found.sensitivity).max()
-        worst = max(worst, np.abs(found.sensitivity[:, chosen] - by_params).max() / scale)
+        worst = max(
+            worst, np.abs(found.sensitivity[:, chosen] - by_params).max() / scale
+        )
     assert worst < 1e-8
     batch = solve_batch(KICKED, (0, END), [y0, y0], **options)
     assert batch.sensitivity[1].tobytes() == found.sensitivity.tobytes()
@@ -148,7 +167,9 @@ def test_random_resets_agree_with_differences():
     for _ in range(20):
         y0, params, _ = random_kicked(rng)
         found = carried(KICKED, (0, END), y0, params=params)
-        assert gap(found.jacobian, differences(KICKED, (0, END), y0, params=params)) < 1e-8
+        assert (
+            gap(found.jacobian, differences(KICKED, (0, END), y0, params=params)) < 1e-8
+        )
 
 
 def test_a_bouncing_ball():
@@ -156,13 +177,21 @@ def test_a_bouncing_ball():
     system, options = ball(), {"params": (2.0, 0.0, 0.5), "method": "dop853"}
     found = carried(system, (0, 2.6), [1.0, 0.3], **options)
     assert len(found.events) == 4
-    assert gap(found.jacobian, differences(system, (0, 2.6), [1.0, 0.3], **options)) < 1e-9
+    assert (
+        gap(found.jacobian, differences(system, (0, 2.6), [1.0, 0.3], **options)) < 1e-9
+    )
     given = solve(system, (0, 2.6), [1.0, 0.3], jacobian="params", **TIGHT, **options)
     steps = []
     for j in range(3):
         shift = 1e-4 * np.eye(3)[j]
         ends = [
-            solve(system, (0, 2.6), [1.0, 0.3], params=(2.0, 0.0, 0.5) + c * shift, **TIGHT).y_end
+            solve(
+                system,
+                (0, 2.6),
+                [1.0, 0.3],
+                params=(2.0, 0.0, 0.5) + c * shift,
+                **TIGHT,
+            ).y_end
             for c in (-2, -1, 1, 2)
         ]
         steps.append(np.array([1, -8, 8, -1]) @ ends / 12e-4)
@@ -195,7 +224,11 @@ def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
     """Another guard lies just above it; neither fall nor gap has the time scale of the table."""
     size, start, end = 1e-3, np.array([500.0, 0.0]), 12.0
     table = System(
-        fall_on, shaking_table, off_the_table, n_states=2, guard_names=("table", "level")
+        fall_on,
+        shaking_table,
+        off_the_table,
+        n_states=2,
+        guard_names=("table", "level"),
     )
     params = (size, frequency, above_m)
     options = {"params": params, "jacobian": "params", "method": "dopri5", **TIGHT}
@@ -209,7 +242,9 @@ def test_a_table_that_shakes_quickly_beside_the_fall(frequency, above_m):
     dt = changes / (speed - before[1])
     fall = np.array([0.0, 1.0, 0.0])
     bend = -size * frequency**2 * np.sin(frequency * t)
-    by_frequency = size * np.cos(frequency * t) - size * frequency * t * np.sin(frequency * t)
+    by_frequency = size * np.cos(frequency * t) - size * frequency * t * np.sin(
+        frequency * t
+    )
     hit = np.array([1.0, t, 0.0]) + before[1] * dt
     after = 1.8 * (bend * dt + [0, 0, by_frequency]) - 0.8 * (fall - 9.81 * dt)
     left, speed_after = end - t, 1.8 * speed - 0.8 * before[1]
@@ -238,11 +273,15 @@ def change_spoke(t, y, mode, params, guard, direction):
 
 def test_a_reset_that_pushes_its_guard_back():
     """In a rimless wheel, the next spoke is far from the floor, so its lock falls at once."""
-    wheel = System(wheel_field, next_spoke, change_spoke, n_states=2, guard_names=("spoke",))
+    wheel = System(
+        wheel_field, next_spoke, change_spoke, n_states=2, guard_names=("spoke",)
+    )
     options = {"params": (0.3, 0.1)}
     found = carried(wheel, (0, 3.0), [0.0, 0.8], **options)
     assert len(found.events) == 6
-    assert gap(found.jacobian, differences(wheel, (0, 3.0), [0.0, 0.8], **options)) < 1e-8
+    assert (
+        gap(found.jacobian, differences(wheel, (0, 3.0), [0.0, 0.8], **options)) < 1e-8
+    )
 
 
 @on_event
@@ -266,7 +305,9 @@ def faster(t, y, mode, params, dy):
 
 
 def test_a_reset_that_pushes_another_guard():
-    system = System(faster, two_planes, push, n_states=2, guard_names=("first", "second"))
+    system = System(
+        faster, two_planes, push, n_states=2, guard_names=("first", "second")
+    )
     pushed = carried(system, (0, 1.5), [0.0, 1.0], params=(0.5, 0.7))
     assert np.ptp(pushed.events.time) == 0.0
     right = differences(system, (0, 1.5), [0.0, 1.0], params=(0.5, 0.7))
@@ -296,15 +337,23 @@ def clear(t, y, mode, params, guard, direction):
 def test_a_reset_to_the_value_that_the_state_has(speed):
     system = System(add_up, one_plane, clear, n_states=3, guard_names=("plane",))
     right = [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-speed, 1.0, 1.0]]
-    found = solve(system, (0, 2), [0.0, speed, 0.0], params=(1.0,), jacobian=True).jacobian
+    found = solve(
+        system, (0, 2), [0.0, speed, 0.0], params=(1.0,), jacobian=True
+    ).jacobian
     np.testing.assert_allclose(found, right, rtol=0, atol=1e-10)
     at_once = bouligand_derivative(system, [1.0, speed, 0.0], params=(1.0,), mode=[-1])
-    np.testing.assert_allclose(at_once(np.eye(3)), [*right[:2], [-speed, 0, 1]], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        at_once(np.eye(3)), [*right[:2], [-speed, 0, 1]], rtol=0, atol=1e-10
+    )
 
 
 def test_where_a_guard_is_grazed_there_is_no_derivative():
     options = {"params": (2.0, 1.0), "mode": [-1], "method": "dopri5"}
-    for above, right in ((1e-12, GRAZING_IN_JACOBIAN), (1e-10, GRAZING_IN_JACOBIAN), (1e-4, 0)):
+    for above, right in (
+        (1e-12, GRAZING_IN_JACOBIAN),
+        (1e-10, GRAZING_IN_JACOBIAN),
+        (1e-4, 0),
+    ):
         found = solve(throw(), (0, 1.7), [0.0, 2.0 + above], jacobian=True, **options)
         assert found.status == right, (above, found)
         assert right == 0 or "'ceiling' is grazed at t = " in found.message
@@ -322,9 +371,17 @@ def test_a_handlers_memory_and_mode_are_those_of_the_run():
             y[1] *= -0.5
         return 0
 
-    options = {"n_states": 2, "guard_names": ("floor",), "n_extra_modes": 1, "n_memory": 1}
+    options = {
+        "n_states": 2,
+        "guard_names": ("floor",),
+        "n_extra_modes": 1,
+        "n_memory": 1,
+    }
     system = System(fall_field, ball().guards, note, **options)
-    options = {"params": (2.0, 0.0, 0.5), "method": "dop853"}  # for the ball, which is compiled
+    options = {
+        "params": (2.0, 0.0, 0.5),
+        "method": "dop853",
+    }  # for the ball, which is compiled
     plain = solve(system, (0, 2.6), [1.0, 0.3], **options)
     found = solve(system, (0, 2.6), [1.0, 0.3], jacobian=True, **options)
     assert found.mode.tolist() == plain.mode.tolist() == [-1, 2]
@@ -332,4 +389,10 @@ def test_a_handlers_memory_and_mode_are_those_of_the_run():
     with pytest.raises(ValueError, match="n_memory"):
         solve(system, (0, 2.6), [1.0, 0.3], params=(2.0, 0.0, 0.5), jacobian="params")
     with pytest.raises(ValueError, match="found 'parameters'"):
-        solve(ball(on_event=rebound), (0, 1), [1.0, 0.0], params=(2, 0, 1), jacobian="parameters")
+        solve(
+            ball(on_event=rebound),
+            (0, 1),
+            [1.0, 0.0],
+            params=(2, 0, 1),
+            jacobian="parameters",
+        )

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 from hybrid_systems import collide, collide_and_unlock, ladder, row_of_balls
 
-from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
+from hopdata.hybrid import (
+    System,
+    field,
+    guard,
+    guards,
+    on_event,
+    rate_bound,
+    solve,
+    solve_batch,
+)
 from hopdata.hybrid.layout import SLIDING, TIE_IN_JACOBIAN, ZENO
 
 END = 3.0
@@ -23,17 +32,32 @@ def meeting(kind, rng):
         return -v, v
     if kind == "rounding":  # all meet, but for some units in the last place
         v, place, time = np.sort(rng.uniform(-4, 4, n))[::-1], *rng.uniform(0.3, 1.7, 2)
-        return np.maximum.accumulate(place - v * time + 1e-16 * rng.integers(-4, 5, n)), v
+        return np.maximum.accumulate(
+            place - v * time + 1e-16 * rng.integers(-4, 5, n)
+        ), v
     if kind == "two groups":  # each meets at t = 0.5, and later they mix
         left, right = rng.uniform(0, 4, n // 2), rng.uniform(-4, 0, n - n // 2)
         v = np.concatenate([np.sort(left)[::-1], np.sort(right)[::-1]])
         return np.repeat([0.0, 2.0], [len(left), len(right)]) - 0.5 * v, v
     if kind == "touching":  # some touch at the start
-        return np.cumsum(rng.integers(0, 2, n)).astype(float), rng.integers(-8, 9, n) / 4.0
-    return np.cumsum(rng.integers(1, 4, n)).astype(float), rng.integers(-4, 5, n).astype(float)
+        return np.cumsum(rng.integers(0, 2, n)).astype(float), rng.integers(
+            -8, 9, n
+        ) / 4.0
+    return np.cumsum(rng.integers(1, 4, n)).astype(float), rng.integers(
+        -4, 5, n
+    ).astype(float)
 
 
-def run(x, v, masses, restitution=1.0, on_event=collide, spring=0.0, span=(0.0, END), **options):
+def run(
+    x,
+    v,
+    masses,
+    restitution=1.0,
+    on_event=collide,
+    spring=0.0,
+    span=(0.0, END),
+    **options,
+):
     system = row_of_balls(len(x), on_event=on_event)
     return solve(
         system, span, [*x, *v], mode=[1] * (len(x) - 1), params=[*masses, restitution, spring],
@@ -92,10 +116,17 @@ def test_unequal_balls_keep_order_momentum_and_energy(kind):
         assert found.success, found.message
         assert np.diff(found.y[: len(x)], axis=0).min() > -1e-12
         before = np.array([masses @ v, masses @ v**2])
-        after = np.array([masses @ found.y_end[len(x) :], masses @ found.y_end[len(x) :] ** 2])
-        assert after == pytest.approx(before, rel=1e-11, abs=1e-11 * (masses @ np.abs(v)))
+        after = np.array(
+            [masses @ found.y_end[len(x) :], masses @ found.y_end[len(x) :] ** 2]
+        )
+        assert after == pytest.approx(
+            before, rel=1e-11, abs=1e-11 * (masses @ np.abs(v))
+        )
         instants += len(set(found.events.time.tolist())) < len(found.events) // 2
-    assert instants > 50 or kind in ("touching", "grid")  # several impacts at one instant
+    assert instants > 50 or kind in (
+        "touching",
+        "grid",
+    )  # several impacts at one instant
 
 
 def test_balls_on_equal_springs_meet_at_each_half_period():
@@ -105,8 +136,12 @@ def test_balls_on_equal_springs_meet_at_each_half_period():
         x = np.sort(rng.uniform(-2, 2, rng.integers(3, 7)))
         found = run(x, 0 * x, np.ones(len(x)), spring=1.0, span=(0, 10.0), rtol=1e-10)
         assert found.success, found.message
-        assert found.y_end[: len(x)] == pytest.approx(np.sort(x * np.cos(10.0)), abs=1e-8)
-        assert len(found.events) >= 3 * len(x) * (len(x) - 1)  # three meetings, two flips an impact
+        assert found.y_end[: len(x)] == pytest.approx(
+            np.sort(x * np.cos(10.0)), abs=1e-8
+        )
+        assert len(found.events) >= 3 * len(x) * (
+            len(x) - 1
+        )  # three meetings, two flips an impact
 
 
 @pytest.mark.parametrize("kind", KINDS[:3])
@@ -145,7 +180,9 @@ def test_sleeping_guards_see_the_same_impacts():
             given = {"mode": [1] * (len(x) - 1), "params": [*np.ones(len(x)), 1.0, 0.0]}
             found = solve(system, (0, END), [*x, *v], **given)
             assert found.success, found.message
-            assert found.y_end[: len(x)] == pytest.approx(np.sort(x + v * END), abs=1e-12)
+            assert found.y_end[: len(x)] == pytest.approx(
+                np.sort(x + v * END), abs=1e-12
+            )
 
 
 @pytest.mark.parametrize("restitution", [0.9, 0.5, 0.1, 0.0])
@@ -163,7 +200,9 @@ def test_inelastic_balls_keep_their_order_or_are_refused(restitution):
             seen.add(found.status)
             if found.success:
                 assert np.diff(found.y[: len(x)], axis=0).min() > -1e-11
-                assert masses @ found.y_end[len(x) :] ** 2 <= masses @ v**2 * (1 + 1e-12)
+                assert masses @ found.y_end[len(x) :] ** 2 <= masses @ v**2 * (
+                    1 + 1e-12
+                )
     for seen in statuses.values():
         assert seen <= {0, ZENO}
     assert 0 in statuses[collide_and_unlock]
@@ -174,7 +213,8 @@ def test_inelastic_balls_keep_their_order_or_are_refused(restitution):
 def test_inelastic_collapse(restitution, status):
     """Three equal balls collapse below 7 - 4 sqrt(3) = 0.0718 (McNamara and Young 1992).
 
-    They then rest on each other. A handler that sets the lock says so, and the run goes on.
+    They then rest on each other. A handler that sets the lock says so, and the run goes
+    on.
     """
     x, v = np.array([-1.0, 0.0, 1.0]), [1.0, 0.0, -1.0]
     found = run(x, v, np.ones(3), restitution)
@@ -211,7 +251,9 @@ def wall_or_ball(t, y, mode, params, guard, direction):
 
 def at_wall(handler=wall_or_ball):
     """Return a new system, whose log has its first size."""
-    return System(two_fly, wall_and_gap, handler, n_states=4, guard_names=("wall", "ball"))
+    return System(
+        two_fly, wall_and_gap, handler, n_states=4, guard_names=("wall", "ball")
+    )
 
 
 @pytest.mark.parametrize(("ratio", "impacts"), [(1e2, 31), (1e4, 314), (1e6, 3141)])
@@ -227,12 +269,16 @@ def test_impacts_count_the_digits_of_pi(ratio, impacts, dense):
     assert (np.abs(log.time - 1.0) < 1e-12).all()
     # the heavy ball leaves, with all energy but what the light one keeps
     assert found.y_end[3] == pytest.approx(1.0, abs=2 * ratio**-0.5)
-    assert found.y_end[2] ** 2 + ratio * found.y_end[3] ** 2 == pytest.approx(ratio, rel=1e-9)
+    assert found.y_end[2] ** 2 + ratio * found.y_end[3] ** 2 == pytest.approx(
+        ratio, rel=1e-9
+    )
     assert (np.diff(found.t) > 0).all()
     after = found.y[:, np.searchsorted(found.t, log.time[0])]
     assert after == pytest.approx(log.after[-1], abs=1e-15)
     if dense:
-        assert found(log.time[0], side="left")[2:] == pytest.approx([0.0, -1.0], abs=1e-12)
+        assert found(log.time[0], side="left")[2:] == pytest.approx(
+            [0.0, -1.0], abs=1e-12
+        )
         assert found(log.time[0])[2:] == pytest.approx(found.y_end[2:], abs=1e-12)
         assert found(1.5)[2:] == pytest.approx(found.y_end[2:], abs=1e-12)
 
@@ -246,7 +292,10 @@ def test_a_log_that_fills_up_within_an_instant_is_handed_over():
     handed = solve(at_wall(), (0, 2.0), start, events=pieces.append, **given)
     assert counted.n_events == handed.n_events == len(plain.events) == 628
     assert len(pieces) > 1
-    assert np.concatenate([piece.after for piece in pieces]).tolist() == plain.events.after.tolist()
+    assert (
+        np.concatenate([piece.after for piece in pieces]).tolist()
+        == plain.events.after.tolist()
+    )
     for one in (counted, handed):
         assert one.y.tolist() == plain.y.tolist()
         assert one.y_end.tolist() == plain.y_end.tolist()
@@ -393,7 +442,9 @@ def test_a_guard_that_the_first_turns_back_is_no_event(speed, crossed):
     if crossed == [0]:  # neighbours that meet b first cross it
         assert carried.status == TIE_IN_JACOBIAN
     else:
-        assert carried.jacobian == pytest.approx(np.array([[1.0, 0.0], [speed - 1.0, 1.0]]))
+        assert carried.jacobian == pytest.approx(
+            np.array([[1.0, 0.0], [speed - 1.0, 1.0]])
+        )
 
 
 @pytest.mark.parametrize(("speed", "crossed"), [(-1.0, [0]), (0.5, [0, 1])])
@@ -435,7 +486,9 @@ def test_impacts_at_one_point_have_no_jacobian_of_one_order(shift):
         assert found.status == TIE_IN_JACOBIAN
         return
     one = np.eye(3)[::-1]  # free balls, sorted: the first is now the last
-    assert found.jacobian == pytest.approx(np.block([[one, END * one], [0 * one, one]]), abs=1e-9)
+    assert found.jacobian == pytest.approx(
+        np.block([[one, END * one], [0 * one, one]]), abs=1e-9
+    )
 
 
 def test_a_start_past_several_surfaces():
@@ -444,7 +497,10 @@ def test_a_start_past_several_surfaces():
     found = solve(ladder(3), (0, 1), [0.7, 0.0], jacobian=True, **given)
     assert found.events.guard.tolist() == [0, 1, 2]
     ends = [
-        [solve(ladder(3), (0, 1), np.array([0.7, 0.0]) + step, **given).y_end for step in (d, -d)]
+        [
+            solve(ladder(3), (0, 1), np.array([0.7, 0.0]) + step, **given).y_end
+            for step in (d, -d)
+        ]
         for d in 1e-5 * np.eye(2)
     ]
     right = np.array([(up - down) / 2e-5 for up, down in ends]).T

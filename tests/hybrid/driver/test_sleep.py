@@ -12,8 +12,22 @@ from exact import Plate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hopdata.hybrid import System, field, guard, guards, layout, on_event, rate_bound, solve
-from hopdata.hybrid.compiled.memory import float_table, float_vector, int_table, int_vector
+from hopdata.hybrid import (
+    System,
+    field,
+    guard,
+    guards,
+    layout,
+    on_event,
+    rate_bound,
+    solve,
+)
+from hopdata.hybrid.compiled.memory import (
+    float_table,
+    float_vector,
+    int_table,
+    int_vector,
+)
 from hopdata.hybrid.driver import sleep as heap
 
 FROM = [-1.2, 1.0]
@@ -93,14 +107,17 @@ def test_guards_that_only_time_moves():
 def test_each_method(method):
     params = bent_params(np.linspace(-1, 1, 50), gains=GAINS[:50])
     plain, sparse = (
-        solve(make(50), (0, 10), FROM, params=params, method=method) for make in (bent, bent_sparse)
+        solve(make(50), (0, 10), FROM, params=params, method=method)
+        for make in (bent, bent_sparse)
     )
     assert_same(plain, sparse)
 
 
 def test_a_jump_of_the_state_wakes_all():
     tilts = np.where(np.arange(50) == 30, 2.0, 0.0)
-    plain, sparse = both(bent_params(np.linspace(-1, 1, 50), tilts=tilts), on_event=turn_back)
+    plain, sparse = both(
+        bent_params(np.linspace(-1, 1, 50), tilts=tilts), on_event=turn_back
+    )
     assert_same(plain, sparse, tolerance=1e-8)
     jumps = (plain.events.before != plain.events.after).any(axis=1)
     assert jumps.sum() > 2
@@ -129,7 +146,9 @@ def odd_bound(t, y, dy, mode, params):
     return np.inf if params[0] < 1e-12 else np.nan
 
 
-@pytest.mark.parametrize("drive", [0.0, 1e-14, 1e-11], ids=["negative", "infinite", "nan"])
+@pytest.mark.parametrize(
+    "drive", [0.0, 1e-14, 1e-11], ids=["negative", "infinite", "nan"]
+)
 def test_odd_bounds(drive):
     """The sign does not matter; without a finite bound no guard sleeps."""
     params = bent_params(np.linspace(-1, 1, 50), drive=drive)
@@ -175,7 +194,9 @@ def test_a_burst_of_speed_within_a_step():
     """Slow, fast, slow: the motion is a cubic, which the method integrates exactly in one step."""
     options = {"n_states": 1, "guard_names": ("line",)}
     plain, sparse = (
-        solve(system, (0, 1.2), [0.0], params=(1.2, 0.15), first_step=0.1, method="dopri5")
+        solve(
+            system, (0, 1.2), [0.0], params=(1.2, 0.15), first_step=0.1, method="dopri5"
+        )
         for system in (
             System(burst_field, burst_guards, **options),
             System(burst_field, guard=burst_guard, rate_bound=burst_bound, **options),
@@ -197,7 +218,9 @@ def test_a_plate_on_fifty_springs():
 def test_two_runs_begin_with_the_same_memory(form):
     plate, start = Plate(12), np.array([0.0, 1.4, 0.06, 0.0, 0.0, 0.0])
     system = plate.system(**{form: True})
-    first, second = (solve(system, (0, 1), start, params=plate.params) for _ in range(2))
+    first, second = (
+        solve(system, (0, 1), start, params=plate.params) for _ in range(2)
+    )
     assert len(first.events) > 0
     assert first.y_end.tobytes() == second.y_end.tobytes()
     zeros = solve(system, (0, 1), start, params=plate.params, memory=np.zeros(3))
@@ -218,7 +241,9 @@ def test_a_flat_landing_looks_at_few_guards(tilt):
     """However close the contacts are, a step is clipped to the first and wakes few guards."""
     plate = Plate(600)
     start = [0.0, 2.0, tilt, 0.0, 0.0, 0.0]
-    solution = solve(plate.system(sparse=True), (0, 0.6), start, params=plate.params, rtol=1e-6)
+    solution = solve(
+        plate.system(sparse=True), (0, 0.6), start, params=plate.params, rtol=1e-6
+    )
     events = solution.events
     assert len(events) >= 600
     assert sorted(events.guard[:600].tolist()) == list(range(600))
@@ -261,7 +286,9 @@ def replace_first(lists, wake_at, counts, k, key):
     heap.replace_first(views(lists, wake_at, counts), k, key)
 
 
-KEYS = st.lists(st.floats(0, 1e6) | st.sampled_from([0.0, 1.0, 2.0]), max_size=SIZE // 2)
+KEYS = st.lists(
+    st.floats(0, 1e6) | st.sampled_from([0.0, 1.0, 2.0]), max_size=SIZE // 2
+)
 
 
 class Heap:
@@ -271,7 +298,9 @@ class Heap:
         self.lists = np.full((layout.LIST_ROWS, SIZE), -1, dtype=np.int64)
         self.wake_at = np.full(SIZE, np.nan)
         self.counts = np.zeros(layout.COUNT_SLOTS, dtype=np.int64)
-        self.arrays = tuple(a.ctypes.data for a in (self.lists, self.wake_at, self.counts))
+        self.arrays = tuple(
+            a.ctypes.data for a in (self.lists, self.wake_at, self.counts)
+        )
 
     def push(self, keys, first):
         push_all(*self.arrays, np.array(keys, dtype=float), first)

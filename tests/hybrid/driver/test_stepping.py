@@ -24,7 +24,9 @@ def last_method(solution):
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9])
 def test_high_order_where_events_are_sparse(rtol):
     found = solve(bent(3), (0, 20), [0.0, 1.2], params=FAR, rtol=rtol, atol=rtol)
-    cheap = solve(bent(3), (0, 20), [0.0, 1.2], params=FAR, rtol=rtol, atol=rtol, method="dopri5")
+    cheap = solve(
+        bent(3), (0, 20), [0.0, 1.2], params=FAR, rtol=rtol, atol=rtol, method="dopri5"
+    )
     assert last_method(found) == "dop853"
     assert found.n_steps < cheap.n_steps
 
@@ -62,7 +64,9 @@ def test_a_landing_on_a_strong_damper(damping, method):
     fall = np.sqrt(2 / 9.81)
     params = (damping, 2.0 * damping, 9.0)
     atol = [1e-9 * 3.0 / damping, 1e-9]
-    found = solve(landing(), (0, fall + 2.0), [1.0, 0.0], params=params, method=method, atol=atol)
+    found = solve(
+        landing(), (0, fall + 2.0), [1.0, 0.0], params=params, method=method, atol=atol
+    )
     exact = damped_contact(9.81, damping, 2.0 * damping, [0.0, -9.81 * fall], 2.0)
     assert found.status == 0
     assert found.events.time == pytest.approx([fall], abs=1e-14)
@@ -76,7 +80,9 @@ def test_an_explicit_method_needs_steps_by_the_stiffness(method):
     """The landing on a damper of 1e6 needs more than 1000 times as many."""
     options = {"params": (1e6, 2e6, 9.0), "atol": [3e-15, 1e-9]}
     chosen = solve(landing(), (0, 2.4), [1.0, 0.0], **options)
-    explicit = solve(landing(), (0, 2.4), [1.0, 0.0], method=method, max_steps=100_000, **options)
+    explicit = solve(
+        landing(), (0, 2.4), [1.0, 0.0], method=method, max_steps=100_000, **options
+    )
     assert explicit.status == -4
     assert explicit.n_steps == 100_000 > 1000 * chosen.n_steps
 
@@ -112,12 +118,16 @@ AFFINE = (5.0, 300.0, 1.0, 0.0)
 def test_taylor_is_exact_to_rounding_where_modes_are_affine(rtol):
     """At any tolerance, for a pendulum without its sine, and for the octants against DOP853."""
     found = solve(octant(), T_SPAN, INITIAL_STATE, rtol=rtol, atol=rtol)
-    other = solve(octant(), T_SPAN, INITIAL_STATE, method="dop853", rtol=2.3e-15, atol=1e-17)
+    other = solve(
+        octant(), T_SPAN, INITIAL_STATE, method="dop853", rtol=2.3e-15, atol=1e-17
+    )
     assert found.events.time == pytest.approx(other.events.time, abs=1e-14)
     assert found.y_end == pytest.approx(other.y_end, abs=2e-14)
     assert found.n_steps == 4
     free = (0.0, 0.0, -1.0, 0.0)  # has the spring after the release from the start
-    swing = solve(affine_landing(), (0, 1.0), [1.0, 0.0], params=free, rtol=rtol, atol=rtol)
+    swing = solve(
+        affine_landing(), (0, 1.0), [1.0, 0.0], params=free, rtol=rtol, atol=rtol
+    )
     rest = -9.81 / 400.0
     amplitude = 1.0 - rest
     exact = [rest + amplitude * np.cos(20.0), -20.0 * amplitude * np.sin(20.0)]
@@ -140,8 +150,13 @@ def test_an_affine_form_of_another_field_is_found_out(jacobian):
     found = solve(affine_landing(), (0, 2), [1.0, 0.0], params=wrong, jacobian=jacobian)
     assert found.status == -9
     assert found.t_end == 0.0
-    assert "@affine function does not give the @field function's value at t = 0" in found.message
-    explicit = solve(affine_landing(), (0, 2), [1.0, 0.0], params=wrong, method="dop853")
+    assert (
+        "@affine function does not give the @field function's value at t = 0"
+        in found.message
+    )
+    explicit = solve(
+        affine_landing(), (0, 2), [1.0, 0.0], params=wrong, method="dop853"
+    )
     assert explicit.success
 
 

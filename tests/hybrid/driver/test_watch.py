@@ -37,7 +37,9 @@ def crossings(rate, height, phase, *, method="taylor", span=3.0):
     """Return the instants at which an oscillation of amplitude 1 is found to cross the level."""
     start = [np.cos(phase), -rate * np.sin(phase), 0.0, 0.0]
     params = (rate, 1.0, 0.0, height)
-    solution = solve(SWINGS, (0, span), start, params=params, method=method, rtol=1e-9, atol=1e-11)
+    solution = solve(
+        SWINGS, (0, span), start, params=params, method=method, rtol=1e-9, atol=1e-11
+    )
     assert solution.status == 0
     return solution.events.time
 
@@ -62,24 +64,31 @@ def test_every_swing_that_reaches_the_level_is_seen(rate, height):
 def test_a_fast_swing_upon_a_slow_one_is_seen():
     rng = np.random.default_rng(2)
     for _ in range(100):
-        slow, fast, size = rng.uniform(0.5, 2.0), rng.uniform(5.0, 30.0), rng.uniform(0.05, 0.5)
+        slow, fast, size = (
+            rng.uniform(0.5, 2.0),
+            rng.uniform(5.0, 30.0),
+            rng.uniform(0.05, 0.5),
+        )
         params = (slow, fast, size, rng.uniform(-0.8, 0.8))
         start = [1.0, 0.0, 1.0, rng.normal()]
         found = [
-            solve(SWINGS, (0, 3), start, params=params, method=method, rtol=1e-9).events.time
+            solve(
+                SWINGS, (0, 3), start, params=params, method=method, rtol=1e-9
+            ).events.time
             for method in ("taylor", "dopri5")
         ]
         assert found[0] == pytest.approx(found[1], abs=1e-6), params
 
 
 @pytest.mark.parametrize(
-    ("method", "span", "inside"), [("taylor", 1.0, 9), ("taylor", 2.5, 10), ("dopri5", 2.5, 1)]
+    ("method", "span", "inside"),
+    [("taylor", 1.0, 9), ("taylor", 2.5, 10), ("dopri5", 2.5, 1)],
 )
 def test_only_long_steps_have_knots_inside(method, span, inside):
     """Three calls at the start, whose locks are settled first, then one at each step's end.
 
-    Further calls test whether the guard is affine: in the middle of the longest step, and at eight
-    places along a Taylor step that is as long as the span.
+    Further calls test whether the guard is affine: in the middle of the longest step,
+    and at eight places along a Taylor step that is as long as the span.
     """
     solution = solve(
         SWINGS, (0, span), [1.0, 0.0, 0.0, 0.0], params=(1.0, 1.0, 0.0, 5.0), method=method
@@ -96,16 +105,26 @@ def test_flip_time_of_parabolas():
     for _ in range(300):
         value, rate, bend = rng.uniform(0, 2), *rng.normal(size=2)
         roots = np.roots([0.5 * bend, rate, value])
-        falling = [x.real for x in roots if x.imag == 0 and x.real > 0 and rate + bend * x.real < 0]
-        assert flip_time(value, rate, bend) == pytest.approx(min(falling, default=0.0), rel=1e-9)
+        falling = [
+            x.real
+            for x in roots
+            if x.imag == 0 and x.real > 0 and rate + bend * x.real < 0
+        ]
+        assert flip_time(value, rate, bend) == pytest.approx(
+            min(falling, default=0.0), rel=1e-9
+        )
 
 
-@pytest.mark.parametrize(("rate", "bend", "expected"), [(-2.0, 0.0, 0.5), (2.0, 0.0, 0.0)])
+@pytest.mark.parametrize(
+    ("rate", "bend", "expected"), [(-2.0, 0.0, 0.5), (2.0, 0.0, 0.0)]
+)
 def test_flip_time_without_bend(rate, bend, expected):
     assert flip_time(1.0, rate, bend) == expected
 
 
-@pytest.mark.parametrize(("rate", "bend", "expected"), [(2.0, -1.0, 4.0), (2.0, 1.0, 0.0)])
+@pytest.mark.parametrize(
+    ("rate", "bend", "expected"), [(2.0, -1.0, 4.0), (2.0, 1.0, 0.0)]
+)
 def test_flip_time_on_the_surface(rate, bend, expected):
     assert flip_time(0.0, rate, bend) == expected
 
@@ -131,7 +150,9 @@ def test_the_step_is_as_long_as_before_once_the_event_is_past():
 
 
 def test_a_bounce_takes_one_step():
-    solution = solve(ball(directions=(1,)), (0, 201), [1.0, 0.0], params=(2.0, 0.0, 1.0))
+    solution = solve(
+        ball(directions=(1,)), (0, 201), [1.0, 0.0], params=(2.0, 0.0, 1.0)
+    )
     assert len(solution.events) == 100
     assert solution.n_steps <= 120
 
@@ -169,7 +190,11 @@ def two_sines_field(t, y, mode, params, dy):
 
 @guards
 def two_sines(t, y, dy, mode, params, h, hdot):
-    h[0] = np.sin(params[0] * t) + params[1] * np.sin(params[2] * t + params[3]) + params[4]
+    h[0] = (
+        np.sin(params[0] * t)
+        + params[1] * np.sin(params[2] * t + params[3])
+        + params[4]
+    )
     hdot[0] = params[0] * np.cos(params[0] * t)
     hdot[0] += params[1] * params[2] * np.cos(params[2] * t + params[3])
 
@@ -177,9 +202,19 @@ def two_sines(t, y, dy, mode, params, h, hdot):
 def test_the_middle_of_a_long_step_does_not_hide_dips_of_a_faster_sine():
     """Dips 0.8 deep were lost at rtol 1e-9, where ends and middle met a cubic by accident."""
     system = System(two_sines_field, two_sines, n_states=2, guard_names=("sines",))
-    params = [77.87729160135082, 0.2659239306026223, 288.1659120598802, 3.0302903245190596]
+    params = [
+        77.87729160135082,
+        0.2659239306026223,
+        288.1659120598802,
+        3.0302903245190596,
+    ]
     start = [-0.03985940913167259, -0.9992052979761836]
     solution = solve(
-        system, (0, 10), start, params=[*params, -0.22169638018639393], rtol=1e-9, atol=1e-12
+        system,
+        (0, 10),
+        start,
+        params=[*params, -0.22169638018639393],
+        rtol=1e-9,
+        atol=1e-12,
     )
     assert len(solution.events) == 248

@@ -32,17 +32,23 @@ def events(gain, level, size, right=1.0):
 
 @pytest.mark.parametrize("gain", [10, 300, 700, 1000, 3000, 1e5])
 @pytest.mark.parametrize("size", [1e10, 1.0, 1e-10])
-@pytest.mark.parametrize("level", [0.5, 1e-30, 1e-100, 1e-250, 1e-290, 1e-300, 1e-305, 1e-307])
+@pytest.mark.parametrize(
+    "level", [0.5, 1e-30, 1e-100, 1e-250, 1e-290, 1e-300, 1e-305, 1e-307]
+)
 def test_an_honest_rate_is_not_blamed_where_numbers_underflow(gain, level, size):
     if level * size < 1e-307:
         size = 1.0  # the level itself would be rounded
     crossed = 1 + math.log(level) / gain
     found = events(gain, level, size)
     assert found.success, found.message
-    assert found.events.time == pytest.approx([crossed] if crossed > 0 else [], abs=1e-7)
+    assert found.events.time == pytest.approx(
+        [crossed] if crossed > 0 else [], abs=1e-7
+    )
 
 
-@pytest.mark.parametrize(("gain", "level"), [(10, 0.5), (300, 0.5), (300, 1e-30), (1000, 1e-200)])
+@pytest.mark.parametrize(
+    ("gain", "level"), [(10, 0.5), (300, 0.5), (300, 1e-30), (1000, 1e-200)]
+)
 def test_a_wrong_rate_is_still_blamed(gain, level):
     assert events(gain, level, 1.0, right=1.5).status == RATE_DIFFERS
     assert events(gain, level, 1.0).success

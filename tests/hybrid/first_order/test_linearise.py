@@ -51,9 +51,17 @@ def test_slopes_of_the_feet_are_those_of_their_heights():
     feet = HOPPER.rest_feet()
     expected = np.zeros((3, 12))
     expected[:, 2] = -1
-    row_by_pitch = [-np.cos(pitch), -np.sin(pitch) * np.sin(roll), -np.sin(pitch) * np.cos(roll)]
+    row_by_pitch = [
+        -np.cos(pitch),
+        -np.sin(pitch) * np.sin(roll),
+        -np.sin(pitch) * np.cos(roll),
+    ]
     expected[:, 4] = -feet @ row_by_pitch
-    expected[:, 5] = -feet @ [0, np.cos(pitch) * np.cos(roll), -np.cos(pitch) * np.sin(roll)]
+    expected[:, 5] = -feet @ [
+        0,
+        np.cos(pitch) * np.cos(roll),
+        -np.cos(pitch) * np.sin(roll),
+    ]
     np.testing.assert_allclose(here.gradients[:3], expected, atol=1e-12)
     np.testing.assert_array_equal(here.gradients[:3, 6:], 0)
     np.testing.assert_array_equal(here.gradients[3], np.eye(12)[8])
@@ -62,7 +70,9 @@ def test_slopes_of_the_feet_are_those_of_their_heights():
 def test_derivatives_by_differences():
     start = instant(octant(), [0.1, 0.2, 0.3], params=(), mode=[-1, -1, -1], t=0.5)
     state, time = differentiate(
-        lambda p: np.array([np.sin(p.y[0]) * p.y[1] ** 3, np.exp(p.t)]), start, np.ones(3)
+        lambda p: np.array([np.sin(p.y[0]) * p.y[1] ** 3, np.exp(p.t)]),
+        start,
+        np.ones(3),
     )
     expected = [[np.cos(0.1) * 0.008, np.sin(0.1) * 0.12, 0], [0, 0, 0]]
     np.testing.assert_allclose(state, expected, atol=1e-12)
@@ -70,7 +80,11 @@ def test_derivatives_by_differences():
 
 
 def test_guards_on_whose_surface_the_state_lies():
-    for y, expected in (([0, 0, 0], (0, 1, 2)), ([0, 0.1, 1e-12], (0, 2)), ([1, 1, 1], ())):
+    for y, expected in (
+        ([0, 0, 0], (0, 1, 2)),
+        ([0, 0.1, 1e-12], (0, 2)),
+        ([1, 1, 1], ()),
+    ):
         start = instant(octant(), y, params=(), mode=[-1, -1, -1], t=0.0)
         here = linearise(octant(), start, np.ones(3))
         assert active_guards(octant(), here, None, np.ones(3)) == expected

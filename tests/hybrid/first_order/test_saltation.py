@@ -29,7 +29,9 @@ def test_bounce_is_the_textbook_one():
     """The state is (height, velocity), restitution e: [[-e, 0], [-g (1 + e) / v, -e]]."""
     g, e, v = 9.81, 0.8, -2.0
     found = saltation_product(ball(), [0.0, v], [0], params=(g, 0.0, e), mode=[-1])
-    np.testing.assert_allclose(found, [[-e, 0], [-g * (1 + e) / v, -e]], rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        found, [[-e, 0], [-g * (1 + e) / v, -e]], rtol=1e-10, atol=1e-10
+    )
 
 
 @field
@@ -51,7 +53,9 @@ def push_in_time(t, y, mode, params, guard, direction):
 
 
 def drift(**options):
-    return System(drift_field, moving_guard, n_states=2, guard_names=("wall",), **options)
+    return System(
+        drift_field, moving_guard, n_states=2, guard_names=("wall",), **options
+    )
 
 
 def test_moving_guard():
@@ -78,7 +82,8 @@ def test_reset_that_depends_on_state_and_time():
     # The exact flow holds on both sides of t; both fields have unit state transition.
     here, step = np.array([w * t, 0.0]), 1e-5
     columns = [
-        np.subtract(*(exact_drift(here + s * step * e, w, c, t, t) for s in (1, -1))) / (2 * step)
+        np.subtract(*(exact_drift(here + s * step * e, w, c, t, t) for s in (1, -1)))
+        / (2 * step)
         for e in np.eye(2)
     ]
     np.testing.assert_allclose(found, np.array(columns).T, atol=1e-9)
@@ -95,7 +100,9 @@ def test_product_multiplies_in_the_order_of_crossing():
 def test_it_takes_the_field_before_to_the_field_after():
     rng = np.random.default_rng(1)
     before, after, slope = rng.normal(size=(3, 4))
-    np.testing.assert_allclose(saltation_matrix(before, after, slope) @ before, after, rtol=1e-12)
+    np.testing.assert_allclose(
+        saltation_matrix(before, after, slope) @ before, after, rtol=1e-12
+    )
 
 
 def test_a_guard_at_rest_is_refused():
@@ -162,11 +169,19 @@ def carried_through(case, state, duration):
     numbers, locks = np.array(params, dtype=float), np.array(mode)
     before = backwards(system, state, numbers, locks, duration)
     there = solve(
-        system, (0, 2 * duration), before, params=params, mode=mode, rtol=1e-13, atol=1e-14
+        system,
+        (0, 2 * duration),
+        before,
+        params=params,
+        mode=mode,
+        rtol=1e-13,
+        atol=1e-14,
     )
     crossed = [system.guard_names[k] for k in there.events.guard]
     assert sorted(crossed) == sorted(names)
-    return backwards(system, there.y_end, numbers, there.mode, duration), there.events.guard
+    return backwards(
+        system, there.y_end, numbers, there.mode, duration
+    ), there.events.guard
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -195,7 +210,9 @@ def test_differences_of_the_flow_approach_it_in_every_direction(name):
     assert rest.max() < 1e-4
 
 
-@pytest.mark.parametrize(("name", "linear"), [("octant", 0), ("hopper", 1), ("coupling", 0)])
+@pytest.mark.parametrize(
+    ("name", "linear"), [("octant", 0), ("hopper", 1), ("coupling", 0)]
+)
 def test_only_a_c1_flow_has_one_matrix_for_all_directions(name, linear):
     d = derivative(CASES[name]())
     v = np.random.default_rng(12).normal(size=(d.system.n_states, 50))
@@ -213,7 +230,12 @@ def test_pieces_meet_continuously_unless_the_state_jumps(name):
     a, b = rng.normal(size=(2, d.system.n_states))
     images = d(np.outer(a, 1 - steps) + np.outer(b, steps))
     jump = np.linalg.norm(np.diff(images, axis=1), axis=0).max()
-    limit = 3 * np.linalg.norm(b - a) / 2000 * max(np.linalg.norm(p.matrix, 2) for p in d.pieces())
+    limit = (
+        3
+        * np.linalg.norm(b - a)
+        / 2000
+        * max(np.linalg.norm(p.matrix, 2) for p in d.pieces())
+    )
     assert (jump < limit) == (name != "impulse")
 
 
@@ -278,7 +300,9 @@ def test_octant_has_six_orders_and_two_products():
         np.testing.assert_allclose(order.matrix, expected, atol=1e-15)
 
 
-@pytest.mark.parametrize("places", [(-1.0, 0.5), (-1.0, 0.2, 1.0), (-1.0, -0.3, 0.2, 0.7)])
+@pytest.mark.parametrize(
+    "places", [(-1.0, 0.5), (-1.0, 0.2, 1.0), (-1.0, -0.3, 0.2, 0.7)]
+)
 def test_a_bar_meets_its_contacts_from_one_end_to_the_other(places):
     """For contacts on a line, height and angle allow only the two monotone orders."""
     d = pieces_of_bar(places)
@@ -293,7 +317,9 @@ def test_a_bar_meets_its_contacts_from_one_end_to_the_other(places):
 
 
 def test_guards_with_one_surface_are_crossed_together():
-    d = bouligand_derivative(ladder(2), [1.0, 0.0], params=(1, 1, 0.5, 2.0), mode=[-1, -1])
+    d = bouligand_derivative(
+        ladder(2), [1.0, 0.0], params=(1, 1, 0.5, 2.0), mode=[-1, -1]
+    )
     orders = d.pieces()
     assert len(orders) == 2
     np.testing.assert_allclose(orders[0].matrix, orders[1].matrix, atol=1e-15)
@@ -304,13 +330,18 @@ def test_a_guard_that_is_not_approached_is_refused():
     left = bouligand_derivative(sliding(), [0.0], params=(1.0, 2.0), mode=[-1])
     np.testing.assert_allclose(left([1.0]), [-0.5])
     leaving = bouligand_derivative(sliding(), [0.0], params=(1.0, -2.0), mode=[-1])
-    with pytest.raises(NotTransversalError, match="guard origin: expected to be approached"):
+    with pytest.raises(
+        NotTransversalError, match="guard origin: expected to be approached"
+    ):
         leaving([1.0])
 
 
 def test_many_guards_are_found_by_random_deviations():
     bar = pieces_of_bar(tuple(np.linspace(-1, 1, 9)))
-    assert {order.guards for order in bar.pieces()} == {tuple(range(9)), tuple(range(8, -1, -1))}
+    assert {order.guards for order in bar.pieces()} == {
+        tuple(range(9)),
+        tuple(range(8, -1, -1)),
+    }
     for order in bar.pieces():
         assert bar.order(order.direction) == order.guards
 
@@ -334,7 +365,10 @@ def test_derivative_of_the_impact_state(floor_speed):
     flow, rate = np.array([[1, t], [0, 1]]), np.array([state[1], -G])
     found = project_onto_section(flow, rate, [-1.0, 0.0], time_rate=floor_speed)
     columns = [
-        (impact(*(start + step * e), floor_speed)[0] - impact(*(start - step * e), floor_speed)[0])
+        (
+            impact(*(start + step * e), floor_speed)[0]
+            - impact(*(start - step * e), floor_speed)[0]
+        )
         / (2 * step)
         for e in np.eye(2)
     ]
@@ -344,8 +378,12 @@ def test_derivative_of_the_impact_state(floor_speed):
 def test_a_section_at_rest_maps_into_itself():
     rng = np.random.default_rng(2)
     flow, rate, slope = rng.normal(size=(4, 4)), rng.normal(size=4), rng.normal(size=4)
-    np.testing.assert_allclose(slope @ project_onto_section(flow, rate, slope), 0, atol=1e-13)
-    np.testing.assert_allclose(project_onto_section(np.eye(4), rate, slope) @ rate, 0, atol=1e-13)
+    np.testing.assert_allclose(
+        slope @ project_onto_section(flow, rate, slope), 0, atol=1e-13
+    )
+    np.testing.assert_allclose(
+        project_onto_section(np.eye(4), rate, slope) @ rate, 0, atol=1e-13
+    )
 
 
 def test_grazing_is_refused():

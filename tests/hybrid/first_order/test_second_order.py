@@ -40,7 +40,9 @@ def feet(t, y, dy, mode, params, h, hdot):
     for leg, side in enumerate((-0.2, 0.0, 0.2)):
         h[leg] = 0.5 - y[0] - side * y[1] - params[3] * y[2] - params[4] * y[3] ** 2
         h[leg] -= params[5] * t
-        hdot[leg] = -dy[0] - side * dy[1] - params[3] * dy[2] - 2 * params[4] * y[3] * dy[3]
+        hdot[leg] = (
+            -dy[0] - side * dy[1] - params[3] * dy[2] - 2 * params[4] * y[3] * dy[3]
+        )
         hdot[leg] -= params[5]
 
 
@@ -73,7 +75,9 @@ def test_pushes_that_add_have_the_form():
     assert grouped.value == 2
     assert grouped.detail.endswith("0 with its velocity 2, 1 with its velocity 3")
     lines = str(found).split("\n")
-    assert lines[-4].startswith("second-order form (additive accelerations; sufficient for C1, and")
+    assert lines[-4].startswith(
+        "second-order form (additive accelerations; sufficient for C1, and"
+    )
     assert "and holds)" in lines[-4]
     assert [line[:3] for line in lines[-3:]] == ["yes"] * 3
 
@@ -136,7 +140,11 @@ def landing(n_legs=3, control=None):
     y[2], y[6:] = 0.27, [0.05, -0.03, -2.1, 0.1, -0.2, 0.05]
     names = [f"foot{leg + 1}" for leg in range(n_legs)]
     return check_c1(
-        system, y, params=params, mode=flight_mode(hopper_system(n_legs), -1.0), guards=names
+        system,
+        y,
+        params=params,
+        mode=flight_mode(hopper_system(n_legs), -1.0),
+        guards=names,
     )
 
 

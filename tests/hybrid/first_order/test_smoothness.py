@@ -65,7 +65,8 @@ def test_the_hopper_takes_off_c1():
 
 
 @pytest.mark.parametrize(
-    ("control", "apart"), [(Control(coupling=0.1), 0.149), (Control(delay_s=0.005), 0.049)]
+    ("control", "apart"),
+    [(Control(coupling=0.1), 0.149), (Control(delay_s=0.005), 0.049)],
 )
 def test_controls_are_event_selected_and_not_c1(control, apart):
     report = landing_report(control)
@@ -173,8 +174,12 @@ FREE = [-1, -1, -1]
 def selected(system, state, *, scale=None, **options):
     """Return values of the conditions of event-selection, and names of those that fail."""
     report = check_c1(system, state, scale=scale, **options)
-    own = [f for f in report.selection if f.condition in (CONTINUOUS, CROSSED, ONCE, KEPT)]
-    return {f.condition: f.value for f in own}, [f.condition for f in own if not f.passed]
+    own = [
+        f for f in report.selection if f.condition in (CONTINUOUS, CROSSED, ONCE, KEPT)
+    ]
+    return {f.condition: f.value for f in own}, [
+        f.condition for f in own if not f.passed
+    ]
 
 
 def test_octant_farther_out_is_not():
@@ -207,7 +212,9 @@ def test_sliding_is_not_event_selected():
 
 @pytest.mark.parametrize("restitution", [0.0, 0.8])
 def test_a_rigid_bounce_is_not(restitution):
-    found, failed = selected(ball(), [0, -2.0], params=(9.81, 0, restitution), mode=[-1])
+    found, failed = selected(
+        ball(), [0, -2.0], params=(9.81, 0, restitution), mode=[-1]
+    )
     assert {CONTINUOUS, KEPT} <= set(failed)
     assert found[KEPT] == pytest.approx(-restitution, abs=1e-15)
     assert found[CONTINUOUS] == pytest.approx(1 + restitution)
@@ -234,7 +241,11 @@ def test_a_handler_that_pushes_another_guard_across_is_found():
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
 def test_shares_do_not_depend_on_units(unit):
     found, failed = selected(
-        throw(), [1.0, -3 * unit], params=(9.81 * unit, 1.0), mode=[1], scale=[1.0, unit]
+        throw(),
+        [1.0, -3 * unit],
+        params=(9.81 * unit, 1.0),
+        mode=[1],
+        scale=[1.0, unit],
     )
     assert failed == []
     assert found[CROSSED] == pytest.approx(1.0)
@@ -270,7 +281,10 @@ def test_bounds():
 
 def test_columns_are_aligned():
     table = Finding.table(
-        [Finding.at_most("short", 0.123456, 1, "one"), Finding("longer", False, np.nan, "x", "two")]
+        [
+            Finding.at_most("short", 0.123456, 1, "one"),
+            Finding("longer", False, np.nan, "x", "two"),
+        ]
     )
     assert table.split("\n") == [
         "     condition  found  needed  the number is",

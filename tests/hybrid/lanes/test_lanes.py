@@ -41,7 +41,9 @@ def swings():
 
 def swung(rows=slice(None), **options):
     y0, params, *_ = swings()
-    return solve_batch(bent(3), SPAN, y0[rows], params=params[rows], **(OPTIONS | options))
+    return solve_batch(
+        bent(3), SPAN, y0[rows], params=params[rows], **(OPTIONS | options)
+    )
 
 
 @cache
@@ -52,7 +54,9 @@ def in_lanes():
 def assert_same(found, wanted, rows):
     """Assert that everything known of each system has the same bytes."""
     for name in ("y_end", "t_end", "mode", "n_events", "n_steps", "nfev", "status"):
-        assert getattr(found, name).tobytes() == getattr(wanted, name)[rows].tobytes(), name
+        assert (
+            getattr(found, name).tobytes() == getattr(wanted, name)[rows].tobytes()
+        ), name
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-9, 1e-12])
@@ -67,8 +71,12 @@ def test_as_good_as_the_driver(rtol):
     assert here.n_events.tolist() == best.n_events.tolist()
     assert here.mode.tolist() == best.mode.tolist()
     assert best.n_events.max() == 8
-    off, plainly_off = (np.abs(one.y_end - best.y_end).max(axis=1) for one in (here, plain))
-    assert off.max() < 10 * plainly_off.max()  # errors of one system grow ten thousandfold
+    off, plainly_off = (
+        np.abs(one.y_end - best.y_end).max(axis=1) for one in (here, plain)
+    )
+    assert (
+        off.max() < 10 * plainly_off.max()
+    )  # errors of one system grow ten thousandfold
     for part in (0.5, 0.95):
         assert np.quantile(off, part) < 3 * np.quantile(plainly_off, part)
 
@@ -77,7 +85,9 @@ def test_as_good_as_the_driver(rtol):
 def test_bytes_depend_on_no_neighbour(workers):
     order = np.random.default_rng(3).permutation(COUNT)
     assert_same(swung(order, workers=workers, lanes=True), in_lanes(), order)
-    assert_same(swung([7, 7], lanes=True), in_lanes(), [7, 7])  # all lanes but two are empty
+    assert_same(
+        swung([7, 7], lanes=True), in_lanes(), [7, 7]
+    )  # all lanes but two are empty
 
 
 def test_wanted_times():
@@ -108,7 +118,9 @@ def levels(t, y, dy, mode, params, h, hdot):
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
 def test_where_most_steps_end_in_flips(rtol):
     """These steps then end on the interpolant, as long as it is as accurate as another step."""
-    system = System(driven, levels, n_states=2, guard_names=[f"level {g}" for g in range(45)])
+    system = System(
+        driven, levels, n_states=2, guard_names=[f"level {g}" for g in range(45)]
+    )
     rng, times = np.random.default_rng(8), np.linspace(*SPAN, 40)
     y0, params = rng.uniform(-1.5, 1.5, (COUNT, 2)), rng.uniform(0.0, 0.2, (COUNT, 1))
 
@@ -121,10 +133,15 @@ def test_where_most_steps_end_in_flips(rtol):
     best, plain, here = ends(1e-13, False), ends(rtol, False), ends(rtol, True)
     assert here.lanes.mean() > 0.9  # a few turn round at a level
     assert here.n_events.tolist() == best.n_events.tolist()
-    assert here.nfev.sum() < 20 * here.n_steps.sum()  # 12 per step, 28 if each were repeated
-    off, plainly_off = (np.abs(one.y - best.y).max(axis=(1, 2)) for one in (here, plain))
-    # The driver examines these guards in windows, in a fifth more steps than lanes take: its median
-    # error is 2.5 times smaller than without windows. The largest are as before.
+    assert (
+        here.nfev.sum() < 20 * here.n_steps.sum()
+    )  # 12 per step, 28 if each were repeated
+    off, plainly_off = (
+        np.abs(one.y - best.y).max(axis=(1, 2)) for one in (here, plain)
+    )
+    # The driver examines these guards in windows, in a fifth more steps than lanes
+    # take: its median error is 2.5 times smaller than without windows. The largest are
+    # as before.
     for part, factor in ((0.5, 7.5), (0.95, 3.0)):
         assert np.quantile(off, part) < factor * np.quantile(plainly_off, part)
     order = rng.permutation(COUNT)
@@ -220,7 +237,11 @@ def far_away(t, y, dy, mode, params, h, hdot):
         (System(branching), {}, "branches on the state or the time"),
         (System(arrays_inside), {}, "setitem"),
         (System(plain_python), {}, "runs as plain Python"),
-        (System(branching, far_away, guard_names=tuple(map(str, range(63)))), {}, "63 guards"),
+        (
+            System(branching, far_away, guard_names=tuple(map(str, range(63)))),
+            {},
+            "63 guards",
+        ),
         (System(branching), {"jacobian": True, "method": "dopri5"}, "Jacobian"),
         (System(branching), {"method": "dopri5"}, "'dopri5'"),
     ],
@@ -274,7 +295,9 @@ def test_handlers_that_raise_or_change_parameters():
     here = solve_batch(system, (0.0, 2.95), y0, **options)
     assert here.success, here.message
     assert here.lanes.all()
-    np.testing.assert_allclose(here.y_end[:, 0], [-0.025, -0.9875, -0.9625], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        here.y_end[:, 0], [-0.025, -0.9875, -0.9625], rtol=0, atol=1e-12
+    )
     with pytest.raises(OverflowError, match="too late"):
         solve_batch(system, (0.0, 3.5), y0, **options)
 
@@ -305,7 +328,11 @@ def spoil(t, y, mode, params, guard, direction):
 
 def test_a_state_spoilt_at_a_terminal_event_is_no_success():
     system, y0 = point(spoil), [[-1.0, -99.0], [-0.9, -99.0], [4.0, -99.0]]
-    params = [[1.0, 0.0, 0.0, np.nan, 0.0], [1.0, 0.0, 0.0, -50.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
+    params = [
+        [1.0, 0.0, 0.0, np.nan, 0.0],
+        [1.0, 0.0, 0.0, -50.0, 0.0],
+        [1.0, 0.0, 0.0, 0.0, 0.0],
+    ]
     batch = solve_batch(system, (0.0, 2.0), y0, params=params, lanes=True)
     assert batch.status.tolist() == [STATE_NOT_FINITE, 1, 0]
     assert batch.lanes.tolist() == [False, True, True]

@@ -1,7 +1,7 @@
 """Guards that bend, or move faster than the state, in lanes: no contact is missed.
 
-These are the smooth families of the stress suite, compared with its exact events; guards that
-branch on the state have no lanes.
+These are the smooth families of the stress suite, compared with its exact events;
+guards that branch on the state have no lanes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,13 @@ def smooth_guards(t, y, dy, mode, params, h, hdot):
     for k in range(2):
         first = quick.FIXED + k * quick.WIDTH
         h[k], hdot[k] = height(
-            params[first : first + quick.WIDTH], t, y[0] + y[2], y[1], dy[0] + dy[2], dy[1], mode[2]
+            params[first : first + quick.WIDTH],
+            t,
+            y[0] + y[2],
+            y[1],
+            dy[0] + dy[2],
+            dy[1],
+            mode[2],
         )
 
 
@@ -57,7 +63,13 @@ def judge(case, system, copies=1):
     """
     options = case.options | {"params": [case.options["params"]] * copies}
     found = solve_batch(
-        system, case.t_span, [case.y0] * copies, method="dop853", lanes=True, workers=1, **options
+        system,
+        case.t_span,
+        [case.y0] * copies,
+        method="dop853",
+        lanes=True,
+        workers=1,
+        **options,
     )
     assert not found.lanes_reason, found.lanes_reason
     (answer,) = case.answers
@@ -112,7 +124,8 @@ def test_no_dip_of_a_second_faster_sine_is_missed(lanes):
     found = solve_batch(system, (0.0, 10.0), np.tile([1.0, 0.0], (n, 1)), **options)
     assert found.success
     assert not lanes or found.lanes.mean() > 0.8
-    # Samples may miss a pair of flips that are closer than they are, the integration may not.
+    # Samples may miss a pair of flips that are closer than they are, the integration
+    # may not.
     assert np.all(found.n_events >= truth)
     assert np.sum(found.n_events - truth) <= 20
 
@@ -152,7 +165,10 @@ def test_a_handler_that_changes_parameters_which_all_systems_share():
     params = np.zeros(quick.FIXED + 2 * quick.WIDTH)
     params[[0, quick.FIXED, quick.FIXED + quick.WIDTH]] = -2.0, quick.PLANE, quick.PLANE
     params[quick.FIXED + quick.WIDTH + 1] = 99.0  # where nothing is
-    system, heights = replace(SYSTEM, on_event=start_again), np.array([-1.0, -0.9, -0.8])
+    system, heights = (
+        replace(SYSTEM, on_event=start_again),
+        np.array([-1.0, -0.9, -0.8]),
+    )
     y0 = np.column_stack([heights, *np.zeros((4, 3))])
     options = {"params": params, "workers": 1, "lanes": True}
     here = solve_batch(system, (0.0, 2.95), y0, **options)
@@ -160,6 +176,8 @@ def test_a_handler_that_changes_parameters_which_all_systems_share():
     assert not here.lanes_reason
     assert not here.lanes.any()
     left = 2.95 - np.sqrt(-heights) - np.sqrt(2.0)  # after the second rise
-    np.testing.assert_allclose(here.y_end[:, 0], -1.0 + 0.25 * left**2, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        here.y_end[:, 0], -1.0 + 0.25 * left**2, rtol=0, atol=1e-9
+    )
     with pytest.raises(OverflowError, match="too late"):
         solve_batch(system, (0.0, 5.0), y0, **options)

@@ -16,14 +16,18 @@ COUNT = 60
 def test_balls_that_meet_at_a_point(n):
     """In lanes or not, equal balls pass as if they were free."""
     rng = np.random.default_rng([1, n])
-    steps = [np.sort(rng.choice(np.arange(-16, 17), n, replace=False)) for _ in range(COUNT)]
+    steps = [
+        np.sort(rng.choice(np.arange(-16, 17), n, replace=False)) for _ in range(COUNT)
+    ]
     v = -np.array(steps) / 4.0
     x = -v + 1e-16 * rng.integers(-4, 5, v.shape) * rng.integers(0, 2, (COUNT, 1))
     x = np.maximum.accumulate(x, axis=1)
     masses = np.ones((COUNT, n))
     params = np.column_stack([masses, np.ones(COUNT), np.zeros(COUNT)])
     given = {"mode": [1] * (n - 1), "params": params}
-    found = solve_batch(row_of_balls(n), (0, 3.0), np.hstack([x, v]), lanes=True, **given)
+    found = solve_batch(
+        row_of_balls(n), (0, 3.0), np.hstack([x, v]), lanes=True, **given
+    )
     assert found.success, found.message
     assert found.y_end[:, :n] == pytest.approx(np.sort(x + 3.0 * v, axis=1), abs=1e-12)
     assert found.lanes.all() == (n == 2)  # with three, a gap closes twice: the driver's
@@ -32,14 +36,19 @@ def test_balls_that_meet_at_a_point(n):
 def test_slow_and_fast_gaps_far_from_the_origin():
     """Where a slow gap's rounding makes the instant unsure, the driver goes on."""
     rng, n = np.random.default_rng(5), 3
-    v = -np.sort(-rng.uniform(-4, 4, (COUNT, n)), axis=1) * 10.0 ** rng.integers(-6, 1, (COUNT, 1))
+    v = -np.sort(-rng.uniform(-4, 4, (COUNT, n)), axis=1) * 10.0 ** rng.integers(
+        -6, 1, (COUNT, 1)
+    )
     v[:, 2] = v[:, 1] - 10.0 ** rng.uniform(-6, 0, COUNT)
     x = 10.0 ** rng.integers(0, 4, (COUNT, 1)) - v * rng.uniform(0.1, 2, (COUNT, 1))
     x = np.maximum.accumulate(x, axis=1)
     given = {"mode": [1, 1], "params": [1.0, 1.0, 1.0, 1.0, 0.0], "lanes": True}
     found = solve_batch(row_of_balls(n), (0, 3.0), np.hstack([x, v]), **given)
     assert found.success, found.message
-    right, size = np.sort(x + 3.0 * v, axis=1), np.abs(x).max(axis=1) + np.abs(v).max(axis=1)
+    right, size = (
+        np.sort(x + 3.0 * v, axis=1),
+        np.abs(x).max(axis=1) + np.abs(v).max(axis=1),
+    )
     assert (np.abs(found.y_end[:, :n] - right).max(axis=1) < 1e-12 * size).all()
 
 
@@ -81,7 +90,9 @@ def test_pairs_that_meet_together_stay_in_lanes():
     given = {"mode": [1, 1, 1], "params": params, "lanes": True}
     found = solve_batch(row_of_balls(4), (0, 1.5), np.hstack([x, v]), **given)
     assert found.success
-    assert found.lanes.mean() > 0.8  # where they are apart by rounding, the driver goes on
+    assert (
+        found.lanes.mean() > 0.8
+    )  # where they are apart by rounding, the driver goes on
     assert (found.n_events == 4).all()
     assert found.y_end[:, :4] == pytest.approx(np.sort(x + 1.5 * v, axis=1), abs=1e-12)
 

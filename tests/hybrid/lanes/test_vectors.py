@@ -13,7 +13,15 @@ import pytest
 from mpmath import mp
 from numba import njit
 
-from hopdata.hybrid.lanes.vectors import WIDTH, aligned, bits, fma, part, rough_power, where
+from hopdata.hybrid.lanes.vectors import (
+    WIDTH,
+    aligned,
+    bits,
+    fma,
+    part,
+    rough_power,
+    where,
+)
 
 two = part(2)
 
@@ -59,12 +67,25 @@ def powers(x, y):
 
 def choices(x, y):
     inside = ((x > 0.0) & (y <= 1)) | ~(x != y)
-    return np.where(inside, x, 2) + min(x, 1.0) + max(0, y) + np.maximum(x, y) - np.minimum(y, x)
+    return (
+        np.where(inside, x, 2)
+        + min(x, 1.0)
+        + max(0, y)
+        + np.maximum(x, y)
+        - np.minimum(y, x)
+    )
 
 
 def elementary(x, y):
     s = math.sin(x) * np.cos(y) + math.tan(0.1 * x) + np.sqrt(abs(x)) + math.exp(-x * x)
-    return s + np.log(1.0 + y * y) + np.arctan(x) + math.atan2(y, x) + math.hypot(x, y) + np.tanh(y)
+    return (
+        s
+        + np.log(1.0 + y * y)
+        + np.arctan(x)
+        + math.atan2(y, x)
+        + math.hypot(x, y)
+        + np.tanh(y)
+    )
 
 
 @pytest.mark.parametrize("function", [arithmetic, powers, choices, elementary])
@@ -104,5 +125,7 @@ def test_fused_and_rough():
     x = np.full(WIDTH, 1.0 + 2.0**-30)
     exact = outcome(lambda a, b: fma(a, a, -b), x, x * x)
     assert exact.tolist() == [2.0**-60] * WIDTH
-    rough = outcome(lambda a, b: rough_power(a, -0.125) + 0.0 * b, 10.0 ** np.arange(WIDTH), 0.0)
+    rough = outcome(
+        lambda a, b: rough_power(a, -0.125) + 0.0 * b, 10.0 ** np.arange(WIDTH), 0.0
+    )
     assert np.allclose(rough, 10.0 ** (-0.125 * np.arange(WIDTH)), rtol=0.08)

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from method_harness import END, KEND, Y
-from stiff_problems import CONTACT, FOLLOWER, KAPS, SMOOTH, damped_contact, exact, field, stepper
+from stiff_problems import (
+    CONTACT,
+    FOLLOWER,
+    KAPS,
+    SMOOTH,
+    damped_contact,
+    exact,
+    field,
+    stepper,
+)
 
 from hopdata.hybrid.methods import stiff as rosenbrock
 from hopdata.hybrid.methods.stiff import GAMMA, STAGES, TIME, A, C, D, H
@@ -23,7 +32,8 @@ def global_error(params, steps, **options):
     return np.abs(one.s[Y] - exact(params, 2.0)).max()
 
 
-# The coefficients in the form with products by the Jacobian (Hairer and Wanner, section IV.7).
+# The coefficients in the form with products by the Jacobian (Hairer and Wanner, section
+# IV.7).
 GAMMAS = np.linalg.inv(np.eye(STAGES) / GAMMA - C)
 ALPHAS = A @ GAMMAS
 BETAS = ALPHAS + GAMMAS
@@ -64,7 +74,9 @@ def stability(z, *, embedded=False):
 def test_stability_is_that_of_a_stiffly_accurate_method():
     angles = np.linspace(0.0, np.pi / 2, 50)
     for size in (0.1, 1.0, 10.0, 1e3):
-        assert max(abs(stability(-size * np.exp(1j * x))) for x in angles) <= 1.0 + 1e-12
+        assert (
+            max(abs(stability(-size * np.exp(1j * x))) for x in angles) <= 1.0 + 1e-12
+        )
     assert abs(stability(-1e9)) < 1e-6
     assert abs(stability(-1e9, embedded=True)) < 1e-6
 
@@ -92,7 +104,9 @@ def test_the_error_estimate_goes_with_the_power_that_is_declared():
 
 @BOTH
 @pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10])
-@pytest.mark.parametrize("params", [(SMOOTH, 0.0), (KAPS, 1e3), (KAPS, 1e9), (FOLLOWER, 1e4)])
+@pytest.mark.parametrize(
+    "params", [(SMOOTH, 0.0), (KAPS, 1e3), (KAPS, 1e9), (FOLLOWER, 1e4)]
+)
 def test_the_tolerance_is_met(params, rtol, given):
     one = stepper(params, 0.0, exact(params, 0.0), rtol=rtol, atol=rtol, given=given)
     one.run(2.0, 1e-3)
@@ -115,7 +129,9 @@ def test_stiffness_does_not_limit_the_step(given):
 def test_a_landing_on_a_strong_damper(rate, given):
     """The test covers the impact of the landing, which lasts 1 / rate, and the creep after it."""
     weight, stiffness = 9.81, 2.0 * rate
-    one = stepper((CONTACT, rate, weight, stiffness, 0.0), 0.0, [0.0, -3.0], given=given)
+    one = stepper(
+        (CONTACT, rate, weight, stiffness, 0.0), 0.0, [0.0, -3.0], given=given
+    )
     one.atol = np.array([1e-9 * 3.0 / rate, 1e-9])
     steps = sum(one.run(2.0, 0.01 / rate))
     error = np.abs(one.s[Y] - damped_contact(weight, rate, stiffness, [0.0, -3.0], 2.0))
@@ -130,9 +146,13 @@ def test_the_interpolant_is_fourth_order(given):
     errors = []
     for dt in sizes:
         one.step(dt)
-        inside = [one.interpolate(x) - exact(params, 0.5 + x * dt) for x in (0.25, 0.5, 0.8)]
+        inside = [
+            one.interpolate(x) - exact(params, 0.5 + x * dt) for x in (0.25, 0.5, 0.8)
+        ]
         errors.append(np.abs(inside).max())
-    assert fitted_order(sizes, errors) > 4.7  # error of one step: the method's order of 4 plus one
+    assert (
+        fitted_order(sizes, errors) > 4.7
+    )  # error of one step: the method's order of 4 plus one
 
 
 def test_the_interpolant_meets_both_ends():
@@ -194,7 +214,13 @@ def test_units_of_time_change_nothing(scale, given):
     weight, rate, spring, square, y = 9.81, 1e4, 1e5, 1e6, np.array([-0.01, -3.0])
     one = stepper((CONTACT, rate, weight, spring, square), 0.0, y, given=given)
     plain, end = one.step(1e-3), one.s[END].copy()
-    faster = (CONTACT, rate * scale, weight * scale**2, spring * scale**2, square * scale**2)
+    faster = (
+        CONTACT,
+        rate * scale,
+        weight * scale**2,
+        spring * scale**2,
+        square * scale**2,
+    )
     units = np.array([1.0, scale])
     one = stepper(faster, 0.0, y * units, given=given, atol=1e-12 * units)
     assert one.step(1e-3 / scale) == pytest.approx(plain, rel=1e-6)

@@ -54,7 +54,9 @@ def test_rows_are_exchanged_where_the_diagonal_is_zero():
 
 def test_a_small_pivot_does_no_harm():
     matrix = np.array([[1e-20, 1.0], [1.0, 1.0]])
-    assert solution(matrix, np.array([1.0, 2.0])) == pytest.approx([1.0, 1.0], rel=1e-15)
+    assert solution(matrix, np.array([1.0, 2.0])) == pytest.approx(
+        [1.0, 1.0], rel=1e-15
+    )
 
 
 def test_a_singular_matrix_gives_no_finite_solution():
@@ -103,7 +105,9 @@ def test_differences_agree_with_the_derivative(params, y):
     given, none = by("jacobian_by_user", params, 0.3, 1e-3, y)
     assert (count, none) == (4, 0)
     scale = np.abs(given) + 1e-3  # the smallest entries are of size 1
-    assert np.all(np.abs(found - given) < 1e-8 * scale + 2e-9 * np.abs(given).max(axis=1)[:, None])
+    assert np.all(
+        np.abs(found - given) < 1e-8 * scale + 2e-9 * np.abs(given).max(axis=1)[:, None]
+    )
 
 
 @pytest.mark.parametrize("atol", [1e-12, 0.0])
@@ -111,20 +115,26 @@ def test_at_rest_at_the_origin(atol):
     """Neither state nor slope shows the scale of the position: its tolerance does, if it can."""
     found, _ = by("jacobian_by_differences", (CONTACT, 10.0, 0.0, 1e3, 0.0), 0.0, 1e-3, (0.0, 0.0),
                   (atol, atol))  # fmt: skip
-    assert found == pytest.approx(np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-9, abs=1e-9)
+    assert found == pytest.approx(
+        np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-9, abs=1e-9
+    )
 
 
 def test_a_state_below_its_tolerance_counts_as_zero():
     """An increment in proportion to 1e-30 would vanish in the rounding of the weight."""
     params, y = (CONTACT, 10.0, 9.81, 1e3, 0.0), (1e-30, 1e-30)
     found, _ = by("jacobian_by_differences", params, 0.0, 1e-3, y)
-    assert found == pytest.approx(np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-4, abs=1e-12)
+    assert found == pytest.approx(
+        np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-4, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("scale", [2.0**-40, 2.0**40])
 def test_units_of_length_change_nothing(scale):
     weight, rate, spring, square, y = 9.81, 1e3, 1e4, 1e6, np.array([-0.01, -3.0])
-    plain, _ = by("jacobian_by_differences", (CONTACT, rate, weight, spring, square), 0.0, 1e-3, y)
+    plain, _ = by(
+        "jacobian_by_differences", (CONTACT, rate, weight, spring, square), 0.0, 1e-3, y
+    )
     scaled = (CONTACT, rate, weight * scale, spring, square / scale)
     atol = np.full(2, 1e-12 * scale)
     found, _ = by("jacobian_by_differences", scaled, 0.0, 1e-3, y * scale, atol)
@@ -190,19 +200,25 @@ def scores(method, limit, damping, t_end=1.0):
         start = solver.t, solver.y.copy()
         solver.step()
         s, dt = table_after(solver, start)
-        score = stiffness_score(score, explicit_stiffness(s, dt, RTOL, atol, W1, 2), limit)
+        score = stiffness_score(
+            score, explicit_stiffness(s, dt, RTOL, atol, W1, 2), limit
+        )
         highest = max(highest, score)
     return highest, solver.t
 
 
-@pytest.mark.parametrize(("method", "limit"), [(RK45, DOPRI5_LIMIT), (DOP853, DOP853_LIMIT)])
+@pytest.mark.parametrize(
+    ("method", "limit"), [(RK45, DOPRI5_LIMIT), (DOP853, DOP853_LIMIT)]
+)
 def test_a_strong_damper_is_found_stiff(method, limit):
     score, t = scores(method, limit, 1e4)
     assert score >= STIFF
     assert t < 0.2  # after the impact of the landing and a few dozen steps
 
 
-@pytest.mark.parametrize(("method", "limit"), [(RK45, DOPRI5_LIMIT), (DOP853, DOP853_LIMIT)])
+@pytest.mark.parametrize(
+    ("method", "limit"), [(RK45, DOPRI5_LIMIT), (DOP853, DOP853_LIMIT)]
+)
 def test_a_weak_damper_is_not(method, limit):
     assert scores(method, limit, 1.0, t_end=20.0)[0] < 3.0
 

@@ -24,7 +24,9 @@ OPTIONS = {"params": (0.5, 1.0)}
 def test_a_name_that_is_nearly_right(name, near):
     for call in (solve, solve_batch):
         start = [0.0, 0.0] if call is solve else [[0.0, 0.0]]
-        with pytest.raises(ValueError, match=rf"found '{name}'; did you mean '{near}'\?$"):
+        with pytest.raises(
+            ValueError, match=rf"found '{name}'; did you mean '{near}'\?$"
+        ):
             call(ladder(1), (0, 1), start, method=name, **OPTIONS)
 
 
@@ -37,7 +39,9 @@ def test_a_name_like_no_other(name):
 
 
 def test_taylor_needs_an_affine_form():
-    with pytest.raises(ValueError, match="an @affine function for 'taylor', found none"):
+    with pytest.raises(
+        ValueError, match="an @affine function for 'taylor', found none"
+    ):
         solve(ladder(1), (0, 1), [0.0, 0.0], method="taylor", **OPTIONS)
 
 
@@ -48,7 +52,8 @@ def test_an_error_leaves_the_system_usable():
     assert solve(system, (0, 1), [0.0, 0.0], **OPTIONS).y_end[0] == pytest.approx(1.5)
 
 
-# Generic code and a scene's own code give the same bytes; the number of steps decides which runs.
+# Generic code and a scene's own code give the same bytes; the number of steps decides
+# which runs.
 
 
 @pytest.fixture(autouse=True)
@@ -64,7 +69,9 @@ def empty_cache(tmp_path, monkeypatch):
 def swing(t, y, mode, params, dy):
     n = len(y)
     for i in range(n):
-        dy[i] = np.sin(3.0 * y[(i + 1) % n]) - 0.3 * y[i] ** 3 + mode[1] * np.cos(5.0 * t)
+        dy[i] = (
+            np.sin(3.0 * y[(i + 1) % n]) - 0.3 * y[i] ** 3 + mode[1] * np.cos(5.0 * t)
+        )
 
 
 def switch(t, y, dy, mode, params, h, hdot):
@@ -92,7 +99,9 @@ def ring(n, compiled=True):
 
     All sizes share their functions, which are compiled once.
     """
-    return System(*PARTS[compiled], n_states=n, guard_names=("switch",), n_extra_modes=1)
+    return System(
+        *PARTS[compiled], n_states=n, guard_names=("switch",), n_extra_modes=1
+    )
 
 
 def outcome(system, method, **options):
@@ -107,10 +116,15 @@ def tiers(system, method):
     return system.methods(method, False).generic
 
 
-SIZES = {"dopri5": (1, 3, 4, 12), "dop853": (3, 5, 8)}  # with and without a partial last vector
+SIZES = {
+    "dopri5": (1, 3, 4, 12),
+    "dop853": (3, 5, 8),
+}  # with and without a partial last vector
 
 
-@pytest.mark.parametrize(("method", "n"), [(name, n) for name in SIZES for n in SIZES[name]])
+@pytest.mark.parametrize(
+    ("method", "n"), [(name, n) for name in SIZES for n in SIZES[name]]
+)
 def test_same_bytes(monkeypatch, method, n):
     system = ring(n)
     generic = outcome(system, method)
@@ -126,7 +140,10 @@ def test_same_bytes(monkeypatch, method, n):
 
 
 def test_same_bytes_with_tolerances_of_zero_and_dense_output(monkeypatch):
-    system, options = ring(3), {"atol": 0.0, "rtol": 1e-5, "t_eval": np.linspace(0.0, 6.0, 77)}
+    system, options = (
+        ring(3),
+        {"atol": 0.0, "rtol": 1e-5, "t_eval": np.linspace(0.0, 6.0, 77)},
+    )
     generic = outcome(system, "auto", **options)
     monkeypatch.setattr(table, "WORTH_COMPILING", 1)
     assert outcome(system, "auto", **options).y.tobytes() == generic.y.tobytes()
@@ -186,7 +203,9 @@ def test_a_large_batch_is_worth_compiling_a_small_one_is_not(monkeypatch):
     small = solve_batch(system, (0.0, 6.0), y0, mode=[1], method="dopri5")
     assert tiers(system, "dopri5") == {0}
     monkeypatch.setattr(table, "WORTH_COMPILING", 1 + 2 * int(small.n_steps.sum()))
-    large = solve_batch(system, (0.0, 6.0), np.tile(y0, (2, 1)), mode=[1], method="dopri5")
+    large = solve_batch(
+        system, (0.0, 6.0), np.tile(y0, (2, 1)), mode=[1], method="dopri5"
+    )
     assert not tiers(system, "dopri5")
     assert large.y_end[:70].tobytes() == small.y_end.tobytes()
 
@@ -226,9 +245,13 @@ def test_compiled_beforehand(monkeypatch):
     system = ring(3)
     generic = outcome(ring(3), "auto")
     system.compile()
-    monkeypatch.setattr(table.MethodTable, "compile", None)  # nothing remains to be compiled
+    monkeypatch.setattr(
+        table.MethodTable, "compile", None
+    )  # nothing remains to be compiled
     assert outcome(system, "auto").y.tobytes() == generic.y.tobytes()
-    assert solve_batch(system, (0.0, 6.0), np.ones((3, 3)), mode=[1], method="auto").success
+    assert solve_batch(
+        system, (0.0, 6.0), np.ones((3, 3)), mode=[1], method="auto"
+    ).success
     assert not tiers(system, "auto")
 
 

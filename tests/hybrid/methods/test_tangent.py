@@ -24,7 +24,10 @@ METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
 def test_without_events_it_is_the_derivative(method):
     found = carried(bent(3), (0, 3), [0.0, 1.2], params=FAR, method=method)
     assert len(found.events) == 0
-    assert gap(found.jacobian, differences(bent(3), (0, 3), [0.0, 1.2], params=FAR)) < 1e-10
+    assert (
+        gap(found.jacobian, differences(bent(3), (0, 3), [0.0, 1.2], params=FAR))
+        < 1e-10
+    )
 
 
 @METHODS
@@ -35,7 +38,9 @@ def test_a_field_without_divergence_keeps_areas(method):
 
 def test_exponential_growth():
     found = carried(growth(), (0, 2), [1.0, 0.0], params=(0.7, 4.0))
-    assert found.jacobian == pytest.approx(np.diag([np.exp(1.4), 1.0]), rel=1e-11, abs=1e-11)
+    assert found.jacobian == pytest.approx(
+        np.diag([np.exp(1.4), 1.0]), rel=1e-11, abs=1e-11
+    )
 
 
 @METHODS
@@ -65,7 +70,9 @@ def test_a_given_derivative_and_differences_agree(method):
 @pytest.mark.parametrize("method", ["auto", "taylor", "dopri5", "dop853"])
 def test_methods_agree_where_modes_are_affine(method):
     found = carried(octant(), T_SPAN, INITIAL_STATE, method=method)
-    assert gap(found.jacobian, carried(octant(), T_SPAN, INITIAL_STATE).jacobian) < 1e-11
+    assert (
+        gap(found.jacobian, carried(octant(), T_SPAN, INITIAL_STATE).jacobian) < 1e-11
+    )
     reference = differences(octant(), T_SPAN, INITIAL_STATE, step=1e-4)
     assert gap(found.jacobian, reference) < 1e-10
 
@@ -73,7 +80,9 @@ def test_methods_agree_where_modes_are_affine(method):
 @pytest.mark.parametrize("angle", [1e-3, 1e-6, 0.0])
 def test_units_of_the_state_do_not_matter(angle):
     """The field is linear, so the Jacobian is that of any other start."""
-    given = carried(balance(), (0, 1), [angle, 0.0], params=(0.0,), method="dopri5", max_step=0.01)
+    given = carried(
+        balance(), (0, 1), [angle, 0.0], params=(0.0,), method="dopri5", max_step=0.01
+    )
     exact = [[np.cos(1), np.sin(1)], [-np.sin(1), np.cos(1)]]
     assert np.abs(given.jacobian - exact).max() < 1e-9
 
@@ -103,12 +112,17 @@ def test_no_time_no_change():
 def test_it_is_not_there_unless_asked_for():
     options = {"params": FAR}
     assert solve(bent(3), (0, 1), [0.0, 1.2], **options).jacobian is None
-    assert solve(bent(3), (0, 1), [0.0, 1.2], jacobian=True, **options).jacobian is not None
+    assert (
+        solve(bent(3), (0, 1), [0.0, 1.2], jacobian=True, **options).jacobian
+        is not None
+    )
     assert solve(bent(3), (0, 1), [0.0, 1.2], **options).jacobian is None
 
 
 def test_each_integration_begins_with_the_identity():
-    batch = solve_batch(bent(3), (0, 1), np.tile([0.0, 1.2], (3, 1)), params=FAR, jacobian=True)
+    batch = solve_batch(
+        bent(3), (0, 1), np.tile([0.0, 1.2], (3, 1)), params=FAR, jacobian=True
+    )
     single = solve(bent(3), (0, 1), [0.0, 1.2], params=FAR, jacobian=True)
     for matrix in batch.jacobian:
         assert matrix.tobytes() == single.jacobian.tobytes()
@@ -123,13 +137,23 @@ def test_the_chain_rule():
 
 def test_a_stiff_method_has_none():
     with pytest.raises(ValueError, match=r"jacobian: .*'taylor', found 'rosenbrock'"):
-        solve(landing(), (0, 1), [1.0, 0.0], params=(1, 1, 9), method="rosenbrock", jacobian=True)
+        solve(
+            landing(),
+            (0, 1),
+            [1.0, 0.0],
+            params=(1, 1, 9),
+            method="rosenbrock",
+            jacobian=True,
+        )
 
 
 def test_more_steps_than_the_driver_takes_in_one_call():
     long = solve(bent(3), (0, 2), [0.0, 1.2], params=FAR, jacobian=True, max_step=8e-6)
     assert long.n_steps > 200_000
-    assert gap(long.jacobian, carried(bent(3), (0, 2), [0.0, 1.2], params=FAR).jacobian) < 1e-9
+    assert (
+        gap(long.jacobian, carried(bent(3), (0, 2), [0.0, 1.2], params=FAR).jacobian)
+        < 1e-9
+    )
 
 
 @field
@@ -166,7 +190,9 @@ def test_an_exception_of_the_derivative_is_raised():
     with pytest.raises(ValueError, match=r"^no derivative with a drive(\n|$)"):
         solve(system, (0, 1), [0.0, 1.2], params=FAR, jacobian=True, method="dopri5")
     with pytest.raises(ValueError, match=r"^no derivative with a drive(\n|$)"):
-        solve_batch(system, (0, 1), [[0.0, 1.2]] * 3, params=FAR, jacobian=True, method="dopri5")
+        solve_batch(
+            system, (0, 1), [[0.0, 1.2]] * 3, params=FAR, jacobian=True, method="dopri5"
+        )
     assert solve(system, (0, 1), [0.0, 1.2], params=FAR).success
 
 
@@ -217,7 +243,10 @@ class Table(np.ndarray):
 
 def short_flow(dt, rtol=1e-6):
     """Return the flow's Jacobian over dt, its own error estimate, and the motion squared."""
-    names = {"stage_jacobian": stage_jacobian, "fastest_motion": taylor.fastest_motion.py_func}
+    names = {
+        "stage_jacobian": stage_jacobian,
+        "fastest_motion": taylor.fastest_motion.py_func,
+    }
     multiply = with_digest(tangent.multiply.py_func, fma=plain_fma)
     add = with_digest(tangent.add_product.py_func, multiply=multiply, fma=plain_fma)
     step = with_digest(tangent.short_tangent, add_product=add, **names)
@@ -231,12 +260,16 @@ def exact_flow(dt):
     def rates(t, phi):
         return (derivative(t) @ phi.reshape(N, N)).ravel()
 
-    flow = solve_ivp(rates, (0, dt), np.eye(N).ravel(), rtol=1e-13, atol=1e-14, method="DOP853")
+    flow = solve_ivp(
+        rates, (0, dt), np.eye(N).ravel(), rtol=1e-13, atol=1e-14, method="DOP853"
+    )
     return flow.y[:, -1].reshape(N, N)
 
 
 def test_it_is_of_fourth_order():
-    errors = [np.abs(short_flow(dt)[0] - exact_flow(dt)).max() for dt in (0.2, 0.1, 0.05)]
+    errors = [
+        np.abs(short_flow(dt)[0] - exact_flow(dt)).max() for dt in (0.2, 0.1, 0.05)
+    ]
     assert errors[0] < 1e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.5)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(5.0, abs=0.5)
@@ -258,7 +291,9 @@ def test_dense_events_need_few_more_evaluations_of_the_field(form):
     both = solve(plate.system(**form), (0, 1), start, jacobian=True, **options)
     assert len(both.events) == len(state.events) > 20
     assert both.nfev < 1.5 * state.nfev
-    exact = carried(plate.system(**form), (0, 1), start, params=plate.params, method="dopri5")
+    exact = carried(
+        plate.system(**form), (0, 1), start, params=plate.params, method="dopri5"
+    )
     assert gap(both.jacobian, exact.jacobian) < 1e-5
 
 
@@ -282,4 +317,6 @@ def test_a_derivative_that_changes_though_nothing_moves_as_fast_is_followed(rtol
     found = solve(cascade, (0.0, 2.0), (0.4, 0.0), jacobian=True, **options)
     exact = np.sin(rate * 2.4) - np.sin(rate * 0.4)
     most = LOOSER * rtol * rate * found.n_steps
-    np.testing.assert_allclose(found.jacobian, [[1.0, 0.0], [exact, 1.0]], rtol=0.0, atol=most)
+    np.testing.assert_allclose(
+        found.jacobian, [[1.0, 0.0], [exact, 1.0]], rtol=0.0, atol=most
+    )

@@ -7,7 +7,17 @@ from types import SimpleNamespace
 import mpmath
 import numpy as np
 import pytest
-from method_harness import END, K1, KEND, NO_ADDRESS, P1, Stepper, Y, compiled, specialised
+from method_harness import (
+    END,
+    K1,
+    KEND,
+    NO_ADDRESS,
+    P1,
+    Stepper,
+    Y,
+    compiled,
+    specialised,
+)
 
 from hopdata.hybrid.compiled.memory import view
 from hopdata.hybrid.methods import taylor
@@ -52,7 +62,10 @@ def stepper(a, b, y, **options):
     made = CODES.setdefault(n, Stepper(method, affine_field, n, AFFINE=affine))
     made.s[:] = np.nan
     made.params = np.concatenate([a.ravel(), b])
-    made.rtol, made.atol = options.get("rtol", 1e-9), np.full(n, options.get("atol", 1e-12))
+    made.rtol, made.atol = (
+        options.get("rtol", 1e-9),
+        np.full(n, options.get("atol", 1e-12)),
+    )
     names = {"AFFINE": affine, "N": n, "fastest_motion": fastest_motion}
     refresh = CODES.setdefault((n, "refresh"), specialised(taylor.refresh, **names))
     refresh(made.s, made.mode, made.params)
@@ -162,7 +175,9 @@ def test_the_error_estimate_bounds_the_error(turn, rtol):
 
 
 def test_the_estimate_goes_with_the_power_that_is_declared():
-    estimates = [stepper(*SPRING).step(turn / OMEGA) for turn in (0.5, 1.0, 2.0, 4.0, 8.0)]
+    estimates = [
+        stepper(*SPRING).step(turn / OMEGA) for turn in (0.5, 1.0, 2.0, 4.0, 8.0)
+    ]
     orders = np.diff(np.log2(estimates))
     assert orders == pytest.approx(np.full(4, taylor.ORDER), abs=1.5)
 
@@ -233,16 +248,22 @@ def test_the_interpolant_is_as_exact_as_the_step(n):
     assert np.abs(one.interpolate(1.0) - one.s[END]).max() <= 2 * ulp
     for theta in (0.1, 0.5, 0.9):
         exact = flow(a, b, y, theta * 2.0)
-        assert np.abs(one.interpolate(theta) - exact).max() < 8 * EPS * np.abs(exact).max()
+        assert (
+            np.abs(one.interpolate(theta) - exact).max() < 8 * EPS * np.abs(exact).max()
+        )
 
 
 def test_the_interpolant_is_as_long_as_the_series():
     """A fall is a parabola: two vanishing terms end the series, and further ones are not read."""
     one = stepper([[0.0, 1.0], [0.0, 0.0]], [0.0, -9.81], [2.0, 3.0])
     one.step(0.5)
-    degree = one.interpolant_code(one.t, one.dt, one.s, one.mode, one.params, NO_ADDRESS)
+    degree = one.interpolant_code(
+        one.t, one.dt, one.s, one.mode, one.params, NO_ADDRESS
+    )
     assert 2 <= degree <= 4
-    assert one.interpolate(0.5) == pytest.approx([2.0 + 0.75 - 9.81 / 32, 3.0 - 9.81 / 4])
+    assert one.interpolate(0.5) == pytest.approx(
+        [2.0 + 0.75 - 9.81 / 32, 3.0 - 9.81 / 4]
+    )
     assert np.isnan(one.s[P1 + degree : P1 + taylor.DEGREE]).all()
 
 

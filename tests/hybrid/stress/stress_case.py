@@ -19,8 +19,9 @@ PATIENCE = 200_000  # steps and events after which a case counts as hanging
 class Expected:
     """A right answer: events as (time, guard, direction), final state, and tolerances.
 
-    `state_tolerance` may have one number per component, for states with several units. Both
-    tolerances are multiplied by `back` if the case is integrated from its end to its start.
+    `state_tolerance` may have one number per component, for states with several units.
+    Both tolerances are multiplied by `back` if the case is integrated from its end to
+    its start.
     """
 
     events: tuple[tuple[float, int, int], ...]
@@ -135,7 +136,9 @@ def turned_back(case: Case) -> Case:
     The effect of its handler must not matter.
     """
     (answer,) = case.answers
-    events = tuple((t, guard, -direction) for t, guard, direction in reversed(answer.events))
+    events = tuple(
+        (t, guard, -direction) for t, guard, direction in reversed(answer.events)
+    )
     expected = replace(
         answer, events=events, y_end=case.y0, mode=None,
         time_tolerance=answer.back * answer.time_tolerance,

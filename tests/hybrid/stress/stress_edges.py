@@ -43,7 +43,9 @@ def given_lock_case(lock: int, place: float) -> Case:
                 (answer,), {"params": params, "mode": (lock,)})  # fmt: skip
 
 
-def flat_start_case(kind: tuple[float, float, float, float], lock: int, name: str) -> Case:
+def flat_start_case(
+    kind: tuple[float, float, float, float], lock: int, name: str
+) -> Case:
     """Return a start on the guard with zero rate: the second or a higher derivative decides."""
     answer = Expected((), (3.0, 2.0 * (lock > 0)), 0.0, 64 * EPS, mode=(lock,))
     return Case("flat_at_start", name, clock(1), (0.0, 2.0), (1.0, 0.0), (answer,),
@@ -53,10 +55,15 @@ def flat_start_case(kind: tuple[float, float, float, float], lock: int, name: st
 def several_at_start_case(angle: float) -> Case:
     """Return five guards through the initial state: two rise, two fall, one is never left."""
     turn, _ = turned(angle, (0.0, 0.0))
-    normals = np.array([[1.0, 0.0], [0.8, 0.6], [-1.0, 0.0], [-0.6, -0.8], [1.0, 0.0]]) @ turn.T
+    normals = (
+        np.array([[1.0, 0.0], [0.8, 0.6], [-1.0, 0.0], [-0.6, -0.8], [1.0, 0.0]])
+        @ turn.T
+    )
     fields = additive((0.5, -0.25, 0.0, 0.75, -0.5)) @ turn.T
     system = Piecewise(np.zeros(5), normals, fields)
-    return constant_case("several_at_start", f"turned {angle:g}", system, np.zeros(2), (0.0, 2.0))
+    return constant_case(
+        "several_at_start", f"turned {angle:g}", system, np.zeros(2), (0.0, 2.0)
+    )
 
 
 def span_end_case(ulps: int, at: float) -> Case:
@@ -87,14 +94,18 @@ def tiny_span_case(start: float, span: float, share: float) -> Case:
     answer = Expected(events, (span, z_end), off, off, mode=(1,) if within else (-1,))
     early = Expected(((end, 0, 1),), (span, 0.0), off, off, mode=(1,))
     near = abs(at - span) < 4 * EPS * start  # closer to the end than times can resolve
-    answers = (answer, early, replace(early, events=(), mode=(-1,))) if near else (answer,)
+    answers = (
+        (answer, early, replace(early, events=(), mode=(-1,))) if near else (answer,)
+    )
     return Case("tiny_span", f"{span:g} from {start:g}, event at {share:g}", clock(1), (start, end),
                 (0.0, 0.0), answers, {"params": params})  # fmt: skip
 
 
 def huge_start_case(start: float) -> Case:
     """Return a clock and three guards far from t = 0, where times are as exact as floats."""
-    params = clock_params([(POWER, a, 1, 1.0) for a in (0.5, 1.0, 1.25)], [1.0, -0.5, 0.25])
+    params = clock_params(
+        [(POWER, a, 1, 1.0) for a in (0.5, 1.0, 1.25)], [1.0, -0.5, 0.25]
+    )
     events = tuple((start + a, k, 1) for k, a in enumerate((0.5, 1.0, 1.25)))
     off = 16 * EPS * start
     z_end = 1.5 - 0.5 + 0.25 * 0.75

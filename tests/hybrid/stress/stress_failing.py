@@ -12,8 +12,8 @@ from hopdata.hybrid import System, field, guards, on_event
 NOWHERE, IN_FIELD, IN_GUARD, IN_HANDLER = range(4)
 IS_NAN, IS_INFINITE, RAISES = range(3)
 
-# params: place (one of the four above), kind, position from which it fails, lock in which it fails
-# (0: in both), position of the guard
+# params: place (one of the four above), kind, position from which it fails, lock in
+# which it fails (0: in both), position of the guard
 
 
 @field
@@ -50,7 +50,11 @@ def faulty_handler(t, y, mode, params, guard, direction):
 def faulty() -> System:
     """Return x' = 1 and a guard; something fails beyond a position."""
     return System(
-        faulty_field, faulty_guards, faulty_handler, n_states=2, guard_names=("gate", "far")
+        faulty_field,
+        faulty_guards,
+        faulty_handler,
+        n_states=2,
+        guard_names=("gate", "far"),
     )
 
 
@@ -61,8 +65,12 @@ def still_field(t, y, mode, params, dy):
 
 @guards
 def seesaw_guards(t, y, dy, mode, params, h, hdot):
-    # Each guard's surface depends on the other's lock: a flip of one makes the other due.
-    h[0], hdot[0] = (y[0] - 1.0 if mode[2] == 0 else mode[3]), dy[0] if mode[2] == 0 else 0.0
+    # Each guard's surface depends on the other's lock: a flip of one makes the other
+    # due.
+    h[0], hdot[0] = (
+        (y[0] - 1.0 if mode[2] == 0 else mode[3]),
+        dy[0] if mode[2] == 0 else 0.0,
+    )
     h[1], hdot[1] = (-1.0 if mode[2] == 0 else mode[3]), 0.0
 
 
@@ -85,8 +93,8 @@ def seesaw() -> System:
 def spiral() -> tuple[System, np.ndarray]:
     """Return four constant fields that wind into the origin: a Zeno sequence of live crossings.
 
-    x' = -sgn y - 0.3 sgn x, y' = sgn x - 0.3 sgn y. From (r, 0) a quarter turn takes r / 1.3 and
-    leaves 0.7 r / 1.3, so all quarter turns together take r / 0.6.
+    x' = -sgn y - 0.3 sgn x, y' = sgn x - 0.3 sgn y. From (r, 0) a quarter turn takes r
+    / 1.3 and leaves 0.7 r / 1.3, so all quarter turns together take r / 0.6.
     """
     signs = [(1 if row & 1 else -1, 1 if row & 2 else -1) for row in range(4)]
     fields = np.array([(-b - 0.3 * a, a - 0.3 * b) for a, b in signs])

@@ -34,7 +34,9 @@ def turned(angle: float, shift: tuple[float, float]) -> tuple[np.ndarray, np.nda
 
 def additive(gains: tuple[float, ...]) -> np.ndarray:
     """Return fields (2^K, 2): 1 plus the gains of the locks that are +1 along x, and 1 along y."""
-    locks = [[row >> k & 1 for k in range(len(gains))] for row in range(1 << len(gains))]
+    locks = [
+        [row >> k & 1 for k in range(len(gains))] for row in range(1 << len(gains))
+    ]
     return np.array([[1.0 + np.dot(bits, gains), 1.0] for bits in locks])
 
 
@@ -57,7 +59,9 @@ def gap_case(gap: float, kind: str, at: float, angle: float) -> Case:
     normals = np.tile(turn[:, 0], (4, 1))
     system = Piecewise(offsets, normals, additive(GAINS[kind]) @ turn.T)
     y0 = turn @ np.array([at - 1.0, 0.0]) + origin
-    return constant_case("contact_gap", f"{gap:g} {kind} at {at:g}", system, y0, (0.0, 3.0))
+    return constant_case(
+        "contact_gap", f"{gap:g} {kind} at {at:g}", system, y0, (0.0, 3.0)
+    )
 
 
 def two_way_gap_case(gap: float) -> Case:
@@ -65,7 +69,9 @@ def two_way_gap_case(gap: float) -> Case:
     offsets = np.array([1.0, -(1.0 + gap), 1.0 + 2 * gap, -(1.0 + 3 * gap)])
     normals = np.array([[1.0, 0.0], [-1.0, 0.0]] * 2)
     system = Piecewise(offsets, normals, additive((0.5, -0.25, 0.75, -0.5)))
-    return constant_case("two_way_gap", f"{gap:g}", system, np.array([0.0, 0.0]), (0.0, 3.0))
+    return constant_case(
+        "two_way_gap", f"{gap:g}", system, np.array([0.0, 0.0]), (0.0, 3.0)
+    )
 
 
 def recrossing_case(gap: float, angle: float) -> Case:
@@ -73,7 +79,9 @@ def recrossing_case(gap: float, angle: float) -> Case:
     turn, _ = turned(angle, (0.0, 0.0))
     fields = np.array([[1.0, 1.0], [1.0, 1.0], [-2.0, 1.0], [-2.0, 1.0]]) @ turn.T
     system = Piecewise(np.array([1.0, 1.0 + gap]), turn.T.copy(), fields)
-    case = constant_case("recrossing", f"{gap:g} turned {angle:g}", system, np.zeros(2), (0.0, 2.0))
+    case = constant_case(
+        "recrossing", f"{gap:g} turned {angle:g}", system, np.zeros(2), (0.0, 2.0)
+    )
     if gap > RESOLUTION:
         return case
     exact = case.answers[0]
@@ -94,12 +102,19 @@ def pair_case(gap: float) -> Case:
     params = clock_params([(PAIR, 1.0, gap, 1.0)], [2.0])
     rounding = 32 * EPS
     both = Expected(
-        ((1.0, 0, -1), (1.0 + gap, 0, 1)), (3.0, 6.0 - 2 * gap), 0.0, rounding, mode=(1,)
+        ((1.0, 0, -1), (1.0 + gap, 0, 1)),
+        (3.0, 6.0 - 2 * gap),
+        0.0,
+        rounding,
+        mode=(1,),
     )
-    # If the rounding of h is as large as the dip, the times of the roots are uncertain accordingly.
+    # If the rounding of h is as large as the dip, the times of the roots are uncertain
+    # accordingly.
     depth, size = gap * gap / 4, 4.0
     blur = min(8 * EPS * size / gap, np.sqrt(8 * EPS * size))
-    both = replace(both, time_tolerance=rounding + blur, state_tolerance=rounding + 4 * blur)
+    both = replace(
+        both, time_tolerance=rounding + blur, state_tolerance=rounding + 4 * blur
+    )
     none = replace(both, events=())
     answers = (both,) if depth > 8 * EPS * size else (both, none)
     return Case("pair_of_roots", f"{gap:g}", clock(1), (0.0, 3.0), (0.0, 0.0), answers,
@@ -112,14 +127,20 @@ def crowd_case(count: int, gap: float) -> Case:
     params = clock_params([(POWER, a, 1, 1.0) for a in places], [1.0 / count] * count)
     events = tuple((float(a), k, 1) for k, a in enumerate(places))
     z_end = float(np.mean(3.0 - places))
-    answer = Expected(events, (3.0, z_end), 64 * EPS, 64 * EPS * count, mode=(1,) * count)
+    answer = Expected(
+        events, (3.0, z_end), 64 * EPS, 64 * EPS * count, mode=(1,) * count
+    )
     return Case("many_guards", f"{count} within {gap * count:g}", clock(count), (0.0, 3.0),
                 (0.0, 0.0), (answer,), {"params": params})  # fmt: skip
 
 
-def push_case(amount: float, events: tuple[tuple[float, int, int], ...], parameter: str) -> Case:
+def push_case(
+    amount: float, events: tuple[tuple[float, int, int], ...], parameter: str
+) -> Case:
     """Return guards at 1, 2 and 3; the handler adds `amount` to x once, at the first crossing."""
-    params = clock_params([(POWER, a, 1, 1.0) for a in (1.0, 2.0, 3.0)], [1.0, 10.0, 100.0])
+    params = clock_params(
+        [(POWER, a, 1, 1.0) for a in (1.0, 2.0, 3.0)], [1.0, 10.0, 100.0]
+    )
     params = np.append(params, amount)
     up, z_end, end = {}, 0.0, 5.0
     for time, guard, direction in events:
@@ -127,7 +148,9 @@ def push_case(amount: float, events: tuple[tuple[float, int, int], ...], paramet
         z_end += direction * gain * (end - time)
         up[guard] = direction
     mode = (*(up.get(k, -1) for k in range(3)), 1)
-    answer = Expected(events, (end + amount, z_end), 64 * EPS, 64 * EPS * 300, mode=mode)
+    answer = Expected(
+        events, (end + amount, z_end), 64 * EPS, 64 * EPS * 300, mode=mode
+    )
     return Case("handler_pushes", parameter, pushed_clock(3), (0.0, end), (0.0, 0.0), (answer,),
                 {"params": params})  # fmt: skip
 
@@ -139,10 +162,18 @@ def push_cases() -> list[Case]:
         push_case(1.5, ((1.0, 0, 1), (1.0, 1, 1), (1.5, 2, 1)), "across one"),
         push_case(2.5, ((1.0, 0, 1), (1.0, 1, 1), (1.0, 2, 1)), "across two"),
         push_case(1.0, ((1.0, 0, 1), (1.0, 1, 1), (2.0, 2, 1)), "onto one"),
-        push_case(1.0 - 1e-12, ((1.0, 0, 1), (1 + 1e-12, 1, 1), (2 + 1e-12, 2, 1)), "just short"),
-        push_case(-0.5, (*again, (1.5, 0, 1), (2.5, 1, 1), (3.5, 2, 1)), "back across its own"),
         push_case(
-            -1e-9, (*again, (1 + 1e-9, 0, 1), (2 + 1e-9, 1, 1), (3 + 1e-9, 2, 1)), "back by 1e-9"
+            1.0 - 1e-12,
+            ((1.0, 0, 1), (1 + 1e-12, 1, 1), (2 + 1e-12, 2, 1)),
+            "just short",
+        ),
+        push_case(
+            -0.5, (*again, (1.5, 0, 1), (2.5, 1, 1), (3.5, 2, 1)), "back across its own"
+        ),
+        push_case(
+            -1e-9,
+            (*again, (1 + 1e-9, 0, 1), (2 + 1e-9, 1, 1), (3 + 1e-9, 2, 1)),
+            "back by 1e-9",
         ),
         push_case(0.0, ((1.0, 0, 1), (2.0, 1, 1), (3.0, 2, 1)), "nowhere"),
     ]

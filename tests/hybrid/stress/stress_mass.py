@@ -38,7 +38,8 @@ def lift_off(y: STATE, k: Any, c: Any) -> Any:
     if half * half >= k:
         return None
     omega = mpmath.sqrt(k - half * half)
-    # The velocity e^(-half t) (v cos + q sin) is zero at the lowest point and half a period later.
+    # The velocity e^(-half t) (v cos + q sin) is zero at the lowest point and half a
+    # period later.
     q = (-GRAVITY - k * y[0] - half * y[1]) / omega
     lowest = mpmath.atan2(y[1], -q) / omega
     lowest = lowest if lowest > 0 else lowest + mpmath.pi / omega
@@ -46,11 +47,15 @@ def lift_off(y: STATE, k: Any, c: Any) -> Any:
     if stance(y, k, c, top)[0] <= 0:
         return None
     height = lambda t: stance(y, k, c, t)[0]  # noqa: E731
-    return mpmath.findroot(height, (lowest, top), solver="anderson", tol=1e-50, maxsteps=200)
+    return mpmath.findroot(
+        height, (lowest, top), solver="anderson", tol=1e-50, maxsteps=200
+    )
 
 
 @cache
-def hops(k: float, c: float, height: float, end: float) -> tuple[tuple[Any, ...], STATE]:
+def hops(
+    k: float, c: float, height: float, end: float
+) -> tuple[tuple[Any, ...], STATE]:
     """Return the instants of contact and lift-off in turn, and the final state."""
     with mpmath.workdps(40):
         y, now, instants = (mpmath.mpf(height), mpmath.mpf(0)), mpmath.mpf(0), []
@@ -75,11 +80,13 @@ def mass_case(
 ) -> Case:  # fmt: skip
     """Drop the mass by 1 m; lengths and times may be in other units.
 
-    Errors of the steps add up: RTOL per step in height and speed. Each error of the speed shifts
-    the remaining flights by the same amount.
+    Errors of the steps add up: RTOL per step in height and speed. Each error of the
+    speed shifts the remaining flights by the same amount.
     """
     instants, y = hops(k, c, 1.0, end)
-    events = tuple((float(t) * time, 0, 1 if j % 2 == 0 else -1) for j, t in enumerate(instants))
+    events = tuple(
+        (float(t) * time, 0, 1 if j % 2 == 0 else -1) for j, t in enumerate(instants)
+    )
     phases = len(instants) + 1
     part = STEPS_PER_PHASE * RTOL * phases * (1 + end)
     unit = np.array([length, length / time])
@@ -91,7 +98,9 @@ def mass_case(
         part * np.array([speed, max(GRAVITY, speed * _jerk(k, y))]) * unit,
         mode=(1 if len(instants) % 2 else -1,),
     )  # fmt: skip
-    parameter = f"k/m {k:g}, c/m {c:g}, length {length:g}, time {time:g}{_said(options)}"
+    parameter = (
+        f"k/m {k:g}, c/m {c:g}, length {length:g}, time {time:g}{_said(options)}"
+    )
     return Case(name, parameter, mass(), (0.0, end * time), np.array([1.0, 0.0]) * unit, (answer,),
                 {"params": scaled, **options})  # fmt: skip
 
@@ -136,8 +145,8 @@ def energy(k: float, y: np.ndarray) -> np.ndarray:
 def long_case(count: int, k: float = 1e3, rtol: float = 1e-13) -> Case:
     """Return `count` hops of the undamped mass: contact, lift-off and apex at regular intervals.
 
-    The last hop ends at an apex, whose height shows the remaining energy: an error of the period
-    shifts the apex in time, and changes the height there only by its square.
+    The last hop ends at an apex, whose height shows the remaining energy: an error of
+    the period shifts the apex in time, and changes the height there only by its square.
     """
     period = undamped_period(k, 1.0)
     fall = np.sqrt(2 / GRAVITY)

@@ -1,8 +1,8 @@
 """Guards that move faster than the state, or bend: random members of a table of families.
 
-The path is known whatever the guards do: u = x + c, where x falls freely, c and s wind in or out,
-and only z, the integral of the locks, depends on the events. So each crossing is found by sampling
-the path densely and bracketing.
+The path is known whatever the guards do: u = x + c, where x falls freely, c and s wind
+in or out, and only z, the integral of the locks, depends on the events. So each
+crossing is found by sampling the path densely and bracketing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from hopdata.code_cache import kept_njit
 from hopdata.hybrid import System, affine, field, guards, jacobian, on_event
 
 SURFACE, SINE, BUMP, PRODUCT, POWER, ABSOLUTE, LARGER, TABLE, AFTER, PLANE = range(10)
-WIDTH, FIXED = 12, 3  # length of a guard's row (kind, then its parameters); fall, growth, turn
+WIDTH, FIXED = (
+    12,
+    3,
+)  # length of a guard's row (kind, then its parameters); fall, growth, turn
 KNOTS = 8  # of a table
 SAMPLES = 40_000
 MOST_CONTACTS = 24  # two events each; more would only be rounding
@@ -80,7 +83,12 @@ def quick_affine(mode, params, a, b):
 @jacobian
 def quick_jacobian(t, y, mode, params, jac):
     jac[0, 1] = 1.0
-    jac[2, 2], jac[2, 3], jac[3, 2], jac[3, 3] = params[1], -params[2], params[2], params[1]
+    jac[2, 2], jac[2, 3], jac[3, 2], jac[3, 3] = (
+        params[1],
+        -params[2],
+        params[2],
+        params[1],
+    )
 
 
 @guards
@@ -112,14 +120,19 @@ def place(params: np.ndarray, y0: np.ndarray, t: float) -> tuple[float, ...]:
     """Return u, v and their rates at one or many times, with the start at 0."""
     fall, growth, turn = params[:FIXED]
     grown, cosine, sine = np.exp(growth * t), np.cos(turn * t), np.sin(turn * t)
-    c, s = grown * (y0[2] * cosine - y0[3] * sine), grown * (y0[3] * cosine + y0[2] * sine)
+    c, s = (
+        grown * (y0[2] * cosine - y0[3] * sine),
+        grown * (y0[3] * cosine + y0[2] * sine),
+    )
     v = y0[1] - fall * t
     u = y0[0] + y0[1] * t - 0.5 * fall * t * t + c
     return u, v, v + growth * c - turn * s, -fall + 0.0 * t
 
 
 @lru_cache(1)
-def path(fixed: tuple[float, ...], y0: tuple[float, ...], end: float) -> tuple[np.ndarray, ...]:
+def path(
+    fixed: tuple[float, ...], y0: tuple[float, ...], end: float
+) -> tuple[np.ndarray, ...]:
     """Return times, u and v along the whole path, which all guards and shifts have in common."""
     t = np.linspace(0.0, end, SAMPLES + 1)
     return t, *place(np.array(fixed), np.array(y0), t)[:2]
@@ -134,7 +147,12 @@ def sampled(q, t, u, v, after_from):
 
 
 def crossings(
-    params: np.ndarray, y0: np.ndarray, end: float, k: int, after_from: float, off: float
+    params: np.ndarray,
+    y0: np.ndarray,
+    end: float,
+    k: int,
+    after_from: float,
+    off: float,
 ) -> tuple[list[Event], int] | None:
     """Return the events of guard k and its lock at the start, if the path is shifted by `off`.
 
@@ -146,7 +164,9 @@ def crossings(
 
     def at(instant: float) -> float:
         u, *rest = place(params, y0, instant)
-        return float(height(q, instant, u + off, *rest, 1 if instant > after_from else 0)[0])
+        return float(
+            height(q, instant, u + off, *rest, 1 if instant > after_from else 0)[0]
+        )
 
     turns = np.flatnonzero(np.diff(np.sign(np.diff(h)))) + 1
     near = np.abs(h[[0, -1] if q[0] == POWER else [0, *turns, -1]])
@@ -156,7 +176,10 @@ def crossings(
     signs[signs == 0] = 1
     events = []
     for i in np.flatnonzero(signs[1:] != signs[:-1]):
-        jumps = t[i] <= after_from < t[i + 1] and at(after_from) * at(after_from + 1e-12) < 0
+        jumps = (
+            t[i] <= after_from < t[i + 1]
+            and at(after_from) * at(after_from + 1e-12) < 0
+        )
         instant = (
             after_from
             if jumps
@@ -166,13 +189,27 @@ def crossings(
     return events, int(signs[0])
 
 
-def start(rng: np.random.Generator, *, turning: bool = False) -> tuple[list[float], list[float]]:
+def start(
+    rng: np.random.Generator, *, turning: bool = False
+) -> tuple[list[float], list[float]]:
     """Draw (fall, growth, turn) and a start: free flight, with or without a rotating state."""
     x, v = rng.uniform(-1.0, 1.0), rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 2.0)
     if not turning:
-        return [rng.choice([0.0, rng.uniform(0.5, 9.81)]), 0.0, 0.0], [x, v, 0.0, 0.0, 0.0]
+        return [rng.choice([0.0, rng.uniform(0.5, 9.81)]), 0.0, 0.0], [
+            x,
+            v,
+            0.0,
+            0.0,
+            0.0,
+        ]
     size = rng.uniform(0.3, 1.5)
-    return [0.0, rng.uniform(-0.2, 0.1), rng.uniform(0.5, 4.0)], [x, 0.3 * v, size, 0.0, 0.0]
+    return [0.0, rng.uniform(-0.2, 0.1), rng.uniform(0.5, 4.0)], [
+        x,
+        0.3 * v,
+        size,
+        0.0,
+        0.0,
+    ]
 
 
 def surface(rng, turning=False, kind=SURFACE):
@@ -181,15 +218,32 @@ def surface(rng, turning=False, kind=SURFACE):
 
 
 def sine(rng):
-    return [SINE, 0.0, 10 ** rng.uniform(0.3, 2.0), rng.uniform(0.0, 6.0), rng.uniform(-0.8, 0.8)]
+    return [
+        SINE,
+        0.0,
+        10 ** rng.uniform(0.3, 2.0),
+        rng.uniform(0.0, 6.0),
+        rng.uniform(-0.8, 0.8),
+    ]
 
 
 def bump(rng, width):
-    return [BUMP, rng.uniform(0.5, 2.0), width, rng.uniform(-1.5, 1.5), rng.uniform(0.1, 0.4)]
+    return [
+        BUMP,
+        rng.uniform(0.5, 2.0),
+        width,
+        rng.uniform(-1.5, 1.5),
+        rng.uniform(0.1, 0.4),
+    ]
 
 
 def product(rng):
-    return [PRODUCT, rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5), rng.choice([-1.0, 1.0])]
+    return [
+        PRODUCT,
+        rng.uniform(-1.0, 1.0),
+        rng.uniform(-1.5, 1.5),
+        rng.choice([-1.0, 1.0]),
+    ]
 
 
 def dip(rng):
@@ -203,7 +257,12 @@ def absolute(rng):
 
 
 def larger(rng):
-    return [LARGER, rng.uniform(-0.5, 0.5), rng.uniform(-0.5, 0.5), rng.choice([-1.0, 1.0])]
+    return [
+        LARGER,
+        rng.uniform(-0.5, 0.5),
+        rng.uniform(-0.5, 0.5),
+        rng.choice([-1.0, 1.0]),
+    ]
 
 
 def table(rng):
@@ -258,7 +317,11 @@ def history(
 
 
 def end_state(
-    params: np.ndarray, y0: np.ndarray, end: float, events: list[Event], locks: tuple[int, int]
+    params: np.ndarray,
+    y0: np.ndarray,
+    end: float,
+    events: list[Event],
+    locks: tuple[int, int],
 ) -> np.ndarray:
     """Return the final state: z is the integral of the locks."""
     c = np.exp(params[1] * end) * np.exp(1j * params[2] * end) * (y0[2] + 1j * y0[3])
@@ -289,10 +352,15 @@ def quick_member(family: str, rng: np.random.Generator, rtol: float) -> Case:
             other = history(params, state, end, shift)
             if other is None or [e[1:] for e in other[0]] != [e[1:] for e in events]:
                 break
-            off = max(off, *(2 * abs(a[0] - b[0]) for a, b in zip(other[0], events, strict=True)))
+            off = max(
+                off,
+                *(2 * abs(a[0] - b[0]) for a, b in zip(other[0], events, strict=True)),
+            )
         else:
             for t, k, _ in events:
-                if q[k, 0] == POWER:  # within the rounding of 1, or of its largest value
+                if (
+                    q[k, 0] == POWER
+                ):  # within the rounding of 1, or of its largest value
                     speed = abs(place(params, state, t)[2])
                     u = place(params, state, np.linspace(0.0, end, 100))[0]
                     largest = np.abs(u - q[k, 1]).max() ** q[k, 3]
@@ -301,10 +369,14 @@ def quick_member(family: str, rng: np.random.Generator, rtol: float) -> Case:
             if off > 0.1:
                 continue
             y_end = end_state(params, state, end, events, locks)
-            state_off = np.array([*[1e-9 + 100.0 * rtol * turning] * 4, 3.0 * len(events) * off])
+            state_off = np.array(
+                [*[1e-9 + 100.0 * rtol * turning] * 4, 3.0 * len(events) * off]
+            )
             answer = Expected(tuple(events), y_end, off, state_off + 1e-9)
             options = {"params": params, "rtol": rtol, "atol": 1e-3 * rtol}
-            return Case(family, f"{rtol:g}", quick(), (0.0, end), y0, (answer,), options)
+            return Case(
+                family, f"{rtol:g}", quick(), (0.0, end), y0, (answer,), options
+            )
 
 
 MEMBERS = 6  # per family and tolerance; `benchmarks/stress.py` takes 200
@@ -328,7 +400,10 @@ def fall_field(t, y, mode, params, dy):
 @guards
 def table_guard(t, y, dy, mode, params, h, hdot):
     a, w, phase = params[1], params[2], params[3]
-    h[0], hdot[0] = a * np.sin(w * t + phase) - y[0], a * w * np.cos(w * t + phase) - dy[0]
+    h[0], hdot[0] = (
+        a * np.sin(w * t + phase) - y[0],
+        a * w * np.cos(w * t + phase) - dy[0],
+    )
 
 
 @on_event
@@ -344,7 +419,9 @@ def ball_on_table() -> System:
     return System(fall_field, table_guard, bounce, n_states=2, guard_names=("table",))
 
 
-def bounces(params: np.ndarray, drop: float, end: float) -> tuple[list[Event], np.ndarray] | None:
+def bounces(
+    params: np.ndarray, drop: float, end: float
+) -> tuple[list[Event], np.ndarray] | None:
     """Return contacts and end of a released ball; None if it touches the table too gently."""
     e, a, w, phase = params
     t0, y, v, events = 0.0, drop, 0.0, []
@@ -362,7 +439,9 @@ def bounces(params: np.ndarray, drop: float, end: float) -> tuple[list[Event], n
             return None
         if first == len(h):
             fall = end - t0
-            return events, np.array([y + v * fall - 4.905 * fall * fall, v - 9.81 * fall])
+            return events, np.array(
+                [y + v * fall - 4.905 * fall * fall, v - 9.81 * fall]
+            )
         fall = brentq(gap, t[first - 1], t[first], xtol=1e-15, rtol=1e-14)
         t0, y, v = t0 + fall, y + v * fall - 4.905 * fall * fall, v - 9.81 * fall
         speed = a * w * np.cos(w * t0 + phase)

@@ -1,8 +1,9 @@
 """Random event-selected systems: several plane guards, a different field for each set of locks.
 
-Every guard is live in every mode, Dh f >= LIVE, so each is crossed once, upwards. Some of them pass
-within a small gap of one point of the trajectory and are crossed nearly at once. The systems are
-drawn with sums, products and roots alone, which all processors round alike.
+Every guard is live in every mode, Dh f >= LIVE, so each is crossed once, upwards. Some
+of them pass within a small gap of one point of the trajectory and are crossed nearly at
+once. The systems are drawn with sums, products and roots alone, which all processors
+round alike.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from stress_series import affine_events
 from stress_systems import selected, selected_params
 
 LIVE = 0.25
-PUSH = 3.0  # least n b of affine systems: what is more than LIVE is left to the matrices
+PUSH = (
+    3.0  # least n b of affine systems: what is more than LIVE is left to the matrices
+)
 GAPS = (0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3)
 END = 1.0
 GROWTH = 1.65  # of a state until END, at most: exp(0.5)
@@ -37,7 +40,9 @@ def length(vectors: np.ndarray) -> np.ndarray:
     return np.sqrt(along(vectors, vectors))
 
 
-def draw_planes(rng: np.random.Generator, n: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+def draw_planes(
+    rng: np.random.Generator, n: int, count: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return a direction (n,) and unit normals (K, n) within 60 degrees of it."""
     ahead = rng.normal(size=n)
     ahead /= length(ahead)
@@ -57,7 +62,9 @@ def draw_constants(
     return fields + np.maximum(lacking.max(axis=1), 0.0)[:, None] * ahead
 
 
-def draw_matrices(rng: np.random.Generator, constants: np.ndarray, y0: np.ndarray) -> np.ndarray:
+def draw_matrices(
+    rng: np.random.Generator, constants: np.ndarray, y0: np.ndarray
+) -> np.ndarray:
     """Return matrices (2^K, n, n), so small that n (A y + b) >= LIVE for all y reached by END."""
     drawn = rng.normal(size=(*constants.shape, constants.shape[1]))
     farthest = GROWTH * (length(y0) + length(constants).max())
@@ -65,7 +72,9 @@ def draw_matrices(rng: np.random.Generator, constants: np.ndarray, y0: np.ndarra
     return spare * drawn / length(drawn.reshape(len(drawn), -1))[:, None, None]
 
 
-def drift(system: Piecewise, locks: list[int], y: np.ndarray, span: float) -> np.ndarray:
+def drift(
+    system: Piecewise, locks: list[int], y: np.ndarray, span: float
+) -> np.ndarray:
     """Return the state after `span` in one mode, in floats."""
     term = velocity(system, locks, y) * span
     end = y + term
@@ -86,7 +95,9 @@ def place_planes(
         near = k > 0 and rng.random() < 0.5
         if not near:
             y, now = drift(system, locks, y, instant - now), instant
-        offsets[k] = along(system.normals[k], y) + (gap * rng.uniform(-1, 1) if near else 0.0)
+        offsets[k] = along(system.normals[k], y) + (
+            gap * rng.uniform(-1, 1) if near else 0.0
+        )
         locks[k] = 1
     return Piecewise(offsets, system.normals, system.constants, system.matrices)
 
@@ -127,7 +138,9 @@ def random_case(seed: int, *, affine: bool) -> Case:
         answer = affine_answer(system, y0, rtol)
     else:
         answer = constant_answer(system, y0.tolist(), (0.0, END))
-    params = selected_params(system.offsets, system.normals, system.constants, system.matrices)
+    params = selected_params(
+        system.offsets, system.normals, system.constants, system.matrices
+    )
     kind = "affine" if affine else "constant"
     return Case(
         f"random_{kind}", f"seed {seed}, gap {gap:g}, rtol {rtol:g}", selected(*system.shape),

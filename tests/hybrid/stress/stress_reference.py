@@ -63,7 +63,10 @@ def along(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def locks_of(values: list[Any], rates: list[Any]) -> list[int]:
     """Return the locks at the start: the sign of h, or on the surface that of its rate."""
-    return [1 if h > 0 or (h == 0 and d > 0) else -1 for h, d in zip(values, rates, strict=True)]
+    return [
+        1 if h > 0 or (h == 0 and d > 0) else -1
+        for h, d in zip(values, rates, strict=True)
+    ]
 
 
 def constant_events(system: Piecewise, y0: list[float], t0: float, t_end: float) -> Run:
@@ -101,15 +104,20 @@ def constant_events(system: Piecewise, y0: list[float], t0: float, t_end: float)
 def velocity(system: Piecewise, locks: list[int], y: list[float]) -> np.ndarray:
     """Return the field at a point, in floats."""
     row = mode_row(locks)
-    flow = 0.0 if system.matrices is None else along(system.matrices[row], np.asarray(y))
+    flow = (
+        0.0 if system.matrices is None else along(system.matrices[row], np.asarray(y))
+    )
     return system.constants[row] + flow
 
 
-def amplification(system: Piecewise, run: Run, span: float, *, back: bool = False) -> float:
+def amplification(
+    system: Piecewise, run: Run, span: float, *, back: bool = False
+) -> float:
     """Return the largest factor by which an error at any event or step grows until the end.
 
-    It is the product of the saltation matrices I + (f+ - f-) n / (n f-), times a bound on the
-    flow's growth. For a run back, which ends at the start, f+ and f- are exchanged.
+    It is the product of the saltation matrices I + (f+ - f-) n / (n f-), times a bound
+    on the flow's growth. For a run back, which ends at the start, f+ and f- are
+    exchanged.
     """
     n, passed = system.shape[0], list(zip(run.events, run.points, strict=True))
     locks, product, most = list(run.start if back else run.end), np.eye(n), 1.0
@@ -117,29 +125,43 @@ def amplification(system: Piecewise, run: Run, span: float, *, back: bool = Fals
         after = velocity(system, locks, point)
         locks[k] = direction if back else -direction
         before, normal = velocity(system, locks, point), system.normals[k]
-        product = product @ (np.eye(n) + np.outer(after - before, normal) / (normal @ before))
+        product = product @ (
+            np.eye(n) + np.outer(after - before, normal) / (normal @ before)
+        )
         most = max(most, float(np.linalg.norm(product, 2)))
     if system.matrices is None:
         return most
-    return most * float(np.exp(np.linalg.norm(system.matrices, 2, axis=(1, 2)).max() * span))
+    return most * float(
+        np.exp(np.linalg.norm(system.matrices, 2, axis=(1, 2)).max() * span)
+    )
 
 
 def constant_answer(
-    system: Piecewise, y0: list[float], t_span: tuple[float, float], *, slack: float = 0.0
+    system: Piecewise,
+    y0: list[float],
+    t_span: tuple[float, float],
+    *,
+    slack: float = 0.0,
 ) -> Expected:
     """Return the right answer for piecewise constant fields, with tolerances for rounding.
 
-    Runge-Kutta steps are exact there, so only rounding is allowed: at each event a few units of
-    rounding of the state and of the time (in which the field moves it), amplified by what follows.
-    `slack` is the time, s, within which close events may change their order.
+    Runge-Kutta steps are exact there, so only rounding is allowed: at each event a few
+    units of rounding of the state and of the time (in which the field moves it),
+    amplified by what follows. `slack` is the time, s, within which close events may
+    change their order.
     """
     run = constant_events(system, y0, *t_span)
     speed = np.abs(system.constants).sum(axis=1).max()
     size = max(np.abs(y0).max(), np.abs(run.y_end).max(), max(np.abs(t_span)) * speed)
-    size = max(size, np.abs([offset for offset in system.offsets if offset < FAR]).max(initial=0))
+    size = max(
+        size,
+        np.abs([offset for offset in system.offsets if offset < FAR]).max(initial=0),
+    )
     span = t_span[1] - t_span[0]
     growth, back = (amplification(system, run, span, back=way) for way in (False, True))
-    rounding = ROUNDINGS * EPS * (len(run.events) + 1) * size * growth + slack * speed * growth
+    rounding = (
+        ROUNDINGS * EPS * (len(run.events) + 1) * size * growth + slack * speed * growth
+    )
     reach = np.abs(system.normals).sum(axis=1).max() / min_rate(system)
     time_tolerance = rounding * reach + ROUNDINGS * EPS * max(np.abs(t_span)) + slack
     return Expected(

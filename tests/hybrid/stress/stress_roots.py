@@ -27,7 +27,8 @@ def graze_case(delta: float, speed: float) -> Case:
     answers = (Expected((), y_end, 0.0, off, mode=(-1,)),)
     if over > 0.0:
         half = np.sqrt(2 * over / gravity)
-        # An error of the height shifts the crossings by that error over the speed there.
+        # An error of the height shifts the crossings by that error over the speed
+        # there.
         moved = min(off / (gravity * half), np.sqrt(2 * off / gravity)) + 16 * EPS * end
         both = ((instant - half, 0, 1), (instant + half, 0, -1))
         answers = (Expected(both, y_end, moved, off, mode=(-1,)),)
@@ -69,11 +70,17 @@ def touch_cases() -> list[Case]:
             first = -int(sign) if odd else int(sign)
             kind = (POWER, 1.1, power, sign)
             roots = [1.1] if odd else []
-            cases.append(clock_case("flat_root", f"{sign:+g} x^{power}", kind, roots, first, blur))
+            cases.append(
+                clock_case(
+                    "flat_root", f"{sign:+g} x^{power}", kind, roots, first, blur
+                )
+            )
     for depth in (1e-2, 1e-6, 1e-9, 1e-12, 1e-14):
         half = float(np.sqrt(depth))
         blur, roots = 64 * EPS / half, [1.1 - half, 1.1 + half]
-        cases.append(clock_case("bowl", f"{-depth:g}", (BOWL, 1.1, 1.0, depth), roots, 1, blur))
+        cases.append(
+            clock_case("bowl", f"{-depth:g}", (BOWL, 1.1, 1.0, depth), roots, 1, blur)
+        )
         cases.append(clock_case("bowl", f"{depth:g}", (BOWL, 1.1, 1.0, -depth), [], 1))
     return cases
 
@@ -110,11 +117,15 @@ def rotor_case(order: int, rate: float, rtol: float) -> Case:
     end, gain = 6.0 / rate, 2.0
     roots = np.arange(0.5, order * rate * end / np.pi, 1.0) * np.pi / (order * rate)
     roots = roots[roots < end]
-    events = tuple((float(root), 0, -1 if k % 2 == 0 else 1) for k, root in enumerate(roots))
+    events = tuple(
+        (float(root), 0, -1 if k % 2 == 0 else 1) for k, root in enumerate(roots)
+    )
     bounds = np.concatenate([[0.0], roots, [end]])
     up = float(np.diff(bounds)[::2].sum())
     y_end = np.array([np.cos(6.0), np.sin(6.0), end + gain * up])
-    steps = 10 + 6.0 * (1e-3 / rtol) ** 0.2  # an angle of about one over the root a step
+    steps = (
+        10 + 6.0 * (1e-3 / rtol) ** 0.2
+    )  # an angle of about one over the root a step
     angle = steps * 2 * (rtol + rtol * 1e-2)
     off = np.array([angle, angle, (len(roots) + 1) * gain * angle / rate])
     lock = 1 if len(roots) % 2 == 0 else -1

@@ -16,7 +16,10 @@ def series(a: list[Any], b: list[Any], y: list[Any], terms: int) -> list[list[An
     rows = [list(row) for row in a]
     now, out = list(y), [[value] for value in y]
     for order in range(1, terms + 1):
-        now = [(mpmath.fdot(row, now) + (b[i] if order == 1 else 0)) for i, row in enumerate(rows)]
+        now = [
+            (mpmath.fdot(row, now) + (b[i] if order == 1 else 0))
+            for i, row in enumerate(rows)
+        ]
         now = [value / order for value in now]
         for i, value in enumerate(now):
             out[i].append(value)
@@ -34,7 +37,8 @@ def value_at(coefficients: list[Any], t: Any) -> Any:
 def first_zero(coefficients: list[Any], span: Any) -> Any | None:
     """Return the zero, within the span, of a polynomial that rises from below, or None.
 
-    The polynomial is monotone (the guard is live), so Newton's iteration can be bracketed.
+    The polynomial is monotone (the guard is live), so Newton's iteration can be
+    bracketed.
     """
     if value_at(coefficients, span) < 0:
         return None
@@ -54,11 +58,22 @@ def affine_events(system: Piecewise, y0: list[float], t_end: float, terms: int) 
     """Propagate piecewise affine fields with live, rising guards by Taylor series of 30 digits."""
     with mpmath.workdps(DIGITS):
         offsets, normals, y = exact(system.offsets), exact(system.normals), exact(y0)
-        locks = [1 if mpmath.fdot(n, y) >= c else -1 for n, c in zip(normals, offsets, strict=True)]
-        now, end, events, points, start = mpmath.mpf(0), mpmath.mpf(t_end), [], [], list(locks)
+        locks = [
+            1 if mpmath.fdot(n, y) >= c else -1
+            for n, c in zip(normals, offsets, strict=True)
+        ]
+        now, end, events, points, start = (
+            mpmath.mpf(0),
+            mpmath.mpf(t_end),
+            [],
+            [],
+            list(locks),
+        )
         while True:
             row = mode_row(locks)
-            flow = series(exact(system.matrices[row]), exact(system.constants[row]), y, terms)
+            flow = series(
+                exact(system.matrices[row]), exact(system.constants[row]), y, terms
+            )
             wait, first = end - now, -1
             for k in [k for k, lock in enumerate(locks) if lock < 0]:
                 h = [mpmath.fdot(normals[k], c) for c in zip(*flow, strict=True)]

@@ -1,7 +1,7 @@
 """Random oscillating systems whose guard lies just within, or beyond, a turning point of its path.
 
-If a step spans most of an oscillation, such a guard falls and rises again unseen from the step's
-ends.
+If a step spans most of an oscillation, such a guard falls and rises again unseen from
+the step's ends.
 """
 
 from __future__ import annotations
@@ -15,11 +15,15 @@ from stress_systems import swinging
 
 END, GRID, BLOCK = 3.0, 6000, 100
 RTOL, ATOL = 1e-9, 1e-11
-NEAREST, FARTHEST = 1e-3, 0.3  # of the guard's range: from its surface to the turning point
+NEAREST, FARTHEST = (
+    1e-3,
+    0.3,
+)  # of the guard's range: from its surface to the turning point
 CLEAR = 3e-4  # of that range: the grid cannot resolve levels closer to a turning point
 NEWTON = 6
 DIGITS = 9  # decimals of drawn numbers
-OFF = 1e-6  # of times and states: what errors of steps may add up to over a few oscillations
+# Of times and states: what errors of steps may add up to over a few oscillations
+OFF = 1e-6
 METHODS = ("taylor", "dop853", "auto")
 
 
@@ -60,7 +64,9 @@ def springs(rng: np.random.Generator, n: int) -> np.ndarray:
 
 def damped(rng: np.random.Generator, n: int) -> np.ndarray:
     """Return an unstructured matrix with damping from none to strong."""
-    return rng.normal(size=(n, n)) - np.diag(rng.uniform(0.0, 10.0 ** rng.uniform(0.0, 1.5), n))
+    return rng.normal(size=(n, n)) - np.diag(
+        rng.uniform(0.0, 10.0 ** rng.uniform(0.0, 1.5), n)
+    )
 
 
 KINDS = (turning, several, springs, damped)
@@ -72,7 +78,12 @@ def draw(rng: np.random.Generator) -> Swing:
     matrix = KINDS[int(rng.integers(len(KINDS)))](rng, n)
     start = rng.normal(size=n) * 10.0 ** rng.uniform(-2.0, 0.0, size=n)
     normal = np.eye(n)[0] if rng.random() < 0.3 else rng.normal(size=n)
-    return Swing(*(np.round(part, DIGITS) for part in (matrix, rng.normal(size=n), start, normal)))
+    return Swing(
+        *(
+            np.round(part, DIGITS)
+            for part in (matrix, rng.normal(size=n), start, normal)
+        )
+    )
 
 
 def flow(swing: Swing, span: float) -> np.ndarray:
@@ -131,12 +142,20 @@ def swing_cases(count: int, seed: int = 11) -> list[Case]:
         sides = np.sign(h - level).astype(int)
         before = np.flatnonzero(sides[1:] != sides[:-1])
         events = tuple(
-            (k * END / GRID + crossing_time(swing, rows[k], level), 0, int(sides[k + 1]))
+            (
+                k * END / GRID + crossing_time(swing, rows[k], level),
+                0,
+                int(sides[k + 1]),
+            )
             for k in before
         )
         size = max(1.0, np.abs(rows).max())
-        answer = Expected(events, rows[-1, :-1], OFF, OFF * size, mode=(int(sides[-1]),))
-        params = np.concatenate([swing.matrix.ravel(), swing.constant, swing.normal, [level]])
+        answer = Expected(
+            events, rows[-1, :-1], OFF, OFF * size, mode=(int(sides[-1]),)
+        )
+        params = np.concatenate(
+            [swing.matrix.ravel(), swing.constant, swing.normal, [level]]
+        )
         options = {"params": params, "rtol": RTOL, "atol": ATOL}
         cases.extend(
             Case("swing", f"{number}, {len(swing.start)} states, {method}",

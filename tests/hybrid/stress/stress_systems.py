@@ -1,8 +1,9 @@
 """Compiled systems of the stress cases: a few that vary by their parameters.
 
-`selected`: an affine field for each mode, plane guards. `swinging`: one affine field that is
-declared as such, one plane guard. `clock`: a clock x and an integral z of the locks, with guards
-that are chosen functions of x. `mass`: a mass on a floor with spring and damper.
+`selected`: an affine field for each mode, plane guards. `swinging`: one affine field
+that is declared as such, one plane guard. `clock`: a clock x and an integral z of the
+locks, with guards that are chosen functions of x. `mass`: a mass on a floor with spring
+and damper.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ def names(count: int) -> tuple[str, ...]:
     return tuple(f"g{k}" for k in range(count))
 
 
-# params: 1 if affine, offsets (K), normals (K, n), constants (2^K, n), matrices (2^K, n, n)
+# params: 1 if affine, offsets (K), normals (K, n), constants (2^K, n), matrices (2^K,
+# n, n)
 
 
 @field
@@ -53,7 +55,9 @@ def selected_guards(t, y, dy, mode, params, h, hdot):
 
 
 @cache
-def selected(n_states: int, n_guards: int, terminal: tuple[bool, ...] | None = None) -> System:
+def selected(
+    n_states: int, n_guards: int, terminal: tuple[bool, ...] | None = None
+) -> System:
     """Return an affine field for each set of locks; guard k is the plane normal.y = offset."""
     return System(
         selected_field, selected_guards, n_states=n_states, guard_names=names(n_guards),
@@ -62,12 +66,17 @@ def selected(n_states: int, n_guards: int, terminal: tuple[bool, ...] | None = N
 
 
 def selected_params(
-    offsets: ArrayLike, normals: ArrayLike, constants: ArrayLike, matrices: ArrayLike | None = None
+    offsets: ArrayLike,
+    normals: ArrayLike,
+    constants: ArrayLike,
+    matrices: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
     """Return params of `selected`; a mode's row is the sum of 2^k over the locks k that are +1."""
     parts = [[matrices is not None], offsets, normals, constants]
     parts += [] if matrices is None else [matrices]
-    return np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in parts])
+    return np.concatenate(
+        [np.ravel(np.asarray(part, dtype=np.float64)) for part in parts]
+    )
 
 
 # params: matrix (n, n), constant (n), normal (n), offset
@@ -125,7 +134,12 @@ def clock_field(t, y, mode, params, dy):
 @guards
 def clock_guards(t, y, dy, mode, params, h, hdot):
     for k in range(len(h)):
-        kind, a, b, c = int(params[4 * k]), params[4 * k + 1], params[4 * k + 2], params[4 * k + 3]
+        kind, a, b, c = (
+            int(params[4 * k]),
+            params[4 * k + 1],
+            params[4 * k + 2],
+            params[4 * k + 3],
+        )
         x = y[0] - a
         if kind == POWER:
             h[k], hdot[k] = c * x ** int(b), c * b * x ** (int(b) - 1) * dy[0]
@@ -154,7 +168,11 @@ def push(t, y, mode, params, guard, direction):
 def clock(n_guards: int, terminal: tuple[bool, ...] | None = None) -> System:
     """Return x' = 1, z' = the sum of the gains of the locks that are +1."""
     return System(
-        clock_field, clock_guards, n_states=2, guard_names=names(n_guards), terminal=terminal
+        clock_field,
+        clock_guards,
+        n_states=2,
+        guard_names=names(n_guards),
+        terminal=terminal,
     )
 
 
@@ -162,7 +180,12 @@ def clock(n_guards: int, terminal: tuple[bool, ...] | None = None) -> System:
 def pushed_clock(n_guards: int) -> System:
     """Return a clock whose handler advances it once, when guard 0 is first crossed."""
     return System(
-        clock_field, clock_guards, push, n_states=2, guard_names=names(n_guards), n_extra_modes=1
+        clock_field,
+        clock_guards,
+        push,
+        n_states=2,
+        guard_names=names(n_guards),
+        n_extra_modes=1,
     )
 
 
@@ -202,7 +225,8 @@ def rotor_field(t, y, mode, params, dy):
 
 @guards
 def rotor_guards(t, y, dy, mode, params, h, hdot):
-    # The Chebyshev polynomial of order params[1] of cos: the cosine of that multiple of the angle.
+    # The Chebyshev polynomial of order params[1] of cos: the cosine of that multiple of
+    # the angle.
     before, value, slope_before, slope = 1.0, y[0], 0.0, 1.0
     for _ in range(int(params[1]) - 1):
         before, value, slope_before, slope = (

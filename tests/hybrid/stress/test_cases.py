@@ -25,7 +25,9 @@ def test_roots_that_are_hard_to_see(case):
 
 def test_swings_that_just_reach_a_guard():
     wrong = [
-        (str(case), verdict) for case in swing_cases(200) if not (verdict := judge(case)).right
+        (str(case), verdict)
+        for case in swing_cases(200)
+        if not (verdict := judge(case)).right
     ]
     assert wrong == []
 
@@ -45,8 +47,12 @@ def test_no_hop_is_lost_and_the_energy_stays():
     solution = solve(case.system, case.t_span, case.y0, **case.options)
     verdict = compare(solution, case.answers[0])
     assert verdict.right, verdict
-    drift = energy(case.options["params"][1], solution.y) / energy(1e3, solution.y[:, 0]) - 1
-    # Each step's error is about its tolerance; their sum is less than if all had one sign.
+    drift = (
+        energy(case.options["params"][1], solution.y) / energy(1e3, solution.y[:, 0])
+        - 1
+    )
+    # Each step's error is about its tolerance; their sum is less than if all had one
+    # sign.
     assert abs(drift).max() < solution.n_steps * case.options["rtol"]
 
 

@@ -14,8 +14,8 @@ from hopdata.hybrid import Solution, solve
 POWERS = [(30, 0), (-30, 0), (0, 30), (0, -30), (-30, 30), (30, 30)]
 
 
-# The first step is given, because its usual choice (Hairer, Norsett, Wanner, section II.4) depends
-# on the unit of time.
+# The first step is given, because its usual choice (Hairer, Norsett, Wanner, section
+# II.4) depends on the unit of time.
 def same(a: Solution, b: Solution, length: float, time: float) -> None:
     """Assert that two runs differ only by their units, to the last bit."""
     unit = np.array([length, length / time])
@@ -59,7 +59,9 @@ def test_units_of_the_ball(powers):
 def in_two(case_system, cut, end, y0, **options):
     """Integrate in two parts that carry over the locks; return both parts."""
     first = solve(case_system, (0.0, cut), y0, **options)
-    second = solve(case_system, (cut, end), first.y_end, **{**options, "mode": first.mode})
+    second = solve(
+        case_system, (cut, end), first.y_end, **{**options, "mode": first.mode}
+    )
     return first, second
 
 
@@ -89,10 +91,15 @@ def test_a_cut_near_the_apex_neither_loses_nor_doubles_a_graze(offset):
 def test_samples_at_and_around_jumps_of_the_field():
     """The state is continuous at the instant itself; its neighbours lie on the right piece."""
     places, gains = (0.5, 1.0, 1.0 + 1e-9, 2.0), (1.0, -3.0, 5.0, -2.0)
-    times = np.unique([t for a in places for t in (np.nextafter(a, 0), a, np.nextafter(a, 9))])
+    times = np.unique(
+        [t for a in places for t in (np.nextafter(a, 0), a, np.nextafter(a, 9))]
+    )
     params = clock_params([(POWER, a, 1, 1.0) for a in places], gains)
     solution = solve(clock(4), (0, 3), [0.0, 0.0], params=params, t_eval=times)
-    exact = [sum(g * max(t - a, 0.0) for a, g in zip(places, gains, strict=True)) for t in times]
+    exact = [
+        sum(g * max(t - a, 0.0) for a, g in zip(places, gains, strict=True))
+        for t in times
+    ]
     assert solution.t.tolist() == times.tolist()
     assert np.abs(solution.y[1] - exact).max() < 1e-14
     assert np.abs(solution.y[0] - times).max() < 1e-14
@@ -101,6 +108,12 @@ def test_samples_at_and_around_jumps_of_the_field():
 def test_samples_do_not_move_events():
     case = random_case(3, affine=True)
     bare = solve(case.system, case.t_span, case.y0, **case.options)
-    dense = solve(case.system, case.t_span, case.y0, **case.options, t_eval=np.linspace(0, 1, 1001))
+    dense = solve(
+        case.system,
+        case.t_span,
+        case.y0,
+        **case.options,
+        t_eval=np.linspace(0, 1, 1001),
+    )
     assert bare.events.time.tobytes() == dense.events.time.tobytes()
     assert bare.y_end.tobytes() == dense.y_end.tobytes()

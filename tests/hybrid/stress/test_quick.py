@@ -30,7 +30,9 @@ def test_no_contact_of_a_family_is_missed(family):
         for case in members(family, rtol):
             for method in METHODS:
                 options = {**case.options, "method": method}
-                verdict = judge(replace(case, system=quick(method == "taylor"), options=options))
+                verdict = judge(
+                    replace(case, system=quick(method == "taylor"), options=options)
+                )
                 assert verdict.right, (case, options, verdict)
 
 
@@ -71,7 +73,10 @@ def test_batches_and_jacobians_miss_none():
             assert judge(replace(case, options=options)).right, (family, case.options)
             starts = np.tile(np.asarray(case.y0), (3, 1))
             batch = solve_batch(case.system, case.t_span, starts, **case.options)
-            assert (batch.n_events == len(case.answers[0].events)).all(), (family, case.options)
+            assert (batch.n_events == len(case.answers[0].events)).all(), (
+                family,
+                case.options,
+            )
             alone = solve(case.system, case.t_span, case.y0, **case.options)
             assert (batch.y_end == alone.y_end).all()
 
@@ -90,7 +95,9 @@ def at_integers(t, y, dy, mode, params, h, hdot):
 def test_a_state_that_grows_passes_each_integer(rtol):
     """Many events in one step, at any tolerance: the path may be off, but it passes them all."""
     system = System(growing, at_integers, n_states=1, guard_names=("integer",))
-    solution = solve(system, (0.0, np.log(199.5 / 0.5)), [0.5], rtol=rtol, atol=1e-3 * rtol)
+    solution = solve(
+        system, (0.0, np.log(199.5 / 0.5)), [0.5], rtol=rtol, atol=1e-3 * rtol
+    )
     assert solution.success
     passed = np.arange(1, int(solution.y_end[0]) + 1)
     assert np.abs(solution.events.before[:, 0] - passed).max() < 1e-9 * passed[-1]
@@ -110,7 +117,9 @@ def told_wrongly(t, y, dy, mode, params, h, hdot):
     h[0], hdot[0] = np.sin(3.0 * y[0]) - 0.5, params[0] * rate + params[1] * noise
 
 
-@pytest.mark.parametrize(("factor", "noise"), [(0.0, 0.0), (-1.0, 0.0), (2.5, 0.0), (1.0, 30.0)])
+@pytest.mark.parametrize(
+    ("factor", "noise"), [(0.0, 0.0), (-1.0, 0.0), (2.5, 0.0), (1.0, 30.0)]
+)
 def test_wrong_rates_end_in_a_status(factor, noise):
     system = System(gliding, told_wrongly, n_states=1, guard_names=("wave",))
     solution = solve(system, (0.0, 10.0), [0.0], params=[factor, noise])

@@ -19,8 +19,9 @@ def test_piecewise_affine(first):
     assert wrong(first, affine=True) == []
 
 
-# Seeds 437 and 599, and 561 on the way back, have guards crossed at exactly one instant. If h were
-# trusted to a digit that it does not have, rounding would look like chattering or a wrong rate.
+# Seeds 437 and 599, and 561 on the way back, have guards crossed at exactly one
+# instant. If h were trusted to a digit that it does not have, rounding would look like
+# chattering or a wrong rate.
 
 
 @pytest.mark.parametrize(("first", "affine"), [(0, False), (550, False), (0, True)])

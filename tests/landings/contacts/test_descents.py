@@ -63,7 +63,10 @@ def test_a_foot_touches_later_than_it_is_too_high(landings):
     [
         (lambda z: z + 0.05, NOT_LANDED),
         (lambda z: 0.0003 * np.sin(np.arange(len(z))), ALREADY_DOWN),
-        (lambda z: 0.0048 * np.sin(0.11 * np.arange(len(z))), ALREADY_DOWN),  # the foot settles
+        (
+            lambda z: 0.0048 * np.sin(0.11 * np.arange(len(z))),
+            ALREADY_DOWN,
+        ),  # the foot settles
         (lambda z: z * np.nan, MISSING),
     ],
 )
@@ -80,7 +83,9 @@ def test_feet_that_do_not_land(landings, foot, expected):
 def test_a_foot_that_is_hidden_is_not_said_to_be_up_or_down(landings, side):
     heights = landings[2].copy()
     z = heights[:, 1]
-    hidden = (z < 0.04) if side == "low" else (z > 0.004)  # near its contact, or all of its descent
+    hidden = (
+        (z < 0.04) if side == "low" else (z > 0.004)
+    )  # near its contact, or all of its descent
     heights[hidden, 1] = np.nan
     *_, status = find(landings, heights)
     assert (status[:, 1] == MISSING).mean() > 0.9
@@ -113,10 +118,14 @@ def test_a_foot_that_hangs_low_before_it_falls_is_timed_by_its_fall(seed):
     time, released, hung_m = np.arange(200) / 200.0, 0.5 + 1e-3 * seed, 0.034
     lowered = np.interp(time, [0.3, 0.4], [0.15, hung_m])
     falls = lowered - 0.5 * 9.81 * np.maximum(time - released, 0.0) ** 2
-    heights = np.maximum(falls, 0.0) + 6e-4 * np.random.default_rng(seed).standard_normal(200)
+    heights = np.maximum(falls, 0.0) + 6e-4 * np.random.default_rng(
+        seed
+    ).standard_normal(200)
     ends, gap = np.array([[0.32], [0.7]]), np.array([0.005])
     options = {"noise_m": 6e-4, "down_height_m": 0.02, "lead_s": 0.04, "trail_s": 0.03}
-    near, *_ = approaches(time, heights[:, None], Transitions(*ends, gap, gap), **options)
+    near, *_ = approaches(
+        time, heights[:, None], Transitions(*ends, gap, gap), **options
+    )
     assert abs(near[0, 0] - released - np.sqrt(2 * hung_m / 9.81)) < 0.02
 
 
@@ -155,7 +164,9 @@ def test_instants_of_a_cosine(rate_hz):
     time, height = wave(rate_hz)
     found = find_transitions(time, height, **SECTIONS)
     expected = np.arange(5)
-    chord = 0.5 * 0.3 * (2 * np.pi) ** 2 / (8 * rate_hz**2)  # about the sagitta over the speed
+    chord = (
+        0.5 * 0.3 * (2 * np.pi) ** 2 / (8 * rate_hz**2)
+    )  # about the sagitta over the speed
     assert len(found) == 5
     np.testing.assert_allclose(
         found.t_pre, expected + np.arccos(0.3) / (2 * np.pi), atol=chord / 5 + 1e-12
@@ -169,7 +180,9 @@ def test_instants_of_a_cosine(rate_hz):
 def test_a_bounce_has_no_post_crossing():
     time, height = wave()
     shallow = np.where((time > 1) & (time < 2), 0.2 + 0.8 * np.abs(height), height)
-    found = find_transitions(time, np.where((time > 1) & (time < 2), shallow, height), **SECTIONS)
+    found = find_transitions(
+        time, np.where((time > 1) & (time < 2), shallow, height), **SECTIONS
+    )
     assert np.isnan(found.t_post).sum() == len(found) - 4
     assert found.complete.sum() == 4
 
@@ -197,7 +210,9 @@ def test_where_no_crossing_is_seen_the_gap_is_that_which_may_hide_it():
     hidden = find_transitions(time, height, **SECTIONS)
     assert np.isnan(hidden.t_post[0])
     assert hidden.gap_post[0] == pytest.approx(0.66)
-    shallow = find_transitions(time, np.where(time < 1, np.maximum(height, 0), height), **SECTIONS)
+    shallow = find_transitions(
+        time, np.where(time < 1, np.maximum(height, 0), height), **SECTIONS
+    )
     assert len(sound) == len(hidden) == len(shallow) == 5
     bounce = find_transitions(*wave(), pre_height_m=0.3, post_height_m=-1.5)
     assert np.isnan(bounce.t_post).all()
@@ -214,9 +229,13 @@ def test_a_hidden_top_is_told_by_its_gap():
 
 def test_a_recording_that_starts_low_or_ends_in_descent():
     time, height = wave()
-    found = find_transitions(time[22:440], height[22:440], **SECTIONS)  # between the sections
+    found = find_transitions(
+        time[22:440], height[22:440], **SECTIONS
+    )  # between the sections
     assert len(found) == 5
-    assert np.isinf(found.gap_pre).tolist() == [True] + 4 * [False]  # its top is not recorded
+    assert np.isinf(found.gap_pre).tolist() == [True] + 4 * [
+        False
+    ]  # its top is not recorded
     assert found.complete.all()
     found = find_transitions(time[:423], height[:423], **SECTIONS)
     assert len(found) == 5
@@ -250,14 +269,20 @@ def hops(tops, rate_hz=200.0):
     local = np.arange(round(rate_hz)) / rate_hz
     up = local < 0.5
     pieces = [
-        np.where(up, -0.6 + (top + 0.6) * (1 - (4 * local - 1) ** 2), -0.6 - 0.2 * (local - 0.5))
+        np.where(
+            up,
+            -0.6 + (top + 0.6) * (1 - (4 * local - 1) ** 2),
+            -0.6 - 0.2 * (local - 0.5),
+        )
         for top in tops
     ]
     return np.arange(len(tops) * len(local)) / rate_hz, np.concatenate(pieces)
 
 
 def test_a_hop_that_stays_below_the_pre_section_is_found_at_its_top():
-    time, height = hops([1.0, 0.2, 0.9, -0.4, 1.0])  # a rise of less than 30 % is no hop
+    time, height = hops(
+        [1.0, 0.2, 0.9, -0.4, 1.0]
+    )  # a rise of less than 30 % is no hop
     found = find_transitions(time, height, **SECTIONS)
     assert len(found) == 4
     np.testing.assert_allclose(found.t_pre[1], 1.25)
@@ -286,7 +311,9 @@ def autoregressive(rng, shape, correlation):
 @pytest.mark.parametrize("seed", range(3))
 def test_how_noise_is_correlated_is_seen_beside_the_motion(correlation, seed):
     motion = 0.3 * np.sin(2 * np.pi * 2 * np.arange(4000) / 200)[:, None, None]
-    noise = 3e-4 * autoregressive(np.random.default_rng(seed), (4000, 3, 3), correlation)
+    noise = 3e-4 * autoregressive(
+        np.random.default_rng(seed), (4000, 3, 3), correlation
+    )
     assert noise_correlation(motion + noise) == pytest.approx(correlation, abs=0.12)
 
 
@@ -295,7 +322,13 @@ def test_white_noise_and_mere_motion_are_not_correlated(seed):
     white = 3e-4 * np.random.default_rng(seed).standard_normal((4000, 3, 3))
     motion = 0.3 * np.sin(2 * np.pi * 2 * np.arange(4000) / 200)[:, None, None]
     smoothed = sosfiltfilt(butter(2, 15, fs=200, output="sos"), white, axis=0)
-    for body in (white + motion, motion + 0 * white, motion + smoothed, white[:6], np.nan * white):
+    for body in (
+        white + motion,
+        motion + 0 * white,
+        motion + smoothed,
+        white[:6],
+        np.nan * white,
+    ):
         assert noise_correlation(body) == 0.0
 
 
@@ -303,10 +336,16 @@ def test_white_noise_and_mere_motion_are_not_correlated(seed):
 def test_errors_of_contacts_are_widened_by_what_correlated_noise_does(correlation):
     before, after = 16, 10
     frame = np.arange(-before, after) + 0.5
-    law = np.stack([frame < 0, (frame < 0) * frame, (frame < 0) * frame**2, frame > 0], axis=1)
+    law = np.stack(
+        [frame < 0, (frame < 0) * frame, (frame < 0) * frame**2, frame > 0], axis=1
+    )
     noise = autoregressive(np.random.default_rng(1), (len(frame), 20_000), correlation)
     fitted, squares, *_ = np.linalg.lstsq(law.astype(float), noise, rcond=None)
-    of_contact = np.linalg.inv(law.T.astype(float) @ law) @ [1, 0, 0, -1] @ [1, 0, 0, -1]
+    of_contact = (
+        np.linalg.inv(law.T.astype(float) @ law) @ [1, 0, 0, -1] @ [1, 0, 0, -1]
+    )
     stated = np.sqrt(of_contact * squares.mean() / (len(frame) - 4))
     found = (fitted[0] - fitted[3]).std()
-    assert widening(correlation, before, after) == pytest.approx(found / stated, rel=0.03)
+    assert widening(correlation, before, after) == pytest.approx(
+        found / stated, rel=0.03
+    )

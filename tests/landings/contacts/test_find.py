@@ -31,7 +31,9 @@ from hopdata.recording import Recording
 def found(scene, heights=None, *, pre=PRE_HEIGHT_M, **options):
     recording, transitions = scene.recording, transitions_of(scene, pre)
     heights = recording.feet[:, :, 2] if heights is None else heights
-    return find_contacts(recording.time, heights, transitions, down_height_m=0.02, **options)
+    return find_contacts(
+        recording.time, heights, transitions, down_height_m=0.02, **options
+    )
 
 
 def right_orders(scene, contacts):
@@ -70,14 +72,22 @@ def test_later_feet_are_not_biased_by_the_pushes_of_earlier_ones(scene):
 def test_the_printed_method_is_worse(scene):
     kink = right_orders(scene, found(scene))
     options = {"pre": PRE_HEIGHT_M + 0.04}
-    parabola = right_orders(scene, found(scene, method="velocity_minimum_parabola", **options))
+    parabola = right_orders(
+        scene, found(scene, method="velocity_minimum_parabola", **options)
+    )
     whole = right_orders(scene, found(scene, method="velocity_minimum", **options))
     assert kink > parabola > whole
 
 
 @pytest.mark.parametrize(
     "options",
-    [{"feet": 2}, {"feet": 4}, {"feet": 6, "body": 4}, {"rate_hz": 50}, {"rate_hz": 1000}],
+    [
+        {"feet": 2},
+        {"feet": 4},
+        {"feet": 6, "body": 4},
+        {"rate_hz": 50},
+        {"rate_hz": 1000},
+    ],
 )
 def test_any_number_of_feet_at_any_rate(options):
     scene = simulate(80, seed=3, **options)
@@ -132,7 +142,9 @@ def test_toes_that_sink_on_while_their_heel_comes_down_do_not_rise():
     for foot in feet:
         assert RISES not in table[f"status_{foot}"].to_numpy()
         instants = table[f"contact_{foot}_s"].dropna().to_numpy()
-        assert np.abs(instants - np.array(truth[foot])[:, None]).min(axis=0).max() < 0.006
+        assert (
+            np.abs(instants - np.array(truth[foot])[:, None]).min(axis=0).max() < 0.006
+        )
 
 
 def test_rolling_feet_are_fitted_in_short_windows():
@@ -142,7 +154,9 @@ def test_rolling_feet_are_fitted_in_short_windows():
     time = scene.recording.time
     for row, foot in np.ndindex(at.shape):
         near = slice(at[row, foot] - 12, at[row, foot] + 12)
-        heights[near, foot] += 0.006 * np.abs(np.sin(60 * (time[near] - time[at[row, foot]])))
+        heights[near, foot] += 0.006 * np.abs(
+            np.sin(60 * (time[near] - time[at[row, foot]]))
+        )
     contacts = found(scene, heights)
     assert contacts.noise_m > 2e-4  # the law does not hold to within the noise
     assert (contacts.status == LANDED).mean() > 0.9
@@ -152,7 +166,11 @@ def test_rolling_feet_are_fitted_in_short_windows():
 def test_feet_that_leave_again_within_the_window_are_neither_soft_nor_early(seed):
     scene = falls(150, seed=seed, stands_s=0.036)
     contacts = find_contacts(
-        scene.time, scene.heights, scene.transitions, down_height_m=0.02, gravity="learned"
+        scene.time,
+        scene.heights,
+        scene.transitions,
+        down_height_m=0.02,
+        gravity="learned",
     )
     error = contacts.instant - scene.contacts
     assert (contacts.status == LANDED).mean() > 0.95
@@ -176,7 +194,9 @@ def test_toes_that_rise_a_little_as_their_heel_comes_down_are_timed(seed):
 def test_what_a_low_pass_may_delay_contacts_by_is_common_to_all(scene, monkeypatch):
     recording = scene.recording.part(slice(0, 2000))
     plain = contacts_of(find_landings(recording)).common
-    monkeypatch.setattr("hopdata.landings.contacts.find.low_pass", lambda _, **_scale: 0.12)
+    monkeypatch.setattr(
+        "hopdata.landings.contacts.find.low_pass", lambda _, **_scale: 0.12
+    )
     delayed = contacts_of(find_landings(recording)).common
     assert (plain < 0.002).all()
     np.testing.assert_allclose(delayed, 0.21 / (0.12 * recording.rate_hz))
@@ -185,7 +205,9 @@ def test_what_a_low_pass_may_delay_contacts_by_is_common_to_all(scene, monkeypat
 def test_unknown_choices_name_the_nearest(scene):
     with pytest.raises(ConfigError, match="did you mean 'kink'"):
         found(scene, method="kinks")
-    with pytest.raises(ConfigError, match=r"touchdowns.gravity.*did you mean 'learned'"):
+    with pytest.raises(
+        ConfigError, match=r"touchdowns.gravity.*did you mean 'learned'"
+    ):
         found(scene, gravity="learnt")
 
 
@@ -227,7 +249,10 @@ def test_no_descent_makes_no_contact():
     scene = simulate(20, seed=14)
     for method in ("kink", "velocity_minimum"):
         still = replace(scene.recording, positions=0 * scene.recording.positions)
-        assert found(replace(scene, recording=still), method=method).instant.shape == (0, 3)
+        assert found(replace(scene, recording=still), method=method).instant.shape == (
+            0,
+            3,
+        )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -237,7 +262,9 @@ def test_of_two_landings_in_one_descent_of_the_body_the_first_counts(seed):
     after = (made.time.reshape(40, -1, 1) - made.contacts[:, None]).reshape(-1, 3)
     lifted = 0.05 * np.sin(np.pi * np.clip((after - 0.06) / 0.06, 0, 1))
     transitions = replace(made.transitions, t_post=made.contacts.max(axis=1) + 0.13)
-    contacts = find_contacts(made.time, made.heights + lifted, transitions, down_height_m=0.02)
+    contacts = find_contacts(
+        made.time, made.heights + lifted, transitions, down_height_m=0.02
+    )
     error = contacts.instant - made.contacts
     assert (contacts.status == LANDED).mean() > 0.95
     assert np.abs(error[contacts.status == LANDED]).max() < 0.005
@@ -250,7 +277,9 @@ def test_legs_that_swing_on_are_timed_and_teach_no_law(seed):
     swings = np.random.default_rng(seed).random((100, 1, 3)) < 0.08
     before = made.contacts[:, None] - made.time.reshape(100, -1, 1)
     above = (0.06 * swings * np.clip((before - 0.042) / 0.02, 0, 1)).reshape(-1, 3)
-    contacts = find_contacts(made.time, made.heights + above, made.transitions, down_height_m=0.02)
+    contacts = find_contacts(
+        made.time, made.heights + above, made.transitions, down_height_m=0.02
+    )
     off = np.abs(contacts.instant - made.contacts)
     assert (contacts.status == LANDED).mean() > 0.99
     assert np.sqrt(np.mean((off / contacts.se)[~swings[:, 0]] ** 2)) < 1.25
@@ -283,7 +312,9 @@ def test_frames_hidden_at_impact_cost_no_contact_and_errors_stay_honest(
         made = falls(40, seed=seed, noise_m=noise_m, compliance_s=compliance_s)
         heights = made.heights.copy()
         is_hidden = hide_at_impact(made, heights, frames, seed=seed)
-        contacts = find_contacts(made.time, heights, made.transitions, down_height_m=0.02)
+        contacts = find_contacts(
+            made.time, heights, made.transitions, down_height_m=0.02
+        )
         assert (contacts.status == LANDED).all()
         error = contacts.instant - made.contacts
         own.append((error / contacts.se)[is_hidden])
@@ -299,9 +330,13 @@ def test_a_foot_that_sinks_into_a_mat_is_timed_though_its_impact_is_hidden(frame
     for seed in range(2):
         made = falls(40, seed=seed, noise_m=1e-4)
         after = (made.time.reshape(40, -1, 1) - made.contacts[:, None]).reshape(-1, 3)
-        heights = made.heights - 0.004 * np.exp(-(((after - 0.015) / 0.008) ** 2)) * (after >= 0)
+        heights = made.heights - 0.004 * np.exp(-(((after - 0.015) / 0.008) ** 2)) * (
+            after >= 0
+        )
         is_hidden = hide_at_impact(made, heights, frames, seed=seed)
-        contacts = find_contacts(made.time, heights, made.transitions, down_height_m=0.02)
+        contacts = find_contacts(
+            made.time, heights, made.transitions, down_height_m=0.02
+        )
         assert (contacts.status == LANDED).all()
         error = np.abs(contacts.instant - made.contacts)
         off.append((error / np.hypot(contacts.se, contacts.common))[is_hidden])

@@ -28,7 +28,9 @@ def test_a_foot_is_where_its_lowest_marker_is(scene):
     recording = join_feet(scene.recording, FEET)
     assert recording.names("foot") == ("left", "foot2")
     assert recording.names("part") == ("foot1", "foot3")
-    assert [[recording.markers[m] for m in foot] for foot in parts_of_feet(recording)] == [
+    assert [
+        [recording.markers[m] for m in foot] for foot in parts_of_feet(recording)
+    ] == [
         ["foot1", "foot3"],
         ["foot2"],
     ]
@@ -52,9 +54,14 @@ def test_its_contact_is_that_of_the_first_marker(scene):
 
 def test_the_earliest_of_two_that_are_not_known_exactly():
     rng = np.random.default_rng(1)
-    means, sds = np.array([[0.0, 0.5], [0.0, 9.0], [0.3, 0.3]]), np.array([[1.0, 0.5]] * 3)
+    means, sds = (
+        np.array([[0.0, 0.5], [0.0, 9.0], [0.3, 0.3]]),
+        np.array([[1.0, 0.5]] * 3),
+    )
     drawn = (means + sds * rng.standard_normal((200_000, 1, 2))).min(axis=2)
-    mean, sd, _ = first_of(means, sds, np.full((3, 2), LANDED), np.full((3, 2), -np.inf))
+    mean, sd, _ = first_of(
+        means, sds, np.full((3, 2), LANDED), np.full((3, 2), -np.inf)
+    )
     np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=0.01)
     np.testing.assert_allclose(sd, drawn.std(axis=0), atol=0.01)
 
@@ -70,7 +77,10 @@ def test_the_earliest_of_two_that_are_not_known_exactly():
 )
 def test_a_marker_that_may_have_been_first_leaves_the_contact_open(markers, foot):
     instant, se, status = first_of(
-        np.array([[1.0, 2.0]]), np.array([[0.1, 0.1]]), np.array([markers]), np.array([[0.8, 0.9]])
+        np.array([[1.0, 2.0]]),
+        np.array([[0.1, 0.1]]),
+        np.array([markers]),
+        np.array([[0.8, 0.9]]),
     )
     assert status[0] == foot
     assert np.isfinite(instant[0]) == np.isfinite(se[0]) == (foot == LANDED)
@@ -78,5 +88,7 @@ def test_a_marker_that_may_have_been_first_leaves_the_contact_open(markers, foot
 
 @pytest.mark.parametrize("heel", [MISSING, POOR_FIT, RISES])
 def test_a_marker_that_was_too_high_to_be_first_leaves_it_alone(heel):
-    found = first_of(*(np.array([x]) for x in ([1.0, 2.0], [0.1, 0.1], [LANDED, heel], [0.8, 1.4])))
+    found = first_of(
+        *(np.array([x]) for x in ([1.0, 2.0], [0.1, 0.1], [LANDED, heel], [0.8, 1.4]))
+    )
     np.testing.assert_array_equal(found, [[1.0], [0.1], [LANDED]])

@@ -30,7 +30,11 @@ def single_kinks(landings, seed=0, noise=NOISE):
 
 
 def fit(time, height, near, **options):
-    options = {"priors": prior(near.shape[1]), "noise_m": NOISE, "search_s": 0.02} | options
+    options = {
+        "priors": prior(near.shape[1]),
+        "noise_m": NOISE,
+        "search_s": 0.02,
+    } | options
     return kink_fits(time, height, near, **({"windows_s": WINDOWS} | options))
 
 
@@ -58,7 +62,9 @@ def test_noiseless_instants_are_exact():
     np.testing.assert_allclose(found.floor, 0.0, atol=2e-6)
 
 
-@pytest.mark.parametrize(("gravity", "own"), [("free", (0.0, 1e4)), ("known", (-GRAVITY, 1e-3))])
+@pytest.mark.parametrize(
+    ("gravity", "own"), [("free", (0.0, 1e4)), ("known", (-GRAVITY, 1e-3))]
+)
 def test_error_is_at_the_statistical_limit_and_calibrated(gravity, own):
     time, height, contact = single_kinks(3000)
     found = fit(time, height, contact + 0.003, priors=prior(1, *own))
@@ -92,7 +98,9 @@ def pushed_pairs(landings, push, jerk, seed=0):
     strength = np.repeat(push + rng.normal(0, 3, landings), int(0.5 * RATE))
     fall = -2 * s - 0.5 * GRAVITY * s**2 + strength * after**2 / 2 + jerk * after**3 / 6
     gap = np.repeat(later, int(0.5 * RATE))
-    at_contact = -2 * gap - 0.5 * GRAVITY * gap**2 + strength * gap**2 / 2 + jerk * gap**3 / 6
+    at_contact = (
+        -2 * gap - 0.5 * GRAVITY * gap**2 + strength * gap**2 / 2 + jerk * gap**3 / 6
+    )
     second = np.where(s < gap, fall - at_contact, 0.0)
     heights = np.column_stack([first, second]) + rng.normal(0, NOISE, (len(time), 2))
     return time, heights, np.column_stack([base, base + later])
@@ -105,12 +113,18 @@ def test_a_rigid_foot_turns_about_the_marker_that_touches_first():
     heel = toe + rng.uniform(0.03, 0.06, landings)
     s, left = (time - np.repeat(at, 50) for at in (toe, heel))
     turns = np.where(s < 0, 1.5 * s, 0.0)  # the heel slows by 1.5 m/s as the toes touch
-    heights = np.column_stack([np.where(s < 0, -2.5 * s, 0.0), np.where(left < 0, -1.5 * left, 0)])
+    heights = np.column_stack(
+        [np.where(s < 0, -2.5 * s, 0.0), np.where(left < 0, -1.5 * left, 0)]
+    )
     heights[:, 1] -= turns
     heights += rng.normal(0, NOISE, heights.shape)
     contact = np.column_stack([toe, heel])
     found = fit(
-        time, heights, contact + 0.002, earlier=contact, priors=replace(prior(2), foot_of=(0, 0))
+        time,
+        heights,
+        contact + 0.002,
+        earlier=contact,
+        priors=replace(prior(2), foot_of=(0, 0)),
     )
     error = (found.instant - contact) / (NOISE * found.unit_se)
     np.testing.assert_allclose(np.sqrt(np.mean(error**2, axis=0)), 1.0, atol=0.25)
@@ -132,7 +146,9 @@ def test_the_push_of_an_earlier_foot_is_learned_and_taken_into_account():
     error, ignored = (found.instant - contact)[:, 1], (alone.instant - contact)[:, 1]
     assert error.std() < 0.00035
     assert abs(error.mean()) < 0.0001
-    assert np.hypot(ignored.std(), ignored.mean()) > 3 * error.std()  # control: no pushes
+    assert (
+        np.hypot(ignored.std(), ignored.mean()) > 3 * error.std()
+    )  # control: no pushes
     assert 0.63 < np.mean(np.abs(error) < NOISE * found.unit_se[:, 1]) < 0.8
 
 
@@ -157,9 +173,13 @@ def test_no_frames_no_fit():
 
 def test_a_gap_that_leaves_two_frames_of_flight_fixes_no_instant():
     time, height, contact = single_kinks(200, seed=8)
-    for row, at in enumerate(contact[:, 0]):  # frames of every pattern just before the contact
+    for row, at in enumerate(
+        contact[:, 0]
+    ):  # frames of every pattern just before the contact
         last = int(np.floor(at * RATE))
-        height[last - 18 : last - row % 4, 0] = np.nan  # farther back than any window reaches
+        height[last - 18 : last - row % 4, 0] = (
+            np.nan
+        )  # farther back than any window reaches
         height[last - row % 3, 0] = np.nan
     found = fit(time, height, contact + 0.003)
     assert not np.isnan(found.instant).all()
@@ -173,8 +193,12 @@ def test_pooled_noise_is_never_below_what_cameras_do():
     assert pooled_noise(fit(time, height, contact)) == LEAST_NOISE_M
 
 
-@pytest.mark.parametrize(("hidden", "n_after"), [(0, 3), (2, 3), (3, 3), (4, 2), (6, 0)])
-def test_a_window_counts_the_frames_that_show_the_foot_up_to_twice_its_length(hidden, n_after):
+@pytest.mark.parametrize(
+    ("hidden", "n_after"), [(0, 3), (2, 3), (3, 3), (4, 2), (6, 0)]
+)
+def test_a_window_counts_the_frames_that_show_the_foot_up_to_twice_its_length(
+    hidden, n_after
+):
     time, height, contact = single_kinks(40, seed=8)
     for at in contact[:, 0]:
         first = int(np.ceil(at * RATE))

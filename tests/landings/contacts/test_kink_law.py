@@ -26,7 +26,12 @@ FIRST_MEASURED_MS = {"known": 0.49, "learned": 0.49, "free": 0.84}
 
 def found(feet, gravity="learned", **options):
     return find_contacts(
-        feet.time, feet.heights, feet.transitions, down_height_m=0.015, gravity=gravity, **options
+        feet.time,
+        feet.heights,
+        feet.transitions,
+        down_height_m=0.015,
+        gravity=gravity,
+        **options,
     )
 
 
@@ -62,7 +67,9 @@ def hard():
     return falls(2000, seed=21)
 
 
-@pytest.mark.parametrize(("gravity", "share"), [("known", 0.95), ("learned", 0.95), ("free", 0.91)])
+@pytest.mark.parametrize(
+    ("gravity", "share"), [("known", 0.95), ("learned", 0.95), ("free", 0.91)]
+)
 def test_hard_contacts(hard, gravity, share):
     contacts = found(hard, gravity)
     error = errors_ms(hard, contacts)
@@ -88,13 +95,19 @@ def test_contacts_5_ms_apart_are_told_apart():
 def test_three_frames_missing_at_each_contact(gravity):
     feet = falls(1200, seed=23, missing=3)
     contacts = found(feet, gravity)
-    assert errors_ms(feet, contacts).std() < 0.77  # 0.75 in the mean; sampling error 0.01
+    assert (
+        errors_ms(feet, contacts).std() < 0.77
+    )  # 0.75 in the mean; sampling error 0.01
     assert 0.63 < covered(feet, contacts) < 0.75
 
 
 @pytest.mark.parametrize(
     "law",
-    [{"compliance_s": 0.005}, {"creep_m_s": -0.02}, {"compliance_s": 0.005, "creep_m_s": 0.02}],
+    [
+        {"compliance_s": 0.005},
+        {"creep_m_s": -0.02},
+        {"compliance_s": 0.005, "creep_m_s": 0.02},
+    ],
 )
 @pytest.mark.parametrize("gravity", ["known", "free"])
 def test_soft_contacts_and_creep(law, gravity):
@@ -102,7 +115,9 @@ def test_soft_contacts_and_creep(law, gravity):
     contacts = found(feet, gravity)
     error = errors_ms(feet, contacts)
     assert error.std() < 1.1 * bound_ms(gravity, **law)
-    assert abs(error.mean()) < 0.5  # ignored, a compliance of 5 ms delays by more than 5 ms
+    assert (
+        abs(error.mean()) < 0.5
+    )  # ignored, a compliance of 5 ms delays by more than 5 ms
     assert 0.63 < covered(feet, contacts) < 0.75
 
 
@@ -115,7 +130,9 @@ def test_what_soft_contacts_have_in_common_is_stated(compliance_s, landings):
         feet = falls(landings, seed=900 + seed, compliance_s=compliance_s)
         contacts = found(feet)
         mean = np.nanmean(contacts.instant - feet.contacts)
-        ratios.append(mean / np.hypot(contacts.common.mean(), np.nanmean(contacts.se) / 3))
+        ratios.append(
+            mean / np.hypot(contacts.common.mean(), np.nanmean(contacts.se) / 3)
+        )
     assert 0.3 < np.sqrt(np.mean(np.square(ratios))) < 1.6
     assert found(falls(landings, seed=950)).common.max() < 0.002
 
@@ -127,7 +144,9 @@ def test_feet_that_land_at_once_are_as_hard_as_they_are(seed):
     contacts = found(feet)
     error = contacts.instant - feet.contacts
     assert abs(np.nanmean(error)) < 5e-4  # 2.1 to 2.9 ms before the fix
-    assert np.sqrt(np.nanmean((error / contacts.se) ** 2)) < 1.4  # 4.5 to 6.4 before the fix
+    assert (
+        np.sqrt(np.nanmean((error / contacts.se) ** 2)) < 1.4
+    )  # 4.5 to 6.4 before the fix
 
 
 @pytest.mark.parametrize("seed", range(30, 35))
@@ -200,13 +219,17 @@ def posteriors(value, variance, prior_mean, prior_sd):
     flight[:, 0, 3] = (value / variance + prior_mean / prior_sd**2) / precision
     se[:, 0, 3] = 1 / np.sqrt(precision)
     blank, counts = np.zeros((landings, 2)), np.zeros((landings, 2), dtype=np.int64)
-    return KinkFits(blank, blank, blank, blank, flight, se, blank, blank, blank, counts, counts)
+    return KinkFits(
+        blank, blank, blank, blank, flight, se, blank, blank, blank, counts, counts
+    )
 
 
 def creep_learned(value, variance, prior_mean=0.0, prior_sd=0.1):
     prior = FlightPriors(np.zeros((2, 4)), np.full((2, 4), prior_sd))
     prior.mean[:, 3] = prior_mean
-    found = learn(posteriors(value, variance, prior_mean, prior_sd), noise_m=1.0, prior=prior)
+    found = learn(
+        posteriors(value, variance, prior_mean, prior_sd), noise_m=1.0, prior=prior
+    )
     return found.mean[0, 3], found.sd[0, 3]
 
 
@@ -250,7 +273,10 @@ def alone(feet, rounded=None):
         heights[:, rounded] = np.convolve(heights[:, rounded], kernel, mode="same")
     near = feet.contacts + 0.004
     fits, _ = single_fits(
-        FootHeights(feet.time, heights, (0.05, 0.04)), near, noise_m=NOISE_M, gravity="learned"
+        FootHeights(feet.time, heights, (0.05, 0.04)),
+        near,
+        noise_m=NOISE_M,
+        gravity="learned",
     )
     return fits.instant - feet.contacts, NOISE_M * fits.unit_se
 
@@ -264,7 +290,9 @@ def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
     assert np.nanmedian(se[:, 1]) > 3 * np.nanmedian(hard_se[:, 1])
     known = np.isfinite(error[:, 1])
     assert known.mean() > 0.95
-    scatter = (error[:, 1] - np.median(error[known, 1]))[known]  # its touchdown is not defined
+    scatter = (error[:, 1] - np.median(error[known, 1]))[
+        known
+    ]  # its touchdown is not defined
     assert np.sqrt(np.mean((scatter / se[known, 1]) ** 2)) < 1.25
 
 
@@ -276,10 +304,15 @@ def test_errors_from_few_landings_are_as_large_as_stated(landings):
         scene = simulate(landings, seed=seed)
         recording = scene.recording
         contacts = find_contacts(
-            recording.time, recording.feet[:, :, 2], transitions_of(scene), down_height_m=0.02
+            recording.time,
+            recording.feet[:, :, 2],
+            transitions_of(scene),
+            down_height_m=0.02,
         )
         landed = contacts.status == LANDED
-        squares.append(((contacts.instant - scene.contact_times) / contacts.se)[landed] ** 2)
+        squares.append(
+            ((contacts.instant - scene.contact_times) / contacts.se)[landed] ** 2
+        )
     assert 0.8 < np.sqrt(np.mean(np.concatenate(squares))) < 1.25
 
 
@@ -291,7 +324,9 @@ def test_a_kink_that_is_too_high_is_no_contact():
         earliest = np.full(feet.contacts.shape, -np.inf)
         earliest[:, 1] = feet.contacts[:, 1] + later_s
         heights = FootHeights(feet.time, feet.heights, (0.05, 0.04), earliest)
-        return single_fits(heights, feet.contacts, noise_m=NOISE_M, gravity="learned")[0]
+        return single_fits(heights, feet.contacts, noise_m=NOISE_M, gravity="learned")[
+            0
+        ]
 
     free, below, above = (fitted(later_s) for later_s in (-np.inf, -0.005, 0.005))
     np.testing.assert_allclose(below.instant, free.instant, atol=5e-5, rtol=0)

@@ -35,9 +35,17 @@ def test_weights_are_the_nearest_numbers_to_the_exact_fractions(window):
 
 def test_the_filter_lasts_as_long_at_every_rate():
     assert filter_window(100.0) == filter_window(1 / 0.010000000001) == 7
-    assert [filter_window(rate) for rate in (50.0, 200.0, 500.0, 2000.0)] == [5, 15, 35, 141]
+    assert [filter_window(rate) for rate in (50.0, 200.0, 500.0, 2000.0)] == [
+        5,
+        15,
+        35,
+        141,
+    ]
     noise = np.random.default_rng(0).normal(0, 6e-4, (4000, 3))
-    errors = [savitzky_golay_velocity(noise, r)[100:-100].std() for r in (100.0, 500.0, 2000.0)]
+    errors = [
+        savitzky_golay_velocity(noise, r)[100:-100].std()
+        for r in (100.0, 500.0, 2000.0)
+    ]
     assert errors[2] < errors[1] < errors[0] < 0.04, "m/s"
 
 
@@ -54,14 +62,20 @@ def test_velocity_of_a_cubic_is_exact_and_gaps_stay_gaps():
 @pytest.fixture(scope="module")
 def landings():
     scene = simulate(300, seed=4)
-    return scene, transitions_of(scene, PRE_HEIGHT_M + 0.04)  # the minimum leads the contact
+    return scene, transitions_of(
+        scene, PRE_HEIGHT_M + 0.04
+    )  # the minimum leads the contact
 
 
 def errors(landings, *, parabola):
     scene, transitions = landings
     recording = scene.recording
     instant, se = velocity_minima(
-        recording.time, recording.feet[:, :, 2], transitions, noise_m=6e-4, parabola=parabola
+        recording.time,
+        recording.feet[:, :, 2],
+        transitions,
+        noise_m=6e-4,
+        parabola=parabola,
     )
     return instant - scene.contact_times, se
 

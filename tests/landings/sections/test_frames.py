@@ -23,7 +23,9 @@ def test_a_run_counts_as_up_only_if_it_rises_well_above_the_threshold():
 
 def test_descents_of_a_wave_with_noise():
     time = np.arange(0, 10, 0.01)
-    wave = np.cos(2 * np.pi * time) + 0.02 * np.random.default_rng(0).normal(size=len(time))
+    wave = np.cos(2 * np.pi * time) + 0.02 * np.random.default_rng(0).normal(
+        size=len(time)
+    )
     found = np.array(descents(wave))
     np.testing.assert_allclose(found[:, 0], 100 * np.arange(10), atol=8)
     np.testing.assert_allclose(found[:9, 1], 100 * np.arange(9) + 50, atol=8)

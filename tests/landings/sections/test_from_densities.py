@@ -53,5 +53,7 @@ def test_a_sparse_tail_has_left_zero():
 
 
 def test_a_bandwidth_finer_than_the_grid_is_refused():
-    with pytest.raises(AnalysisError, match=r"sections\.bandwidth_m: expected at least"):
+    with pytest.raises(
+        AnalysisError, match=r"sections\.bandwidth_m: expected at least"
+    ):
         heights_from_densities(frames_between(0.3, 0.5), 1e-7)

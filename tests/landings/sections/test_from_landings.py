@@ -20,7 +20,8 @@ from hopdata.landings.sections.from_landings import (
     landing_heights,
 )
 
-#     top, first and last contact, lowest, and 2 ms before the first and after the last contact
+#     top, first and last contact, lowest, and 2 ms before the first and after the last
+#     contact
 ONE = [1.00, 0.90, 0.80, 0.70, 0.904, 0.797]
 OTHER = [0.95, 0.93, 0.60, 0.55, 0.932, 0.598]
 MADE_UP = np.array([ONE] * 9 + [OTHER])
@@ -45,7 +46,9 @@ def test_heights_are_those_of_the_body_at_its_turns_and_contacts():
     touches = np.flatnonzero(np.diff(fake.foot_down.any(axis=1).astype(int)) == 1)
     all_down = np.flatnonzero(np.diff(fake.foot_down.all(axis=1).astype(int)) == 1)
     frame_m = 0.02  # fall of the body per frame
-    later = np.median(fake.body_height[touches + 1])  # the flight is continued by one frame
+    later = np.median(
+        fake.body_height[touches + 1]
+    )  # the flight is continued by one frame
     assert np.median(found[:, FIRST_CONTACT]) == pytest.approx(later, abs=frame_m)
     last = np.median(fake.body_height[all_down])
     assert np.median(found[:, LAST_CONTACT]) == pytest.approx(last, abs=frame_m)
@@ -61,7 +64,8 @@ def test_a_part_of_a_recording_has_the_landings_that_it_shows():
         for half in (slice(middle), slice(middle, None))
     ]
     assert len(whole) - 1 <= sum(map(len, halves)) <= len(whole)
-    # The size of the animal is measured in each part anew, which moves instants by some us.
+    # The size of the animal is measured in each part anew, which moves instants by some
+    # us.
     np.testing.assert_allclose(halves[0], whole[: len(halves[0])], rtol=0, atol=1e-5)
     unseen = recording.positions.copy()
     unseen[(recording.time > 5) & (recording.time < 6)] = np.nan
@@ -111,7 +115,9 @@ def test_one_deep_contact_of_few_is_held():
     _, post_m, _ = heights_from_landings(heights, 2e-3)
     assert 0.293 < post_m <= 0.295
     many = np.concatenate([heights, landings_like(np.random.default_rng(2), 200, 5e-4)])
-    assert heights_from_landings(many, 2e-3)[1] > 0.2955, "of 239 landings, it may be lost"
+    assert heights_from_landings(many, 2e-3)[1] > 0.2955, (
+        "of 239 landings, it may be lost"
+    )
 
 
 def test_the_pre_section_lies_half_way_in_the_time_of_the_flight():
@@ -141,8 +147,11 @@ def test_flights_are_continued_only_where_they_must_be():
 
 def test_no_section_lies_where_the_body_nearly_stands():
     contact, lowest = np.full(200, 0.8), np.full(200, 0.7)
-    heights = np.column_stack([contact + 0.2, contact, contact, lowest, contact, contact])
-    # Every other last contact lies at the lowest point: such landings are held nowhere else.
+    heights = np.column_stack(
+        [contact + 0.2, contact, contact, lowest, contact, contact]
+    )
+    # Every other last contact lies at the lowest point: such landings are held nowhere
+    # else.
     heights[::2, [2, 5]] = 0.705
     pre_m, post_m, _ = heights_from_landings(heights)
     assert 0.724 < post_m <= 0.801
@@ -172,7 +181,9 @@ def test_when_most_landings_are_lower_so_are_the_sections():
     lower = heights.copy()
     lower[:300] -= 0.05
     for found, usual in zip(
-        heights_from_landings(lower)[:2], heights_from_landings(heights)[:2], strict=True
+        heights_from_landings(lower)[:2],
+        heights_from_landings(heights)[:2],
+        strict=True,
     ):
         assert found < usual - 0.02
 
@@ -187,9 +198,13 @@ def test_the_bandwidth_decides():
 
 def test_a_bandwidth_that_does_not_suit_the_heights_is_refused():
     heights = landings_like(np.random.default_rng(1), 500)
-    with pytest.raises(AnalysisError, match=r"sections\.bandwidth_m: expected at least .* 1e-07 m"):
+    with pytest.raises(
+        AnalysisError, match=r"sections\.bandwidth_m: expected at least .* 1e-07 m"
+    ):
         heights_from_landings(heights, 1e-7)
-    with pytest.raises(AnalysisError, match=r"sections\.bandwidth_m: expected at most 0\.0\d+ m"):
+    with pytest.raises(
+        AnalysisError, match=r"sections\.bandwidth_m: expected at most 0\.0\d+ m"
+    ):
         heights_from_landings(heights, 0.1)
 
 

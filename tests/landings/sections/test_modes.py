@@ -64,7 +64,9 @@ def test_too_few_heights():
 
 def exact(samples, bandwidth, grid):
     scaled = (grid[:, None] - samples) / bandwidth
-    return np.exp(-0.5 * scaled**2).sum(axis=1) / (len(samples) * bandwidth * np.sqrt(2 * np.pi))
+    return np.exp(-0.5 * scaled**2).sum(axis=1) / (
+        len(samples) * bandwidth * np.sqrt(2 * np.pi)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +103,10 @@ def test_is_the_exact_kernel_for_one_sample_between_nodes():
     grid = np.linspace(-1, 1, 301)
     density = kde([0.1234], bandwidth=0.05, grid=grid)
     np.testing.assert_allclose(
-        density, exact(np.array([0.1234]), 0.05, grid), rtol=0, atol=1e-8 * density.max()
+        density,
+        exact(np.array([0.1234]), 0.05, grid),
+        rtol=0,
+        atol=1e-8 * density.max(),
     )
     assert np.trapezoid(density, grid) == pytest.approx(1.0, abs=1e-9)
 
@@ -132,7 +137,8 @@ def test_values_that_are_not_finite_are_ignored(heights):
     grid = np.linspace(0, 0.25, 100)
     with_gaps = np.concatenate([heights, [np.nan, np.inf, -np.inf]])
     np.testing.assert_array_equal(
-        kde(with_gaps, bandwidth=1e-3, grid=grid), kde(heights, bandwidth=1e-3, grid=grid)
+        kde(with_gaps, bandwidth=1e-3, grid=grid),
+        kde(heights, bandwidth=1e-3, grid=grid),
     )
     assert finite(with_gaps).size == heights.size
 
@@ -154,5 +160,8 @@ def test_normal_bandwidth_is_not_widened_by_a_few_far_away():
 
 
 def test_lengths_of_transforms_are_those_of_scipy():
-    for least in (*range(1, 2000), *np.random.default_rng(3).integers(2000, 2**23, 500).tolist()):
+    for least in (
+        *range(1, 2000),
+        *np.random.default_rng(3).integers(2000, 2**23, 500).tolist(),
+    ):
         assert _fast_length(least) == next_fast_len(least, real=True)

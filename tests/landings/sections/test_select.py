@@ -52,7 +52,9 @@ def test_landings_are_found_where_none_are_given(select, sections):
 
 @pytest.fixture(scope="module")
 def table(fake, sections):
-    return section_densities([fake.recording], sections, landings_of(fake.recording), nodes=800)
+    return section_densities(
+        [fake.recording], sections, landings_of(fake.recording), nodes=800
+    )
 
 
 def curve(table, name):
@@ -85,7 +87,9 @@ def test_every_curve_is_a_density(table):
 @pytest.mark.parametrize("noise_m", [0.0, 1e-4])
 def test_heights_in_whole_millimetres_have_sections_and_curves(noise_m):
     fine = hopper(np.random.default_rng(2), noise_m=noise_m).recording
-    coarse = replace(fine, positions=np.round(fine.positions + 0.0004, 3))  # 0 or 1 mm, in stance
+    coarse = replace(
+        fine, positions=np.round(fine.positions + 0.0004, 3)
+    )  # 0 or 1 mm, in stance
     expected, found = select_sections([fine]), select_sections([coarse])
     assert found.post_height_m == pytest.approx(expected.post_height_m, abs=0.01)
     assert found.pre_height_m == pytest.approx(expected.pre_height_m, abs=0.01)
@@ -194,11 +198,14 @@ def test_sections_hold_the_true_landings_at_any_noise(options):
         for apex, nadir in descents(fake.body_height):
             height = fake.body_height[apex : nadir + 1]
             passed_up.append(up[apex : nadir + 1][height > found.pre_height_m].all())
-            passed_down.append(down[apex : nadir + 1][height < found.post_height_m].all())
+            passed_down.append(
+                down[apex : nadir + 1][height < found.post_height_m].all()
+            )
             settled_m.append(height[down[apex : nadir + 1]].max())
         assert np.mean(passed_up) == 1.0
         assert np.mean(passed_down) >= 0.95
-        # It is not deeper than it must be: a frame of the fall and the scatter of few landings.
+        # It is not deeper than it must be: a frame of the fall and the scatter of few
+        # landings.
         frame_m = 2.5 / fake.recording.rate_hz
         assert found.post_height_m > np.quantile(settled_m, 0.02) - frame_m - 0.004
 
@@ -221,7 +228,9 @@ def test_a_bare_threshold_would_miss_by_centimetres(sample):
     found = select()
     highest = recording.feet[:, :, 2].max(axis=1)
     up = recording.body_height[highest > found.max_foot_threshold_m]
-    bare = np.quantile(up, 0.0003)  # at 0.001 the distance is 16 to 23 mm, by chance of few frames
+    bare = np.quantile(
+        up, 0.0003
+    )  # at 0.001 the distance is 16 to 23 mm, by chance of few frames
     assert abs(bare - found.post_height_m) > 0.02
 
 
@@ -237,7 +246,9 @@ def test_the_bandwidth_moves_sections_by_either_rule(sample):
 
 def test_by_either_rule_a_bandwidth_that_does_not_suit_is_refused(select):
     for rule in ("landings", "printed"):
-        with pytest.raises(AnalysisError, match=r"sections\.bandwidth_m: expected at least"):
+        with pytest.raises(
+            AnalysisError, match=r"sections\.bandwidth_m: expected at least"
+        ):
             select(rule=rule, bandwidth_m=1e-9)
     with pytest.raises(AnalysisError, match=r"sections\.bandwidth_m: expected at most"):
         select(bandwidth_m=0.9)
@@ -245,8 +256,12 @@ def test_by_either_rule_a_bandwidth_that_does_not_suit_is_refused(select):
 
 def fallen(recording, seconds):
     """Return the recording with a fall at an apex: the body lies, with one foot in the air."""
-    apex = [apex for apex, _ in descents(recording.body_height)][len(recording.time) // 200]
-    lying = np.repeat(recording.positions[apex][None], round(seconds * recording.rate_hz), axis=0)
+    apex = [apex for apex, _ in descents(recording.body_height)][
+        len(recording.time) // 200
+    ]
+    lying = np.repeat(
+        recording.positions[apex][None], round(seconds * recording.rate_hz), axis=0
+    )
     lying[:, :3, 2] += 0.2 - lying[:, :3, 2].mean()
     lying[:, 3:, 2] = 0.15, 0.0, 0.0
     lying += 6e-4 * np.random.default_rng(1).standard_normal(lying.shape)
@@ -272,13 +287,21 @@ def test_halves_of_the_data_agree(sample):
     n = len(recording.time)
     halves = [
         select_sections(
-            [replace(recording, time=recording.time[part], positions=recording.positions[part])]
+            [
+                replace(
+                    recording,
+                    time=recording.time[part],
+                    positions=recording.positions[part],
+                )
+            ]
         )
         for part in (slice(0, n // 2), slice(n // 2, n))
     ]
     assert halves[0].pre_height_m == pytest.approx(halves[1].pre_height_m, abs=0.005)
     assert halves[0].post_height_m == pytest.approx(halves[1].post_height_m, abs=0.005)
-    assert halves[0].min_foot_threshold_m == pytest.approx(halves[1].min_foot_threshold_m, abs=1e-4)
+    assert halves[0].min_foot_threshold_m == pytest.approx(
+        halves[1].min_foot_threshold_m, abs=1e-4
+    )
 
 
 def test_two_recordings_are_pooled(fake, select):
@@ -306,7 +329,9 @@ def test_thresholds_are_the_knees_of_the_ground_modes(select):
     assert found.max_foot_threshold_m == found.max_foot_mode.knee(4.0)
     assert found.min_foot_mode.height_m < found.ground_m < found.max_foot_mode.height_m
     assert found.ground_m == pytest.approx(0.0, abs=1e-4)
-    assert {found.decided[f"{foot}_foot_threshold_m"] for foot in ("min", "max")} == {"data"}
+    assert {found.decided[f"{foot}_foot_threshold_m"] for foot in ("min", "max")} == {
+        "data"
+    }
 
 
 def test_what_a_given_section_holds_is_counted():
@@ -367,10 +392,16 @@ def test_the_printed_rule_can_use_only_the_descents_to_the_ground(fake, select):
     every = select(rule="printed", bandwidth_m=1e-3)
     up, down = (~fake.foot_down).all(axis=1), fake.foot_down.all(axis=1)
     inside, landed = landing_frames(fake.body_height, up, down)
-    assert found.pre_height_m == pytest.approx(fake.body_height[inside & ~up].max(), abs=0.02)
-    assert found.post_height_m == pytest.approx(fake.body_height[inside & ~landed].min(), abs=0.02)
+    assert found.pre_height_m == pytest.approx(
+        fake.body_height[inside & ~up].max(), abs=0.02
+    )
+    assert found.post_height_m == pytest.approx(
+        fake.body_height[inside & ~landed].min(), abs=0.02
+    )
     assert found.n_used == pytest.approx(inside.sum(), rel=0.05)
-    assert found.pre_height_m < every.pre_height_m - 0.05  # without the lift-off with its long legs
+    assert (
+        found.pre_height_m < every.pre_height_m - 0.05
+    )  # without the lift-off with its long legs
 
 
 def test_landings_see_past_feet_that_are_not_followed():
@@ -378,7 +409,9 @@ def test_landings_see_past_feet_that_are_not_followed():
     apexes = [apex for apex, _ in descents(fake.body_height)]
     positions = fake.recording.positions.copy()
     for begin, end in zip(apexes[1::2], apexes[2::2], strict=False):
-        positions[begin:end, 3:, 2] = 0.15 + 0.02 * np.sin(np.arange(end - begin))[:, None]
+        positions[begin:end, 3:, 2] = (
+            0.15 + 0.02 * np.sin(np.arange(end - begin))[:, None]
+        )
     walker = replace(fake.recording, positions=positions)
     alone = select_sections([fake.recording], frames="landings")
     found = select_sections([walker], frames="landings")
@@ -387,22 +420,32 @@ def test_landings_see_past_feet_that_are_not_followed():
     assert found.post_height_m == pytest.approx(alone.post_height_m, abs=0.004)
     assert found.pre_height_m == pytest.approx(alone.pre_height_m, abs=0.004)
     printed = select_sections([walker], rule="printed")
-    assert printed.post_height_m < found.post_height_m - 0.1  # the body sinks onto other feet
+    assert (
+        printed.post_height_m < found.post_height_m - 0.1
+    )  # the body sinks onto other feet
 
 
 def test_without_a_landing_of_all_feet_each_foot_is_counted(fake):
     positions = fake.recording.positions.copy()
-    positions[positions[:, -1, 2] < 0.05, -1] = np.nan  # the last foot is seen in the air only
+    positions[positions[:, -1, 2] < 0.05, -1] = (
+        np.nan
+    )  # the last foot is seen in the air only
     unseen = replace(fake.recording, positions=positions)
-    with pytest.raises(AnalysisError, match=r"every foot .* none .*f1 in 300.*f3 in 0\)"):
+    with pytest.raises(
+        AnalysisError, match=r"every foot .* none .*f1 in 300.*f3 in 0\)"
+    ):
         select_sections([unseen])
 
 
 def test_feet_that_never_leave_the_ground(fake):
     positions = fake.recording.positions.copy()
-    positions[:, 3:, 2] = 0.0006 * np.random.default_rng(4).normal(size=(len(positions), 3))
+    positions[:, 3:, 2] = 0.0006 * np.random.default_rng(4).normal(
+        size=(len(positions), 3)
+    )
     standing = replace(fake.recording, positions=positions)
-    with pytest.raises(AnalysisError, match=r"never leave the ground together.*min_foot_thr"):
+    with pytest.raises(
+        AnalysisError, match=r"never leave the ground together.*min_foot_thr"
+    ):
         select_sections([standing])
     with pytest.raises(AnalysisError, match="go from all up to all down, found none"):
         select_sections([standing], frames="landings", rule="printed")
@@ -411,7 +454,9 @@ def test_feet_that_never_leave_the_ground(fake):
 
 
 def test_the_pre_section_must_be_above_the_post_section(select):
-    with pytest.raises(AnalysisError, match=r"set sections\.pre_height_m and sections\.post_h"):
+    with pytest.raises(
+        AnalysisError, match=r"set sections\.pre_height_m and sections\.post_h"
+    ):
         select(pre_height_m=0.3, post_height_m=0.4)
 
 
@@ -424,7 +469,9 @@ def test_goes_through_json(select):
     ("name", "value"), [("min_foot_threshold_m", -1.0), ("max_foot_threshold_m", 5.0)]
 )
 def test_a_threshold_beyond_all_frames_is_told(select, name, value):
-    with pytest.raises(AnalysisError, match=f"{name}: expected a height that divides the frames"):
+    with pytest.raises(
+        AnalysisError, match=f"{name}: expected a height that divides the frames"
+    ):
         select(**{name: value})
 
 
@@ -434,7 +481,9 @@ def test_all_feet_are_down_below_the_post_section_whatever_the_method(method):
     scene = simulate(120, seed=9)
     recording = scene.recording
     landings = find_landings(recording, method=method)
-    last = np.interp(scene.contact_times.max(axis=1), recording.time, recording.body_height)
+    last = np.interp(
+        scene.contact_times.max(axis=1), recording.time, recording.body_height
+    )
 
     def open_at_post(table):
         sections = select_sections([recording], landings={recording.name: table})
@@ -443,5 +492,7 @@ def test_all_feet_are_down_below_the_post_section_whatever_the_method(method):
     assert open_at_post(landings) <= 0.03
     if method != "kink":
         names = [name for name in landings if name.startswith("down_")]
-        minima = landings.assign(**{one: landings[f"contact_{one[5:]}"] for one in names})
+        minima = landings.assign(
+            **{one: landings[f"contact_{one[5:]}"] for one in names}
+        )
         assert open_at_post(minima) > 0.2

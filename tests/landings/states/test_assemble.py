@@ -62,7 +62,9 @@ def test_origin_axis_and_heights():
     assert at_home[0, 1, 1] == pytest.approx(0.0, abs=1e-15)
     np.testing.assert_array_equal(at_home[:, :, 2], means[:, :, 2])
     turned = home.vectors(means)
-    np.testing.assert_allclose(np.linalg.norm(turned, axis=2), np.linalg.norm(means, axis=2))
+    np.testing.assert_allclose(
+        np.linalg.norm(turned, axis=2), np.linalg.norm(means, axis=2)
+    )
 
 
 @settings(max_examples=50, deadline=None)

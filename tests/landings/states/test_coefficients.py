@@ -70,9 +70,14 @@ def test_errors_are_as_large_as_stated_and_no_larger_than_alone(study):
 def test_an_order_that_nobody_needs_is_given_no_variance():
     straight, speed = seen(np.zeros((LANDINGS, 3, 3)), seed=4)
     population = learn(straight)
-    alone, together = least_squares(straight), drawn(straight, population, least_frames=6)
+    alone, together = (
+        least_squares(straight),
+        drawn(straight, population, least_frames=6),
+    )
     assert (np.sqrt(population.spread[:, 0, 0]) < 0.25 * SPREAD_M).all()
-    misses = [in_the_world(straight, fit.mean[..., 1]) - speed for fit in (alone, together)]
+    misses = [
+        in_the_world(straight, fit.mean[..., 1]) - speed for fit in (alone, together)
+    ]
     assert np.mean(misses[1] ** 2) <= np.mean(misses[0] ** 2)
 
 
@@ -87,7 +92,9 @@ def test_least_squares_is_polyfit():
     for k in range(3):
         expected, covariance = np.polyfit((time - 0.1) / 0.1, values[:, k], 3, cov=True)
         np.testing.assert_allclose(fit.mean[0, 0, k], expected[::-1], atol=1e-9)
-        np.testing.assert_allclose(fit.covariance[0, 0, k], covariance[::-1, ::-1], rtol=1e-6)
+        np.testing.assert_allclose(
+            fit.covariance[0, 0, k], covariance[::-1, ::-1], rtol=1e-6
+        )
 
 
 def test_too_few_frames_give_nothing(study):

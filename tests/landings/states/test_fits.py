@@ -24,7 +24,9 @@ LANDINGS, NOISE_M, APART_S = 150, 0.0006, 1.0
 def falls(bend=None, *, rate_hz=100.0, noise_m=NOISE_M, landings=LANDINGS, seed=1):
     """Return falls of three markers, each with its own velocity, and deviations that bend them."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
-    tau = np.arange(-0.3, 0.08, 1 / rate_hz) + rng.uniform(0, 1 / rate_hz, (landings, 1))
+    tau = np.arange(-0.3, 0.08, 1 / rate_hz) + rng.uniform(
+        0, 1 / rate_hz, (landings, 1)
+    )
     speed = rng.normal([0, 0, -1.5], 0.3, (landings, 3, 3))
     tracks = speed[:, None] * tau[..., None, None]
     tracks[..., 2] -= 0.5 * 9.80665 * tau[..., None] ** 2
@@ -61,7 +63,9 @@ def test_no_window_reaches_far_beyond_a_kick(rate_hz):
 
 
 def test_a_stance_that_changes_soon_gets_a_short_window():
-    tracks, _ = falls(lambda tau, _: 500 * np.maximum(tau - 0.045, 0) ** 2, rate_hz=500.0)
+    tracks, _ = falls(
+        lambda tau, _: 500 * np.maximum(tau - 0.045, 0) ** 2, rate_hz=500.0
+    )
     stance = replace(tracks, contact=tracks.near - 0.006, flight=False)
     assert all(window <= 0.05 for _, window in widest(stance, (3, 5)))
     assert [degree for degree, _ in widest(stance, (3, 5))] == [3, 5]
@@ -119,7 +123,9 @@ def test_the_filter_is_that_of_savitzky_and_golay():
     for row, frame in enumerate(middle):
         piece = tracks.body[frame - 3 : frame + 4, :, 2]
         expected = savgol_filter(piece, 7, 3, deriv=1, delta=0.01, axis=0)[3]
-        np.testing.assert_allclose(fit.mean[row, :, 2, 1] / sums.scale, expected, atol=1e-8)
+        np.testing.assert_allclose(
+            fit.mean[row, :, 2, 1] / sums.scale, expected, atol=1e-8
+        )
 
 
 def test_frames_after_the_contacts_begin_at_a_lead_common_to_all_landings():
@@ -132,7 +138,9 @@ def test_frames_after_the_contacts_begin_at_a_lead_common_to_all_landings():
     late = gap < tracks.lead_s
     assert late.sum() == 4
     assert np.all(np.abs(begin[~late] - tracks.lead_s) < 0.002)
-    assert np.all(begin[late] <= gap[late] + 1e-9)  # none goes beyond its own last contact
+    assert np.all(
+        begin[late] <= gap[late] + 1e-9
+    )  # none goes beyond its own last contact
     assert np.all(near - time[tracks.windows(0.002).start] <= 0.002 + 1e-9)
 
 
@@ -141,7 +149,9 @@ def test_frames_after_the_contacts_begin_at_a_lead_common_to_all_landings():
 def test_landings_without_a_last_contact_have_no_states_and_raise_no_warning(contact):
     time = np.arange(0, 5, 0.01)
     near = np.arange(1.0, 1.0 + len(contact))
-    tracks = Tracks(time, np.zeros((len(time), 3, 3)), near, np.array(contact), flight=False)
+    tracks = Tracks(
+        time, np.zeros((len(time), 3, 3)), near, np.array(contact), flight=False
+    )
     assert tracks.lead_s == pytest.approx(0.02 if 0.98 in contact else 0.0)
     [(_, fit)] = alone(tracks, None)()
     assert np.isnan(fit.mean[np.isnan(tracks.contact)]).all()
@@ -165,7 +175,9 @@ def states(scene, side, body=None, **options):
         transitions.t_pre if before else transitions.t_post,
         height_m=PRE_HEIGHT_M if before else POST_HEIGHT_M,
         side=side,
-        contact=scene.contact_times.min(axis=1) if before else scene.contact_times.max(axis=1),
+        contact=scene.contact_times.min(axis=1)
+        if before
+        else scene.contact_times.max(axis=1),
         **options,
     )
 
@@ -175,12 +187,16 @@ def velocity_error(scene, found):
     body = scene.velocities.shape[1]
     truth = np.empty_like(found.velocity)
     for b, k in np.ndindex(body, 3):
-        truth[:, b, k] = np.interp(found.time, scene.recording.time, scene.velocities[:, b, k])
+        truth[:, b, k] = np.interp(
+            found.time, scene.recording.time, scene.velocities[:, b, k]
+        )
     return float(np.sqrt(np.mean((found.velocity - truth) ** 2)))
 
 
 @pytest.mark.parametrize("method", ["split_fit", "savitzky_golay"])
-@pytest.mark.parametrize(("side", "height"), [("before", PRE_HEIGHT_M), ("after", POST_HEIGHT_M)])
+@pytest.mark.parametrize(
+    ("side", "height"), [("before", PRE_HEIGHT_M), ("after", POST_HEIGHT_M)]
+)
 def test_the_mean_height_is_the_sections_and_sinks(scene, method, side, height):
     found = states(scene, side, method=method)
     assert np.isfinite(found.velocity).all()
@@ -197,7 +213,10 @@ def test_flight_is_four_times_better_than_the_filter(scene):
 
 def test_stance_is_four_times_better_than_the_filter(scene):
     split = velocity_error(scene, states(scene, "after"))
-    assert split < velocity_error(scene, states(scene, "after", method="savitzky_golay")) / 4
+    assert (
+        split
+        < velocity_error(scene, states(scene, "after", method="savitzky_golay")) / 4
+    )
 
 
 def test_gravity_is_learned_where_flight_is_ballistic(scene):
@@ -212,7 +231,9 @@ def test_gravity_is_given_up_where_flight_is_not_ballistic(scene):
     body, rng = scene.recording.body.copy(), np.random.default_rng(2)
     cycle = 0.64
     hop = np.floor(scene.recording.time / cycle).astype(int)
-    push = (rng.normal(0, 3.0, (hop.max() + 1, 3)) * [1, 1, 0])[hop]  # m/s^2, drawn for each hop
+    push = (rng.normal(0, 3.0, (hop.max() + 1, 3)) * [1, 1, 0])[
+        hop
+    ]  # m/s^2, drawn for each hop
     s = scene.recording.time - hop * cycle
     bent = body + (0.5 * push * s[:, None] ** 2)[:, None]
     truth = replace(scene, velocities=scene.velocities + (push * s[:, None])[:, None])
@@ -261,7 +282,10 @@ def test_exact_on_motions_within_the_model():
     time = np.arange(100) / 100
     fall = 1.0 - 0.5 * 9.80665 * (time - 0.2) ** 2
     body = np.stack(
-        [np.column_stack([0.3 * time + b, b - 0.1 * time, fall + 0.1 * b]) for b in (-1, 0, 1)],
+        [
+            np.column_stack([0.3 * time + b, b - 0.1 * time, fall + 0.1 * b])
+            for b in (-1, 0, 1)
+        ],
         axis=1,
     )
     drop = 0.4
@@ -279,20 +303,28 @@ def test_exact_on_motions_within_the_model():
         np.testing.assert_allclose(found.time, t, atol=1e-10)
         expected = np.tile([0.3, -0.1, -9.80665 * (t - 0.2)], (3, 1))
         np.testing.assert_allclose(found.velocity[0], expected, atol=1e-9)
-        np.testing.assert_allclose(found.position[0, :, 0], 0.3 * t + np.array([-1, 0, 1]))
+        np.testing.assert_allclose(
+            found.position[0, :, 0], 0.3 * t + np.array([-1, 0, 1])
+        )
 
 
 def test_frames_beyond_the_contacts_are_not_used(scene):
     recording = scene.recording
     spoiled = recording.body.copy()
     after = recording.time[:, None] >= scene.contact_times.min(axis=1)
-    before = recording.time[:, None] < np.roll(scene.contact_times.min(axis=1), -1) - 0.3
+    before = (
+        recording.time[:, None] < np.roll(scene.contact_times.min(axis=1), -1) - 0.3
+    )
     spoiled[(after & before).any(axis=1)] += 1.0
     clean = states(scene, "before")
-    np.testing.assert_array_equal(states(scene, "before", spoiled).velocity, clean.velocity)
+    np.testing.assert_array_equal(
+        states(scene, "before", spoiled).velocity, clean.velocity
+    )
     filtered = states(scene, "before", spoiled, method="savitzky_golay")
     assert not np.allclose(
-        filtered.velocity, states(scene, "before", method="savitzky_golay").velocity, equal_nan=True
+        filtered.velocity,
+        states(scene, "before", method="savitzky_golay").velocity,
+        equal_nan=True,
     )
 
 

@@ -38,8 +38,12 @@ def pairs(recording=SCENE.recording, table=TABLE, **options):
 def test_shape_order_and_sections():
     found = pairs(home_marker="body2")
     assert found.x.shape == found.y.shape == (40, 24)
-    np.testing.assert_allclose(found.x[:, 2:12:3].mean(axis=1), PRE_HEIGHT_M, atol=1e-12)
-    np.testing.assert_allclose(found.y[:, 2:12:3].mean(axis=1), POST_HEIGHT_M, atol=1e-12)
+    np.testing.assert_allclose(
+        found.x[:, 2:12:3].mean(axis=1), PRE_HEIGHT_M, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        found.y[:, 2:12:3].mean(axis=1), POST_HEIGHT_M, atol=1e-12
+    )
     assert (found.x[:, 14:24:3].mean(axis=1) < -1.5).all()
     along = np.hypot(found.x[:, 3], found.x[:, 4])
     assert (found.x[:, 3] > 0.99 * along).all()  # body2 lies on the x axis, on average
@@ -48,7 +52,9 @@ def test_shape_order_and_sections():
 
 
 def test_ambiguous_touchdowns_can_serve_without_a_schedule():
-    doubtful = TABLE.assign(**{"class": TABLE["schedule"].where(TABLE.index % 5 != 0, "ambiguous")})
+    doubtful = TABLE.assign(
+        **{"class": TABLE["schedule"].where(TABLE.index % 5 != 0, "ambiguous")}
+    )
     kept, pooled = pairs(table=doubtful), pairs(table=doubtful, ambiguous="pool")
     np.testing.assert_array_equal(kept.schedule, TABLE["schedule"])
     np.testing.assert_array_equal(pooled.schedule == "", TABLE.index % 5 == 0)
@@ -71,7 +77,9 @@ def test_no_planar_rigid_motion_matters(method, angle, shift):
 
 
 def test_a_tilt_does_matter():
-    tilt = np.array([[1, 0, 0], [0, np.cos(0.05), np.sin(0.05)], [0, -np.sin(0.05), np.cos(0.05)]])
+    tilt = np.array(
+        [[1, 0, 0], [0, np.cos(0.05), np.sin(0.05)], [0, -np.sin(0.05), np.cos(0.05)]]
+    )
     leaning = replace(SCENE.recording, positions=SCENE.recording.positions @ tilt)
     assert np.nanmax(np.abs(pairs(leaning).x - pairs().x)) > 1e-3
 
@@ -130,7 +138,9 @@ def test_a_state_without_frames_is_left_out_and_logged(caplog):
     assert 5 not in found.index
     assert len(found) == 39
     at_s = TABLE["t_pre_s"].iloc[5]
-    assert f"too few frames of the body markers for states at {at_s:.2f} s" in caplog.text
+    assert (
+        f"too few frames of the body markers for states at {at_s:.2f} s" in caplog.text
+    )
     marked = exclude_stateless(TABLE, found)
     assert marked.loc[marked["excluded"], "index"].tolist() == [5]
     assert marked.loc[5, "reason"] == STATELESS
@@ -169,7 +179,9 @@ def test_standard_errors_are_those_of_the_states():
     noisy, quiet = (pairs(one, table) for one in (scene.recording, scene.clean))
     for name in ("x", "y"):
         error = getattr(noisy, name) - getattr(quiet, name)
-        score = error[:, 12:] / getattr(noisy, f"{name}_se")[:, 12:]  # the home frame shifts places
+        score = (
+            error[:, 12:] / getattr(noisy, f"{name}_se")[:, 12:]
+        )  # the home frame shifts places
         assert np.mean(score**2) == pytest.approx(1.0, abs=0.25)
         assert 0.63 < np.mean(np.abs(score) < 1) < 0.76
 
@@ -184,7 +196,9 @@ def test_standard_errors_turn_with_the_home_frame(angle):
 def test_mistakes_are_named(tmp_path):
     with pytest.raises(AnalysisError, match="found none"):
         pairs(table=TABLE.assign(excluded=True))
-    with pytest.raises(AnalysisError, match=r"none\.h5: not a file of pairs: .*No such file"):
+    with pytest.raises(
+        AnalysisError, match=r"none\.h5: not a file of pairs: .*No such file"
+    ):
         read_pairs(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("not HDF5")
     with pytest.raises(AnalysisError, match="not a file of pairs"):
@@ -195,13 +209,20 @@ def test_why_there_is_no_pair_is_said_of_each_recording():
     far = replace(SCENE.recording, name="far")
     poor = TABLE.assign(excluded=True, reason="poor fit of foot 1")
     with pytest.raises(AnalysisError) as caught:
-        assemble_pairs([SCENE.recording, far], poor, pre_height_m=9.0, post_height_m=8.0)
+        assemble_pairs(
+            [SCENE.recording, far], poor, pre_height_m=9.0, post_height_m=8.0
+        )
     text = str(caught.value)
     assert f"{len(TABLE)} descents, poor fit of foot 1 in {len(TABLE)}" in text
-    assert "far: the body never sinks through the pre section, with heights from 0." in text
+    assert (
+        "far: the body never sinks through the pre section, with heights from 0."
+        in text
+    )
     assert "sections.pre_height_m" in text
     with pytest.raises(AnalysisError, match=": 1 descent, poor fit of foot 1 in 1"):
-        assemble_pairs([SCENE.recording], poor.head(1), pre_height_m=9.0, post_height_m=8.0)
+        assemble_pairs(
+            [SCENE.recording], poor.head(1), pre_height_m=9.0, post_height_m=8.0
+        )
 
 
 def test_two_pairs_are_too_few_and_it_is_said_why():

@@ -15,15 +15,20 @@ TIME_S = 0.02
 
 
 def relative(found, estimates):
-    size = np.sqrt(np.diag(estimates.input_covariance))[:, None] * estimates.output_weights
-    return np.linalg.norm((found - coefficients()) * size) / np.linalg.norm(coefficients() * size)
+    size = (
+        np.sqrt(np.diag(estimates.input_covariance))[:, None] * estimates.output_weights
+    )
+    return np.linalg.norm((found - coefficients()) * size) / np.linalg.norm(
+        coefficients() * size
+    )
 
 
 def test_a_linear_map_without_noise_is_found_by_all():
     before, after, instants = landings(800)
     found = estimate_maps(before, after, instants, time_unit_s=TIME_S)
     assert list(found.maps) == list(ESTIMATORS)
-    # The coordinates refer to the mean attitude, some hundredths of a radian from the body's.
+    # The coordinates refer to the mean attitude, some hundredths of a radian from the
+    # body's.
     for name, one in found.maps.items():
         assert one.coefficients.shape == (8, 11)
         assert relative(one.coefficients, found) < 0.06, name
@@ -39,7 +44,9 @@ def test_the_printed_map_is_least_squares_in_other_coordinates():
     found = estimate_maps(before, after, instants, time_unit_s=TIME_S)
     plain = found.maps["ols"].coefficients
     size = np.sqrt(np.diag(found.input_covariance))[:, None] * found.output_weights
-    miss = np.linalg.norm((printed.coefficients - plain) * size) / np.linalg.norm(plain * size)
+    miss = np.linalg.norm((printed.coefficients - plain) * size) / np.linalg.norm(
+        plain * size
+    )
     assert miss < 0.01
 
 
@@ -54,7 +61,9 @@ def test_standard_errors_of_affine_maps_are_those_of_repeated_data(count):
         fits.append(estimate_maps(before, after, instants, time_unit_s=TIME_S).maps)
     for name in ("printed", "ols", "corrected"):
         found = np.std([fit[name].coefficients for fit in fits], axis=0)
-        said = np.sqrt(np.mean([fit[name].standard_errors ** 2 for fit in fits], axis=0))
+        said = np.sqrt(
+            np.mean([fit[name].standard_errors ** 2 for fit in fits], axis=0)
+        )
         assert 0.8 < np.median(found / said) < 1.2, name
         assert (found / said).max() < 1.6, name
 
@@ -73,13 +82,18 @@ def test_landings_with_an_unknown_state_take_no_part():
 
 def test_noise_biases_least_squares_and_not_the_correction():
     before, after, instants = landings(4000)
-    true = estimate_maps(before, after, instants, time_unit_s=TIME_S).maps["ols"].coefficients
+    true = (
+        estimate_maps(before, after, instants, time_unit_s=TIME_S)
+        .maps["ols"]
+        .coefficients
+    )
     seen = noisy(before, 2e-4, 3e-2)
     found = estimate_maps(seen, after, instants, time_unit_s=TIME_S)
     shape = found.shape
     size = np.sqrt(np.diag(found.input_covariance))[:, None] * found.output_weights
     miss = {
-        name: np.linalg.norm((one.coefficients - true) * size) / np.linalg.norm(true * size)
+        name: np.linalg.norm((one.coefficients - true) * size)
+        / np.linalg.norm(true * size)
         for name, one in found.maps.items()
     }
     assert np.sqrt(found.noise.velocity) == pytest.approx(3e-2, rel=0.05)
@@ -88,7 +102,9 @@ def test_noise_biases_least_squares_and_not_the_correction():
     x, _ = section_coordinates(rigid_states(before, shape), rigid_states(after, shape))
     y, _ = section_coordinates(rigid_states(seen, shape), rigid_states(after, shape))
     drawn = np.sqrt(np.mean((y - x) ** 2, axis=0))
-    np.testing.assert_allclose(np.sqrt(np.diag(found.errors.inputs)), drawn, rtol=0.05, atol=1e-4)
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(found.errors.inputs)), drawn, rtol=0.05, atol=1e-4
+    )
 
 
 def test_tables_and_json_hold_the_same():
@@ -97,7 +113,10 @@ def test_tables_and_json_hold_the_same():
     table = found.table()
     assert len(table) == len(ESTIMATORS) * 88
     row = table[(table["estimator"] == "ols") & (table["output"] == "turn_rad")].iloc[3]
-    assert (row["input"], row["value"]) == ("sideways_m_s", found.maps["ols"].coefficients[3, 2])
+    assert (row["input"], row["value"]) == (
+        "sideways_m_s",
+        found.maps["ols"].coefficients[3, 2],
+    )
     said = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert said["maps"]["curved"]["degree"] == 1
     assert said["maps"]["ols"]["coefficients"][3][2] == row["value"]
@@ -112,7 +131,9 @@ def test_landings_without_instants_take_no_part():
     other = estimate_maps(before[some], after[some], instants[some], time_unit_s=TIME_S)
     assert one.n_landings == 60
     for name in ESTIMATORS:
-        np.testing.assert_array_equal(one.maps[name].coefficients, other.maps[name].coefficients)
+        np.testing.assert_array_equal(
+            one.maps[name].coefficients, other.maps[name].coefficients
+        )
 
 
 def test_too_few_landings_are_said():
@@ -125,7 +146,9 @@ def test_too_few_landings_are_said():
     assert list(found.table())[:3] == ["estimator", "input", "output"]
 
 
-@pytest.mark.parametrize(("count", "flat", "reason"), [(1, 1.0, "1 landings"), (60, 0.0, "line")])
+@pytest.mark.parametrize(
+    ("count", "flat", "reason"), [(1, 1.0, "1 landings"), (60, 0.0, "line")]
+)
 def test_what_shows_no_rigid_body_is_said(count, flat, reason):
     before, after, instants = landings(count)
     along = np.tile([1.0, flat, flat], 6)
@@ -134,7 +157,12 @@ def test_what_shows_no_rigid_body_is_said(count, flat, reason):
     assert found.n_landings == count
     assert reason in found.notes[0]["reason"]
     said = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    exact = {"body_points_m": POINTS.tolist(), "x": MIDDLE, "y": [END], "maps": [coefficients().T]}
+    exact = {
+        "body_points_m": POINTS.tolist(),
+        "x": MIDDLE,
+        "y": [END],
+        "maps": [coefficients().T],
+    }
     shape = np.array(said["shape_m"]).reshape(-1, 3)
     known = exact_map(exact, landings(30)[0], shape=shape, time_unit_s=TIME_S)
     assert score_estimates(estimate_errors(known, said)) == {}

@@ -35,7 +35,9 @@ def test_exact_states_have_no_noise():
 def test_four_markers_leave_more_to_see_the_noise_by():
     shape = np.vstack([ARMS, [[0.02, 0.05, -0.08]]])
     shape = shape - shape.mean(axis=0)
-    place = np.hstack([np.zeros((4000, 3)), np.random.default_rng(1).normal(size=(4000, 8)) * 0.1])
+    place = np.hstack(
+        [np.zeros((4000, 3)), np.random.default_rng(1).normal(size=(4000, 8)) * 0.1]
+    )
     found = marker_noise(noisy(marker_states(place, shape), 3e-4, 1e-2), shape)
     assert found.position == pytest.approx(9e-8, rel=0.05)
     assert found.velocity == pytest.approx(1e-4, rel=0.05)
@@ -51,10 +53,20 @@ def measured_landings(count, noise_m, seed):
     time = (period * np.arange(count)[:, None] + step).ravel()
     since = time - np.repeat(near, len(step))
     turn = since[:, None, None]
-    track = start[:3] + turn * start[3:] - 0.5 * 9.80665 * turn**2 * np.array([0.0, 0.0, 1.0])
+    track = (
+        start[:3]
+        + turn * start[3:]
+        - 0.5 * 9.80665 * turn**2 * np.array([0.0, 0.0, 1.0])
+    )
     seen = track + noise_m * rng.normal(size=track.shape)
     found = section_states(
-        time, seen, near, height_m=0.0, side="before", contact=near + 0.035, gravity="known"
+        time,
+        seen,
+        near,
+        height_m=0.0,
+        side="before",
+        contact=near + 0.035,
+        gravity="known",
     )
     states = np.concatenate([found.position, found.velocity], axis=1).reshape(count, -1)
     return states, np.tile(after, (count, 1))
@@ -63,8 +75,8 @@ def measured_landings(count, noise_m, seed):
 def test_propagated_errors_are_those_of_fitted_states_at_a_noisy_instant():
     """The fit ends at a contact, so errors of positions, velocities and instant are correlated."""
     before, after = measured_landings(6000, 3e-4, seed=3)
-    # Here the markers move on straight lines, not as one body, so the spin at this instant is
-    # fitted.
+    # Here the markers move on straight lines, not as one body, so the spin at this
+    # instant is fitted.
     noise = marker_noise(before - before.mean(axis=0) + landings(1)[0], ARMS)
     assert noise.shared / np.sqrt(noise.position * noise.velocity) > 0.3
     errors = input_errors(before, after, ARMS, noise)
@@ -73,14 +85,20 @@ def test_propagated_errors_are_those_of_fitted_states_at_a_noisy_instant():
     sd = np.sqrt(np.diag(moments))
     scale = np.outer(sd[:8], np.where(sd > 1e-12, sd, np.inf)[8:])
     within = np.outer(sd[:8], sd[:8])
-    np.testing.assert_allclose(errors.inputs / within, moments[:8, :8] / within, atol=0.06)
-    np.testing.assert_allclose(errors.shared / scale, moments[:8, 8:] / scale, atol=0.06)
+    np.testing.assert_allclose(
+        errors.inputs / within, moments[:8, :8] / within, atol=0.06
+    )
+    np.testing.assert_allclose(
+        errors.shared / scale, moments[:8, 8:] / scale, atol=0.06
+    )
 
 
 def test_outputs_share_errors_of_place_and_heading():
     before, after, _ = landings(30)
     errors = input_errors(before, after, ARMS, MarkerNoise(1e-8, 0.5e-8 * 1e2, 1e-4))
-    assert abs(errors.shared[2, 0]) > 1e-8  # covariance of forward speed and forward step
+    assert (
+        abs(errors.shared[2, 0]) > 1e-8
+    )  # covariance of forward speed and forward step
     assert np.linalg.eigvalsh(errors.inputs)[0] > 0
 
 

@@ -6,7 +6,11 @@ from made_up_landings import CONTACTS, inputs
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import affordable_degree, monomials, time_differences
-from hopdata.maps.corrected.marker_noise import LEAST_RELIABILITY, InputErrors, calibration
+from hopdata.maps.corrected.marker_noise import (
+    LEAST_RELIABILITY,
+    InputErrors,
+    calibration,
+)
 from hopdata.maps.corrected.regression import (
     contact_slopes,
     corrected_map,
@@ -27,7 +31,9 @@ ERRORS = InputErrors(NOISE @ NOISE.T, NOISE @ NOISE.T @ COMMON)
 def measured(count, seed=0, bend=0.0, noise=1.0):
     """Return inputs and outputs with normal errors of moments `ERRORS`, and contact instants."""
     x, instants = inputs(count, seed)
-    d = 100 * np.column_stack([instants[:, 0] - instants[:, 1], instants[:, 1] - instants[:, 2]])
+    d = 100 * np.column_stack(
+        [instants[:, 0] - instants[:, 1], instants[:, 1] - instants[:, 2]]
+    )
     y = x @ SLOPES + bend * d * np.abs(d) + 0.3 * x[:, :2] ** 2 * bend
     rng = np.random.default_rng((seed, 1))
     error = noise * rng.normal(size=(count, 8)) @ NOISE.T
@@ -45,9 +51,13 @@ def corrected(x, y, _):
 
 def mean_miss(fit, repeats=40, count=400, **options):
     """Return the mean error over repeated data, in units of its own standard error."""
-    found = np.array([fit(*measured(count, seed, **options)) for seed in range(repeats)])
+    found = np.array(
+        [fit(*measured(count, seed, **options)) for seed in range(repeats)]
+    )
     miss = found.mean(axis=0) - SLOPES
-    return np.abs(miss).max(), np.abs(miss / (found.std(axis=0) / np.sqrt(repeats))).max()
+    return np.abs(miss).max(), np.abs(
+        miss / (found.std(axis=0) / np.sqrt(repeats))
+    ).max()
 
 
 def test_least_squares_is_biased_and_the_correction_is_not():
@@ -80,8 +90,12 @@ def test_both_corrections_are_right_where_one_is_not():
 def test_the_correction_is_the_moment_estimate():
     x, y, _ = measured(300)
     moments = np.cov(np.hstack([x, y]), rowvar=False)
-    expected = np.linalg.solve(moments[:8, :8] - ERRORS.inputs, moments[:8, 8:] - ERRORS.shared)
-    np.testing.assert_allclose(corrected_map(x, y, ERRORS).coefficients, expected, atol=1e-12)
+    expected = np.linalg.solve(
+        moments[:8, :8] - ERRORS.inputs, moments[:8, 8:] - ERRORS.shared
+    )
+    np.testing.assert_allclose(
+        corrected_map(x, y, ERRORS).coefficients, expected, atol=1e-12
+    )
 
 
 def test_without_noise_the_corrections_are_least_squares():
@@ -92,7 +106,9 @@ def test_without_noise_the_corrections_are_least_squares():
     np.testing.assert_allclose(straight.coefficients, expected, atol=1e-12)
     same = corrected_map(x, y, none)
     np.testing.assert_allclose(same.coefficients, straight.coefficients, atol=1e-12)
-    np.testing.assert_allclose(same.standard_errors, straight.standard_errors, rtol=1e-9)
+    np.testing.assert_allclose(
+        same.standard_errors, straight.standard_errors, rtol=1e-9
+    )
     assert same.removed == 1.0
     curved = curved_map(x, y, t, none).coefficients
     np.testing.assert_array_equal(curved, curved_map(x, y, t).coefficients)
@@ -124,7 +140,9 @@ def test_the_units_of_inputs_and_outputs_do_not_matter():
         lambda x, y, e: corrected_map(x, y, e).coefficients,
         lambda x, y, e: curved_map(x, y, t, e).coefficients,
     ):
-        errors = InputErrors(a[:, None] * ERRORS.inputs * a, a[:, None] * ERRORS.shared * b)
+        errors = InputErrors(
+            a[:, None] * ERRORS.inputs * a, a[:, None] * ERRORS.shared * b
+        )
         other = fit(x * a + 5.0 * a, y * b - 3.0, errors)
         np.testing.assert_allclose(other, fit(x, y, ERRORS) / a[:, None] * b, rtol=1e-6)
 
@@ -138,8 +156,12 @@ def test_no_more_noise_is_taken_off_than_there_is_spread(factor):
     known = calibration(x, InputErrors(noise, np.zeros((8, 2))))
     left = np.linalg.eigvalsh(moments - known.removed * noise)
     assert left[0] > 0.3 * values[0] * (1 - 1e-9)
-    assert known.removed == pytest.approx(min(1.0, (1 - LEAST_RELIABILITY) / max(factor, 0.1)))
-    assert np.isfinite(corrected_map(x, y, InputErrors(noise, np.zeros((8, 2)))).coefficients).all()
+    assert known.removed == pytest.approx(
+        min(1.0, (1 - LEAST_RELIABILITY) / max(factor, 0.1))
+    )
+    assert np.isfinite(
+        corrected_map(x, y, InputErrors(noise, np.zeros((8, 2)))).coefficients
+    ).all()
 
 
 def test_few_landings_bear_fewer_terms():
@@ -187,9 +209,17 @@ def test_means_of_signed_square_and_cube_are_integrals(middle, sd):
     if sd > 0:
         half = np.diff(edges)[:, None] / 2
         d = edges[:-1, None] + half * (nodes + 1)
-        mass = half * weights * np.exp(-0.5 * ((d - middle) / sd) ** 2) / sd / np.sqrt(2 * np.pi)
+        mass = (
+            half
+            * weights
+            * np.exp(-0.5 * ((d - middle) / sd) ** 2)
+            / sd
+            / np.sqrt(2 * np.pi)
+        )
         square, cube = (mass * d * np.abs(d)).sum(), (mass * np.abs(d) ** 3).sum()
-    assert mean_signed_square(np.array(middle), np.array(sd)) == pytest.approx(square, abs=1e-7)
+    assert mean_signed_square(np.array(middle), np.array(sd)) == pytest.approx(
+        square, abs=1e-7
+    )
     assert mean_cube(np.array(middle), np.array(sd)) == pytest.approx(cube, abs=1e-6)
 
 
@@ -225,7 +255,9 @@ def test_contact_slopes_are_found_beside_outliers():
     middle, slopes = contact_slopes(x, t)
     relative = CONTACTS - CONTACTS.mean(axis=1, keepdims=True)
     np.testing.assert_allclose(slopes, relative, atol=1e-4)
-    np.testing.assert_allclose(middle, (x.mean(axis=0) - 0.3) @ relative + offset, atol=1e-4)
+    np.testing.assert_allclose(
+        middle, (x.mean(axis=0) - 0.3) @ relative + offset, atol=1e-4
+    )
 
 
 def test_all_feet_are_down_at_once_at_the_simultaneous_point():
@@ -233,8 +265,11 @@ def test_all_feet_are_down_at_once_at_the_simultaneous_point():
     middle = np.array([0.002, -0.001, -0.001])
     slopes = CONTACTS - CONTACTS.mean(axis=1, keepdims=True)
     point = simultaneous_point(x, middle, slopes)
-    np.testing.assert_allclose(middle + (point - x.mean(axis=0)) @ slopes, 0.0, atol=1e-12)
-    # Any other such point is farther from the mean in the metric of the inputs' covariance.
+    np.testing.assert_allclose(
+        middle + (point - x.mean(axis=0)) @ slopes, 0.0, atol=1e-12
+    )
+    # Any other such point is farther from the mean in the metric of the inputs'
+    # covariance.
     away = np.linalg.svd(slopes.T)[2][-1]
     metric = np.linalg.inv(np.cov(x, rowvar=False))
     step = point - x.mean(axis=0)
@@ -244,7 +279,9 @@ def test_all_feet_are_down_at_once_at_the_simultaneous_point():
 
 def test_the_point_stays_at_the_mean_if_that_is_simultaneous():
     x, _ = inputs(300)
-    np.testing.assert_array_equal(simultaneous_point(x, np.zeros(3), CONTACTS), x.mean(axis=0))
+    np.testing.assert_array_equal(
+        simultaneous_point(x, np.zeros(3), CONTACTS), x.mean(axis=0)
+    )
 
 
 def test_more_landings_bear_more_terms():

@@ -34,7 +34,9 @@ EXACT = {
 
 def test_marker_states_are_undone_by_the_rigid_body_fit():
     rng = np.random.default_rng(2)
-    x, y = (np.hstack([np.zeros((20, 3)), 0.3 * rng.normal(size=(20, 8))]) for _ in range(2))
+    x, y = (
+        np.hstack([np.zeros((20, 3)), 0.3 * rng.normal(size=(20, 8))]) for _ in range(2)
+    )
     y[:, :3] = rng.normal(size=(20, 3))
     fits = (rigid_states(marker_states(z, ARMS), ARMS) for z in (x, y))
     inputs, outputs = section_coordinates(*fits)
@@ -60,7 +62,9 @@ def test_estimates_in_axes_of_their_own_agree_with_it():
     shape = body_shape(split_states(before)[0])
     assert np.abs(shape - ARMS).max() > 1e-3  # rotated by the mean attitude
     found = exact_map(EXACT, before, shape=shape, time_unit_s=TIME_S)
-    estimates = estimate_maps(before, after, rng.normal(size=(60, 3)), time_unit_s=TIME_S)
+    estimates = estimate_maps(
+        before, after, rng.normal(size=(60, 3)), time_unit_s=TIME_S
+    )
     assert found.error(estimates.maps["ols"].coefficients) < 1e-3
     assert np.abs(found.coefficients - coefficients()).max() > 1e-2
 
@@ -68,7 +72,9 @@ def test_estimates_in_axes_of_their_own_agree_with_it():
 def turned(states, angle):
     """Return marker states in a rotated and translated frame of the plane."""
     c, s = np.cos(angle), np.sin(angle)
-    parts = states.reshape(len(states), 6, 3) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    parts = states.reshape(len(states), 6, 3) @ np.array(
+        [[c, -s, 0], [s, c, 0], [0, 0, 1]]
+    )
     parts[:, :3, :2] += [0.3, -0.7]
     return parts.reshape(len(states), -1)
 
@@ -97,7 +103,9 @@ def test_errors_and_gain_are_said():
     assert entries["map_estimate_error_ols"]["value"] == error["ols"]
     gain = error["printed"] / error["corrected_curved"]
     assert entries["map_estimate_gain"]["value"] == pytest.approx(gain)
-    assert "map_estimate_gain" not in score_estimates(table[table["estimator"] == "ols"])
+    assert "map_estimate_gain" not in score_estimates(
+        table[table["estimator"] == "ols"]
+    )
 
 
 def test_the_table_has_displacements():
@@ -126,14 +134,18 @@ def test_a_difference_is_that_of_the_predictions():
     found = relative_difference(A, B, root=input_root(X), units=UNITS)
     assert found == pytest.approx(apart / size, rel=1e-12)
     assert relative_difference(B, B, root=input_root(X), units=UNITS) == 0
-    assert relative_difference(2 * B, B, root=input_root(X), units=UNITS) == pytest.approx(1)
+    assert relative_difference(
+        2 * B, B, root=input_root(X), units=UNITS
+    ) == pytest.approx(1)
 
 
 def test_it_does_not_change_with_the_coordinates_of_the_inputs():
     turn = RNG.normal(size=(4, 4))
     there, back = X @ turn.T, np.linalg.inv(turn)
     found = relative_difference(A @ back, B @ back, root=input_root(there), units=UNITS)
-    assert found == pytest.approx(relative_difference(A, B, root=input_root(X), units=UNITS))
+    assert found == pytest.approx(
+        relative_difference(A, B, root=input_root(X), units=UNITS)
+    )
 
 
 def test_the_largest_of_all_pairs_is_relative_to_the_mean_map():
@@ -149,12 +161,20 @@ def test_the_largest_of_all_pairs_is_relative_to_the_mean_map():
 ANSWER = {
     "conclusion": "different",
     "effect": {
-        **{"estimate": 0.3, "low": 0.2, "high": 0.4, "upper_bound": 0.38, "detectable": 0.1},
+        **{
+            "estimate": 0.3,
+            "low": 0.2,
+            "high": 0.4,
+            "upper_bound": 0.38,
+            "detectable": 0.1,
+        },
         "p_value": 0.001,
     },
 }
 ORDERS = ("1>2>3", "1>3>2", "2>1>3")
-INSTANTS = np.tile([[0.0, 0.01, 0.02], [0.0, 0.02, 0.01], [0.01, 0.0, 0.02]], (14, 1))[:40]
+INSTANTS = np.tile([[0.0, 0.01, 0.02], [0.0, 0.02, 0.01], [0.01, 0.0, 0.02]], (14, 1))[
+    :40
+]
 
 
 def exact(*changes):

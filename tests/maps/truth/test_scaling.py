@@ -23,7 +23,9 @@ def landings(case, scale, *, kink=0.0, bend=0.1, push=1.0, count=600):
     y = x @ MATRIX.T + push * preloads @ PUSH.T
     y += kink * np.abs(x[:, :1]) * KINK + bend * x[:, 1:2] ** 2 * KINK[::-1]
     first = x[:, 0] > 0
-    exact = np.array([MATRIX + sign * kink * np.outer(KINK, np.eye(8)[0]) for sign in (1, -1)])
+    exact = np.array(
+        [MATRIX + sign * kink * np.outer(KINK, np.eye(8)[0]) for sign in (1, -1)]
+    )
     return SimpleNamespace(
         case=case,
         control=SimpleNamespace(coupling=kink, impulse=0.0, delay_s=0.0),
@@ -50,7 +52,9 @@ def test_the_error_of_a_smooth_map_falls_with_the_square_of_the_scale():
     assert (found["exact_difference"] == 0).all()
     assert found["map_error"].iloc[-1] < 0.01
     assert found[["landings", "failed", "schedules"]].iloc[0].tolist() == [600, 3, 2]
-    np.testing.assert_allclose(found["spread_ms"] / found["scale"], found["spread_ms"].iloc[0])
+    np.testing.assert_allclose(
+        found["spread_ms"] / found["scale"], found["spread_ms"].iloc[0]
+    )
 
 
 def test_the_error_of_a_kinked_map_falls_with_the_scale_and_its_maps_stay_apart():
@@ -139,7 +143,9 @@ def study(kink=0.0):
     def in_world(vectors):
         return np.einsum("nij,nj->ni", heading, vectors)
 
-    pre = markers(place, np.column_stack([yaw, x[:, :2]]), in_world(x[:, 2:5]), x[:, 5:])
+    pre = markers(
+        place, np.column_stack([yaw, x[:, :2]]), in_world(x[:, 2:5]), x[:, 5:]
+    )
     step = in_world(np.column_stack([y[:, :2], np.full(COUNT, -0.2)]))
     angles = np.column_stack([yaw + y[:, 2], y[:, 3:5]])
     post = markers(place + step, angles, in_world(y[:, 5:8]), y[:, 8:])
@@ -150,7 +156,11 @@ def study(kink=0.0):
         recording=np.full(COUNT, "one"),
         index=np.arange(COUNT),
     )
-    exact = {"body_points_m": POINTS.tolist(), "maps": maps, "schedules": ["1>2>3", "3>2>1"]}
+    exact = {
+        "body_points_m": POINTS.tolist(),
+        "maps": maps,
+        "schedules": ["1>2>3", "3>2>1"],
+    }
     return true, exact
 
 

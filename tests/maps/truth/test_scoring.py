@@ -21,7 +21,9 @@ FEET = ("a", "b", "c")
 
 
 def known(rng, landings=200):
-    contacts = 0.64 * np.arange(landings)[:, None] + 0.02 * rng.normal(size=(landings, 3))
+    contacts = 0.64 * np.arange(landings)[:, None] + 0.02 * rng.normal(
+        size=(landings, 3)
+    )
     frames = 10 * landings
     height = rng.uniform(0.2, 0.6, frames)
     # Each foot leaves the floor at its own height between 0.3 and 0.5 m.
@@ -104,10 +106,14 @@ def test_touchdowns_are_matched_by_time_within_their_recording():
     first, second = (known(np.random.default_rng(seed)) for seed in (2, 3))
     late = touchdowns(second, second.contact_times, "late").iloc[::-1]
     both = pd.concat([late, touchdowns(first, first.contact_times[5:], "early")])
-    entries = score_contacts({"early": first, "late": second}, both, feet=FEET, method="kink")
+    entries = score_contacts(
+        {"early": first, "late": second}, both, feet=FEET, method="kink"
+    )
     assert values(entries)["labels_right_kink"] == 1.0
     assert values(entries)["contact_rms_kink"] == 0.0
-    swapped = score_contacts({"early": second, "late": first}, both, feet=FEET, method="kink")
+    swapped = score_contacts(
+        {"early": second, "late": first}, both, feet=FEET, method="kink"
+    )
     assert values(swapped)["labels_right_kink"] < 0.5
 
 
@@ -115,7 +121,9 @@ def test_a_touchdown_without_a_true_landing_is_wrong():
     item = known(np.random.default_rng(4))
     item.complete[10] = False
     item.contact_times[20] = np.nan
-    table = touchdowns(item, np.where(np.isnan(item.contact_times), 12.8, item.contact_times))
+    table = touchdowns(
+        item, np.where(np.isnan(item.contact_times), 12.8, item.contact_times)
+    )
     found = values(score_contacts({"hopper": item}, table, feet=FEET, method="kink"))
     assert found["unmatched_kink"] == 2
     assert found["labels_right_kink"] == 198 / 200
@@ -148,7 +156,8 @@ def test_missed_and_invented_touchdowns_count():
 def test_sections_of_a_known_order():
     item = known(np.random.default_rng(6), landings=20_000)
     found = values(score_sections({"hopper": item}, sections(0.501, 0.302), {}))
-    # Frames are uniform: the density of those with a foot down has left zero 2 mm above 0.5 m.
+    # Frames are uniform: the density of those with a foot down has left zero 2 mm above
+    # 0.5 m.
     assert found["section_pre_true"] == pytest.approx(0.502, abs=3e-4)
     assert found["section_post_true"] == pytest.approx(0.298, abs=3e-4)
     assert found["section_pre_error"] == pytest.approx(-1.0, abs=0.3)
@@ -166,7 +175,9 @@ def test_sections_by_the_true_contacts_of_landings():
     found = values(score_sections({"hopper": item}, given, {"hopper": recording}))
     untouched_m = 0.4 + 0.2 * np.cos(2 * np.pi * (0.2 - 0.002))
     settled_m = 0.4 + 0.2 * np.cos(2 * np.pi * (0.3 + 0.002))
-    assert found["section_pre_true"] == pytest.approx(0.6 - 0.25 * (0.6 - untouched_m), abs=2e-3)
+    assert found["section_pre_true"] == pytest.approx(
+        0.6 - 0.25 * (0.6 - untouched_m), abs=2e-3
+    )
     assert found["section_post_true"] == pytest.approx(settled_m, abs=4e-3)
     assert found["section_post_error"] == pytest.approx(
         1e3 * (0.3 - found["section_post_true"]), abs=1e-6
@@ -176,15 +187,17 @@ def test_sections_by_the_true_contacts_of_landings():
 
 
 def test_sections_of_landings_alone_and_those_given():
-    # The body is up on its toes: one foot stays down until 0.5 m on the way up, none below 0.3 m on
-    # the way down.
+    # The body is up on its toes: one foot stays down until 0.5 m on the way up, none
+    # below 0.3 m on the way down.
     phase = np.linspace(0, 40 * np.pi, 40_001)
     height = 0.4 + 0.2 * np.cos(phase)
     rising = np.sin(phase) < 0
     down = np.repeat((height < np.where(rising, 0.5, 0.3))[:, None], 2, axis=1)
     item = truth_of(np.zeros((0, 2)), down, height)
     everywhere = values(score_sections({"hopper": item}, sections(0.3, 0.3), {}))
-    landing = values(score_sections({"hopper": item}, sections(0.3, 0.3, frames="landings"), {}))
+    landing = values(
+        score_sections({"hopper": item}, sections(0.3, 0.3, frames="landings"), {})
+    )
     assert everywhere["section_pre_true"] == pytest.approx(0.5, abs=3e-3)
     assert landing["section_pre_true"] == pytest.approx(0.3, abs=3e-3)
     given = score_sections({"hopper": item}, sections(0.3, 0.3, decided="config"), {})
@@ -203,7 +216,9 @@ def test_floor_residual_ignores_the_mean_of_each_recording():
     assert even == pytest.approx(0, abs=1e-12)
     rough = replace(item, floor_at_contacts=true.copy())
     rough.floor_at_contacts[4, 1] = np.nan
-    both = values(score_floor({"even": item, "rough": rough}, floors))["floor_residual_rms"]
+    both = values(score_floor({"even": item, "rough": rough}, floors))[
+        "floor_residual_rms"
+    ]
     assert both == pytest.approx(1 / np.sqrt(2), rel=0.03)
 
 
@@ -251,7 +266,9 @@ def test_the_whole_score_is_json_with_units():
 
 def test_distances_are_scored_only_if_they_were_made():
     item = known(np.random.default_rng(8))
-    made = pd.DataFrame({"kind": ["in_class", "random"], "q05": [2.0, 3.6], "q95": [3.2, 3.9]})
+    made = pd.DataFrame(
+        {"kind": ["in_class", "random"], "q05": [2.0, 3.6], "q95": [3.2, 3.9]}
+    )
     of = {
         "floors": {"hopper": fitted(item.floor_at_contacts)},
         "feet": FEET,

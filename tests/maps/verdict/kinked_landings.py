@@ -36,10 +36,10 @@ def landings(
 ):
     """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
 
-    `cubic` scales a term in the cube of the first foot's instant relative to the mean, with the
-    slopes of a kink. Input number `constant` does not vary. The outcome jumps by twice `jump` times
-    the slopes of a kink where two feet exchange their order. A fraction `of_these` of the landings
-    is faster by `faster` standard deviations.
+    `cubic` scales a term in the cube of the first foot's instant relative to the mean,
+    with the slopes of a kink. Input number `constant` does not vary. The outcome jumps
+    by twice `jump` times the slopes of a kink where two feet exchange their order. A
+    fraction `of_these` of the landings is faster by `faster` standard deviations.
     """
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(99)  # the same map for all seeds
@@ -71,7 +71,9 @@ def _states(x, y, rng):
     yaw = rng.uniform(-0.4, 0.4, len(x))
     place = np.column_stack([rng.uniform(-1, 1, (len(x), 2)), np.full(len(x), 0.5)])
     step = np.column_stack([turned(y[:, :2], -yaw), np.full(len(x), -0.2)])
-    return _markers(x, place, yaw, yaw), _markers(y[:, 3:], place + step, yaw + y[:, 2], yaw)
+    return _markers(x, place, yaw, yaw), _markers(
+        y[:, 3:], place + step, yaw + y[:, 2], yaw
+    )
 
 
 def _markers(states, place, yaw, frame):
@@ -101,7 +103,11 @@ def rotations(yaw, pitch, roll):
     def stack(rows):
         return np.moveaxis(np.array(rows), 2, 0)
 
-    z = [[np.cos(yaw), -np.sin(yaw), zero], [np.sin(yaw), np.cos(yaw), zero], [zero, zero, one]]
+    z = [
+        [np.cos(yaw), -np.sin(yaw), zero],
+        [np.sin(yaw), np.cos(yaw), zero],
+        [zero, zero, one],
+    ]
     y = [
         [np.cos(pitch), zero, np.sin(pitch)],
         [zero, one, zero],

@@ -6,7 +6,12 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from hopdata.maps.verdict.effect import contrasts, effect_size, landings_needed, relative_size
+from hopdata.maps.verdict.effect import (
+    contrasts,
+    effect_size,
+    landings_needed,
+    relative_size,
+)
 from hopdata.maps.verdict.model import HIDDEN, LEFT, OF_FOURTH, KinkFit, upper_ends
 
 KINKS, OUTPUTS, LANDINGS = 2, 4, 150
@@ -20,7 +25,9 @@ def fit(size, seed, largest=False, allowed=LEFT):
     """
     rng = np.random.default_rng(seed)
     scores = WEIGHTS * rng.standard_normal((LANDINGS, len(WEIGHTS))) / np.sqrt(LANDINGS)
-    direction = np.eye(len(WEIGHTS))[-1] if largest else rng.standard_normal(len(WEIGHTS))
+    direction = (
+        np.eye(len(WEIGHTS))[-1] if largest else rng.standard_normal(len(WEIGHTS))
+    )
     found = size * direction / np.linalg.norm(direction) + scores.sum(axis=0)
     return KinkFit(
         coefficients=found.reshape(KINKS, OUTPUTS),
@@ -37,7 +44,12 @@ def fit(size, seed, largest=False, allowed=LEFT):
 def size_of(kinks, seed=0):
     generator = np.random.default_rng(seed)
     return effect_size(
-        kinks, np.eye(len(WEIGHTS)), generator=generator, confidence=0.95, power=0.8, flips=199
+        kinks,
+        np.eye(len(WEIGHTS)),
+        generator=generator,
+        confidence=0.95,
+        power=0.8,
+        flips=199,
     )
 
 
@@ -101,7 +113,9 @@ def test_the_interval_is_in_order_and_clear_of_zero_with_the_test():
 
 def test_half_the_difference_takes_four_times_the_landings():
     assert landings_needed(1000, 0.4, 0.3, 0.35, 3) == pytest.approx(4000, abs=1)
-    assert landings_needed(1000, 0.2, LEFT, 0.9, 3) == 150  # those for second-order terms
+    assert (
+        landings_needed(1000, 0.2, LEFT, 0.9, 3) == 150
+    )  # those for second-order terms
 
 
 def test_of_three_feet_each_pair_of_orders_is_compared():
@@ -120,7 +134,9 @@ def test_of_more_feet_each_two_are_compared_as_they_occur():
     assert np.allclose(first, [1.0, -30 / 55, -25 / 55])
     assert np.allclose(differences[1], [60 / 90, 30 / 90, -1.0])  # 0 before 2
     rare = contrasts(orders, np.array([60, 30, 19]))[0]
-    assert len(rare) == 1, "only feet 0 and 1 exchange their order in 20 landings or more"
+    assert len(rare) == 1, (
+        "only feet 0 and 1 exchange their order in 20 landings or more"
+    )
 
 
 def test_known_maps_have_the_size_that_the_formula_says():
@@ -128,10 +144,14 @@ def test_known_maps_have_the_size_that_the_formula_says():
     mean, change = rng.standard_normal((2, 11, 8))
     maps = np.array([mean + change / 2, mean - change / 2])
     weights = contrasts(np.array([[0, 1], [1, 0]]), np.ones(2))
-    parts = [np.sum(change[k] ** 2) / np.sum(mean[k] ** 2) for k in (slice(5), slice(5, 11))]
+    parts = [
+        np.sum(change[k] ** 2) / np.sum(mean[k] ** 2) for k in (slice(5), slice(5, 11))
+    ]
     assert relative_size(maps, weights) == pytest.approx(np.sqrt(np.mean(parts)))
     units = np.repeat([1e3, 1e-2], [5, 6])[:, None]
-    assert relative_size(units * maps, weights) == pytest.approx(np.sqrt(np.mean(parts)))
+    assert relative_size(units * maps, weights) == pytest.approx(
+        np.sqrt(np.mean(parts))
+    )
 
 
 def test_without_any_order_nothing_is_compared():

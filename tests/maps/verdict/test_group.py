@@ -7,7 +7,12 @@ import pandas as pd
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.verdict.group import combine, compare_conditions, judge_group, told_apart
+from hopdata.maps.verdict.group import (
+    combine,
+    compare_conditions,
+    judge_group,
+    told_apart,
+)
 from hopdata.maps.verdict.model import LEFT
 
 NOISE, ALONG = 0.15, 0.1
@@ -64,7 +69,9 @@ def test_what_smooth_terms_leave_along_a_difference_is_covered_in_large_groups(a
 
 
 @pytest.mark.parametrize(("found", "is_different"), [(1, False), (2, True), (6, True)])
-def test_more_differences_than_false_alarms_explain_are_one_of_the_group(found, is_different):
+def test_more_differences_than_false_alarms_explain_are_one_of_the_group(
+    found, is_different
+):
     """Their sizes scatter too much for the mean; one alarm in six is chance, two are not."""
     table = studies(np.array([0.0, 0.0, 0.1, 0.2, 0.3, 1.2]), 1)
     table.loc[6 - found :, "conclusion"] = "different"
@@ -110,8 +117,14 @@ def test_large_differences_do_not_weigh_less_for_their_larger_errors():
 
 def test_conditions_are_compared_within_subjects():
     base = np.linspace(0.1, 0.5, 10)  # subjects differ far more than conditions
-    rows = [studies(base, 1, "a"), studies(np.sqrt(base**2 + 0.15), 2, "b"), studies(base, 3, "c")]
-    table = compare_conditions(pd.concat(rows)).set_index(["condition_a", "condition_b"])
+    rows = [
+        studies(base, 1, "a"),
+        studies(np.sqrt(base**2 + 0.15), 2, "b"),
+        studies(base, 3, "c"),
+    ]
+    table = compare_conditions(pd.concat(rows)).set_index(
+        ["condition_a", "condition_b"]
+    )
     assert table.loc[("a", "b"), "difference"] == pytest.approx(-0.15, abs=0.05)
     assert table.loc[("a", "b"), "p_holm"] < 0.01
     assert table.loc[("a", "c"), "p_holm"] > 0.05
@@ -127,7 +140,9 @@ def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
     rows[1] = studies(np.full(30, 0.5), 2, "b")
     apart = compare_conditions(pd.concat(rows))
     assert apart.iloc[0]["high"] < 0
-    assert re.fullmatch(r" Conditions differ: a \(\d+ %\) and b \(\d+ %\)\.", told_apart(apart))
+    assert re.fullmatch(
+        r" Conditions differ: a \(\d+ %\) and b \(\d+ %\)\.", told_apart(apart)
+    )
 
 
 def test_conditions_that_few_subjects_share_are_not_compared():
@@ -136,5 +151,7 @@ def test_conditions_that_few_subjects_share_are_not_compared():
 
 
 def test_too_few_subjects_are_refused():
-    with pytest.raises(AnalysisError, match="expected 3 subjects with an answer or more, found 2"):
+    with pytest.raises(
+        AnalysisError, match="expected 3 subjects with an answer or more, found 2"
+    ):
         combine(np.zeros(2), np.ones(2))

@@ -39,7 +39,9 @@ def test_one_curved_map_for_all_orders_is_no_difference():
     assert answer.conclusion == "no difference"
     assert answer.effect.low == 0.0
     assert answer.effect.upper_bound < 0.2
-    assert f"{float(f'{100 * answer.effect.upper_bound:.2g}'):g} % of" in answer.sentence
+    assert (
+        f"{float(f'{100 * answer.effect.upper_bound:.2g}'):g} % of" in answer.sentence
+    )
 
 
 def test_a_map_with_kinks_is_different_and_the_interval_holds_its_size():
@@ -68,7 +70,9 @@ def test_a_session_exported_twice_cannot_tell(seed):
     data, generator = landings(n=400, seed=seed), np.random.default_rng(seed)
     twice = some(data, np.r_[:400, :400])
     error = 1e-3 * data.before.std(axis=0)
-    again = verdict(replace(twice, before=twice.before + error * generator.normal(size=(800, 1))))
+    again = verdict(
+        replace(twice, before=twice.before + error * generator.normal(size=(800, 1)))
+    )
     assert "400 of 800 touchdowns are copies" in again.sentence
     assert "1 of 401 touchdowns" in verdict(some(data, np.r_[:400, 7])).sentence
     assert verdict(data).effect is not None
@@ -88,7 +92,9 @@ def test_the_answer_is_said_to_follow_from_the_jump_where_that_is_all():
 
 
 def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
-    sizes = [verdict(landings(strength=s, noise=1e-3)).effect.estimate for s in (0.1, 0.2)]
+    sizes = [
+        verdict(landings(strength=s, noise=1e-3)).effect.estimate for s in (0.1, 0.2)
+    ]
     assert sizes[1] / sizes[0] == pytest.approx(2.0, rel=0.1)
 
 
@@ -96,7 +102,9 @@ def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
 @pytest.mark.parametrize("n", [450, 900])
 def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n):
     """The allowance goes with their power of 1.5 for any number of landings; upper ends follow."""
-    near, far, farther = (verdict(landings(n=n, feet=feet, cubic=c)) for c in (0.0, 0.2, 0.4))
+    near, far, farther = (
+        verdict(landings(n=n, feet=feet, cubic=c)) for c in (0.0, 0.2, 0.4)
+    )
     assert near.effect.allowed == LEFT
     assert near.notes == []
     allowed = [one.effect.allowed for one in (far, farther)]
@@ -111,7 +119,9 @@ def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n)
 @pytest.mark.parametrize("of_these", [0.5, 0.2])
 def test_landings_of_two_speeds_are_told(of_these):
     """They dilute a difference, which is relative to all variation, also between the two kinds."""
-    one, two = (verdict(landings(strength=0.3, faster=f, of_these=of_these)) for f in (0.0, 8.0))
+    one, two = (
+        verdict(landings(strength=0.3, faster=f, of_these=of_these)) for f in (0.0, 8.0)
+    )
     assert one.notes == []
     assert [(note["what"], note["reason"][:20]) for note in two.notes] == [
         (TWO_KINDS, "by their velocity be")
@@ -127,7 +137,9 @@ def test_a_foot_and_its_copy_are_told():
     """A constant between their heights leaves one between their instants, plus the fits' errors."""
     data = landings(feet=3)
     error = (
-        0.01 * data.instants.std() * np.random.default_rng(1).standard_normal(len(data.instants))
+        0.01
+        * data.instants.std()
+        * np.random.default_rng(1).standard_normal(len(data.instants))
     )
     copied = np.column_stack([data.instants, data.instants[:, 0] + 0.002 + error])
     one, two = verdict(data), verdict(replace(data, instants=copied))
@@ -138,7 +150,9 @@ def test_a_foot_and_its_copy_are_told():
 def test_the_answer_follows_from_the_interval_alone():
     """At the edge, no study is different with an interval from zero, or the reverse."""
     for seed in range(6):
-        answer = verdict(landings(n=450, strength=0.07, noise=0.3, seed=seed), flips=199)
+        answer = verdict(
+            landings(n=450, strength=0.07, noise=0.3, seed=seed), flips=199
+        )
         assert (answer.conclusion == "different") == (answer.effect.low > 0)
         assert (answer.effect.p_value < 0.05) == (answer.effect.low > 0)
         assert answer.effect.low <= answer.effect.estimate <= answer.effect.high
@@ -161,7 +175,9 @@ def test_what_could_have_been_seen_is_said():
     assert "Nothing could have been seen" in outlook(none, 144_000, 1_617, 0.8)
 
 
-@pytest.mark.parametrize(("landings", "enough"), [(989, False), (990, True), (1_617, True)])
+@pytest.mark.parametrize(
+    ("landings", "enough"), [(989, False), (990, True), (1_617, True)]
+)
 def test_no_study_is_told_to_have_what_it_has(landings, enough):
     size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1)
     said = outlook(size, 990, landings, 0.8)
@@ -175,7 +191,10 @@ def test_no_study_is_told_to_have_what_it_has(landings, enough):
 def _scaled(data, length, time):
     units = np.repeat([length, length / time], data.before.shape[1] // 2)
     return replace(
-        data, before=data.before * units, after=data.after * units, instants=data.instants * time
+        data,
+        before=data.before * units,
+        after=data.after * units,
+        instants=data.instants * time,
     )
 
 
@@ -185,9 +204,9 @@ def _turned(data, angle):
     turn = np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), 2, 0)
 
     def turned(states):
-        return np.einsum("nij,nbj->nbi", turn, states.reshape(len(states), -1, 3)).reshape(
-            len(states), -1
-        )
+        return np.einsum(
+            "nij,nbj->nbi", turn, states.reshape(len(states), -1, 3)
+        ).reshape(len(states), -1)
 
     return replace(data, before=turned(data.before), after=turned(data.after))
 
@@ -207,10 +226,14 @@ SAME = {
     "label of the frame rate": lambda data: _scaled(data, 1.0, 100.0 / 240.0),
     "unit of length": lambda data: _scaled(data, 1e3, 1.0),
     "units of both": lambda data: _scaled(data, 39.37, 1 / 60),
-    "home marker": lambda data: _turned(data, 0.4 + 0.3 * np.cos(np.arange(len(data.before)))),
+    "home marker": lambda data: _turned(
+        data, 0.4 + 0.3 * np.cos(np.arange(len(data.before)))
+    ),
     "axes of the plane": _swapped_axes,
     "order of the markers": lambda data: _markers(data, [2, 0, 1]),
-    "order of the feet": lambda data: replace(data, instants=data.instants[:, [1, 2, 0]]),
+    "order of the feet": lambda data: replace(
+        data, instants=data.instants[:, [1, 2, 0]]
+    ),
     "start of the clock": lambda data: replace(data, instants=data.instants - 0.25),
 }
 
@@ -227,7 +250,9 @@ def test_units_axes_and_names_change_nothing(study, change):
     after = verdict(SAME[change](data))
     assert after.sentence == before.sentence
     for key, value in vars(before.effect).items():
-        assert getattr(after.effect, key) == pytest.approx(value, rel=1e-9, abs=1e-12), key
+        assert getattr(after.effect, key) == pytest.approx(
+            value, rel=1e-9, abs=1e-12
+        ), key
 
 
 # Data that allow no answer give a sentence and no number.
@@ -235,7 +260,9 @@ def test_units_axes_and_names_change_nothing(study, change):
 
 def _one_order():
     data = landings(n=2400)
-    return some(data, np.flatnonzero((np.diff(data.instants, axis=1) > 0.004).all(axis=1)))
+    return some(
+        data, np.flatnonzero((np.diff(data.instants, axis=1) > 0.004).all(axis=1))
+    )
 
 
 def _marker_by_marker():
@@ -254,7 +281,9 @@ def _two_markers():
 def _constant():
     """Return a body that always falls in the same attitude."""
     data = landings(n=600)
-    return replace(data, before=np.repeat(data.before[:1], 600, axis=0) + data.before[:, :1] * 0)
+    return replace(
+        data, before=np.repeat(data.before[:1], 600, axis=0) + data.before[:, :1] * 0
+    )
 
 
 def _guessed():
@@ -287,7 +316,9 @@ def _one_foot():
 def _coarse():
     """Return contact instants rounded to more than the feet are apart, except for five landings."""
     data = landings(n=600)
-    return replace(data, instants=np.where(np.arange(600)[:, None] < 5, data.instants, 1.0))
+    return replace(
+        data, instants=np.where(np.arange(600)[:, None] < 5, data.instants, 1.0)
+    )
 
 
 def _again():
@@ -310,11 +341,20 @@ BAD = {
         "two contact orders need 20 touchdowns each: 1 → 2 → 3 has 188",
     ),
     "two markers": (_two_markers, "3 body markers"),
-    "marker by marker": (_marker_by_marker, "states: expected positions, then velocities"),
+    "marker by marker": (
+        _marker_by_marker,
+        "states: expected positions, then velocities",
+    ),
     "all contacts in one frame": (_one_frame, "same instant"),
     "constant columns": (_constant, "do not vary"),
-    "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
-    "one constant velocity": (lambda: landings(n=900, constant=4), "do not vary in all"),
+    "one constant coordinate": (
+        lambda: landings(n=900, constant=0),
+        "do not vary in all",
+    ),
+    "one constant velocity": (
+        lambda: landings(n=900, constant=4),
+        "do not vary in all",
+    ),
     "instants of pure noise": (_guessed, "do not predict in which order"),
     "one foot": (_one_foot, "expected at least 2 feet, found 1"),
     "whole steps of time": (_coarse, "do not predict in which order"),
@@ -342,7 +382,9 @@ def test_bad_data_get_a_sentence_and_no_number(name):
 
 def test_tables_of_unequal_length_are_refused():
     data = landings(n=300)
-    with pytest.raises(AnalysisError, match=r"x, y, instants: .* found \(300, 18\), \(299, 18\)"):
+    with pytest.raises(
+        AnalysisError, match=r"x, y, instants: .* found \(300, 18\), \(299, 18\)"
+    ):
         judge(data.before, data.after[:-1], data.instants, **OPTIONS)
 
 
@@ -395,7 +437,9 @@ def test_landings_without_an_instant_are_counted_and_left_out():
     assert "7 of 900" in answer.notes[0]["reason"]
 
 
-@pytest.mark.parametrize(("feet", "words"), [(2, "2 contact orders"), (4, "pairs of feet")])
+@pytest.mark.parametrize(
+    ("feet", "words"), [(2, "2 contact orders"), (4, "pairs of feet")]
+)
 def test_other_numbers_of_feet(feet, words):
     one, many = (landings(n=1200, feet=feet, strength=s) for s in (0.0, 0.5))
     assert verdict(one, confidence=0.99).conclusion == "no difference"
@@ -420,8 +464,14 @@ def test_memory_does_not_grow_with_the_square_of_the_landings():
 
 
 def test_a_bound_that_rounds_to_the_margin_is_said_to_be_above_it():
-    said = [sentence(CANNOT_TELL, (0, 0, 0, b), "two orders", 0.95, 0.2) for b in (0.2004, 0.21)]
-    assert "of up to just over 20 % of the map cannot be excluded, and 20 % was wanted" in said[0]
+    said = [
+        sentence(CANNOT_TELL, (0, 0, 0, b), "two orders", 0.95, 0.2)
+        for b in (0.2004, 0.21)
+    ]
+    assert (
+        "of up to just over 20 % of the map cannot be excluded, and 20 % was wanted"
+        in said[0]
+    )
     assert "of up to 21 % of the map" in said[1]
 
 
@@ -448,5 +498,7 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
 
 def test_standard_errors_have_the_shape_of_the_instants():
     data = landings(n=300)
-    with pytest.raises(ConfigError, match=r"instants_se: expected a standard error .*\(300, 3\)"):
+    with pytest.raises(
+        ConfigError, match=r"instants_se: expected a standard error .*\(300, 3\)"
+    ):
         verdict(data, instants_se=np.zeros((300, 2)))

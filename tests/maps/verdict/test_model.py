@@ -22,7 +22,9 @@ def rng():
 
 
 def _section(instants, outputs, inputs):
-    return SectionLandings(inputs, outputs, instants - instants.mean(axis=1, keepdims=True), 1.0)
+    return SectionLandings(
+        inputs, outputs, instants - instants.mean(axis=1, keepdims=True), 1.0
+    )
 
 
 def test_kinks_are_those_of_least_squares(rng):
@@ -43,7 +45,10 @@ def test_fourth_powers_of_the_time_between_two_feet_are_no_kinks(rng, feet, take
     x, y = rng.standard_normal((700, 8)), 0.1 * rng.standard_normal((700, 11))
     t = x @ rng.standard_normal((8, feet))
     fourth = (t[:, :1] - t[:, 1:2]) ** 4
-    found = [fit_kinks(_section(t, one, x)) for one in (y, y + fourth * rng.standard_normal(11))]
+    found = [
+        fit_kinks(_section(t, one, x))
+        for one in (y, y + fourth * rng.standard_normal(11))
+    ]
     moved = np.abs(found[1].coefficients - found[0].coefficients).max()
     assert (moved > 0.1) == (moved > 1e-6) == taken
 
@@ -53,7 +58,9 @@ def test_scores_are_the_errors_of_the_kinks(rng):
     found, said = [], []
     for _ in range(60):
         x = rng.standard_normal((600, 8))
-        y = np.repeat(rng.standard_normal((600, 1)), 11, axis=1) + 0.1 * rng.standard_normal(11)
+        y = np.repeat(
+            rng.standard_normal((600, 1)), 11, axis=1
+        ) + 0.1 * rng.standard_normal(11)
         y += 1e-3 * rng.standard_normal(y.shape)
         fit = fit_kinks(_section(x[:, :2] @ np.array([[1.0, -1.0], [0.2, 0.5]]), y, x))
         found.append(fit.coefficients[0, 0])
@@ -91,7 +98,9 @@ def test_section_landings_are_in_units_of_their_own():
     assert section.inputs.shape == (300, 8)
     assert section.outputs.shape == (300, 11)
     assert 0 < POSITIONS < 11
-    assert np.sqrt(np.mean(np.var(section.expected, axis=1))) == pytest.approx(1.0, rel=0.05)
+    assert np.sqrt(np.mean(np.var(section.expected, axis=1))) == pytest.approx(
+        1.0, rel=0.05
+    )
 
 
 def test_parallel_pairs_of_six_feet_on_a_rigid_body_share_their_kinks(rng):

@@ -14,9 +14,13 @@ def hopping(seed, *, n_frames=2000, rate_hz=100.0, noise_m=6e-4):
     rng = np.random.default_rng(seed)
     time = np.arange(n_frames) / rate_hz
     height, tilt = _height_and_tilt(time, rng)
-    drift = np.cumsum(rng.normal(0, 0.002, (n_frames, 2)), axis=0) * np.sqrt(100 / rate_hz)
+    drift = np.cumsum(rng.normal(0, 0.002, (n_frames, 2)), axis=0) * np.sqrt(
+        100 / rate_hz
+    )
     drift = _smooth(drift, max(3, int(0.3 * rate_hz)))
-    yaw = _smooth(np.cumsum(rng.normal(0, 0.004, (n_frames, 1)), axis=0), int(0.3 * rate_hz) + 3)
+    yaw = _smooth(
+        np.cumsum(rng.normal(0, 0.004, (n_frames, 1)), axis=0), int(0.3 * rate_hz) + 3
+    )
     turn = np.stack([np.cos(yaw[:, 0]), -np.sin(yaw[:, 0])], axis=1)
     positions = np.empty((n_frames, 7, 3))
     for m, place in enumerate(np.concatenate([BODY, FEET])):
@@ -33,7 +37,10 @@ def _height_and_tilt(time, rng):
     height, tilt = np.empty(len(time)), np.zeros((len(time), 2))
     start = 0.0
     while start <= time[-1]:
-        flight, stance = FLIGHT_S * rng.uniform(0.85, 1.15), STANCE_S * rng.uniform(0.9, 1.1)
+        flight, stance = (
+            FLIGHT_S * rng.uniform(0.85, 1.15),
+            STANCE_S * rng.uniform(0.9, 1.1),
+        )
         up, down = (start <= time) & (time < start + flight), start + flight <= time
         s = time[up] - start
         height[up] = 0.5 * GRAVITY * s * (flight - s)
@@ -69,7 +76,9 @@ def with_swap(positions, one, other, start, stop):
 def with_spike(positions, marker, frame, size, *, seed=0, n_frames=1):
     changed = positions.copy()
     way = np.random.default_rng(seed).normal(size=3)
-    changed[frame : frame + n_frames, MARKERS.index(marker)] += size * way / np.linalg.norm(way)
+    changed[frame : frame + n_frames, MARKERS.index(marker)] += (
+        size * way / np.linalg.norm(way)
+    )
     return changed
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-# Names of the pelvis (4), then for each side heel, toe, first and fifth metatarsal, ankle, knee;
-# then the head.
+# Names of the pelvis (4), then for each side heel, toe, first and fifth metatarsal,
+# ankle, knee; then the head.
 STYLES = {
     "plug-in gait": (
         *("LASI", "RASI", "LPSI", "RPSI"),
@@ -32,13 +32,23 @@ STYLES = {
     "words": (
         *("PelvisFrontLeft", "PelvisFrontRight", "PelvisBackLeft", "PelvisBackRight"),
         *("LeftHeel", "LeftToe", "LeftFootIn", "LeftFootOut", "LeftAnkle", "LeftKnee"),
-        *("RightHeel", "RightToe", "RightFootIn", "RightFootOut", "RightAnkle", "RightKnee"),
+        *(
+            "RightHeel",
+            "RightToe",
+            "RightFootIn",
+            "RightFootOut",
+            "RightAnkle",
+            "RightKnee",
+        ),
         "HeadTop",
     ),
     "numbers": tuple(f"M{k:03d}" for k in range(1, 18)),
 }
-PELVIS = np.array([[0.1, 0.13, 1.0], [0.1, -0.13, 1.0], [-0.1, 0.05, 1.02], [-0.1, -0.05, 1.02]])
-# Positions for the left side, from the middle of the foot: x forward, y outward, z at rest.
+PELVIS = np.array(
+    [[0.1, 0.13, 1.0], [0.1, -0.13, 1.0], [-0.1, 0.05, 1.02], [-0.1, -0.05, 1.02]]
+)
+# Positions for the left side, from the middle of the foot: x forward, y outward, z at
+# rest.
 FOOT = np.array(
     [
         [-0.1, 0, 0.04],
@@ -83,7 +93,9 @@ def jumping(seed, *, jumps=1, rate_hz=100.0, noise_m=5e-4):
             positions[:, first + k, 2] = place[2] + up + raised
         positions[:, first + 5, 0] = 0.05 + forward - 0.2 * np.minimum(body, 0.0)
         positions[:, first + 5, 1] = sign * 0.13
-        positions[:, first + 5, 2] = 0.5 + np.where(lift > 0, lift, 0.4 * np.minimum(body, 0.0))
+        positions[:, first + 5, 2] = 0.5 + np.where(
+            lift > 0, lift, 0.4 * np.minimum(body, 0.0)
+        )
     positions[:, 16] = np.array([-0.05, 0.0, 1.5]) + 1.4 * sway
     positions[:, 16, 0] += forward
     positions[:, 16, 2] += 1.05 * body
@@ -102,14 +114,19 @@ def _one_jump(rng, step):
     yield np.zeros(len(stand)), np.zeros(len(stand)), np.zeros(len(stand))
     down = times(rng.uniform(0.4, 0.6))
     yield -depth * np.sin(0.5 * np.pi * down / down[-1]) ** 2, 0 * down, 0 * down
-    toe_off, push = 0.1, 0.3  # rise of the body on its toes above standing, m; duration, s
+    toe_off, push = (
+        0.1,
+        0.3,
+    )  # rise of the body on its toes above standing, m; duration, s
     rise = times(push)
     s = rise / push
     height = -depth + (toe_off + depth) * s ** (speed * push / (toe_off + depth))
     yield height, 0 * rise, 0.6 * np.maximum(0, (s - 0.5) / 0.5) ** 2
     fly = times(flight)
     above = speed * fly - 0.5 * GRAVITY * fly**2
-    tucked = np.minimum(fly / 0.12, 1.0)  # legs leave the floor more slowly than the body
+    tucked = np.minimum(
+        fly / 0.12, 1.0
+    )  # legs leave the floor more slowly than the body
     lift = np.maximum(above, 1e-6) * tucked**2 * (3 - 2 * tucked)
     yield toe_off + above, lift, 0.6 - 0.3 * fly / flight
     land, sink = times(0.8), rng.uniform(0.08, 0.12)

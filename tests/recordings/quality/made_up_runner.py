@@ -4,20 +4,23 @@ import numpy as np
 
 RATE_HZ = 150.0
 NAMES = ("R.ASIS", "L.ASIS", "R.PSIS", "L.PSIS")
-# A runner's pelvis, m: the two PSIS are 91 mm apart, and the largest distance is 273 mm.
+# A runner's pelvis, m: the two PSIS are 91 mm apart, and the largest distance is 273
+# mm.
 PELVIS = np.array(
     [[0.1, -0.1365, 0], [0.1, 0.1365, 0], [-0.1, -0.0455, 0.05], [-0.1, 0.0455, 0.05]]
 )
 SHORTEST_M, SIZE_M, STANDS_M = 0.091, 0.273, 0.95
 FLIGHT_S, STANCE_S = 0.12, 0.24
-SINE = 0.961  # robust standard deviation of a sine of amplitude 1, from its outer fifths
+SINE = (
+    0.961  # robust standard deviation of a sine of amplitude 1, from its outer fifths
+)
 
 
 def runner(seed, *, skin_m=0.0, wobble_m=0.0, noise_m=3e-4, n_frames=1500):
     """Return a pelvis (N, 4, 3) and two feet (N, 2, 3), m, of a runner with soft tissue.
 
-    The skin of each marker moves with the stride, by the amplitude `skin_m` in some direction, and
-    wobbles by up to `wobble_m` after each landing.
+    The skin of each marker moves with the stride, by the amplitude `skin_m` in some
+    direction, and wobbles by up to `wobble_m` after each landing.
     """
     rng = np.random.default_rng(seed)
     time = np.arange(n_frames) / RATE_HZ
@@ -31,7 +34,9 @@ def runner(seed, *, skin_m=0.0, wobble_m=0.0, noise_m=3e-4, n_frames=1500):
     for m in range(len(NAMES)):
         way = rng.normal(size=3)
         way *= skin_m / np.linalg.norm(way)
-        stride = np.sin(np.pi * time / (FLIGHT_S + STANCE_S) + rng.uniform(0, 2 * np.pi))
+        stride = np.sin(
+            np.pi * time / (FLIGHT_S + STANCE_S) + rng.uniform(0, 2 * np.pi)
+        )
         pelvis[:, m] += stride[:, None] * way
         shaken = rng.normal(size=3)
         shaken *= wobble_m / np.linalg.norm(shaken)

@@ -25,12 +25,16 @@ def by_definition(measured, up):
     for marker in np.moveaxis(measured, 1, 0):
         known = marker[np.isfinite(marker).all(axis=1)]
         if len(known):
-            shares.append(np.mean(np.linalg.norm(known - fall, axis=1) < WITHIN * GRAVITY_M_S2))
+            shares.append(
+                np.mean(np.linalg.norm(known - fall, axis=1) < WITHIN * GRAVITY_M_S2)
+            )
     return np.mean(shares) if shares else 0.0
 
 
 def check(measured):
-    found = {unit: free_fall._shares(measured, metres) for unit, metres in UNITS_IN_M.items()}
+    found = {
+        unit: free_fall._shares(measured, metres) for unit, metres in UNITS_IN_M.items()
+    }
     for unit, metres in UNITS_IN_M.items():
         for up in DIRECTIONS:
             expected = by_definition(measured * metres, up)

@@ -30,14 +30,18 @@ from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 def faults(positions, rate_hz=100.0):
     time = np.arange(len(positions)) / rate_hz
-    return inspect_recording(RawRecording(MARKERS, time, positions, rate_hz, "m")).faults
+    return inspect_recording(
+        RawRecording(MARKERS, time, positions, rate_hz, "m")
+    ).faults
 
 
 def gappy(positions, seed, *, each=5, longest=40):
     rng = np.random.default_rng(seed)
     for marker in MARKERS:
         for start in rng.integers(0, len(positions) - longest, each):
-            positions = with_gap(positions, marker, start, start + rng.integers(1, longest))
+            positions = with_gap(
+                positions, marker, start, start + rng.integers(1, longest)
+            )
     return positions
 
 
@@ -124,7 +128,11 @@ def test_three_names_that_go_round():
 def test_a_spike_is_found_and_nothing_else(marker, n_frames):
     found = faults(with_spike(hopping(6)[1], marker, 777, 0.05, n_frames=n_frames))
     (spike,) = found.spikes
-    assert (MARKERS[spike.marker], spike.start, spike.stop) == (marker, 777, 777 + n_frames)
+    assert (MARKERS[spike.marker], spike.start, spike.stop) == (
+        marker,
+        777,
+        777 + n_frames,
+    )
     assert spike.size == pytest.approx(0.05, rel=0.4 if n_frames == 1 else 1.4)
     assert found.count == 1
 
@@ -156,7 +164,9 @@ def test_a_doubled_block_is_one_fault_and_no_jumps():
 def test_a_clock_that_jitters_is_one_line_with_what_to_do():
     time, positions = hopping(8)
     time = time + 1.5e-3 * np.random.default_rng(0).normal(size=len(time))
-    inspection = inspect_recording(RawRecording(MARKERS, np.sort(time), positions, 100.0, "m"))
+    inspection = inspect_recording(
+        RawRecording(MARKERS, np.sort(time), positions, 100.0, "m")
+    )
     (one,) = inspection.suspects()
     assert (one.kind, inspection.n_problems) == ("jitter", 1)
     assert "give input.rate_hz" in one.text
@@ -200,7 +210,9 @@ def test_frames_that_are_held_are_told_one_by_one():
     told = [one.text for one in inspection.suspects() if one.kind == "copy"]
     assert (len(told), told[0]) == (19, "frame 101 stands here 2 times: keep one")
     assert told[2].endswith("3 times: keep one")
-    assert faults(np.repeat(positions, 2, axis=0)).copies == ()  # the file was made in this way
+    assert (
+        faults(np.repeat(positions, 2, axis=0)).copies == ()
+    )  # the file was made in this way
 
 
 def test_repeats_by_rounding_are_no_frozen_marker():
@@ -227,7 +239,9 @@ def test_dropped_frames_are_no_jumps():
 def test_frames_that_no_time_stamp_misses_are_told_with_their_number(seed):
     positions = hopping(20 + seed)[1]
     after, lost = np.arange(104, 1900, 90), 1 + np.arange(20) % 4
-    gone = np.concatenate([np.arange(k + 1, k + 1 + n) for k, n in zip(after, lost, strict=True)])
+    gone = np.concatenate(
+        [np.arange(k + 1, k + 1 + n) for k, n in zip(after, lost, strict=True)]
+    )
     after = after - np.cumsum(lost) + lost
     less = np.delete(positions, gone, axis=0)
     inspection = inspect_recording(
@@ -236,12 +250,16 @@ def test_frames_that_no_time_stamp_misses_are_told_with_their_number(seed):
     found = dict(inspection.timing.drops.tolist())
     assert set(found) <= set(after.tolist())
     assert len(found) >= 10  # of 20; at the top of a hop nothing moves
-    off = np.array([found.get(k, n) - n for k, n in zip(after.tolist(), lost, strict=True)])
+    off = np.array(
+        [found.get(k, n) - n for k, n in zip(after.tolist(), lost, strict=True)]
+    )
     assert np.abs(off).max() <= 3
     assert np.count_nonzero(off) <= 6
     assert {one.kind for one in inspection.suspects()} == {"dropped"}
     (told,) = inspection.lost
-    assert told.startswith(f"about {sum(found.values())} frames missing in {len(found)} places")
+    assert told.startswith(
+        f"about {sum(found.values())} frames missing in {len(found)} places"
+    )
     assert told in listing(inspection, "file").replace("\n" + " " * 10, "")
 
 
@@ -255,17 +273,30 @@ def test_contacts_seen_by_few_frames_are_no_lost_ones(rate_hz):
 @pytest.mark.parametrize("digits", [4, 6, None])
 def test_gaps_that_were_filled_with_straight_lines_are_told(digits):
     for seed in range(5):
-        positions, markers, starts = hopping(seed)[1], [0, 1, 3, 5], range(100, 1900, 37)
+        positions, markers, starts = (
+            hopping(seed)[1],
+            [0, 1, 3, 5],
+            range(100, 1900, 37),
+        )
         for k, start in enumerate(starts):
             a, b = start - 1, start + 6 + k % 9
             ends = positions[[a, b], markers[k % 4]]
             positions[a : b + 1, markers[k % 4]] = np.linspace(*ends, b - a + 1)
-        written = positions.astype(np.float32) if digits is None else np.round(positions, digits)
+        written = (
+            positions.astype(np.float32)
+            if digits is None
+            else np.round(positions, digits)
+        )
         found = straight_stretches(written, MARKERS)
         told = {(one.marker, one.start, one.stop) for one in found}
-        true = {(MARKERS[markers[k % 4]], s, s + 6 + k % 9) for k, s in enumerate(starts)}
+        true = {
+            (MARKERS[markers[k % 4]], s, s + 6 + k % 9) for k, s in enumerate(starts)
+        }
         assert told <= true
-        assert len(told) >= (30 if digits == 4 else 40), (seed, len(told))  # some hardly move
+        assert len(told) >= (30 if digits == 4 else 40), (
+            seed,
+            len(told),
+        )  # some hardly move
         clean = hopping(seed)[1]
         assert straight_stretches(np.round(clean, digits or 9), MARKERS) == ()
 
@@ -275,7 +306,9 @@ def test_a_filled_gap_is_one_fault_of_its_own_kind():
     positions[704:716, 0] = np.linspace(positions[704, 0], positions[715, 0], 12)
     raw = RawRecording(MARKERS, np.arange(2000) / 100, positions, 100.0, "m")
     inspection = inspect_recording(raw)
-    assert [(s.kind, s.start, s.stop) for s in inspection.suspects()] == [("filled", 705, 715)]
+    assert [(s.kind, s.start, s.stop) for s in inspection.suspects()] == [
+        ("filled", 705, 715)
+    ]
     assert "1 suspect: 1 filled gap." in listing(inspection, "file")
 
 
@@ -292,14 +325,20 @@ def test_a_few_frames_are_measured_without_error(n_frames):
 @pytest.mark.parametrize("shape", [(0, 7), (5, 0)])
 def test_nothing_to_measure_is_refused(shape):
     raw = RawRecording(
-        MARKERS[: shape[1]], np.arange(shape[0]) / 100, np.zeros((*shape, 3)), 100.0, "m"
+        MARKERS[: shape[1]],
+        np.arange(shape[0]) / 100,
+        np.zeros((*shape, 3)),
+        100.0,
+        "m",
     )
     with pytest.raises(RecordingError, match="expected frames and markers"):
         inspect_recording(raw)
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("kind", ["unseen", "constant", "infinite", "huge", "sparse", "equal"])
+@pytest.mark.parametrize(
+    "kind", ["unseen", "constant", "infinite", "huge", "sparse", "equal"]
+)
 def test_absurd_positions_are_measured_without_error_or_warning(kind):
     rng = np.random.default_rng(1)
     positions = rng.normal(size=(300, 7, 3))
@@ -319,7 +358,9 @@ def test_absurd_positions_are_measured_without_error_or_warning(kind):
 
 def test_one_frame_of_many_markers_costs_next_to_nothing():
     positions = np.random.default_rng(0).uniform(-1, 1, (1, 138, 3))
-    raw = RawRecording(tuple(f"m{i}" for i in range(138)), np.zeros(1), positions, 100.0, "m")
+    raw = RawRecording(
+        tuple(f"m{i}" for i in range(138)), np.zeros(1), positions, 100.0, "m"
+    )
     begin = process_time()
     found = inspect_recording(raw)
     assert process_time() - begin < 2.0
@@ -343,12 +384,18 @@ def test_a_long_recording_is_inspected_in_little_more_memory_than_its_own():
 def test_a_swap_among_many_markers_of_one_rigid_body_is_found():
     rng = np.random.default_rng(5)
     hops = hopping(5)[1]
-    positions = hops[:, :1] + rng.uniform(-0.3, 0.3, (40, 3)) + rng.normal(0, 3e-4, (2000, 40, 3))
+    positions = (
+        hops[:, :1]
+        + rng.uniform(-0.3, 0.3, (40, 3))
+        + rng.normal(0, 3e-4, (2000, 40, 3))
+    )
     positions[700:750, [11, 30]] = np.nan
     positions[750:900, [11, 30]] = positions[750:900, [30, 11]]
     positions[900:980, [11, 30]] = np.nan  # too long for the tracks to bridge
     time, names = np.arange(2000) / 100.0, tuple(f"m{i}" for i in range(40))
-    (swap,) = inspect_recording(RawRecording(names, time, positions, 100.0, "m")).faults.swaps
+    (swap,) = inspect_recording(
+        RawRecording(names, time, positions, 100.0, "m")
+    ).faults.swaps
     assert (swap.markers, swap.start, swap.stop) == (("m11", "m30"), 750, 900)
     assert "pair distances" in swap.found_by
 
@@ -361,7 +408,12 @@ def clean(sample_path):
     whole = read_recording(sample_path)
     n = 4000
     return Recording(
-        "run", 5.0 + whole.time[:n], whole.positions[:n], whole.markers, whole.roles, whole.rate_hz
+        "run",
+        5.0 + whole.time[:n],
+        whole.positions[:n],
+        whole.markers,
+        whole.roles,
+        whole.rate_hz,
     )
 
 
@@ -371,7 +423,9 @@ def faulty(clean):
     positions[100:130, 1] = np.nan
     positions[-10:, 4] = np.nan
     positions[2000, 0] += 0.05
-    return Recording("faulty", clean.time, positions, clean.markers, clean.roles, clean.rate_hz)
+    return Recording(
+        "faulty", clean.time, positions, clean.markers, clean.roles, clean.rate_hz
+    )
 
 
 def test_a_clean_recording_has_no_gaps_and_no_faults(clean):
@@ -402,13 +456,17 @@ def test_a_spike_is_a_row_with_its_size(clean, faulty):
     row = faults.iloc[0]
     assert (row["recording"], row["marker"]) == ("faulty", faulty.markers[0])
     assert row["start_s"] == pytest.approx(20.0)
-    assert float(row["remark"].split(" is ")[1].split()[0]) == pytest.approx(50 * np.sqrt(3), abs=3)
+    assert float(row["remark"].split(" is ")[1].split()[0]) == pytest.approx(
+        50 * np.sqrt(3), abs=3
+    )
 
 
 def test_dropped_frames_stand_without_a_marker(clean):
     time = clean.time.copy()
     time[1000:] += 0.03
-    late = Recording("late", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
+    late = Recording(
+        "late", time, clean.positions, clean.markers, clean.roles, clean.rate_hz
+    )
     faults = recording_tables([late])["faults"]
     dropped = faults[faults["kind"] == "dropped"]
     assert list(dropped["marker"]) == [""]
@@ -419,14 +477,18 @@ def test_dropped_frames_stand_without_a_marker(clean):
 def test_a_pause_is_no_fault(clean):
     time = clean.time.copy()
     time[1000:] += 1.0  # as between joined files
-    paused = Recording("paused", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
+    paused = Recording(
+        "paused", time, clean.positions, clean.markers, clean.roles, clean.rate_hz
+    )
     assert recording_tables([paused])["faults"].empty
 
 
 def test_remarks_stand_with_their_recording(clean, tmp_path):
     guessed = replace(clean, name="guessed", remarks=("a.trc: unit: taken for mm",))
     table = recording_tables([clean, guessed])["remarks"]
-    assert list(table.itertuples(index=False, name=None)) == [("guessed", guessed.remarks[0])]
+    assert list(table.itertuples(index=False, name=None)) == [
+        ("guessed", guessed.remarks[0])
+    ]
     path = tmp_path / "guessed.h5"
     write_recording(path, guessed)
     assert recording_tables([read_recording(path)])["remarks"].equals(table)

@@ -25,7 +25,9 @@ UNITS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inch": 1 / 0.0254}
 
 
 def raw(positions, unit="m", rate_hz=100.0):
-    return RawRecording(MARKERS, np.arange(len(positions)) / rate_hz, positions, rate_hz, unit)
+    return RawRecording(
+        MARKERS, np.arange(len(positions)) / rate_hz, positions, rate_hz, unit
+    )
 
 
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 1000.0])
@@ -76,7 +78,9 @@ def test_without_free_fall_the_floor_tells_and_the_size():
 
 
 def test_a_unit_that_the_file_does_not_state_is_not_called_its_own():
-    found, _ = guess_unit_and_up(replace(raw(walking() * 1000, "mm"), unit_is_stated=False))
+    found, _ = guess_unit_and_up(
+        replace(raw(walking() * 1000, "mm"), unit_is_stated=False)
+    )
     assert found.value == "mm"
     assert "usual, the file states none; the markers span" in found.reason
 
@@ -88,7 +92,9 @@ def test_a_unit_that_hardly_lets_move_is_not_sure(unit, seed):
     sound = replace(raw(walking(seed) * 1000, "mm", rate_hz=200), unit_is_stated=False)
     assert guess_unit_and_up(sound)[0].is_sure
     for stated in (True, False):
-        wrong = replace(sound, positions=walking(seed) * UNITS[unit], unit_is_stated=stated)
+        wrong = replace(
+            sound, positions=walking(seed) * UNITS[unit], unit_is_stated=stated
+        )
         found = guess_unit_and_up(wrong)[0]
         assert (found.value, found.is_sure, found.other) == ("mm", False, unit)
         assert "nothing falls, and the markers move at" in found.reason
@@ -104,7 +110,9 @@ def test_the_rate_is_asked_for_with_what_free_fall_says(seed, rate_hz):
     assert twice.other == f"{rate_hz:g}"
     half = guess_rate(raw(positions, rate_hz=rate_hz / 2), "m")
     assert (half.is_sure, half.other) == (False, f"{rate_hz:g}")
-    near = guess_rate(raw(positions, rate_hz=rate_hz / 1.2), "m")  # 83 or 167: not a half
+    near = guess_rate(
+        raw(positions, rate_hz=rate_hz / 1.2), "m"
+    )  # 83 or 167: not a half
     assert (near.is_sure, near.other) == (False, f"{rate_hz:g}")
     asked = guess_rate(raw(positions, rate_hz=100.0), "m", is_stated=False)
     assert not asked.is_sure
@@ -112,11 +120,18 @@ def test_the_rate_is_asked_for_with_what_free_fall_says(seed, rate_hz):
 
 
 @pytest.mark.parametrize(("least_g", "is_sure"), [(0.9, True), (1.6, False)])
-def test_of_six_markers_the_two_that_are_pulled_least_speak_for_the_rate(least_g, is_sure):
+def test_of_six_markers_the_two_that_are_pulled_least_speak_for_the_rate(
+    least_g, is_sure
+):
     time = np.arange(2000) / 100
     # In g; a hip marker shakes.
     pulls = np.array([least_g, least_g, 1.6, 2.0, 2.0, 2.0])[:, None]
-    swing = np.sin(2 * np.pi * time / 0.6)[:, None, None] * pulls * 9.81 * (0.6 / 2 / np.pi) ** 2
+    swing = (
+        np.sin(2 * np.pi * time / 0.6)[:, None, None]
+        * pulls
+        * 9.81
+        * (0.6 / 2 / np.pi) ** 2
+    )
     positions = (np.arange(6)[:, None] + swing) * [0.0, 0.0, 1.0]
     found = guess_rate(RawRecording(MARKERS[:6], time, positions, 100.0, "m"), "m")
     assert found.is_sure == is_sure
@@ -139,10 +154,14 @@ def test_a_stated_rate_that_nothing_speaks_against_is_taken(has_stamps):
 
 
 @pytest.mark.parametrize(("stated_hz", "is_sure"), [(100.0, True), (400.0, False)])
-def test_a_walk_is_asked_about_only_if_its_markers_would_be_hurled_down(stated_hz, is_sure):
+def test_a_walk_is_asked_about_only_if_its_markers_would_be_hurled_down(
+    stated_hz, is_sure
+):
     time = np.arange(2000) / 100
     rise = 0.03 * np.sin(2 * np.pi * 2.0 * time)[:, None, None] * [0.0, 0.0, 1.0]
-    walk = RawRecording(MARKERS, time, np.arange(7)[:, None] * 0.2 + rise, stated_hz, "m")
+    walk = RawRecording(
+        MARKERS, time, np.arange(7)[:, None] * 0.2 + rise, stated_hz, "m"
+    )
     walk = replace(walk, time=np.arange(2000) / stated_hz)
     found = guess_rate(walk, "m")
     assert found.is_sure == is_sure
@@ -150,7 +169,10 @@ def test_a_walk_is_asked_about_only_if_its_markers_would_be_hurled_down(stated_h
 
 
 def test_without_free_fall_no_rate_is_offered():
-    still = np.random.default_rng(4).normal(0, 1e-4, (2000, 7, 3)) + np.arange(7)[:, None] * 0.1
+    still = (
+        np.random.default_rng(4).normal(0, 1e-4, (2000, 7, 3))
+        + np.arange(7)[:, None] * 0.1
+    )
     asked = guess_rate(raw(still), "m", is_stated=False)
     assert (asked.value, asked.is_sure) == ("", False)
     assert "nothing falls" in asked.reason
@@ -195,7 +217,9 @@ SILENT = {"Units": None}
 
 
 def imported(path, **options):
-    return import_recording(path, name="trial", markers=LENGTH_UNIT_MARKERS, **options)[0]
+    return import_recording(path, name="trial", markers=LENGTH_UNIT_MARKERS, **options)[
+        0
+    ]
 
 
 def trc(folder, *, scale=1000.0, name="a.trc", positions=None, **options):
@@ -205,7 +229,10 @@ def trc(folder, *, scale=1000.0, name="a.trc", positions=None, **options):
 
 def c3d(folder, *, scale=1000.0, unit="mm", states=True):
     path = folder / "a.c3d"
-    write_c3d(path, RawRecording(NAMES, np.arange(40) / 100, standing(scale=scale), 100.0, unit))
+    write_c3d(
+        path,
+        RawRecording(NAMES, np.arange(40) / 100, standing(scale=scale), 100.0, unit),
+    )
     if not states:
         path.write_bytes(path.read_bytes().replace(b"UNITS", b"OTHER"))
     return path
@@ -213,10 +240,24 @@ def c3d(folder, *, scale=1000.0, unit="mm", states=True):
 
 def table(folder, *, scale=1000.0):
     """Write a table that only resembles an export: no key names the program."""
-    keys = ("NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY", "NO_OF_ANALOG")
-    keys += ("ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED", "MARKER_NAMES")
+    keys = (
+        "NO_OF_FRAMES",
+        "NO_OF_CAMERAS",
+        "NO_OF_MARKERS",
+        "FREQUENCY",
+        "NO_OF_ANALOG",
+    )
+    keys += (
+        "ANALOG_FREQUENCY",
+        "DESCRIPTION",
+        "TIME_STAMP",
+        "DATA_INCLUDED",
+        "MARKER_NAMES",
+    )
     bare = dict.fromkeys((*keys, "TRAJECTORY_TYPES"))
-    return write(folder, qtm_text(standing(scale=scale, wobble=0.002), header=bare), "a.txt")
+    return write(
+        folder, qtm_text(standing(scale=scale, wobble=0.002), header=bare), "a.txt"
+    )
 
 
 def test_of_two_units_never_both_fit():
@@ -224,7 +265,9 @@ def test_of_two_units_never_both_fit():
         positions = size * UPRIGHT[np.newaxis]
         by_mm = choose_unit(positions, unit="auto", nominal="mm")
         by_m = choose_unit(positions, unit="auto", nominal="m")
-        assert by_mm == by_m or size < 0.1 or size > 10  # else the format's own unit stays
+        assert (
+            by_mm == by_m or size < 0.1 or size > 10
+        )  # else the format's own unit stays
 
 
 @pytest.mark.parametrize(("scale", "unit"), [(1000.0, "mm"), (1.0, "m")])
@@ -288,7 +331,9 @@ def test_of_joined_files_those_that_are_silent_are_named(tmp_path):
         *(trc(tmp_path, name=f"{name}.trc", values=SILENT) for name in "bc"),
     ]
     (remark,) = [remark for remark in imported(rows).remarks if "unit" in remark]
-    assert remark.startswith(f"{tmp_path}/b.trc and 1 more: unit: expected the file to state it")
+    assert remark.startswith(
+        f"{tmp_path}/b.trc and 1 more: unit: expected the file to state it"
+    )
 
 
 def mixed(folder, *, stated, silent):
@@ -308,7 +353,9 @@ def test_a_silent_file_is_joined_in_the_unit_of_the_one_that_states_it(tmp_path,
     assert extent(given.positions) == pytest.approx(0.6, abs=0.01)
     assert not any("unit" in remark for remark in given.remarks)
     (remark,) = [remark for remark in guessed.remarks if "unit" in remark]
-    assert remark.startswith(f"{tmp_path}/b.trc: unit: expected the file to state it, found none")
+    assert remark.startswith(
+        f"{tmp_path}/b.trc: unit: expected the file to state it, found none"
+    )
 
 
 @pytest.mark.parametrize(("stated", "silent"), [("m", "mm"), ("mm", "m")])
@@ -316,7 +363,10 @@ def test_a_silent_file_of_another_size_is_not_joined(tmp_path, stated, silent):
     rows = mixed(tmp_path, stated=stated, silent=silent)
     with pytest.raises(RecordingError) as caught:
         imported(rows)
-    for part in (f"{rows[1]}: unit: expected {stated} as in {rows[0]}", f"fit {silent} only"):
+    for part in (
+        f"{rows[1]}: unit: expected {stated} as in {rows[0]}",
+        f"fit {silent} only",
+    ):
         assert part in str(caught.value)
 
 
@@ -328,8 +378,12 @@ def test_of_joined_files_the_silent_and_the_overruled_are_named(tmp_path):
     guessed = imported(rows)
     assert extent(guessed.positions) == pytest.approx(0.6, abs=0.01)
     silent, overruled = [remark for remark in guessed.remarks if "unit" in remark]
-    assert silent.startswith(f"{rows[1]}: unit: expected the file to state it, found none")
-    assert overruled.startswith(f"{rows[0]}: unit: expected mm as stated, found markers that would")
+    assert silent.startswith(
+        f"{rows[1]}: unit: expected the file to state it, found none"
+    )
+    assert overruled.startswith(
+        f"{rows[0]}: unit: expected mm as stated, found markers that would"
+    )
     assert not any("unit" in remark for remark in imported(rows, unit="m").remarks)
 
 
@@ -379,7 +433,9 @@ def test_a_body_is_above_its_feet(seed, up):
     assert guess_unit_and_up(recording)[1].value != up
 
 
-@pytest.mark.parametrize(("ahead_m", "is_sure"), [(0.1, True), (0.3, True), (0.7, False)])
+@pytest.mark.parametrize(
+    ("ahead_m", "is_sure"), [(0.1, True), (0.3, True), (0.7, False)]
+)
 def test_a_body_beside_its_feet_shows_no_vertical(ahead_m, is_sure):
     found = guess_unit_and_up(squatting(1, ahead_m=ahead_m), markers=SQUATTING)[1]
     assert found.is_sure == is_sure
@@ -410,7 +466,9 @@ def test_gravity_decides_against_exchanged_roles():
     assert "fall along it" in found.reason
 
 
-@pytest.mark.parametrize("known", [{}, {"body": ["hip1"]}, {"body": ["a"], "feet": ["b"]}])
+@pytest.mark.parametrize(
+    "known", [{}, {"body": ["hip1"]}, {"body": ["a"], "feet": ["b"]}]
+)
 def test_without_body_or_feet_nothing_is_known_of_their_places(known):
     assert np.isnan(body_over_feet_in_file(squatting(1), known)).all()
 
@@ -426,5 +484,7 @@ def test_names_serve_where_no_roles_are_given():
 @pytest.mark.parametrize(("up", "is_sure"), [("x", False), ("y", True)])
 def test_only_what_falls_along_the_vertical_speaks_against_a_stated_rate(up, is_sure):
     falls_along_x = turned(hopping(1)[1], "x")
-    found = guess_rate(raw(falls_along_x, rate_hz=50.0), "m", up=up)  # half of the true rate
+    found = guess_rate(
+        raw(falls_along_x, rate_hz=50.0), "m", up=up
+    )  # half of the true rate
     assert found.is_sure == is_sure

@@ -86,7 +86,9 @@ def test_a_low_pass_is_told_with_its_cut_off(hz, rate_hz, poles):
     (told,) = treated(smooth, rate_hz)
     assert "by a low-pass of some" in told
     assert "export them unfiltered" in told
-    assert treated(0.02 * body, rate_hz, scale=1 / 64) == []  # an insect under better cameras
+    assert (
+        treated(0.02 * body, rate_hz, scale=1 / 64) == []
+    )  # an insect under better cameras
 
 
 def test_the_noise_of_a_marker_does_not_depend_on_the_axes():
@@ -94,6 +96,8 @@ def test_the_noise_of_a_marker_does_not_depend_on_the_axes():
     steps = rng.normal(size=(5_000, 2, 3)) * [3e-4, 1e-4, 2e-4]
     c, s = np.cos(0.6), np.sin(0.6)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(frame_noise(steps @ turn), frame_noise(steps), rtol=1e-12)
+    np.testing.assert_allclose(
+        frame_noise(steps @ turn), frame_noise(steps), rtol=1e-12
+    )
     alike = rng.normal(scale=2e-4, size=(20_000, 2, 3))
     np.testing.assert_allclose(frame_noise(alike), 2e-4, rtol=0.03)

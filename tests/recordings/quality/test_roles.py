@@ -17,7 +17,9 @@ from hopdata.recordings.raw import RawRecording
 
 
 def roles(positions, markers=MARKERS, rate_hz=100.0):
-    raw = RawRecording(markers, np.arange(len(positions)) / rate_hz, positions, rate_hz, "m")
+    raw = RawRecording(
+        markers, np.arange(len(positions)) / rate_hz, positions, rate_hz, "m"
+    )
     return guess_roles(inspect_recording(raw))
 
 
@@ -53,7 +55,12 @@ def test_part_by_name(name, part):
 
 @pytest.mark.parametrize(
     ("left", "right"),
-    [("LHEE", "RHEE"), ("L_mt1", "rMT1"), ("LeftFootIn", "RightFootIn"), ("toe_l", "R.Toe")],
+    [
+        ("LHEE", "RHEE"),
+        ("L_mt1", "rMT1"),
+        ("LeftFootIn", "RightFootIn"),
+        ("toe_l", "R.Toe"),
+    ],
 )
 def test_both_sides_have_places_of_the_same_name(left, right):
     assert place_by_name(left) == place_by_name(right)
@@ -63,7 +70,10 @@ def test_both_sides_have_places_of_the_same_name(left, right):
 @pytest.mark.parametrize("size", [1 / 256, 1 / 16, 4.0])
 def test_roles_do_not_depend_on_the_size_of_the_animal(size):
     positions = hopping(5, n_frames=3000)[1]
-    found, other = roles(positions), roles(size * positions, rate_hz=100 / np.sqrt(size))
+    found, other = (
+        roles(positions),
+        roles(size * positions, rate_hz=100 / np.sqrt(size)),
+    )
     assert found.feet
     assert (other.feet, other.body, other.boom) == (found.feet, found.body, found.boom)
 
@@ -109,7 +119,11 @@ def test_feet_that_land_together_are_not_one_for_keeping_their_distance():
 
 def test_ankles_are_taken_where_there_is_no_foot():
     positions, names = jumping(3), STYLES["plug-in gait"]
-    kept = [m for m, name in enumerate(names) if name[1:] not in ("HEE", "TOE", "MT1", "MT5")]
+    kept = [
+        m
+        for m, name in enumerate(names)
+        if name[1:] not in ("HEE", "TOE", "MT1", "MT5")
+    ]
     found = roles(positions[:, kept], tuple(names[m] for m in kept))
     assert found.feet == ("LANK", "RANK")
 
@@ -149,12 +163,19 @@ def test_the_home_marker_is_one_that_inspect_calls_good(spoilt):
 
 def test_of_body_markers_that_are_all_suspected_home_is_the_least_bad():
     positions = hopping(5)[1]
-    for name, frames in {"hip1": (300, 700), "hip2": (300, 900), "hip3": (400,)}.items():
+    for name, frames in {
+        "hip1": (300, 700),
+        "hip2": (300, 900),
+        "hip3": (400,),
+    }.items():
         for frame in frames:
             positions = with_spike(positions, name, frame, 0.05)
     found = roles(positions)
     assert found.home == "hip3"
-    assert "the best of the body's, none of them without fault: 1 susp" in found.reasons["home"]
+    assert (
+        "the best of the body's, none of them without fault: 1 susp"
+        in found.reasons["home"]
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -186,8 +207,12 @@ def test_feet_that_land_in_between_are_named():
     positions = hopping(1)[1]
     names = (*MARKERS, "paw1", "paw2")
     paws = positions[:, 3:5].copy()
-    paws[:, :, 2] += np.where(positions[:, 3, 2] > 0.02, 0.0, 0.1)[:, None]  # down in flight
-    paws[:, :, 2] -= np.where(positions[:, 3, 2] > 0.02, positions[:, 3, 2], 0.0)[:, None]
+    paws[:, :, 2] += np.where(positions[:, 3, 2] > 0.02, 0.0, 0.1)[
+        :, None
+    ]  # down in flight
+    paws[:, :, 2] -= np.where(positions[:, 3, 2] > 0.02, positions[:, 3, 2], 0.0)[
+        :, None
+    ]
     both = np.concatenate([positions, paws], axis=1)
     toes = ("toe1", "toe2", "toe3")
     assert feet_between(names, both, 100.0, toes) == ["paw1", "paw2"]
@@ -227,8 +252,12 @@ def test_the_sample_s_roles_are_those_of_its_configuration(tmp_path):
     from hopdata.recordings.readers.formats import read_raw
 
     config = load_config(ROOT / "config/config.yaml", check_files=False)
-    found = guess_roles(inspect_recording(read_raw(part_of_sample(tmp_path / "part.h5", 200))))
-    assert {k: list(getattr(found, k)) for k in ("body", "feet", "boom")} == config["markers"]
+    found = guess_roles(
+        inspect_recording(read_raw(part_of_sample(tmp_path / "part.h5", 200)))
+    )
+    assert {k: list(getattr(found, k)) for k in ("body", "feet", "boom")} == config[
+        "markers"
+    ]
 
 
 def test_a_runner_s_right_foot_and_pelvis(external_recording):
@@ -274,7 +303,9 @@ def test_without_feet_it_says_what_is_missing():
 def test_without_a_body_it_says_what_is_missing():
     found = roles(hopping(3)[1][:, 3:6], MARKERS[3:6])
     assert found.body == ()
-    assert any(problem.startswith("markers.body: expected") for problem in found.problems)
+    assert any(
+        problem.startswith("markers.body: expected") for problem in found.problems
+    )
 
 
 def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
@@ -285,15 +316,24 @@ def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
     found = roles(positions, (*MARKERS, "hip4"))
     assert found.body == ("hip2", "hip3", "hip4")
     assert "since they are seen less: hip1" in found.reasons["body"]
-    assert roles(positions[:, :7]).body == ("hip1", "hip2", "hip3")  # there are no others
-    positions[140:, 0] = hopping(1)[1][140:, 0]  # in few frames: four fill each other's gaps
+    assert roles(positions[:, :7]).body == (
+        "hip1",
+        "hip2",
+        "hip3",
+    )  # there are no others
+    positions[140:, 0] = hopping(1)[1][
+        140:, 0
+    ]  # in few frames: four fill each other's gaps
     assert roles(positions, (*MARKERS, "hip4")).body == ("hip1", "hip2", "hip3", "hip4")
 
 
 def test_what_rests_near_the_floor_and_is_no_foot_is_told():
     positions = hopping(1)[1]
     assert roles(positions).reasons["unused"] == ""
-    ankle, dragged = positions[:, [3]] + [0.0, 0.0, 0.06], positions[:, [4]] * [1.0, 1.0, 0.0]
+    ankle, dragged = (
+        positions[:, [3]] + [0.0, 0.0, 0.06],
+        positions[:, [4]] * [1.0, 1.0, 0.0],
+    )
     more = np.concatenate([positions, ankle, dragged], axis=1)
     told = roles(more, (*MARKERS, "RANK", "tip")).reasons["unused"]
     assert "RANK rests" in told
@@ -328,10 +368,14 @@ def test_feet_that_land_once_are_not_sure():
 
 @pytest.mark.parametrize("mark", [":", "_"])
 def test_of_two_subjects_the_first_is_taken_and_the_other_named(mark):
-    positions = np.concatenate([hopping(3)[1], hopping(3)[1] + np.array([2.0, 1.0, 0.0])], axis=1)
+    positions = np.concatenate(
+        [hopping(3)[1], hopping(3)[1] + np.array([2.0, 1.0, 0.0])], axis=1
+    )
     names = tuple(f"{who}{mark}{name}" for who in ("cat", "dog") for name in MARKERS)
     time = np.arange(len(positions)) / 100.0
-    found = guess_roles(inspect_recording(RawRecording(names, time, positions, 100.0, "m")))
+    found = guess_roles(
+        inspect_recording(RawRecording(names, time, positions, 100.0, "m"))
+    )
     assert found.feet == tuple(f"cat{mark}toe{k}" for k in (1, 2, 3))
     assert {name[:4] for name in (*found.body, *found.boom)} == {f"cat{mark}"}
     assert "of cat alone, a study of its own for dog" in found.reasons["body"]
@@ -340,8 +384,13 @@ def test_of_two_subjects_the_first_is_taken_and_the_other_named(mark):
 @pytest.mark.parametrize("begin", [("LF", "RH"), ("front", "hind"), ("R", "L")])
 def test_what_the_names_of_limbs_begin_with_is_no_subject(begin):
     marked = ["toe", "ankle", "knee", "hip", "shoulder"]
-    assert subject_prefixes(tuple(f"{limb}_{part}" for limb in begin for part in marked)) == []
-    assert subject_prefixes(tuple(f"{rat}_{part}" for rat in "AB" for part in marked)) == [
+    assert (
+        subject_prefixes(tuple(f"{limb}_{part}" for limb in begin for part in marked))
+        == []
+    )
+    assert subject_prefixes(
+        tuple(f"{rat}_{part}" for rat in "AB" for part in marked)
+    ) == [
         "A_",
         "B_",
     ]

@@ -28,22 +28,36 @@ from hopdata.recordings.quality.softness import (
 def test_a_soft_pelvis_is_a_body(seed, share, wobble_m):
     pelvis, feet = runner(seed, skin_m=share * SHORTEST_M, wobble_m=wobble_m)
     assert what_bends(pelvis, feet) is None
-    assert one_body([0, 1, 2, 3], np.concatenate([pelvis, feet], axis=1), [4, 5]) == [0, 1, 2, 3]
+    assert one_body([0, 1, 2, 3], np.concatenate([pelvis, feet], axis=1), [4, 5]) == [
+        0,
+        1,
+        2,
+        3,
+    ]
 
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("skin_m", "wobble_m"), [(0.0, 0.0), (0.006, 0.01)])
 @pytest.mark.parametrize("leg", ["gives way in stance", "swings"])
-def test_a_foot_among_a_pelvis_is_found_whether_that_is_soft_or_not(seed, skin_m, wobble_m, leg):
+def test_a_foot_among_a_pelvis_is_found_whether_that_is_soft_or_not(
+    seed, skin_m, wobble_m, leg
+):
     pelvis, feet = runner(seed, skin_m=skin_m, wobble_m=wobble_m)
     foot = feet[:, 0].copy()
-    if leg == "swings":  # every second stride the other foot lands, and this one stays high
+    if (
+        leg == "swings"
+    ):  # every second stride the other foot lands, and this one stays high
         foot[:, 2] += 0.2 * (np.sin(np.pi * np.arange(len(foot)) / RATE_HZ / 0.36) > 0)
     markers = np.insert(pelvis, 2, foot, axis=1)
     bend = what_bends(markers, feet[:, 1:])
     assert bend is not None
     assert (bend.odd, bend.when) == (2, ON_FLOOR)
-    assert one_body(range(5), np.concatenate([markers, feet], axis=1), [5, 6]) == [0, 1, 3, 4]
+    assert one_body(range(5), np.concatenate([markers, feet], axis=1), [5, 6]) == [
+        0,
+        1,
+        3,
+        4,
+    ]
 
 
 @pytest.mark.parametrize("stance", [0.0, 0.3])
@@ -82,7 +96,9 @@ def test_a_loose_marker_is_refused_from_a_twentieth_of_the_bodys_size_on(seed, s
 
 
 @pytest.mark.parametrize(("gives_m", "refused"), [(0.02, False), (0.06, True)])
-def test_what_gives_way_only_where_it_is_lowest_is_refused_at_twice_the_limit(gives_m, refused):
+def test_what_gives_way_only_where_it_is_lowest_is_refused_at_twice_the_limit(
+    gives_m, refused
+):
     pelvis, feet = runner(2)
     depth = STANDS_M - 0.045 - pelvis[:, 0, 2].clip(max=STANDS_M - 0.045)
     pelvis[:, 0, 0] += gives_m * depth / 0.015  # in a seventh of the frames
@@ -123,7 +139,9 @@ def test_the_remark_tells_where_how_much_and_what_it_costs():
     assert "times that from frame to frame" in remark
     positions = np.concatenate([pelvis, feet], axis=1)
     roles = ("body",) * 4 + ("foot",) * 2
-    recording = Recording("run", time, positions, (*NAMES, "toe1", "toe2"), roles, RATE_HZ)
+    recording = Recording(
+        "run", time, positions, (*NAMES, "toe1", "toe2"), roles, RATE_HZ
+    )
     assert f"recording 'run': {remark}" in notes(recording)
     check_rigid(recording)
     hard = replace(recording, positions=np.concatenate(runner(5), axis=1))
@@ -137,7 +155,9 @@ def test_the_message_blames_a_marker_of_the_pair():
     roles = ("body",) * 4 + ("foot",) * 2
     markers = (*NAMES, "toe1", "toe2")
     positions = np.concatenate([pelvis, feet], axis=1)
-    with pytest.raises(RecordingError, match=r"'L\.PSIS' varying by .* is 'L\.PSIS' on the body"):
+    with pytest.raises(
+        RecordingError, match=r"'L\.PSIS' varying by .* is 'L\.PSIS' on the body"
+    ):
         check_rigid(Recording("run", time, positions, markers, roles, RATE_HZ))
 
 

@@ -14,7 +14,13 @@ from hopdata.recordings.quality.stretches import (
 
 @pytest.mark.parametrize(
     ("mask", "expected"),
-    [("", []), ("0", []), ("1", [(0, 1)]), ("0110", [(1, 3)]), ("1011", [(0, 1), (2, 4)])],
+    [
+        ("", []),
+        ("0", []),
+        ("1", [(0, 1)]),
+        ("0110", [(1, 3)]),
+        ("1011", [(0, 1), (2, 4)]),
+    ],
 )
 def test_runs(mask, expected):
     found = runs(np.array([c == "1" for c in mask], dtype=bool))
@@ -23,7 +29,9 @@ def test_runs(mask, expected):
 
 def test_gaps_are_counted_as_planted():
     _, positions = hopping(1, n_frames=400)
-    assert all(gaps.count == 0 == gaps.longest for gaps in marker_gaps(positions, MARKERS))
+    assert all(
+        gaps.count == 0 == gaps.longest for gaps in marker_gaps(positions, MARKERS)
+    )
     gappy = with_gap(with_gap(positions, "toe2", 0, 7), "toe2", 390, 400)
     gappy[50, MARKERS.index("toe2"), 1] = np.nan  # one coordinate is enough
     found = dict(zip(MARKERS, marker_gaps(gappy, MARKERS), strict=True))
@@ -39,7 +47,9 @@ def test_a_marker_never_seen():
 
 
 def test_on_a_floor_that_gives_a_foot_rests_where_it_settles():
-    t = np.arange(300) / 200.0  # it falls, sinks by 44 mm, and comes back to 0 within 0.2 s
+    t = (
+        np.arange(300) / 200.0
+    )  # it falls, sinks by 44 mm, and comes back to 0 within 0.2 s
     sunk = -0.16 * np.exp(-t / 0.08) * np.sin(np.pi * np.clip(t / 0.3, 0, 1))
     drop = np.concatenate([np.linspace(0.3, 0.0, 100, endpoint=False), sunk])
     heights = np.tile(drop, 20)[:, None]

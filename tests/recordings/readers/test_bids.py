@@ -19,7 +19,13 @@ TRACK[4:6, 1] = np.nan
 @pytest.mark.parametrize("heads", [False, True])
 def test_points_that_have_three_coordinates(tmp_path, missing, above, heads):
     file = write_bids(
-        tmp_path / "motion", TRACK, NAMES, missing=missing, above=above, heads=heads, rate=250.0
+        tmp_path / "motion",
+        TRACK,
+        NAMES,
+        missing=missing,
+        above=above,
+        heads=heads,
+        rate=250.0,
     )
     found = read_raw(file)
     assert found.markers == NAMES
@@ -30,7 +36,8 @@ def test_points_that_have_three_coordinates(tmp_path, missing, above, heads):
 
 
 @pytest.mark.parametrize(
-    ("spatial", "up"), [("ALS", "z"), ("RUF", "y"), ("ALI", "-z"), ("", ""), ("AL_", "")]
+    ("spatial", "up"),
+    [("ALS", "z"), ("RUF", "y"), ("ALI", "-z"), ("", ""), ("AL_", "")],
 )
 def test_the_file_s_own_word_on_up(tmp_path, spatial, up):
     assert read_raw(write_bids(tmp_path, TRACK, NAMES, spatial=spatial)).stated_up == up
@@ -38,7 +45,10 @@ def test_the_file_s_own_word_on_up(tmp_path, spatial, up):
 
 def test_the_nearer_json_holds(tmp_path):
     file = write_bids(tmp_path / "motion", TRACK, NAMES, rate=250.0, latency=False)
-    for name, rate in (("task-hop_motion.json", 50.0), ("task-walk_tracksys-x_motion.json", 7.0)):
+    for name, rate in (
+        ("task-hop_motion.json", 50.0),
+        ("task-walk_tracksys-x_motion.json", 7.0),
+    ):
         (tmp_path / name).write_text(json.dumps({"SamplingFrequency": rate}))
     assert read_raw(file).rate_hz == 250.0
     (tmp_path / "motion" / f"{NAME}_motion.json").unlink()
@@ -50,10 +60,25 @@ def test_the_nearer_json_holds(tmp_path):
     [
         ("channels.tsv", "POS", "VEL", "expected channels of the type POS"),
         ("channels.tsv", "hip_y\ty", "hip_y\tx", "expected x of 'hip' once"),
-        ("channels.tsv", "tracked_point", "point", "line 1: column: expected 'tracked_point' once"),
-        ("channels.tsv", "toe\tmm", "toe\tm", "expected one unit of all positions, found m, mm"),
+        (
+            "channels.tsv",
+            "tracked_point",
+            "point",
+            "line 1: column: expected 'tracked_point' once",
+        ),
+        (
+            "channels.tsv",
+            "toe\tmm",
+            "toe\tm",
+            "expected one unit of all positions, found m, mm",
+        ),
         ("channels.tsv", "\tmm", "\tft", "expected mm, cm, m or inches, found 'ft'"),
-        ("motion.json", "100.0", '"fast"', "SamplingFrequency: expected a number, found 'fast'"),
+        (
+            "motion.json",
+            "100.0",
+            '"fast"',
+            "SamplingFrequency: expected a number, found 'fast'",
+        ),
         ("motion.json", "100.0", "", "motion.json: expected json, found"),
         (
             "motion.tsv",
@@ -82,12 +107,16 @@ def test_a_rate_that_is_not_stated_is_that_of_the_time_stamps(tmp_path):
         if latency:
             assert read_raw(file).rate_hz == 100.0
             continue
-        with pytest.raises(RecordingError, match=r"expected a number in the file or in input\.r"):
+        with pytest.raises(
+            RecordingError, match=r"expected a number in the file or in input\.r"
+        ):
             read_raw(file)
 
 
 def test_channels_that_are_not_there(tmp_path):
     file = write_bids(tmp_path, TRACK, NAMES)
     (tmp_path / f"{NAME}_channels.tsv").unlink()
-    with pytest.raises(RecordingError, match=r"channels\.tsv: expected a file, found none"):
+    with pytest.raises(
+        RecordingError, match=r"channels\.tsv: expected a file, found none"
+    ):
         read_raw(file)

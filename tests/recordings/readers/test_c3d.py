@@ -29,7 +29,9 @@ INTEL = PROCESSORS[84]
 
 def raw(n_frames=20, n_markers=3, **changes):
     rng = np.random.default_rng(4)
-    positions = rng.uniform(1, 900, (n_frames, n_markers, 3)).astype(np.float32).astype(float)
+    positions = (
+        rng.uniform(1, 900, (n_frames, n_markers, 3)).astype(np.float32).astype(float)
+    )
     names = tuple(f"marker {i + 1}" for i in range(n_markers))
     made = RawRecording(names, np.arange(n_frames) / 100, positions, 100.0, "mm")
     return replace(made, **changes)
@@ -71,7 +73,9 @@ def test_an_unseen_marker_has_a_negative_residual_a_nan_or_three_zeros(tmp_path)
 def test_a_residual_may_be_a_16_bit_word_beside_the_cameras(tmp_path):
     path = written(tmp_path)
     header = read_c3d_header(path.read_bytes()[:512], INTEL)
-    for frame, (cameras, residual) in enumerate([(127, 12), (-1, 3), (127, -1), (0, -16512)]):
+    for frame, (cameras, residual) in enumerate(
+        [(127, 12), (-1, 3), (127, -1), (0, -16512)]
+    ):
         at = header.data_start + frame * header.frame_bytes + 12
         changed(path, at, np.array([cameras, residual], "<i2").tobytes())
     found = np.isnan(read_c3d(path).positions).all(axis=2)
@@ -100,34 +104,55 @@ def test_a_parameter_of_an_unknown_type_is_left_out_and_said(with_parameters):
     again = read_c3d(changed(path, at, b"\x03"))
     np.testing.assert_array_equal(again.positions, raw().positions)
     (remark,) = again.remarks
-    assert f"byte {at}: parameter ODD: expected the type -1, 1, 2 or 4, found 3" in remark
+    assert (
+        f"byte {at}: parameter ODD: expected the type -1, 1, 2 or 4, found 3" in remark
+    )
 
 
 def test_model_outputs_are_no_markers(with_parameters):
     names = ("hip", "Angle", "toe", "Force", "Power")
     content = raw(n_markers=5, markers=names)
-    more = {"ANGLES": ["Angle"], "FORCES": ["Force"], "POWERS": ["None such"], "POWERS2": ["Power"]}
+    more = {
+        "ANGLES": ["Angle"],
+        "FORCES": ["Force"],
+        "POWERS": ["None such"],
+        "POWERS2": ["Power"],
+    }
     again = read_c3d(with_parameters(content, **more))
     assert again.markers == ("hip", "toe")
     np.testing.assert_array_equal(again.positions, content.positions[:, [0, 2]])
-    assert "3 model outputs are no markers and left out: Angle, Force, Power" in again.remarks[0]
-    with pytest.raises(RecordingError, match="expected markers, found model outputs only"):
+    assert (
+        "3 model outputs are no markers and left out: Angle, Force, Power"
+        in again.remarks[0]
+    )
+    with pytest.raises(
+        RecordingError, match="expected markers, found model outputs only"
+    ):
         read_c3d(with_parameters(content, ANGLES=list(names)))
 
 
-def test_outputs_of_plug_in_gait_are_known_by_name_where_no_list_has_them(with_parameters):
+def test_outputs_of_plug_in_gait_are_known_by_name_where_no_list_has_them(
+    with_parameters,
+):
     names = ("hip", "cat:LHipAngles", "toe", "RKneeMoment", "*113")
     again = read_c3d(with_parameters(raw(n_markers=5, markers=names)))
     assert again.markers == ("hip", "toe")
-    np.testing.assert_array_equal(again.positions, raw(n_markers=5).positions[:, [0, 2]])
+    np.testing.assert_array_equal(
+        again.positions, raw(n_markers=5).positions[:, [0, 2]]
+    )
     assert "1 unlabeled" in again.remarks[0]
-    assert "2 model outputs are no markers and left out: cat:LHipAngles" in again.remarks[1]
+    assert (
+        "2 model outputs are no markers and left out: cat:LHipAngles"
+        in again.remarks[1]
+    )
 
 
 def test_events_that_do_not_fit_together_are_left_out_and_said(tmp_path, monkeypatch):
     groups = c3d_writing._groups
     event = {"USED": 2, "LABELS": ["strike"], "TIMES": np.array([[0.0, 0.05]], "<f4")}
-    monkeypatch.setattr(c3d_writing, "_groups", lambda *given: {**groups(*given), "EVENT": event})
+    monkeypatch.setattr(
+        c3d_writing, "_groups", lambda *given: {**groups(*given), "EVENT": event}
+    )
     again = read_c3d(written(tmp_path))
     assert again.events == ()
     assert "expected 2 events, found 1 labels" in again.remarks[0]
@@ -138,7 +163,10 @@ def test_markers_of_one_name_are_numbered_and_said(tmp_path):
     again = read_c3d(written(tmp_path, content))
     assert again.markers == ("toe 1", "hip", "toe 2")
     np.testing.assert_array_equal(again.positions, content.positions)
-    assert "POINT:LABELS: expected each marker name once, found 'toe' twice" in again.remarks[0]
+    assert (
+        "POINT:LABELS: expected each marker name once, found 'toe' twice"
+        in again.remarks[0]
+    )
 
 
 def test_a_clipped_header_alone_is_replaced_by_the_size(tmp_path):
@@ -150,7 +178,9 @@ def test_a_clipped_header_alone_is_replaced_by_the_size(tmp_path):
 
 
 def test_event_times_are_absolute(tmp_path):
-    content = raw(time=(500 + np.arange(20)) / 100, events=(Event("down", 5.05), Event("up", 5.1)))
+    content = raw(
+        time=(500 + np.arange(20)) / 100, events=(Event("down", 5.05), Event("up", 5.1))
+    )
     again = read_raw(written(tmp_path, content))
     assert again.time[0] == 5.0
     assert [e.time_s for e in again.events] == pytest.approx([5.05, 5.1])
@@ -218,7 +248,9 @@ def test_a_block_more_than_the_frames_fill_is_no_contradiction(tmp_path):
 
 def test_any_other_count_that_is_not_the_size_is_refused(tmp_path):
     path = written(tmp_path)
-    with pytest.raises(RecordingError, match=r"expected 30000 .* found room for 182611"):
+    with pytest.raises(
+        RecordingError, match=r"expected 30000 .* found room for 182611"
+    ):
         counted(path, 182_611, last=30_000)
     with pytest.raises(RecordingError, match="cut short"):
         counted(path, 100, last=30_000)
@@ -235,7 +267,9 @@ def test_one_wrong_count_beside_a_right_one_is_a_remark(tmp_path):
 def test_a_truncated_file_is_refused(tmp_path):
     path = written(tmp_path, raw(n_frames=200))
     path.write_bytes(path.read_bytes()[:-1024])
-    with pytest.raises(RecordingError, match=r"expected 200 .* found room for .*cut short"):
+    with pytest.raises(
+        RecordingError, match=r"expected 200 .* found room for .*cut short"
+    ):
         read_c3d(path)
 
 
@@ -274,7 +308,9 @@ def test_the_two_files_of_one_run_are_the_same_recording(same_run):
     assert c3d.rate_hz == text.rate_hz == 150
     assert set(c3d.markers) == set(text.markers)
     order = [text.markers.index(name) for name in c3d.markers]
-    np.testing.assert_allclose(text.positions[:, order], c3d.positions, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(
+        text.positions[:, order], c3d.positions, rtol=0, atol=1e-3
+    )
     np.testing.assert_allclose(text.time, c3d.time, rtol=0, atol=1e-9)
     assert "time stamps run evenly at 149.9667 Hz" in text.remarks[0]
 
@@ -313,7 +349,11 @@ def written_c3d_analogs(
     stored = FORCE / (0.1 * np.asarray(scale)) + np.asarray(offset)
     point = np.tile([1.0, 2.0, 3.0, 0.0][: 4 * n_points], (N_FRAMES, 1))
     frames = np.hstack([point, stored.reshape(N_FRAMES, -1)])
-    data = from_whole(kind, np.round(frames).ravel()) if whole else from_floats(kind, frames)
+    data = (
+        from_whole(kind, np.round(frames).ravel())
+        if whole
+        else from_floats(kind, frames)
+    )
     point_scale = 1.0 if whole else -1.0
 
     def groups(start):
@@ -348,26 +388,34 @@ def test_values_times_and_units(tmp_path, kind):
 
 def test_whole_numbers_are_scaled(tmp_path):
     analogs = read_analogs(written_c3d_analogs(tmp_path / "a.c3d", whole=True))
-    np.testing.assert_allclose(analogs.values[:, 1], FORCE[:, 1], atol=0.5 * 0.05 + 1e-9)
+    np.testing.assert_allclose(
+        analogs.values[:, 1], FORCE[:, 1], atol=0.5 * 0.05 + 1e-9
+    )
 
 
 def test_forces_of_a_plate(tmp_path):
     file = str(written_c3d_analogs(tmp_path / "a.c3d"))
     given = {"file": file, "columns": columns(Fz=["heel", "toe"]), "inverted": True}
-    (signal,) = read_force_signals(block("forces", **given, offset_s=1.0), feet=("heel", "toe"))
+    (signal,) = read_force_signals(
+        block("forces", **given, offset_s=1.0), feet=("heel", "toe")
+    )
     np.testing.assert_allclose(signal.time, TIME + 1.0)
     np.testing.assert_allclose(signal.force, -FORCE[:, 1], atol=1e-3)
     for options, part in (({"unit": "kN"}, "unit: N as the file states, found kN"),
                           ({"rate_hz": 1000}, "stated by forces.rate_hz: 1000")):  # fmt: skip
         with pytest.raises(RecordingError, match=part):
-            read_force_signals(block("forces", **given, **options), feet=("heel", "toe"))
+            read_force_signals(
+                block("forces", **given, **options), feet=("heel", "toe")
+            )
 
 
 @pytest.mark.parametrize("unit", ["V", "mV", "Nmm", "kg", "N/A"])
 def test_a_channel_in_another_unit_is_not_a_force(tmp_path, unit):
     file = str(written_c3d_analogs(tmp_path / "a.c3d", UNITS=["N", unit, "V"]))
     given = {"file": file, "columns": columns(Fz=["toe"]), "inverted": True}
-    with pytest.raises(RecordingError, match=f"'Fz': expected a unit of force .* found '{unit}'"):
+    with pytest.raises(
+        RecordingError, match=f"'Fz': expected a unit of force .* found '{unit}'"
+    ):
         read_force_signals(block("forces", **given), feet=("toe",))
 
 
@@ -382,8 +430,14 @@ def test_newtons_have_several_spellings(tmp_path, unit):
 MISTAKES = {
     "no channels": ({"USED": 0}, ["ANALOG:USED: expected channels, found none"]),
     "another number": ({"USED": 4}, ["a divisor of the 15 analog numbers", "found 4"]),
-    "few scales": ({"SCALE": np.ones(2, np.float32)}, ["ANALOG:SCALE: expected 3", "found 2"]),
-    "unknown channel": ({"LABELS": ["Fx", "FZ", "EMG"]}, ["'Fz' once among Fx, FZ, EMG"]),
+    "few scales": (
+        {"SCALE": np.ones(2, np.float32)},
+        ["ANALOG:SCALE: expected 3", "found 2"],
+    ),
+    "unknown channel": (
+        {"LABELS": ["Fx", "FZ", "EMG"]},
+        ["'Fz' once among Fx, FZ, EMG"],
+    ),
 }
 
 
@@ -407,7 +461,12 @@ def test_analog_channels_need_no_points_and_points_no_analog_channels(tmp_path):
 
 def test_parameters_of_many_channels_go_on_in_further_ones(tmp_path):
     scale, offset = np.array([1, 0.5, 1], np.float32), np.array([0, 10, 0])
-    more = {"SCALE": scale[:2], "SCALE2": scale[2:], "OFFSET": offset[:1], "OFFSET2": offset[1:]}
+    more = {
+        "SCALE": scale[:2],
+        "SCALE2": scale[2:],
+        "OFFSET": offset[:1],
+        "OFFSET2": offset[1:],
+    }
     path = written_c3d_analogs(
         tmp_path / "many.c3d", LABELS=["Fx"], LABELS2=["Fz"], LABELS3=["EMG"], **more
     )
@@ -419,7 +478,9 @@ def test_parameters_of_many_channels_go_on_in_further_ones(tmp_path):
 def test_residuals_that_are_all_below_0_are_not_believed(tmp_path):
     positions = np.random.default_rng(3).uniform(100, 900, (20, 2, 3)).round(2)
     path = tmp_path / "trial.c3d"
-    write_c3d(path, RawRecording(("a", "b"), np.arange(20) / 100, positions, 100.0, "mm"))
+    write_c3d(
+        path, RawRecording(("a", "b"), np.arange(20) / 100, positions, 100.0, "mm")
+    )
     data = bytearray(path.read_bytes())
     start = 512 * (int.from_bytes(data[16:18], "little") - 1)
     numbers = np.frombuffer(data, "<f4", 20 * 2 * 4, start).reshape(-1, 4)
@@ -483,7 +544,10 @@ def test_the_count_of_points_that_fills_the_file_is_believed(tmp_path):
     changed(path, value_at(path, b"USED"), np.array([5], "<i2").tobytes())
     found = read_c3d(path)
     np.testing.assert_array_equal(found.positions, raw(n_frames=200).positions)
-    assert "expected 3 points as in the header, found 5; 3 fit the size" in found.remarks[0]
+    assert (
+        "expected 3 points as in the header, found 5; 3 fit the size"
+        in found.remarks[0]
+    )
     path = written(tmp_path, raw(n_frames=200))
     changed(path, 2, np.array([5], "<i2").tobytes())  # now the header's count is wrong
     assert "found 3; 3 fit the size" in read_c3d(path).remarks[0]
@@ -502,7 +566,9 @@ def test_two_counts_of_points_that_both_fill_the_file_are_refused(tmp_path):
 def test_a_last_block_that_was_not_written_costs_its_frames_and_is_said(tmp_path):
     path = written(tmp_path, raw(n_frames=200))
     frame_bytes = 48
-    end = read_c3d_header(path.read_bytes()[:BLOCK], INTEL).data_start + 200 * frame_bytes
+    end = (
+        read_c3d_header(path.read_bytes()[:BLOCK], INTEL).data_start + 200 * frame_bytes
+    )
     path.write_bytes(path.read_bytes()[: end - 100])
     found = read_c3d(path)
     np.testing.assert_array_equal(found.positions, raw(n_frames=200).positions[:197])
@@ -531,8 +597,12 @@ def test_a_parameter_without_a_group_is_left_out_and_said(tmp_path):
     assert "parameter LONG_FRAMES: expected a group of number 77" in found.remarks[0]
 
 
-@pytest.mark.parametrize("n_rows", [70, 140])  # 35,700 and 71,400 bytes: past 15 and 16 bits
-def test_parameters_larger_than_their_count_are_read_to_the_end(with_parameters, n_rows):
+@pytest.mark.parametrize(
+    "n_rows", [70, 140]
+)  # 35,700 and 71,400 bytes: past 15 and 16 bits
+def test_parameters_larger_than_their_count_are_read_to_the_end(
+    with_parameters, n_rows
+):
     table = np.arange(n_rows * 255).reshape(n_rows, 255) % 1000
     path = with_parameters(raw(), VALUES=table, LAST=1)
     parameters = open_c3d(path)[1]

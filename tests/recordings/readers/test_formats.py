@@ -20,7 +20,9 @@ N_BYTES = 60_000_000
 def sound(path):
     positions = standing(20) * 1e-3
     roles = ("body", "body", "body", "foot", "foot")
-    write_recording(path, Recording("a", np.arange(20) / 100, positions, NAMES, roles, 100.0))
+    write_recording(
+        path, Recording("a", np.arange(20) / 100, positions, NAMES, roles, 100.0)
+    )
     return path
 
 
@@ -32,7 +34,9 @@ def mat5(path, dtype):
 def mat73(path, dtype):
     path = write_mat73(path.with_suffix(".mat"), qtm_struct(standing(20), NAMES))
     with h5py.File(path, "r+") as file:
-        file["trial"].create_dataset("More", data=np.zeros(N_BYTES // 8, dtype), compression=9)
+        file["trial"].create_dataset(
+            "More", data=np.zeros(N_BYTES // 8, dtype), compression=9
+        )
     return path
 
 
@@ -43,7 +47,9 @@ def hdf5(path, dtype):
     return path.with_suffix(".h5")
 
 
-@pytest.mark.parametrize("dtype", ["f8", "i1"])  # the latter needs an eighth of the memory at first
+@pytest.mark.parametrize(
+    "dtype", ["f8", "i1"]
+)  # the latter needs an eighth of the memory at first
 @pytest.mark.parametrize("make", [mat5, mat73, hdf5])
 def test_a_small_file_that_unpacks_to_too_much_is_refused_before_memory_is_asked_for(
     tmp_path, make, dtype
@@ -57,7 +63,12 @@ def test_a_small_file_that_unpacks_to_too_much_is_refused_before_memory_is_asked
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    for part in (str(path), "expected at most 30 MB once it is unpacked", "found 6", "raise"):
+    for part in (
+        str(path),
+        "expected at most 30 MB once it is unpacked",
+        "found 6",
+        "raise",
+    ):
         assert part in str(caught.value)
     assert "input.most_unpacked_mb" in str(caught.value)
     assert peak < (N_BYTES if make is mat5 and dtype == "i1" else 5e6)
@@ -106,5 +117,10 @@ def test_data_in_another_file_are_refused_by_name(tmp_path, reach, suffix):
         reach(inside, other)
     with pytest.raises(RecordingError) as caught:
         read_raw(path)
-    for part in (str(path), "time'", "expected all data in the file itself", str(other)):
+    for part in (
+        str(path),
+        "time'",
+        "expected all data in the file itself",
+        str(other),
+    ):
         assert part in str(caught.value)

@@ -73,7 +73,9 @@ def test_a_recording_and_its_truth_come_back_as_they_were(tmp_path, recording, t
     arrays_equal(read_truth(path), truth)
 
 
-def test_a_truth_that_does_not_say_how_far_the_maps_are_apart(tmp_path, recording, truth):
+def test_a_truth_that_does_not_say_how_far_the_maps_are_apart(
+    tmp_path, recording, truth
+):
     write_recording(tmp_path / "a.h5", recording, truth)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         del file["truth"].attrs["true_effect"]
@@ -91,15 +93,24 @@ def test_file_holds_what_the_contract_names(tmp_path, recording):
         assert file["time"].shape == (FRAMES,)
         assert file["positions"].shape == (FRAMES, 5, 3)
         assert list(file.attrs["markers"]) == list(recording.markers)
-        assert {"name", "roles", "rate_hz", "vertical_axis", "source", "source_sha256"} <= set(
-            file.attrs
-        )
+        assert {
+            "name",
+            "roles",
+            "rate_hz",
+            "vertical_axis",
+            "source",
+            "source_sha256",
+        } <= set(file.attrs)
         assert file.attrs["hopdata_version"]
 
 
 def test_equal_content_gives_equal_bytes(tmp_path, recording, truth):
     digests = []
-    for name, content in (("a", recording), ("b", recording), ("c", replace(recording, name="x"))):
+    for name, content in (
+        ("a", recording),
+        ("b", recording),
+        ("c", replace(recording, name="x")),
+    ):
         write_recording(tmp_path / name, content, truth)
         digests.append(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
     assert digests[0] == digests[1] != digests[2]
@@ -109,7 +120,9 @@ def test_equal_content_gives_equal_bytes(tmp_path, recording, truth):
 def test_positions_keep_every_digit_wherever_the_origin_is(tmp_path, recording, far_m):
     odd = replace(recording, positions=far_m + recording.positions / 3)
     write_recording(tmp_path / "a.h5", odd)
-    np.testing.assert_array_equal(read_recording(tmp_path / "a.h5").positions, odd.positions)
+    np.testing.assert_array_equal(
+        read_recording(tmp_path / "a.h5").positions, odd.positions
+    )
     single = odd.positions.astype(np.float32)  # as earlier versions stored them
     assert np.nanmax(np.abs(single - odd.positions)) > 0
 
@@ -188,17 +201,29 @@ def test_a_truth_that_is_not_whole_is_refused(tmp_path, recording, truth):
 @pytest.mark.parametrize(
     ("key", "value", "found"),
     [
-        ("time", np.array([b"x"] * FRAMES), "dataset 'time': expected an array of numbers"),
+        (
+            "time",
+            np.array([b"x"] * FRAMES),
+            "dataset 'time': expected an array of numbers",
+        ),
         ("time", 5.0, "dataset 'time': expected an array of numbers"),
         ("time", np.zeros((FRAMES, 2)), "time: expected an array of shape"),
         ("positions", np.zeros((FRAMES, 5, 3), complex), "found complex128"),
         ("positions", None, "dataset 'positions': expected numbers, found none"),
         ("@markers", 5, "attribute 'markers': expected a list of texts, found 5"),
         ("@markers", h5py.Empty("f"), "attribute 'markers': expected a list of texts"),
-        ("@roles", ["body"] * 4 + ["wing"], "roles: expected any of body, foot.*found 'wing'"),
+        (
+            "@roles",
+            ["body"] * 4 + ["wing"],
+            "roles: expected any of body, foot.*found 'wing'",
+        ),
         ("@rate_hz", "fast", "attribute 'rate_hz': expected a number, found fast"),
         ("@rate_hz", None, "attribute 'rate_hz': expected a number, found none"),
-        ("@vertical_axis", "q", "vertical_axis: expected any of x, y, z, -x, -y, -z, found 'q'"),
+        (
+            "@vertical_axis",
+            "q",
+            "vertical_axis: expected any of x, y, z, -x, -y, -z, found 'q'",
+        ),
         ("@name", 3, "attribute 'name': expected text, found 3"),
         ("truth/complete", "abc", "dataset 'complete': expected an array of numbers"),
         ("truth/foot_down", np.zeros((FRAMES, 3), bool), "foot_down: expected shape"),
@@ -222,7 +247,9 @@ def test_wrong_content_is_told_with_what_was_expected(
 
 
 def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth, monkeypatch):
-    monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.2)  # on some the library hangs
+    monkeypatch.setattr(
+        trial, "seconds_to_read", lambda _: 0.2
+    )  # on some the library hangs
     path = tmp_path / "a.h5"
     write_recording(path, recording, truth)
     unsealed(path)  # or none of the damaged bytes would reach the library
@@ -282,10 +309,13 @@ def test_a_part_that_the_index_lost_is_not_read_as_zeros(tmp_path, recording):
     content = path.read_bytes()
     with h5py.File(path) as file:
         lost = file["positions"].id.get_chunk_info(4)
-    # The key of a part in the index holds its size and its place: a marker and a coordinate.
+    # The key of a part in the index holds its size and its place: a marker and a
+    # coordinate.
     key = struct.pack("<II4Q", lost.size, 0, *lost.chunk_offset, 0)
     path.write_bytes(flipped(content, content.index(key) + 18))
-    with pytest.raises(RecordingError, match="'/positions': expected 15 parts, found 14"):
+    with pytest.raises(
+        RecordingError, match="'/positions': expected 15 parts, found 14"
+    ):
         read_recording(path)
 
 
@@ -295,7 +325,9 @@ def test_a_rate_of_no_camera_is_refused(tmp_path, recording, rate):
     write_recording(path, recording)
     with h5py.File(path, "r+") as file:
         file.attrs["rate_hz"] = rate
-    with pytest.raises(RecordingError, match="rate_hz: expected at least 2 and at most 100000 Hz"):
+    with pytest.raises(
+        RecordingError, match="rate_hz: expected at least 2 and at most 100000 Hz"
+    ):
         read_recording(path)
 
 
@@ -339,5 +371,7 @@ def test_groups_that_hold_each_other_are_walked_once(tmp_path, recording):
         file["a/b/up"] = file["a"]
         file["a/b/top"] = file
     with h5py.File(path) as file:
-        assert sum(1 for _ in hdf5.items_of(file)) == 5  # the root, two groups, two datasets
+        assert (
+            sum(1 for _ in hdf5.items_of(file)) == 5
+        )  # the root, two groups, two datasets
     arrays_equal(read_recording(path), recording)

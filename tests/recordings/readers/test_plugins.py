@@ -52,10 +52,19 @@ def test_a_sound_reader_is_used(read):
             "def read(path, rate_hz):\n    raise SystemError('two\\nlines')",
             "SystemError: two lines",
         ),
-        ("def read(path):\n    return 1", "TypeError: read() takes 1 positional argument"),
-        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+        (
+            "def read(path):\n    return 1",
+            "TypeError: read() takes 1 positional argument",
+        ),
+        (
+            "import no_such_module",
+            "ModuleNotFoundError: No module named 'no_such_module'",
+        ),
         ("def write():\n    pass", "AttributeError"),
-        ("def read(path, rate_hz):\n    return 1", "expected a RawRecording, found int"),
+        (
+            "def read(path, rate_hz):\n    return 1",
+            "expected a RawRecording, found int",
+        ),
     ],
 )
 def test_any_error_names_the_reader_the_file_and_the_error(read, code, said):
@@ -69,15 +78,23 @@ def test_any_error_names_the_reader_the_file_and_the_error(read, code, said):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("positions=found.positions[:4]", "positions: expected float64 of (5, 2, 3), found"),
-        ("positions=found.positions.astype(int)", "positions: expected float64 of (5, 2, 3), fo"),
+        (
+            "positions=found.positions[:4]",
+            "positions: expected float64 of (5, 2, 3), found",
+        ),
+        (
+            "positions=found.positions.astype(int)",
+            "positions: expected float64 of (5, 2, 3), fo",
+        ),
         ("time=list(found.time)", "time: expected float64 of (5,), found list"),
         ("unit='furlong'", "unit: expected mm or m, found 'furlong'"),
     ],
 )
 def test_parts_that_do_not_fit_are_told(read, change, said):
     with pytest.raises(RecordingError) as caught:
-        read(f"from dataclasses import replace\n{SOUND}    return replace(found, {change})")
+        read(
+            f"from dataclasses import replace\n{SOUND}    return replace(found, {change})"
+        )
     assert said in str(caught.value)
 
 

@@ -45,7 +45,9 @@ def test_what_an_export_holds(tmp_path, kind):
     expected = positions()
     expected[4, 2] = np.nan
     np.testing.assert_array_equal(raw.positions, expected)
-    assert "2 of 2 events lie outside" in raw.remarks[0] or raw.remarks == (), raw.remarks
+    assert "2 of 2 events lie outside" in raw.remarks[0] or raw.remarks == (), (
+        raw.remarks
+    )
 
 
 @pytest.mark.parametrize("kind", WRITERS)
@@ -76,7 +78,10 @@ def labelled(**changes):
 
 
 FAULTS = {
-    "no trajectories": (without("Trajectories"), ["the field Trajectories", "variables trial"]),
+    "no trajectories": (
+        without("Trajectories"),
+        ["the field Trajectories", "variables trial"],
+    ),
     "no rate": (without("FrameRate"), ["trial.FrameRate", "input.rate_hz"]),
     "other frames": (
         {**qtm_struct(positions(), NAMES), "Frames": 99.0},
@@ -87,7 +92,10 @@ FAULTS = {
         labelled(Labels=np.array([["a", "b"]], object)),
         ["Labels: expected 5 as in Data, found 2"],
     ),
-    "flat data": (labelled(Data=np.ones((5, 7, 15))), ["markers x 4 x frames", "5 x 7 x 15"]),
+    "flat data": (
+        labelled(Data=np.ones((5, 7, 15))),
+        ["markers x 4 x frames", "5 x 7 x 15"],
+    ),
     "data in words": (labelled(Data="many"), ["Data: expected numbers, found text"]),
     "misspelt": (
         {**qtm_struct(positions(), NAMES), "Trajectories": {"Labelled": {}}},
@@ -107,7 +115,9 @@ def test_faults_are_told_with_file_field_expectation_and_finding(tmp_path, kind,
         assert part in str(caught.value)
 
 
-@pytest.mark.parametrize("data", [b"", b"MATLAB", b"MATLAB 5.0".ljust(126) + b"??" + b"\0" * 50])
+@pytest.mark.parametrize(
+    "data", [b"", b"MATLAB", b"MATLAB 5.0".ljust(126) + b"??" + b"\0" * 50]
+)
 def test_what_is_no_mat_file_is_told(tmp_path, data):
     path = tmp_path / "a.mat"
     path.write_bytes(data)
@@ -137,7 +147,9 @@ def test_what_scipy_would_believe_or_crash_on_is_refused(tmp_path, claim):
     data = path.read_bytes()
     assert old.tobytes() in data
     path.write_bytes(data.replace(old.tobytes(), new.tobytes(), 1))
-    with pytest.raises(RecordingError, match=rf"a.mat: expected a MAT file.*{told}.*found"):
+    with pytest.raises(
+        RecordingError, match=rf"a.mat: expected a MAT file.*{told}.*found"
+    ):
         read_raw(path)
 
 
@@ -160,7 +172,9 @@ def changed(row, column, text):
 @pytest.mark.parametrize("column_row", [True, False])
 @pytest.mark.parametrize("counters", [True, False])
 def test_every_layout_gives_the_same_numbers(tmp_path, line_end, column_row, counters):
-    text = qtm_text(POSITIONS, line_end=line_end, column_row=column_row, counters=counters)
+    text = qtm_text(
+        POSITIONS, line_end=line_end, column_row=column_row, counters=counters
+    )
     raw = read(tmp_path, text)
     assert raw.markers == NAMES
     assert raw.unit == "mm"
@@ -171,7 +185,13 @@ def test_every_layout_gives_the_same_numbers(tmp_path, line_end, column_row, cou
 
 def test_header_keys_may_come_in_any_order_with_others_between(tmp_path):
     lines = qtm_text(POSITIONS).split("\r\n")
-    shuffled = ["FILE_VERSION\t2.0.0", *lines[10::-1], "SOMETHING_NEW\t1", "", *lines[11:]]
+    shuffled = [
+        "FILE_VERSION\t2.0.0",
+        *lines[10::-1],
+        "SOMETHING_NEW\t1",
+        "",
+        *lines[11:],
+    ]
     raw = read(tmp_path, "\r\n".join(shuffled))
     np.testing.assert_allclose(raw.positions, ROUNDED, atol=1e-9)
 
@@ -179,7 +199,10 @@ def test_header_keys_may_come_in_any_order_with_others_between(tmp_path):
 def test_events_are_kept(tmp_path):
     header = {"EVENT": "heel strike\t5\t0.04000\r\nEVENT\ttoe off\t9\t0.08000"}
     raw = read(tmp_path, qtm_text(POSITIONS, header=header))
-    assert [(e.label, e.time_s) for e in raw.events] == [("heel strike", 0.04), ("toe off", 0.08)]
+    assert [(e.label, e.time_s) for e in raw.events] == [
+        ("heel strike", 0.04),
+        ("toe off", 0.08),
+    ]
 
 
 def test_without_a_header_the_column_row_and_the_time_stamps_serve(tmp_path):
@@ -191,7 +214,9 @@ def test_without_a_header_the_column_row_and_the_time_stamps_serve(tmp_path):
 
 @pytest.mark.parametrize("missing", ["", "NULL", "NaN"])
 @pytest.mark.parametrize("coordinate", [0, 1, 2])
-def test_a_missing_coordinate_means_the_marker_was_not_seen(tmp_path, missing, coordinate):
+def test_a_missing_coordinate_means_the_marker_was_not_seen(
+    tmp_path, missing, coordinate
+):
     for marker in (0, 2, 4):
         rows = changed(3, 2 + 3 * marker + coordinate, missing)
         raw = read(tmp_path, qtm_text(POSITIONS, rows=rows))
@@ -218,7 +243,9 @@ def test_three_zeros_are_missing_and_one_zero_is_a_coordinate(tmp_path):
 def test_a_first_frame_without_any_marker_is_still_a_frame(tmp_path):
     rows = data_rows(POSITIONS, counters=False)
     rows[0] = "\t".join([""] * 15)
-    raw = read(tmp_path, qtm_text(POSITIONS, rows=rows, counters=False, column_row=False))
+    raw = read(
+        tmp_path, qtm_text(POSITIONS, rows=rows, counters=False, column_row=False)
+    )
     assert len(raw.positions) == 12
     assert np.isnan(raw.positions[0]).all()
 
@@ -232,7 +259,10 @@ def test_a_tab_at_the_end_of_each_line_is_not_a_column(tmp_path):
 
 def test_byte_order_mark_and_latin_names(tmp_path):
     names = ("Hüfte", *NAMES[1:])
-    assert read(tmp_path, b"\xef\xbb\xbf" + qtm_text(names=names).encode()).markers == names
+    assert (
+        read(tmp_path, b"\xef\xbb\xbf" + qtm_text(names=names).encode()).markers
+        == names
+    )
     assert read(tmp_path, qtm_text(names=names).encode("latin-1")).markers == names
 
 
@@ -253,16 +283,22 @@ def test_dropped_frames_leave_a_gap_in_time(tmp_path):
 
 def test_an_external_time_base_needs_a_rate(tmp_path):
     text = qtm_text(POSITIONS, frequency="EXT")
-    with pytest.raises(RecordingError, match=r"trial.tsv, line 4: frame rate: .*input.rate_hz"):
+    with pytest.raises(
+        RecordingError, match=r"trial.tsv, line 4: frame rate: .*input.rate_hz"
+    ):
         read(tmp_path, text)
     assert read(tmp_path, text, rate_hz=100.0).rate_hz == 100
     bare = qtm_text(POSITIONS, frequency="EXT", counters=False)
-    np.testing.assert_allclose(read(tmp_path, bare, rate_hz=50.0).time, np.arange(12) / 50)
+    np.testing.assert_allclose(
+        read(tmp_path, bare, rate_hz=50.0).time, np.arange(12) / 50
+    )
 
 
 def test_a_rate_that_contradicts_the_time_stamps_is_refused(tmp_path):
     file = write(tmp_path, qtm_text(POSITIONS))
-    with pytest.raises(RecordingError, match=r"expected 100 Hz .* found input.rate_hz: 200"):
+    with pytest.raises(
+        RecordingError, match=r"expected 100 Hz .* found input.rate_hz: 200"
+    ):
         read_raw(file, rate_hz=200.0)
     assert read_raw(file, rate_hz=100.0).remarks == ()
 
@@ -275,7 +311,9 @@ def test_a_rate_that_the_time_stamps_bear_out_overrules_the_header(tmp_path):
     assert raw.remarks[-1].endswith("100 Hz as in input.rate_hz; the file states 50")
 
 
-def test_without_time_stamps_the_configuration_overrules_the_rate_with_a_remark(tmp_path):
+def test_without_time_stamps_the_configuration_overrules_the_rate_with_a_remark(
+    tmp_path,
+):
     text = write(tmp_path, qtm_text(POSITIONS, counters=False))
     struct = qtm_struct(POSITIONS, NAMES, events=EVENTS)
     for file in (text, write_mat5(tmp_path / "trial.mat", struct)):
@@ -285,18 +323,33 @@ def test_without_time_stamps_the_configuration_overrules_the_rate_with_a_remark(
         told = f"{file}: frame rate: 200 Hz as in input.rate_hz; the file states 100"
         assert raw.remarks[-1] == told
         assert read_raw(file, rate_hz=100.0).remarks == read_raw(file).remarks
-    assert [event.time_s for event in raw.events] == [0.02, 0.04]  # the times of their frames
+    assert [event.time_s for event in raw.events] == [
+        0.02,
+        0.04,
+    ]  # the times of their frames
 
 
 LINES = qtm_text(POSITIONS).split("\r\n")  # 11 header lines, column row, 12 frames
 QTM_TSV_FAULTS = {
     "empty file": (b"", ["empty file"]),
     "binary": (b"HDF\0\1\2", ["binary data"]),
-    "prose": ("Dear colleague,\nhere it is\n", ["line 1", "header key or numbers", "'Dear coll"]),
-    "spaces": (qtm_text(POSITIONS).replace("\t", "  "), ["line 1", "the fields by tabs"]),
+    "prose": (
+        "Dear colleague,\nhere it is\n",
+        ["line 1", "header key or numbers", "'Dear coll"],
+    ),
+    "spaces": (
+        qtm_text(POSITIONS).replace("\t", "  "),
+        ["line 1", "the fields by tabs"],
+    ),
     "header only": ("\r\n".join(LINES[:12]), ["rows of numbers", "none"]),
-    "rate 0": (qtm_text(POSITIONS, frequency="0"), ["line 4", "more than 0 Hz", "found 0 Hz"]),
-    "rate in words": (qtm_text(POSITIONS, frequency="fast"), ["line 4", "a number", "'fast'"]),
+    "rate 0": (
+        qtm_text(POSITIONS, frequency="0"),
+        ["line 4", "more than 0 Hz", "found 0 Hz"],
+    ),
+    "rate in words": (
+        qtm_text(POSITIONS, frequency="fast"),
+        ["line 4", "a number", "'fast'"],
+    ),
     "no rate": (
         qtm_text(POSITIONS, header={"FREQUENCY": None}, counters=False),
         ["input.rate_hz", "neither"],
@@ -318,7 +371,10 @@ QTM_TSV_FAULTS = {
         ["MARKER_NAMES or a column row", "neither"],
     ),
     "too few names": (
-        qtm_text(POSITIONS, header={"MARKER_NAMES": "\t".join(NAMES[:3]), "NO_OF_MARKERS": "4"}),
+        qtm_text(
+            POSITIONS,
+            header={"MARKER_NAMES": "\t".join(NAMES[:3]), "NO_OF_MARKERS": "4"},
+        ),
         ["line 10", "expected 4 marker names", "found 3"],
     ),
     "column row of other markers": (
@@ -338,7 +394,9 @@ QTM_TSV_FAULTS = {
         ["line 16", "expected 17 columns", "found 15"],
     ),
     "a short row and a long one": (
-        "\r\n".join([*LINES[:15], LINES[15].rsplit("\t", 1)[0], LINES[16] + "\t1", *LINES[17:]]),
+        "\r\n".join(
+            [*LINES[:15], LINES[15].rsplit("\t", 1)[0], LINES[16] + "\t1", *LINES[17:]]
+        ),
         ["line 16", "expected 17 columns", "found 16"],
     ),
     "a long row": (
@@ -437,7 +495,10 @@ def test_a_missing_file_is_told(tmp_path):
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 @given(
-    st.lists(st.tuples(st.integers(0, 2000), st.integers(0, 5), st.binary(max_size=4)), max_size=6)
+    st.lists(
+        st.tuples(st.integers(0, 2000), st.integers(0, 5), st.binary(max_size=4)),
+        max_size=6,
+    )
 )
 def test_a_damaged_file_gives_a_recording_or_a_recording_error(tmp_path, edits):
     data = qtm_text(POSITIONS).encode()
@@ -482,8 +543,16 @@ def test_a_table_may_spell_its_columns_in_its_own_way(tmp_path, separator):
         ("time (sec)", 1, ""),
         ("t", 1, ""),
         ("t [s]", 1, ""),
-        ("Time", 1000, "time: expected s, at most 0.5 from frame to frame, found 10; if these are"),
-        ("Time (ms)", 1000, r"line 1: expected Frame or Time \(in s\) .*, found 'Time \(ms\)'"),
+        (
+            "Time",
+            1000,
+            "time: expected s, at most 0.5 from frame to frame, found 10; if these are",
+        ),
+        (
+            "Time (ms)",
+            1000,
+            r"line 1: expected Frame or Time \(in s\) .*, found 'Time \(ms\)'",
+        ),
     ],
 )
 def test_times_are_in_seconds(tmp_path, name, column, factor, told):
@@ -552,7 +621,10 @@ def test_a_sound_file_gives_no_remark(tmp_path):
 
 def test_what_does_not_hold_but_can_be_put_right_is_counted(tmp_path):
     event = qtm_text(POSITIONS, header={"EVENT": "strike\t9\t0.04000"})
-    assert "in 1 of 1 events the time is not that of the frame" in remarks(tmp_path, event)[0]
+    assert (
+        "in 1 of 1 events the time is not that of the frame"
+        in remarks(tmp_path, event)[0]
+    )
     late = qtm_text(POSITIONS, header={"EVENT": "strike\t501\t5.00000"})
     assert "1 of 1 events lie outside the recording" in remarks(tmp_path, late)[0]
     stopped = qtm_text(POSITIONS, frequency="EXT", rows=changed(7, 1, "0.05000"))

@@ -14,7 +14,9 @@ from hopdata.recordings.readers.text import open_table
 def test_numbers_by_name_in_any_delimiter(tmp_path, delimiter, end):
     rows = [["Time", "F z"], ["0", "1.5"], ["0.01", ""], ["0.02", "-3e2"]]
     path = tmp_path / "a.txt"
-    path.write_bytes(("\ufeff" + end.join(delimiter.join(r) for r in rows) + end).encode())
+    path.write_bytes(
+        ("\ufeff" + end.join(delimiter.join(r) for r in rows) + end).encode()
+    )
     table = open_table(path)
     assert table.names == ("Time", "F z")
     np.testing.assert_array_equal(table.numbers("F z"), [1.5, np.nan, -300])
@@ -68,12 +70,32 @@ def test_short_rows_end_in_empty_cells(tmp_path):
 
 
 MISTAKES = {
-    "unknown column": ("Fx,Fy\n1,2\n", "Fz", ["line 1", "'Fz' once among Fx, Fy", "did you mean"]),
-    "column twice": ("Fz,Fz\n1,2\n", "Fz", ["expected 'Fz' once", "found 2 of that name"]),
-    "text": ("Fz\n1\nhigh\n", "Fz", ["line 3, column 1: expected a number, found 'high'"]),
+    "unknown column": (
+        "Fx,Fy\n1,2\n",
+        "Fz",
+        ["line 1", "'Fz' once among Fx, Fy", "did you mean"],
+    ),
+    "column twice": (
+        "Fz,Fz\n1,2\n",
+        "Fz",
+        ["expected 'Fz' once", "found 2 of that name"],
+    ),
+    "text": (
+        "Fz\n1\nhigh\n",
+        "Fz",
+        ["line 3, column 1: expected a number, found 'high'"],
+    ),
     "infinity": ("Fz\n1\ninf\n", "Fz", ["line 3", "found 'inf'"]),
-    "a comma among points": ("t;Fz\n0;1.5\n0;1,5\n", "Fz", ["line 3", "found '1,5'; write dec"]),
-    "no names": ("1,2\n3,4\n", "Fz", ["line 1: expected names of columns, found '1,2'"]),
+    "a comma among points": (
+        "t;Fz\n0;1.5\n0;1,5\n",
+        "Fz",
+        ["line 3", "found '1,5'; write dec"],
+    ),
+    "no names": (
+        "1,2\n3,4\n",
+        "Fz",
+        ["line 1: expected names of columns, found '1,2'"],
+    ),
     "nothing": ("", "Fz", ["line 1: expected names of columns"]),
 }
 
@@ -92,7 +114,9 @@ def test_mistakes_name_place_expectation_and_finding(tmp_path, mistake):
 def test_bytes_that_are_no_text(tmp_path):
     path = tmp_path / "plate.csv"
     path.write_bytes(b"Fz\n\xff\xfe\x00\n")
-    with pytest.raises(RecordingError, match="line 2, column 1: expected a number, found"):
+    with pytest.raises(
+        RecordingError, match="line 2, column 1: expected a number, found"
+    ):
         open_table(path).numbers("Fz")
 
 
@@ -110,7 +134,9 @@ def test_rows_of_blanks_that_lack_a_field_are_no_traceback(tmp_path):
     np.testing.assert_array_equal(table.numbers("force"), [1.5, np.nan, 2.5])
     assert table.texts("name") == ["a", "", "b"]
     path.write_text(head + "0.0 1.5 a\n0.1\n0.2 two b\n")
-    with pytest.raises(RecordingError, match=r"a\.mot, line 7, column 2: expected a number"):
+    with pytest.raises(
+        RecordingError, match=r"a\.mot, line 7, column 2: expected a number"
+    ):
         open_table(path).numbers("force")
 
 

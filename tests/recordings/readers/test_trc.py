@@ -72,7 +72,9 @@ FORMS = {
         "",
     ),
     "blanks for tabs but among names": (
-        "\n".join(row if k == 3 else row.replace("\t", "  ") for k, row in enumerate(ROWS)),
+        "\n".join(
+            row if k == 3 else row.replace("\t", "  ") for k, row in enumerate(ROWS)
+        ),
         "",
     ),
     "commas for tabs": (line(TEXT, 1, "PathFileType,4,(X/Y/Z),trial.trc"), ""),
@@ -80,13 +82,19 @@ FORMS = {
     "keys in other letters": (TEXT.replace("NumFrames", "numFrames"), ""),
     "counters by other names": (TEXT.replace("Frame#\tTime", "Frame\tTimes"), ""),
     "empty names at the end": (line(TEXT, 4, ROWS[3] + "\t\t\t \t"), ""),
-    "names in every second column": (line(TEXT, 4, "Frame#\tTime\t\t" + "\t\t".join(NAMES)), ""),
+    "names in every second column": (
+        line(TEXT, 4, "Frame#\tTime\t\t" + "\t\t".join(NAMES)),
+        "",
+    ),
     "a line of tabs at the end": (TEXT + "\t\t\n\n", ""),
     "a number of frames that is too high": (
         TEXT.replace("\t12\t5", "\t13\t5"),
         "expected 13 frames as stated, found 12 rows, which are used; was the file cut short?",
     ),
-    "a number of frames that is too low": (TEXT.replace("\t12\t5", "\t11\t5"), "expected 11"),
+    "a number of frames that is too low": (
+        TEXT.replace("\t12\t5", "\t11\t5"),
+        "expected 11",
+    ),
     "a key that nobody knows": (
         TEXT.replace("NumFrames", "NumFrame", 1),
         "found 'NumFrame'; did you mean 'NumFrames'?; it is not read",
@@ -169,7 +177,9 @@ def plainly(path):
     names = [name for name in lines[3].split("\t")[2:] if name.strip()]
     rows = [row.split("\t") for row in lines[5:] if row.strip()]
     cells = [(row[1:] + [""] * 3 * len(names))[: 1 + 3 * len(names)] for row in rows]
-    return names, np.array([[float(c) if c.strip() else np.nan for c in row] for row in cells])
+    return names, np.array(
+        [[float(c) if c.strip() else np.nan for c in row] for row in cells]
+    )
 
 
 def test_files_of_other_programs_are_read_as_they_stand(opensim_files):
@@ -186,14 +196,24 @@ FAULTS = {
     "empty": ("", ["line 1", "PathFileType", "empty file"]),
     "prose": ("Dear colleague\n" * 9, ["line 1", "PathFileType", "'Dear colleague'"]),
     "header only": ("\n".join(TEXT.split("\n")[:6]), ["rows of numbers", "none"]),
-    "feet": (trc_text(POSITIONS, NAMES, unit="ft"), ["line 3", "mm, cm, m or inches", "'ft'"]),
-    "rate 0": (trc_text(POSITIONS, NAMES, values={"DataRate": "0"}), ["DataRate", "0 Hz"]),
+    "feet": (
+        trc_text(POSITIONS, NAMES, unit="ft"),
+        ["line 3", "mm, cm, m or inches", "'ft'"],
+    ),
+    "rate 0": (
+        trc_text(POSITIONS, NAMES, values={"DataRate": "0"}),
+        ["DataRate", "0 Hz"],
+    ),
     "rate in words": (
         trc_text(POSITIONS, NAMES, values={"DataRate": "fast"}),
         ["line 3", "DataRate", "'fast'"],
     ),
     "markers": (
-        line(trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}), 4, "Frame#\tTime\ta\t\t\tb"),
+        line(
+            trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}),
+            4,
+            "Frame#\tTime\ta\t\t\tb",
+        ),
         ["line 4", "expected 6 marker names", "found 2"],
     ),
     "shifted names": (
@@ -201,7 +221,10 @@ FAULTS = {
         ["line 4, column 5", "expected nothing, found 'b'"],
     ),
     "axes": (TEXT.replace("\tY2", "\tZ2"), ["line 5", "expected 'Y2', found 'Z2'"]),
-    "a value too few": (line(TEXT, 3, "100\t100\t12"), ["line 3", "8 different keys", "found 3"]),
+    "a value too few": (
+        line(TEXT, 3, "100\t100\t12"),
+        ["line 3", "8 different keys", "found 3"],
+    ),
     "short row": (
         line(TEXT, 9, TEXT.split("\n")[8].rsplit("\t", 1)[0]),
         ["line 9", "expected 17 columns, found 16"],

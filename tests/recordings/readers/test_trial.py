@@ -54,7 +54,9 @@ def another_child(monkeypatch):
         command = [sys.executable, "-c", program]
         pipes = {"stdin": trial.subprocess.PIPE, "stdout": trial.subprocess.PIPE}
         start = trial.subprocess.Popen
-        monkeypatch.setattr(trial, "_started", lambda: start(command, **pipes, encoding="ascii"))
+        monkeypatch.setattr(
+            trial, "_started", lambda: start(command, **pipes, encoding="ascii")
+        )
 
     yield use
     if trial._child is not None:
@@ -65,11 +67,15 @@ def test_a_file_without_a_seal_is_read(sound):
     assert read_recording(sound).markers == ("a", "b")
 
 
-def test_a_file_without_end_is_refused_in_the_time_that_its_size_allows(endless, monkeypatch):
+def test_a_file_without_end_is_refused_in_the_time_that_its_size_allows(
+    endless, monkeypatch
+):
     """A limit on the CPU time ends the child, so that a busy machine makes no difference."""
     monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.5)
     monkeypatch.setattr(trial, "_signals", lambda *_: {signal.SIGXCPU})
-    with pytest.raises(RecordingError, match=r"a\.h5: .*goes on and on; it is damaged, copy it"):
+    with pytest.raises(
+        RecordingError, match=r"a\.h5: .*goes on and on; it is damaged, copy it"
+    ):
         read_recording(endless)
 
 
@@ -80,7 +86,9 @@ def test_a_child_that_waits_for_ever_is_ended_too(sound, another_child, monkeypa
         read_recording(sound)
 
 
-def test_the_next_file_after_one_without_end_is_read(endless, sound, monkeypatch, tmp_path):
+def test_the_next_file_after_one_without_end_is_read(
+    endless, sound, monkeypatch, tmp_path
+):
     monkeypatch.setattr(trial, "seconds_to_read", lambda _: 0.5)
     with pytest.raises(RecordingError):
         read_recording(endless)
@@ -92,17 +100,23 @@ def test_the_next_file_after_one_without_end_is_read(endless, sound, monkeypatch
 
 def test_a_library_that_crashes_is_told_and_not_shared(sound, another_child):
     another_child("import os, signal; input(); os.kill(os.getpid(), signal.SIGSEGV)")
-    with pytest.raises(RecordingError, match=r"one that ends the HDF5 library \(exit code -11\)"):
+    with pytest.raises(
+        RecordingError, match=r"one that ends the HDF5 library \(exit code -11\)"
+    ):
         read_recording(sound)
 
 
-def test_where_no_process_can_be_started_files_are_read_without_a_trial(sound, monkeypatch):
+def test_where_no_process_can_be_started_files_are_read_without_a_trial(
+    sound, monkeypatch
+):
     monkeypatch.setattr(trial, "_child", None)
     monkeypatch.setattr(sys, "executable", "/no/such/python")
     assert read_recording(sound).markers == ("a", "b")
 
 
-def test_a_child_that_cannot_import_hopdata_says_nothing_about_a_file(sound, monkeypatch):
+def test_a_child_that_cannot_import_hopdata_says_nothing_about_a_file(
+    sound, monkeypatch
+):
     monkeypatch.setattr(trial, "_child", None)
     monkeypatch.setattr(trial, "_program", lambda: "import no_such_module")
     assert read_recording(sound).markers == ("a", "b")
@@ -137,12 +151,16 @@ def test_what_an_installation_prints_at_its_start_is_no_answer(sound, monkeypatc
 
 def test_a_child_that_says_something_else_and_lives_is_ended(sound, another_child):
     another_child("import time; input(); print('warning', flush=True); time.sleep(100)")
-    with pytest.raises(RecordingError, match="the trial says 'warning' instead of an answer"):
+    with pytest.raises(
+        RecordingError, match="the trial says 'warning' instead of an answer"
+    ):
         read_recording(sound)
     assert trial._child is None
 
 
-def test_a_child_that_says_nothing_more_and_lives_is_ended(sound, another_child, monkeypatch):
+def test_a_child_that_says_nothing_more_and_lives_is_ended(
+    sound, another_child, monkeypatch
+):
     monkeypatch.setattr(trial, "_END_S", 0.2)
     another_child("import os, time; input(); os.close(1); time.sleep(100)")
     with pytest.raises(RecordingError, match="the trial says '' instead of an answer"):
@@ -151,7 +169,9 @@ def test_a_child_that_says_nothing_more_and_lives_is_ended(sound, another_child,
 
 def test_a_child_that_is_killed_may_have_lacked_memory(sound, another_child):
     another_child("import os, signal; input(); os.kill(os.getpid(), signal.SIGKILL)")
-    with pytest.raises(RecordingError, match=r"goes on and on, or .* too little free memory; try"):
+    with pytest.raises(
+        RecordingError, match=r"goes on and on, or .* too little free memory; try"
+    ):
         read_recording(sound)
 
 
@@ -222,7 +242,9 @@ def served(monkeypatch, path):
     """Return what the child answers about a file, in this process and without its limits."""
     answer = io.StringIO()
     monkeypatch.setattr(trial, "_limit", lambda *_: None)
-    monkeypatch.setattr(sys, "stdin", io.StringIO(f"1.0 10.0 {os.fsencode(path).hex()}\n"))
+    monkeypatch.setattr(
+        sys, "stdin", io.StringIO(f"1.0 10.0 {os.fsencode(path).hex()}\n")
+    )
     monkeypatch.setattr(sys, "stdout", answer)
     trial.serve()
     return answer.getvalue()
@@ -261,6 +283,8 @@ def test_the_wish_for_memory_refuses_the_file(sound, another_child):
 def test_the_time_grows_with_the_file(tmp_path):
     (tmp_path / "small").write_bytes(b"")
     (tmp_path / "large").write_bytes(bytes(20_000_000))
-    small, large = (budget.seconds_to_read(tmp_path / name) for name in ("small", "large"))
+    small, large = (
+        budget.seconds_to_read(tmp_path / name) for name in ("small", "large")
+    )
     assert small == 2.0
     assert large == 2.0 + 40.0 + 1.0  # as many objects as there may be, and the bytes

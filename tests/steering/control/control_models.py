@@ -18,18 +18,23 @@ class ClosedForm:
         middle, zero = phi + u / 2, np.zeros_like(phi)
         pace = np.cos(middle)
         change = np.stack(
-            [0.05 + 0.03 * pace, -0.025 * np.sin(middle), -0.11 * u * (1 + 0.8 * pace)], axis=-1
+            [0.05 + 0.03 * pace, -0.025 * np.sin(middle), -0.11 * u * (1 + 0.8 * pace)],
+            axis=-1,
         )
         by_middle = np.stack(
             [-0.03 * np.sin(middle), -0.025 * pace, 0.088 * u * np.sin(middle)], axis=-1
         )
-        by_swing = by_middle / 2 + np.stack([zero, zero, -0.11 * (1 + 0.8 * pace)], axis=-1)
+        by_swing = by_middle / 2 + np.stack(
+            [zero, zero, -0.11 * (1 + 0.8 * pace)], axis=-1
+        )
         return change, np.stack([by_middle, by_swing], axis=-1)
 
 
 def table(angles=96, swings=33):
     """Return the model as a table."""
-    grid = np.meshgrid(turn_nodes(angles), np.linspace(-LIMIT, LIMIT, swings), indexing="ij")
+    grid = np.meshgrid(
+        turn_nodes(angles), np.linspace(-LIMIT, LIMIT, swings), indexing="ij"
+    )
     return TabulatedMap(ClosedForm().change(*grid), LIMIT)
 
 

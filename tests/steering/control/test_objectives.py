@@ -19,7 +19,9 @@ def test_distances_are_added_up():
 
 
 def test_distances_are_those_from_the_point():
-    np.testing.assert_allclose(errors_left(ToPoint(point_m=(3.0, 2.0)), POSES), [2.0, 3.0])
+    np.testing.assert_allclose(
+        errors_left(ToPoint(point_m=(3.0, 2.0)), POSES), [2.0, 3.0]
+    )
 
 
 def test_heading_errors_go_the_short_way():
@@ -32,11 +34,20 @@ def test_heading_errors_go_the_short_way():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: ToPoint(point_m=(np.nan, 0.0)), "point_m: expected two finite numbers"),
+        (
+            lambda: ToPoint(point_m=(np.nan, 0.0)),
+            "point_m: expected two finite numbers",
+        ),
         (lambda: ToPoint(point_m=3), "point_m: expected two finite numbers, found 3"),
         (lambda: ToPoint(point_m=("1 m", 0)), "point_m: expected two finite numbers"),
-        (lambda: ToHeading(heading_rad=np.inf), "heading_rad: expected a finite number"),
-        (lambda: ToHeading(heading_rad="north"), "heading_rad: expected a finite number"),
+        (
+            lambda: ToHeading(heading_rad=np.inf),
+            "heading_rad: expected a finite number",
+        ),
+        (
+            lambda: ToHeading(heading_rad="north"),
+            "heading_rad: expected a finite number",
+        ),
         (lambda: Horizon(hops=0), "hops: expected 1 to 16, found 0"),
         (lambda: Horizon(hops=2.5), "hops: expected 1 to 16, found 2.5"),
         (lambda: Horizon(hops="2"), "hops: expected 1 to 16, found 2"),

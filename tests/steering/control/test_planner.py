@@ -103,8 +103,12 @@ def test_the_cost_is_an_average_over_where_a_hop_may_end(to_point):
         for axis, sign in product(range(3), (1, -1)):
             x, y, heading = sign * np.sqrt(3) * np.eye(3)[axis] * COARSE.scatter
             left = (goal[i, j] - complex(x, y)) * np.exp(-1j * heading)
-            place = np.interp(abs(left), COARSE.distances_m, np.arange(COARSE.distances))
-            paid.append(away(abs(left)) * (1 + DISCOUNT * between((place, np.angle(left)))))
+            place = np.interp(
+                abs(left), COARSE.distances_m, np.arange(COARSE.distances)
+            )
+            paid.append(
+                away(abs(left)) * (1 + DISCOUNT * between((place, np.angle(left))))
+            )
         found = to_point.cost_to_go.values[i, j, 0]
         np.testing.assert_allclose(found, np.mean(paid), rtol=0.02)
 
@@ -166,23 +170,35 @@ def test_beyond_the_grid_it_does_not_dawdle():
 
 def test_a_heading_is_reached_and_kept(to_heading):
     for heading in (0.0, 1.5, -2.0):
-        left = errors_left(to_heading.objective, flown(to_heading, [0, 0, heading], np.pi, 45))
+        left = errors_left(
+            to_heading.objective, flown(to_heading, [0, 0, heading], np.pi, 45)
+        )
         assert np.all(left[-5:] < COARSE_TURN.width)
 
 
 def test_more_hops_ahead_do_not_cost_more():
     """The cost of a plan, with the cost-to-go behind it, is close to the cost in the model."""
-    grid = replace(COARSE, distances=32, bearings=36, boom_angles=24, scatter=(0.0, 0.0, 0.0))
+    grid = replace(
+        COARSE, distances=32, bearings=36, boom_angles=24, scatter=(0.0, 0.0, 0.0)
+    )
     certain = planner(TABLE, ToPoint(), grid=grid)
-    two = [certain.plan(*state).objective for state in zip(*random_states(10, 2), strict=True)]
+    two = [
+        certain.plan(*state).objective
+        for state in zip(*random_states(10, 2), strict=True)
+    ]
     three = replace(certain, horizon=Horizon(hops=3))
-    more = [three.plan(*state).objective for state in zip(*random_states(10, 2), strict=True)]
+    more = [
+        three.plan(*state).objective
+        for state in zip(*random_states(10, 2), strict=True)
+    ]
     np.testing.assert_allclose(two, more, rtol=0.01)
 
 
 def test_the_plan_predicts_where_it_leads(to_point):
     plan = to_point.plan(START, 1.0)
-    np.testing.assert_allclose(plan.poses, predicted_poses(TABLE, START, 1.0, plan.swings_rad))
+    np.testing.assert_allclose(
+        plan.poses, predicted_poses(TABLE, START, 1.0, plan.swings_rad)
+    )
     assert plan.swing_rad == plan.swings_rad[0]
 
 
@@ -203,7 +219,8 @@ def test_a_horizon_that_cannot_be_searched_is_refused():
         planner(TABLE, horizon=Horizon(hops=4))
 
 
-# A planner that goes on learning, with a plant that has turned by itself since it was learned.
+# A planner that goes on learning, with a plant that has turned by itself since it was
+# learned.
 
 NOISE, BIAS = np.array([2e-3, 2e-3, 1e-2]), np.array([0.0, 0.01, -0.09])
 

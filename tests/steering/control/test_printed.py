@@ -20,7 +20,9 @@ MODEL = ClosedForm()
 
 
 def test_a_rollout_composes_the_frame_changes():
-    poses = predicted_poses(MODEL, np.array([0.1, 0.2, 3.0]), 1.0, np.array([0.5, -0.2]))
+    poses = predicted_poses(
+        MODEL, np.array([0.1, 0.2, 3.0]), 1.0, np.array([0.5, -0.2])
+    )
     first = composed([0.1, 0.2, 3.0], MODEL.change(1.0, 0.5))
     np.testing.assert_allclose(poses[1], first)
     np.testing.assert_allclose(poses[2], composed(first, MODEL.change(1.5, -0.2)))
@@ -86,6 +88,9 @@ def test_the_last_swing_is_a_start_beside_the_three_that_are_fixed():
 
 def test_a_previous_swing_that_is_not_known_is_none_at_all():
     controller = PrintedController(model=MODEL, horizon=Horizon(swing_limit_rad=LIMIT))
-    plans = [controller.plan([0.3, 0.1, 1.0], 2.0, swing).swings_rad for swing in (None, np.nan)]
+    plans = [
+        controller.plan([0.3, 0.1, 1.0], 2.0, swing).swings_rad
+        for swing in (None, np.nan)
+    ]
     assert np.isfinite(plans[0]).all()
     np.testing.assert_array_equal(plans[0], plans[1])

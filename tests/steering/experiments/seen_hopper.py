@@ -27,7 +27,9 @@ def sight(**options):
         flight_above_m=0.42,
         boom_name="boom",
         circle=BoomCircle(
-            boom - body.mean(axis=0), np.array([0.0, 0.0, 1.0]), ROBOT.hopper.boom_radius_m
+            boom - body.mean(axis=0),
+            np.array([0.0, 0.0, 1.0]),
+            ROBOT.hopper.boom_radius_m,
         ),
     )
     floor = draw_floor(FLAT, np.random.default_rng(np.random.SeedSequence(0)))

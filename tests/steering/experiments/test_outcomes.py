@@ -30,7 +30,12 @@ def test_the_worst_seed_stands_beside_the_median():
     ]
     table = outcome_table(pd.concat(seeds))
     found = row(table, "planner")
-    assert (found["seeds"], found["runs"], found["late"], found["blind"]) == (3, 90, 5, 45)
+    assert (found["seeds"], found["runs"], found["late"], found["blind"]) == (
+        3,
+        90,
+        5,
+        45,
+    )
     assert (found["worst"], found["worst_seed"]) == (27 / 30, 3)
     assert found["median"] == 28 / 30
     np.testing.assert_allclose(
@@ -51,14 +56,18 @@ def test_one_bad_seed_is_enough_not_to_meet_what_is_asked():
 
 
 def test_runs_are_compared_from_the_same_starts_only():
-    found = row(outcome_table(runs(planner=[-1, 20, 40], ceiling=[10, 10, -1])), "planner")
+    found = row(
+        outcome_table(runs(planner=[-1, 20, 40], ceiling=[10, 10, -1])), "planner"
+    )
     assert found["ratio"] == 2.0
     assert found["hops"] == 30.0
 
 
 def test_without_a_success_there_are_no_hops_and_the_experiments_stay_apart():
     table = outcome_table(
-        pd.concat([runs(printed=[-1, -1]), runs("turn_board", touched=2, printed=[20, 22])])
+        pd.concat(
+            [runs(printed=[-1, -1]), runs("turn_board", touched=2, printed=[20, 22])]
+        )
     )
     assert len(table) == 2
     assert np.isnan(table["hops"].iloc[0])

@@ -8,7 +8,12 @@ from seen_hopper import ROBOT, Swings, gaps, sight, start
 
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import PlanningError
-from hopdata.steering.experiments.run import MEASURED, PREDICTED, WatchedHopper, run_task
+from hopdata.steering.experiments.run import (
+    MEASURED,
+    PREDICTED,
+    WatchedHopper,
+    run_task,
+)
 from hopdata.steering.experiments.study import board_for, simulated
 from hopdata.steering.experiments.tasks import FELL, Task
 from hopdata.steering.trial import POSE
@@ -17,7 +22,9 @@ TASK = Task(manoeuvre="origin", near=0.01, hops=8)
 
 
 def run(controller, seen=None, task=TASK, **options):
-    return run_task(WatchedHopper(ROBOT, seen or sight(), task, start(), **options), controller)
+    return run_task(
+        WatchedHopper(ROBOT, seen or sight(), task, start(), **options), controller
+    )
 
 
 def poses(made, columns):
@@ -47,7 +54,9 @@ def test_the_pose_that_is_seen_is_the_true_one_but_for_noise(swinging):
 
 def test_the_boom_goes_by_the_swings_that_were_planned(swinging):
     controller, made = swinging
-    turned = wrapped(np.diff(made.stances["boom_angle_rad"]) - made.stances["swing_rad"][:-1])
+    turned = wrapped(
+        np.diff(made.stances["boom_angle_rad"]) - made.stances["swing_rad"][:-1]
+    )
     assert np.abs(turned).max() < 0.03
     assert [told[2] for told in controller.told[:3]] == [None, 0.4, -0.7]
 
@@ -56,7 +65,9 @@ def test_a_prediction_stands_with_the_stance_that_it_foretells(swinging):
     _, made = swinging
     measured, predicted = poses(made, MEASURED), poses(made, PREDICTED)
     assert np.isnan(predicted[0]).all()
-    np.testing.assert_allclose(predicted[1:] - measured[:-1], [[0.05, 0, 0]] * 8, atol=1e-12)
+    np.testing.assert_allclose(
+        predicted[1:] - measured[:-1], [[0.05, 0, 0]] * 8, atol=1e-12
+    )
 
 
 def test_the_same_start_meets_the_same_chance(swinging):
@@ -94,7 +105,9 @@ def test_a_board_is_pushed_and_its_place_is_kept():
 
 
 def test_a_fall_ends_the_run_and_is_told():
-    unsteady = replace(ROBOT, hop_limit_s=0.5)  # no apex within this time, which counts as a fall
+    unsteady = replace(
+        ROBOT, hop_limit_s=0.5
+    )  # no apex within this time, which counts as a fall
     made = run_task(WatchedHopper(unsteady, sight(), TASK, start()), Swings(0.0))
     assert made.outcome.reason == FELL
     assert len(made.stances["time_s"]) == 0
@@ -113,5 +126,7 @@ def test_the_pure_simulation_follows_the_controller_s_own_predictions(swinging):
     table = simulated(Swings(0.1), TASK, [1.0, 0.0, np.pi], made)
     assert (table["curve"] == "pure").all()
     np.testing.assert_allclose(np.diff(table["x_m"]), 0.05)
-    np.testing.assert_allclose(table[["x_m", "y_m"]].iloc[0], poses(made, MEASURED)[0, :2])
+    np.testing.assert_allclose(
+        table[["x_m", "y_m"]].iloc[0], poses(made, MEASURED)[0, :2]
+    )
     assert len(table) == TASK.hops + 1

@@ -52,7 +52,9 @@ def test_a_run_is_over_when_nothing_can_change_its_outcome():
 
 def test_errors_are_distances_or_what_is_left_of_half_a_turn():
     start = np.array([0.0, 0.0, 2.0])
-    poses = np.array([[3.0, 4.0, 2.0], [0.0, 0.0, 2.0 + np.pi], [0.0, 0.0, 1.9 - np.pi]])
+    poses = np.array(
+        [[3.0, 4.0, 2.0], [0.0, 0.0, 2.0 + np.pi], [0.0, 0.0, 1.9 - np.pi]]
+    )
     np.testing.assert_allclose(errors_left(goal_of("origin", start), poses), [5, 0, 0])
     np.testing.assert_allclose(
         errors_left(goal_of("turn", start), poses), [np.pi, 0, 0.1], atol=1e-12
@@ -78,20 +80,27 @@ def test_the_board_stands_across_the_way_and_is_met_after_the_distance_asked_for
 
 
 def test_the_default_tasks_are_those_of_the_experiments():
-    options = load_config("config/config.yaml", check_files=False)["steering"]["experiments"]
+    options = load_config("config/config.yaml", check_files=False)["steering"][
+        "experiments"
+    ]
     origin, turn = task_of(options, "origin"), task_of(options, "turn")
     assert (origin.near, origin.hops) == (0.11, 50)
     assert (turn.hops, turn.near) == (25, pytest.approx(np.radians(15)))
 
 
 def starts(experiment="origin", number=30, seed=7):
-    return draw_starts(experiment, number, distance_m=1.0, seed=np.random.SeedSequence(seed))
+    return draw_starts(
+        experiment, number, distance_m=1.0, seed=np.random.SeedSequence(seed)
+    )
 
 
 def test_starts_lie_at_the_distance_in_all_directions():
     poses = np.array([start.pose for start in starts()])
     np.testing.assert_allclose(np.hypot(poses[:, 0], poses[:, 1]), 1.0)
-    assert len(np.unique(np.floor(np.arctan2(poses[:, 1], poses[:, 0]) / (np.pi / 2)))) == 4
+    assert (
+        len(np.unique(np.floor(np.arctan2(poses[:, 1], poses[:, 0]) / (np.pi / 2))))
+        == 4
+    )
     assert len(np.unique(np.floor(poses[:, 2] / (np.pi / 2)))) == 4
 
 
@@ -124,7 +133,9 @@ def test_random_swings_and_none_heed_nothing_and_are_the_same_again():
     names = ["random", "none"]
     options = {"horizon": 3, "planner_horizon": 2}
     model = TabulatedMap(TRUTH, LIMIT)
-    made = policies(names, options, "turn", model=model, truth=TRUTH, swing_limit_rad=LIMIT)
+    made = policies(
+        names, options, "turn", model=model, truth=TRUTH, swing_limit_rad=LIMIT
+    )
     start = starts("turn", 1)[0]
     random, again = (made["random"](start) for _ in range(2))
     swings = [random.plan(start.pose, 3.0).swing_rad for _ in range(50)]

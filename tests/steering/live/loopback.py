@@ -24,11 +24,15 @@ def ramp(n_frames, rate_hz=100.0):
 
 
 @contextmanager
-def linked(n_frames=500, *, speed=10.0, labels=LABELS, patience=BRISK, capacity=4096, **server):
+def linked(
+    n_frames=500, *, speed=10.0, labels=LABELS, patience=BRISK, capacity=4096, **server
+):
     """Yield a server of `n_frames` frames and a stream that reads it; close both at the end."""
     with (
         LoopbackServer(ramp(n_frames), LABELS, speed=speed, **server) as served,
-        MarkerStream(labels, port=served.port, patience=patience, capacity=capacity) as stream,
+        MarkerStream(
+            labels, port=served.port, patience=patience, capacity=capacity
+        ) as stream,
     ):
         yield served, stream
 

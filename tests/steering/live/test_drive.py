@@ -25,12 +25,15 @@ from hopdata.steering.robot import SteeredHopper
 
 ENDLESS = Path(__file__).with_name("endless_drive.py")
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # contains the server
-# A loaded machine may send swings too late for their flights, and some tests keep them themselves.
+# A loaded machine may send swings too late for their flights, and some tests keep them
+# themselves.
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S, wrong_swings=10**6)
 SPEED = 4.0
 FASTEST_M_S, FASTEST_RAD_S = 0.3, 1.0  # of the hopper when its boom hardly swings
 # Pauses of the machine are not reported; a server that disconnects is reported at once.
-PATIENT = Patience(stale_s=LONG_S, reconnect_s=LONG_S, retry_s=0.02, longest_retry_s=0.1)
+PATIENT = Patience(
+    stale_s=LONG_S, reconnect_s=LONG_S, retry_s=0.02, longest_retry_s=0.1
+)
 
 
 def geometry(boom_name="boom"):
@@ -45,7 +48,9 @@ def geometry(boom_name="boom"):
         flight_above_m=0.4,
         boom_name=boom_name,
         circle=BoomCircle(
-            centre - body.mean(axis=0), np.array([0.0, 0.0, 1.0]), robot.hopper.boom_radius_m
+            centre - body.mean(axis=0),
+            np.array([0.0, 0.0, 1.0]),
+            robot.hopper.boom_radius_m,
         ),
     )
 
@@ -58,7 +63,9 @@ class Controller:
 
     def plan(self, pose, boom_angle_rad, previous_swing_rad, /):
         self.asked.append((pose, boom_angle_rad, previous_swing_rad))
-        return SimpleNamespace(swing_rad=0.1 * (-1) ** len(self.asked) * len(self.asked))
+        return SimpleNamespace(
+            swing_rad=0.1 * (-1) ** len(self.asked) * len(self.asked)
+        )
 
 
 class Robot:
@@ -67,7 +74,9 @@ class Robot:
     def __init__(self, **server):
         self.swings = UdpSwings()
         self.hopper = LiveHopper(SteeredHopper(), self.swings.newest)
-        self.server = LoopbackServer(self.hopper, self.hopper.labels, speed=SPEED, **server)
+        self.server = LoopbackServer(
+            self.hopper, self.hopper.labels, speed=SPEED, **server
+        )
         self.boom = UdpBoom(self.swings.port)
 
     def __enter__(self):
@@ -106,16 +115,26 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     for decision in done.decisions:
         k = int(np.nanargmin(np.abs(true - decision.stance_s)))
         assert abs(true[k] - decision.stance_s) < 0.02
-        # A loaded machine takes several frames at a time and plans with the newest of them.
+        # A loaded machine takes several frames at a time and plans with the newest of
+        # them.
         later_s = SPEED * (decision.since_stance_s - decision.pose_age_s)
         moved_m, turned_rad = FASTEST_M_S * later_s, FASTEST_RAD_S * later_s
-        np.testing.assert_allclose(decision.pose[:2], hops[k].stance.pose[:2], atol=0.02 + moved_m)
-        assert decision.pose[2] == pytest.approx(hops[k].stance.pose[2], abs=0.05 + turned_rad)
-        assert np.cos(decision.boom_angle_rad - hops[k].stance.boom_angle_rad) > np.cos(0.02)
+        np.testing.assert_allclose(
+            decision.pose[:2], hops[k].stance.pose[:2], atol=0.02 + moved_m
+        )
+        assert decision.pose[2] == pytest.approx(
+            hops[k].stance.pose[2], abs=0.05 + turned_rad
+        )
+        assert np.cos(decision.boom_angle_rad - hops[k].stance.boom_angle_rad) > np.cos(
+            0.02
+        )
     nearest = [int(np.nanargmin(np.abs(true - d.stance_s))) for d in done.decisions]
-    assert nearest == list(range(nearest[0], nearest[0] + len(nearest)))  # none lost, none invented
+    assert nearest == list(
+        range(nearest[0], nearest[0] + len(nearest))
+    )  # none lost, none invented
     commanded = [d.command_rad for d in done.decisions]
-    # On a loaded machine some come too late for their flight; test_simulated has no such delays.
+    # On a loaded machine some come too late for their flight; test_simulated has no
+    # such delays.
     assert {h.swing_rad for h in hops if h.swing_rad != 0} <= set(commanded)
     written = read_log(tmp_path / "drive.h5")
     assert list(written.decisions.command_rad) == commanded
@@ -158,21 +177,30 @@ def interruptible():
 
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize(("told", "code"), [("SIGTERM", 143), ("SIGINT", 130)])
-def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_path, told, code):
+def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(
+    tmp_path, told, code
+):
     heard = []
     with Robot(faults=Faults(dropped=0.05), seed=3) as robot:
-        robot.hopper._swings = lambda: 0.0  # here the test reads the swings of the process
+        robot.hopper._swings = lambda: (
+            0.0
+        )  # here the test reads the swings of the process
         ports = robot.server.port, robot.swings.port
         process = subprocess.Popen(
             [sys.executable, ENDLESS, *map(str, ports), tmp_path / "drive.h5"],
             env={**os.environ, "PYTHONPATH": str(BENCHMARKS)},
         )
         try:
-            wait_until(lambda: heard.append(robot.swings.newest()) or len(set(heard)) > 2)
+            wait_until(
+                lambda: heard.append(robot.swings.newest()) or len(set(heard)) > 2
+            )
             told_s = time.monotonic()  # all processes share this clock
             process.send_signal(getattr(signal, told))
-            process.send_signal(getattr(signal, told))  # patience does not delay the end
-            # If the second signal comes late, everything is written and the handlers are restored.
+            process.send_signal(
+                getattr(signal, told)
+            )  # patience does not delay the end
+            # If the second signal comes late, everything is written and the handlers
+            # are restored.
             assert process.wait(LONG_S) in {code, -getattr(signal, told)}
         finally:
             process.kill()
@@ -196,7 +224,13 @@ def test_a_process_that_is_killed_leaves_a_log_that_can_be_read(tmp_path):
     with Robot() as robot:
         robot.hopper._swings = lambda: 0.0
         process = subprocess.Popen(
-            [sys.executable, ENDLESS, str(robot.server.port), str(robot.swings.port), path],
+            [
+                sys.executable,
+                ENDLESS,
+                str(robot.server.port),
+                str(robot.swings.port),
+                path,
+            ],
             env={**os.environ, "PYTHONPATH": str(BENCHMARKS)},
         )
         heard = set()
@@ -216,7 +250,9 @@ def test_a_process_that_is_killed_leaves_a_log_that_can_be_read(tmp_path):
 @pytest.mark.usefixtures("interruptible")
 def test_a_handler_of_the_callers_own_is_left_and_the_default_is_put_back():
     seen = []
-    before = signal.signal(signal.SIGTERM, lambda *_: seen.append(signal.getsignal(signal.SIGINT)))
+    before = signal.signal(
+        signal.SIGTERM, lambda *_: seen.append(signal.getsignal(signal.SIGINT))
+    )
     try:
         with Robot() as robot:
             stop = threading.Event()
@@ -237,7 +273,10 @@ def test_a_handler_of_the_callers_own_is_left_and_the_default_is_put_back():
 
 def test_a_marker_of_another_name_is_a_clear_error_and_the_boom_stays():
     told = []
-    with Robot() as robot, pytest.raises(LabelError, match=r"'bom' .* did you mean 'boom'"):
+    with (
+        Robot() as robot,
+        pytest.raises(LabelError, match=r"'bom' .* did you mean 'boom'"),
+    ):
         drive(
             geometry("bom"),
             Controller(),
@@ -251,7 +290,10 @@ def test_a_marker_of_another_name_is_a_clear_error_and_the_boom_stays():
 
 def test_no_camera_system_is_a_clear_error():
     swings = UdpSwings()
-    with UdpBoom(swings.port) as boom, pytest.raises(ConnectionLostError, match="cannot connect"):
+    with (
+        UdpBoom(swings.port) as boom,
+        pytest.raises(ConnectionLostError, match="cannot connect"),
+    ):
         drive(
             geometry(),
             Controller(),
@@ -273,7 +315,10 @@ def test_no_camera_system_is_a_clear_error():
             "geometry: expected a boom",
         ),
         ({"geometry": replace(geometry(), circle=None)}, "geometry: expected a boom"),
-        ({"controller": lambda *_: 0.1}, "controller: expected .* method plan, found function"),
+        (
+            {"controller": lambda *_: 0.1},
+            "controller: expected .* method plan, found function",
+        ),
         ({"controller": Controller}, "method plan, found the class Controller"),
         ({"boom": [].append}, "boom: expected an object with the method swing"),
     ],
@@ -318,14 +363,18 @@ drive(geometry(), Controller(), Boom(), stream=stream, stop=threading.Event(), l
 
 def test_a_driver_that_blocks_does_not_keep_a_signal_from_ending_the_drive():
     code = BLOCKED.format(paths=[str(ENDLESS.parent), str(BENCHMARKS)])
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
+    )
     try:
         for line in process.stdout:
             if line == "blocks\n":
                 break
         process.terminate()
         assert process.wait(LONG_S) != 0  # the driver blocks for far longer
-        assert "told 0.0\nblocks\n" in process.stdout.read()  # a last rest is tried all the same
+        assert (
+            "told 0.0\nblocks\n" in process.stdout.read()
+        )  # a last rest is tried all the same
     finally:
         process.kill()
         process.wait()
@@ -339,4 +388,6 @@ def test_a_log_that_fails_brings_the_drive_to_rest_only_if_asked(rests, tmp_path
     with Robot() as robot:
         done = drive_until(robot, Controller(), 3, log=log, rest_without_log=rests)
     assert (log.failure in {rest.cause for rest in done.rests}) == rests
-    assert {decision.outcome for decision in done.decisions} == {"held" if rests else "planned"}
+    assert {decision.outcome for decision in done.decisions} == {
+        "held" if rests else "planned"
+    }

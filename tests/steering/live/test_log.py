@@ -35,7 +35,9 @@ def logged(path, controller, groups=12):
             number += 1
             x, noise = rng.standard_normal(2) * [1.0, 0.005]
             angle = sum(boom.swings) + noise  # it follows
-            markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [angle, 0, 0], [0, 0, 0]])
+            markers = np.array(
+                [[x, 2.0, 0.0 if stance else 0.3], [angle, 0, 0], [0, 0, 0]]
+            )
             at_s = 0.01 * number
             frames.append(Frame(0, number, at_s, 100 + at_s, 100 + at_s, markers))
         for frame in frames:
@@ -53,7 +55,9 @@ class Learner(Controller):
 
     def plan(self, pose, boom_angle_rad, previous_swing_rad, /):
         super().plan(pose, boom_angle_rad, previous_swing_rad)
-        return SimpleNamespace(swing_rad=0.1 * math.sin(sum(boom for _, boom in self.asked)))
+        return SimpleNamespace(
+            swing_rad=0.1 * math.sin(sum(boom for _, boom in self.asked))
+        )
 
 
 def observers():
@@ -79,7 +83,9 @@ def test_a_log_is_read_back(tmp_path):
 
 def test_a_log_played_again_gives_the_same_plans_to_the_bit(tmp_path):
     decisions = logged(tmp_path / "drive.h5", Learner())
-    plans = replay(read_log(tmp_path / "drive.h5"), observers, Learner(), limits=LENIENT)
+    plans = replay(
+        read_log(tmp_path / "drive.h5"), observers, Learner(), limits=LENIENT
+    )
     asked = [d.planned_rad for d in decisions if math.isfinite(d.planning_s)]
     assert 3 < len(asked) < len(decisions)
     assert plans.same.all()
@@ -88,7 +94,9 @@ def test_a_log_played_again_gives_the_same_plans_to_the_bit(tmp_path):
 
 def test_another_controller_plans_otherwise(tmp_path):
     logged(tmp_path / "drive.h5", Learner())
-    plans = replay(read_log(tmp_path / "drive.h5"), observers, Controller(), limits=LENIENT)
+    plans = replay(
+        read_log(tmp_path / "drive.h5"), observers, Controller(), limits=LENIENT
+    )
     assert not plans.same.any()
     assert set(plans.now_rad) == {0.25}
 
@@ -106,7 +114,9 @@ def test_a_log_that_cannot_be_written_holds_up_nobody(tmp_path, caplog):
     assert "the log could not be written" in caplog.text
 
 
-@pytest.mark.parametrize(("content", "found"), [(None, "no file"), (b"text", "another file")])
+@pytest.mark.parametrize(
+    ("content", "found"), [(None, "no file"), (b"text", "another file")]
+)
 def test_what_is_no_log_is_refused(tmp_path, content, found):
     path = tmp_path / "drive.h5"
     if content is not None:
@@ -154,14 +164,23 @@ print(repr(written.failure), sum(map(len, written._waiting.values())))
 def limited(path, limit):
     here = Path(__file__).parent
     code = LIMITED.format(
-        here=str(here), benchmarks=str(here.parents[2] / "benchmarks"), limit=limit, path=str(path)
+        here=str(here),
+        benchmarks=str(here.parents[2] / "benchmarks"),
+        limit=limit,
+        path=str(path),
     )
     return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are those of POSIX")
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="limits of a process are those of POSIX"
+)
 @pytest.mark.parametrize("limit", [80_000, 333_333])
 def test_a_log_whose_disk_is_full_keeps_what_it_has_and_says_so_once(tmp_path, limit):
     path = tmp_path / "drive.h5"

@@ -67,7 +67,9 @@ class Bench:
         self.buffer, self.controller = FrameBuffer(64), controller or Controller()
         self.boom, self.observers = boom or Boom(), 0
         options = {"limits": LENIENT} | options
-        self.loop = ControlLoop(self.buffer, self._fresh, self.controller, self.boom, **options)
+        self.loop = ControlLoop(
+            self.buffer, self._fresh, self.controller, self.boom, **options
+        )
         self.time_s = 0.0
 
     def _fresh(self):
@@ -106,7 +108,11 @@ def test_a_stance_is_planned_with_the_newest_pose_and_sent():
         (decision,) = bench.decided()
     assert bench.controller.asked == [([1.5, 2.0, 0.5], 3.0)]
     assert bench.boom.swings == [0.25]
-    assert (decision.outcome, decision.command_rad, decision.reason) == ("planned", 0.25, "")
+    assert (decision.outcome, decision.command_rad, decision.reason) == (
+        "planned",
+        0.25,
+        "",
+    )
     assert (decision.pose, decision.boom_angle_rad) == ((1.5, 2.0, 0.5), 3.0)
     assert decision.stance_s == pytest.approx(0.0)
     assert decision.told_s == pytest.approx(0.02)
@@ -253,7 +259,9 @@ def test_a_swing_that_is_no_number_is_not_sent(swing):
 
 
 def test_a_swing_beyond_the_limit_is_cut():
-    with Bench(Controller(lambda *_: -2.0), limits=replace(LENIENT, swing_rad=1.0)) as bench:
+    with Bench(
+        Controller(lambda *_: -2.0), limits=replace(LENIENT, swing_rad=1.0)
+    ) as bench:
         bench.frame(stance=True)
         (decision,) = bench.decided()
     assert bench.boom.swings == [-1.0]
@@ -283,7 +291,12 @@ def test_of_stances_that_wait_only_the_newest_is_planned():
             bench.frame(stance=True)
         free.set()
         decisions = bench.decided(4)
-    assert [d.outcome for d in decisions] == ["planned", "overtaken", "overtaken", "planned"]
+    assert [d.outcome for d in decisions] == [
+        "planned",
+        "overtaken",
+        "overtaken",
+        "planned",
+    ]
     assert bench.boom.swings == [0.25, 0.25]
 
 
@@ -393,13 +406,19 @@ def test_what_a_frame_shows_brings_the_boom_to_rest(words, caplog):
         bench.frame(stance=True)
         last = bench.decided(2)[-1]
     assert words in caplog.text
-    assert (last.outcome == "held") == over  # unless it is over, it goes on with sound frames
+    assert (
+        last.outcome == "held"
+    ) == over  # unless it is over, it goes on with sound frames
 
 
 def test_frames_that_no_longer_come_or_come_again_bring_it_to_rest_until_they_do():
     with hopping(limits=ALERT) as bench:
         swung(bench)
-        rested(bench, bench.buffer.newest().captured_s + ALERT.pose_age_s, "no frame for 0.1")
+        rested(
+            bench,
+            bench.buffer.newest().captured_s + ALERT.pose_age_s,
+            "no frame for 0.1",
+        )
         bench.frame(stance=True)
         assert bench.decided(2)[-1].outcome == "planned"
 

@@ -108,9 +108,13 @@ def test_our_own_settings_are_sound():
 
 
 def test_another_axis_or_rate_is_an_error():
-    with pytest.raises(SettingsError, match=r"points up in the stream: expected \+Z, found \+Y"):
+    with pytest.raises(
+        SettingsError, match=r"points up in the stream: expected \+Z, found \+Y"
+    ):
         check_settings(StreamParameters(("a",), 100.0, "+Y"), 100.0)
-    with pytest.raises(SettingsError, match=r"100 Hz \(rate_hz.*--rate\), found 300 Hz"):
+    with pytest.raises(
+        SettingsError, match=r"100 Hz \(rate_hz.*--rate\), found 300 Hz"
+    ):
         check_settings(StreamParameters(("a",), 300.0, "+Z"), 100.0)
 
 
@@ -119,7 +123,9 @@ def test_markers_are_found_by_label():
 
 
 def test_a_missing_label_is_named_with_the_nearest():
-    with pytest.raises(LabelError, match=r"marker 'bodi1' .*\(body1, boom\); did you mean 'body1'"):
+    with pytest.raises(
+        LabelError, match=r"marker 'bodi1' .*\(body1, boom\); did you mean 'body1'"
+    ):
         find_labels(["boom", "bodi1"], ["body1", "boom"])
 
 
@@ -178,7 +184,9 @@ def test_a_damaged_packet_is_left_out_and_those_after_it_come():
     assert (error, aborted) == (None, False)
 
 
-@pytest.mark.parametrize("header", [bytes(8), HEADER.pack(7, 3), HEADER.pack(2**32 - 1, 3)])
+@pytest.mark.parametrize(
+    "header", [bytes(8), HEADER.pack(7, 3), HEADER.pack(2**32 - 1, 3)]
+)
 def test_a_header_that_cannot_be_ends_the_connection(header):
     got, _, error, aborted = screened([SOUND[0] + header, SOUND[1]])
     assert got == SOUND[:1]  # nothing follows it
@@ -196,7 +204,9 @@ def mangled(rng):
         elif kind == 1:
             del stream[place : place + rng.integers(1, 20)]
         else:
-            stream[place:place] = rng.bytes(rng.integers(1, 20)) * rng.integers(0, 2) or bytes(8)
+            stream[place:place] = rng.bytes(rng.integers(1, 20)) * rng.integers(
+                0, 2
+            ) or bytes(8)
     return bytes(stream)
 
 
@@ -209,7 +219,9 @@ def test_the_real_client_survives_whatever_comes_through():
         for _ in range(1000):
             got = []
             client = QTMProtocol(loop=asyncio.get_running_loop())
-            client.set_on_packet(lambda packet, got=got: got.append(packet.get_3d_markers()))
+            client.set_on_packet(
+                lambda packet, got=got: got.append(packet.get_3d_markers())
+            )
             error, _ = push([mangled(rng)], client, [].append)
             read, errors = read + len(got), errors + (error is not None)
         return read, errors
@@ -254,14 +266,18 @@ def markers(stated, count, *, bytes_each=12):
 )  # fmt: skip
 def test_a_length_that_does_not_fit_the_bytes_is_told(payload, words):
     assert words in parts_fault(payload)
-    assert payload_fault(DATA, payload).startswith("a frame that cannot be read: expected ")
+    assert payload_fault(DATA, payload).startswith(
+        "a frame that cannot be read: expected "
+    )
 
 
 def test_lengths_that_fit_have_no_fault():
     assert parts_fault(data(0)) == ""
     assert parts_fault(data(1, component(markers(3, 3)))) == ""
     assert parts_fault(data(1, component(markers(3, 3, bytes_each=16), kind=9))) == ""
-    assert parts_fault(data(2, component(b"abc", kind=4), component(markers(1, 1)))) == ""
+    assert (
+        parts_fault(data(2, component(b"abc", kind=4), component(markers(1, 1)))) == ""
+    )
     assert parts_fault(data(1, component(b"", kind=4))) == ""
     for residuals in (False, True):
         assert parts_fault(frame_3d(FRAME, residuals=residuals)[HEADER.size :]) == ""
@@ -287,7 +303,9 @@ def test_the_work_is_bounded_by_the_bytes_whatever_a_packet_states(monkeypatch):
     rng = np.random.default_rng(np.random.SeedSequence(19))
     passed = 0
     for _ in range(3000):
-        payload = bytearray(data(2, component(markers(3, 3)), component(b"x" * 20, kind=4)))
+        payload = bytearray(
+            data(2, component(markers(3, 3)), component(b"x" * 20, kind=4))
+        )
         for place in rng.integers(8, len(payload), size=rng.integers(0, 4)):
             payload[place] = rng.choice([0, 1, 8, 255, rng.integers(256)])
         del payload[rng.integers(16, 2 * len(payload)) :]

@@ -155,7 +155,9 @@ def test_a_boom_that_follows_is_never_told(seed, geometry):
     drive.run(np.inf, ended=lambda: len(drive.hopper.hops) > 100)
     assert not drive.loop.watch.rests
     made = drive.loop.decisions()
-    off_rad = [after.swung_rad - one.command_rad for one, after in itertools.pairwise(made)]
+    off_rad = [
+        after.swung_rad - one.command_rad for one, after in itertools.pairwise(made)
+    ]
     assert len(off_rad) >= 98
     assert np.nanmax(np.abs(off_rad)) < LEAST_SWING_RAD / 2  # of noise alone
 
@@ -181,7 +183,9 @@ def wrong_after(boom, geometry, limits=LIMITS, *, plan=None, until_s=12.0):
         (lambda rad: 2.0 * rad, r"it moves by (19|20)\d % of its swings \("),
     ],
 )
-def test_a_boom_that_does_not_follow_is_told_within_two_hops_and_it_is_over(boom, words, geometry):
+def test_a_boom_that_does_not_follow_is_told_within_two_hops_and_it_is_over(
+    boom, words, geometry
+):
     drive, hops = wrong_after(boom, geometry)
     (rest,) = drive.loop.watch.rests
     assert re.match(f"the boom does not follow: {words}", rest.cause)

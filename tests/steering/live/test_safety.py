@@ -43,7 +43,10 @@ def test_the_newest_swing_is_received_once(swings):
     "line", [b"", b"swing 1", b"swing x 1", b"swing 1 nan", b"go 1 2", b"\xff"]
 )
 def test_what_is_not_a_swing_is_left_out_and_counted(swings, line):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender, UdpBoom(swings.port) as boom:
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        UdpBoom(swings.port) as boom,
+    ):
         sender.sendto(line, ("127.0.0.1", swings.port))
         boom.swing(0.5)
         got = []
@@ -76,7 +79,9 @@ def test_a_later_drive_is_not_taken_for_old(swings):
 
 @pytest.mark.parametrize("port", ["x", 0, 65536, -1, 5000.0, None])
 def test_what_is_no_port_is_refused_at_once(port):
-    with pytest.raises(PortError, match="port: expected a whole number from 1 to 65535, found"):
+    with pytest.raises(
+        PortError, match="port: expected a whole number from 1 to 65535, found"
+    ):
         UdpBoom(port)
 
 
@@ -153,7 +158,9 @@ class DeafRobot:
                 self.lines.append((int(number), float(rad)))
                 if len(self.lines) > self._deaf_to:
                     answer = self._answer
-                    self._socket.sendto(answer % int(number) if b"%" in answer else answer, sender)
+                    self._socket.sendto(
+                        answer % int(number) if b"%" in answer else answer, sender
+                    )
         return self.lines
 
     def __enter__(self):
@@ -179,7 +186,9 @@ def test_a_rest_is_sent_until_it_is_heard_and_no_longer():
     ):
         assert watch.swing(0.3) == ""
         cause.append("the operator's key")
-        wait_until(lambda: len(robot.take()) >= 6)  # the swing, four lost rests, and one heard
+        wait_until(
+            lambda: len(robot.take()) >= 6
+        )  # the swing, four lost rests, and one heard
         wait_until(lambda: robot.take() and watch._sender._rest is None)
         heard = len(robot.take())
         time.sleep(0.1)  # ten looks
@@ -192,7 +201,11 @@ def test_a_rest_is_sent_until_it_is_heard_and_no_longer():
 
 
 def test_a_swing_is_not_repeated_though_it_is_not_heard():
-    with DeafRobot(deaf_to=100) as robot, UdpBoom(robot.port) as boom, watched(boom) as (watch, _):
+    with (
+        DeafRobot(deaf_to=100) as robot,
+        UdpBoom(robot.port) as boom,
+        watched(boom) as (watch, _),
+    ):
         assert watch.swing(0.3) == ""
         time.sleep(0.1)
         assert [rad for _, rad in robot.take()] == [0.3]
@@ -208,7 +221,16 @@ def test_a_rest_that_is_never_heard_is_told_at_the_end(caplog):
 
 
 @pytest.mark.parametrize(
-    "answer", [b"", b"heard", b"heard x", b"heard -1", b"heard 7", b"swing %d 0.0", b"\xff" * 200]
+    "answer",
+    [
+        b"",
+        b"heard",
+        b"heard x",
+        b"heard -1",
+        b"heard 7",
+        b"swing %d 0.0",
+        b"\xff" * 200,
+    ],
 )
 def test_what_is_no_answer_to_the_last_swing_acknowledges_nothing(answer):
     with DeafRobot(answer=answer) as robot, UdpBoom(robot.port) as boom:
@@ -218,7 +240,9 @@ def test_what_is_no_answer_to_the_last_swing_acknowledges_nothing(answer):
         assert not boom.acknowledged()
 
 
-def test_the_answer_to_an_earlier_swing_is_not_that_to_a_rest_but_to_any_of_the_rests(swings):
+def test_the_answer_to_an_earlier_swing_is_not_that_to_a_rest_but_to_any_of_the_rests(
+    swings,
+):
     with DeafRobot() as robot, UdpBoom(robot.port) as boom:
         boom.swing(0.2)
         robot._answer = b"heard %d" % boom._number
@@ -257,7 +281,9 @@ def test_a_driver_that_blocks_is_a_cause_and_holds_up_nobody():
     with watch:
         assert watch.swing(0.1) == ""
         assert "driver has not returned within 1 s" in watch.swing(0.2)
-        wait_until(lambda: watch.cause.startswith("the boom's driver has not returned for"))
+        wait_until(
+            lambda: watch.cause.startswith("the boom's driver has not returned for")
+        )
         assert watch.swing(0.3) == watch.cause  # refused at once
         assert boom.swings == [0.1, 0.2]
         assert not watch.rests  # none has arrived
@@ -295,7 +321,9 @@ def test_a_driver_that_never_returns_is_an_error_at_the_end(monkeypatch):
     boom = BlockedBoom(0)
     watch = Watch(boom, lambda: "", patience_s=0.05).start()
     watch.swing(0.1)
-    with pytest.raises(LiveError, match=r"the boom's driver has not returned for 0\.\d s"):
+    with pytest.raises(
+        LiveError, match=r"the boom's driver has not returned for 0\.\d s"
+    ):
         watch.close()
     boom.released.set()
     wait_until(lambda: our_threads() == [])
@@ -363,9 +391,12 @@ class Slow:
 def test_a_swing_that_was_given_up_is_followed_by_a_rest_and_never_sent_later():
     boom = Slow()
     watch = Watch(boom, lambda: "", patience_s=0.05)
-    watch._sender.start()  # without the watch's own looks, which would send a rest as well
+    # Without the watch's own looks, which would send a rest as well
+    watch._sender.start()
     assert "has not returned within 0.05 s" in watch.swing(0.4)
-    assert "has not returned within 0.05 s" in watch.swing(0.2)  # waits behind the first
+    assert "has not returned within 0.05 s" in watch.swing(
+        0.2
+    )  # waits behind the first
     boom.go.set()
     wait_until(lambda: boom.swings[-1] == 0.0)
     time.sleep(0.05)
@@ -376,7 +407,12 @@ def test_a_swing_that_was_given_up_is_followed_by_a_rest_and_never_sent_later():
 def test_an_answer_counts_only_from_the_robot_and_for_a_line_that_was_sent(swings):
     with UdpBoom(swings.port) as boom:
         boom.swing(0.0)
-        answers = (f"heard {boom._number + 1}", "heard 999999999999999999", "heard x", "heard")
+        answers = (
+            f"heard {boom._number + 1}",
+            "heard 999999999999999999",
+            "heard x",
+            "heard",
+        )
         numbers = [boom._number_heard(answer.encode()) for answer in answers]
         assert numbers == [0, 0, 0, 0]
         assert boom._number_heard(f"heard {boom._number}".encode()) == boom._number

@@ -47,7 +47,8 @@ def test_hops_follow_each_other_without_a_gap():
 
 def test_the_same_seed_hops_the_same():
     one, two, other = (
-        frames(LiveHopper(SteeredHopper(), lambda: 0.1, seed=seed), 150)[1] for seed in (1, 1, 2)
+        frames(LiveHopper(SteeredHopper(), lambda: 0.1, seed=seed), 150)[1]
+        for seed in (1, 1, 2)
     )
     assert np.array_equal(one, two)
     assert not np.array_equal(one, other)
@@ -74,7 +75,9 @@ def test_the_simulated_hopper_is_driven_without_a_server():
     assert our_threads() == []
     true = np.array([h.stance.time_s for h in hopper.hops])
     assert all(np.nanmin(np.abs(true - d.stance_s)) < 0.02 for d in done.decisions)
-    assert {h.swing_rad for h in hopper.hops} - {0.0} <= {d.command_rad for d in done.decisions}
+    assert {h.swing_rad for h in hopper.hops} - {0.0} <= {
+        d.command_rad for d in done.decisions
+    }
 
 
 def test_a_swing_is_used_once_and_the_newest_counts():
@@ -90,6 +93,11 @@ def test_a_simulation_that_fails_is_a_lost_stream():
     hopper = LiveHopper(SteeredHopper(), boom.newest)
     hopper._next_hop = None
     done = drive(
-        geometry(), Controller(), boom, stream=SimulatedStream(hopper), stop=stop, seconds=0.1
+        geometry(),
+        Controller(),
+        boom,
+        stream=SimulatedStream(hopper),
+        stop=stop,
+        seconds=0.1,
     )
     assert "the simulation failed" in done.states[1].message

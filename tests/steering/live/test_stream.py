@@ -52,7 +52,9 @@ def test_markers_come_by_label_in_metres():
     assert [f.number for f in frames] == list(range(1, 101))
     for k, frame in enumerate(frames):
         assert frame.time_s == pytest.approx(k / 100)
-        np.testing.assert_allclose(frame.markers[:, 0], [1e-3 * (k + 0.3), 1e-3 * k], rtol=1e-6)
+        np.testing.assert_allclose(
+            frame.markers[:, 0], [1e-3 * (k + 0.3), 1e-3 * k], rtol=1e-6
+        )
     assert states(stream)[:3] == ["idle", "connecting", "streaming"]
     assert states(stream)[-1] == "closed"
 
@@ -65,12 +67,17 @@ def test_dropped_frames_and_hidden_markers_are_counted():
         newest = stream.buffer.newest().number
         assert stream.counts.missing == newest - stream.counts.frames > 20
         assert stream.counts.hidden_markers > 100
-        unseen = sum(int(np.isnan(f.markers[:, 0]).sum()) for f in stream.buffer.since(0))
+        unseen = sum(
+            int(np.isnan(f.markers[:, 0]).sum()) for f in stream.buffer.since(0)
+        )
         assert unseen == stream.counts.hidden_markers
 
 
 def test_garbled_frames_are_left_out_and_counted():
-    with linked(400, speed=FAST, faults=Faults(garbled=0.2, garbled_bytes=20)) as (server, stream):
+    with linked(400, speed=FAST, faults=Faults(garbled=0.2, garbled_bytes=20)) as (
+        server,
+        stream,
+    ):
         after_the_end(server, stream)
         assert stream.counts.connections == 1
         assert stream.counts.garbled >= 0.9 * server.counts.garbled > 40
@@ -100,7 +107,9 @@ def test_frames_that_come_late_or_twice_are_left_out_and_counted():
         MarkerStream(LABELS, port=server.port, patience=BRISK, capacity=4096) as stream,
     ):
         assert server.ended.wait(LONG_S)
-        wait_until(lambda: stream.buffer.written and stream.buffer.newest().number == 209)
+        wait_until(
+            lambda: stream.buffer.written and stream.buffer.newest().number == 209
+        )
         numbers = [f.number for f in stream.buffer.since(0)]
         assert {f.epoch for f in stream.buffer.since(0)} == {0}
     assert numbers == [k for k in range(1, 210) if k % 10]
@@ -110,7 +119,9 @@ def test_frames_that_come_late_or_twice_are_left_out_and_counted():
 
 def test_garbage_between_packets_is_a_clear_error_and_the_stream_comes_back():
     with linked(10**6, outages=[Outage(0.5, kind="garbage")], seed=4) as (_, stream):
-        wait_until(lambda: stream.counts.connections == 2 and stream.counts.frames > 200)
+        wait_until(
+            lambda: stream.counts.connections == 2 and stream.counts.frames > 200
+        )
         lost = [s for s in stream.states.history() if s.state == "lost"]
         assert "the stream is not of the protocol" in lost[0].message
         assert stream.counts.broken == 1
@@ -134,7 +145,9 @@ def test_a_server_of_something_else_is_a_clear_error(garbage):
 
 def test_a_server_that_vanishes_is_reconnected_to():
     with linked(10**6, outages=[Outage(0.5, 0.3, "vanish")]) as (server, stream):
-        wait_until(lambda: stream.counts.connections == 2 and stream.counts.frames > 200)
+        wait_until(
+            lambda: stream.counts.connections == 2 and stream.counts.frames > 200
+        )
         assert server.counts.connections == 2
         epochs = [f.epoch for f in stream.buffer.since(0)]
         assert epochs == sorted(epochs)
@@ -165,7 +178,10 @@ def test_a_stall_is_stale_and_its_frames_are_late_but_none_is_lost():
 
 
 def test_a_server_that_says_nothing_is_given_up_and_tried_again():
-    with linked(10**6, speed=1.0, outages=[Outage(0.1, 1.0, "stall")]) as (server, stream):
+    with linked(10**6, speed=1.0, outages=[Outage(0.1, 1.0, "stall")]) as (
+        server,
+        stream,
+    ):
         wait_until(lambda: server.counts.connections >= 2)
         reasons = [s.message for s in stream.states.history() if s.state == "lost"]
         assert reasons[0].startswith("no frame for")
@@ -174,7 +190,9 @@ def test_a_server_that_says_nothing_is_given_up_and_tried_again():
 def test_a_server_that_does_not_answer_is_a_clear_error():
     with (
         socket.create_server(("127.0.0.1", 0)) as listener,
-        MarkerStream(LABELS, port=listener.getsockname()[1], patience=Patience(0.1)) as stream,
+        MarkerStream(
+            LABELS, port=listener.getsockname()[1], patience=Patience(0.1)
+        ) as stream,
     ):
         status = stream.states.wait_for("lost", timeout_s=LONG_S)
         assert status.message == "no answer within 0.1 s"
@@ -216,7 +234,9 @@ def test_no_server_at_all_is_a_clear_error():
         port = free.getsockname()[1]
     with (
         MarkerStream(LABELS, port=port, patience=BRISK) as stream,
-        pytest.raises(ConnectionLostError, match=f"port {port}, within 0.2 s: cannot connect"),
+        pytest.raises(
+            ConnectionLostError, match=f"port {port}, within 0.2 s: cannot connect"
+        ),
     ):
         stream.wait_until_streaming(0.2)
 
@@ -247,7 +267,9 @@ def test_closing_leaves_no_thread_behind_whatever_the_state():
 def test_a_close_as_the_connection_is_lost_is_not_swallowed(steps_later):
     async def close_after_loss():
         line = Line(print)
-        watching = asyncio.create_task(MarkerStream(LABELS, patience=Patience(60))._watch(line))
+        watching = asyncio.create_task(
+            MarkerStream(LABELS, patience=Patience(60))._watch(line)
+        )
         await asyncio.sleep(0.01)
         line.lost.set()
         for _ in range(steps_later):
@@ -301,23 +323,35 @@ def test_frames_that_come_late_twice_or_out_of_order_are_outdated():
 
 
 @example(first=1, delays=[(4, True), (4, True), (3, True), (2, True), (0, True)])
-@given(st.integers(1, 60), st.lists(st.tuples(st.integers(0, 4), st.booleans()), max_size=300))
-def test_a_stream_that_is_shuffled_a_little_keeps_its_order_and_its_clock(first, delays):
+@given(
+    st.integers(1, 60),
+    st.lists(st.tuples(st.integers(0, 4), st.booleans()), max_size=300),
+)
+def test_a_stream_that_is_shuffled_a_little_keeps_its_order_and_its_clock(
+    first, delays
+):
     """Four frames that are late and sent twice give nine outdated in a row; ten mean a restart."""
     sent = [
-        (k + delay, first + k) for k, (delay, twice) in enumerate(delays) for _ in range(1 + twice)
+        (k + delay, first + k)
+        for k, (delay, twice) in enumerate(delays)
+        for _ in range(1 + twice)
     ]
     numbers = [number for _, number in sorted(sent)]
     heard = verdicts([(k, k / 100) for k in numbers])
     assert set(heard) <= {"next", "outdated"}
     kept = [k for k, verdict in zip(numbers, heard, strict=True) if verdict == "next"]
     assert kept == sorted(set(kept))
-    assert kept == list(dict.fromkeys(np.maximum.accumulate(np.array(numbers, int)).tolist()))
+    assert kept == list(
+        dict.fromkeys(np.maximum.accumulate(np.array(numbers, int)).tolist())
+    )
 
 
 def test_a_camera_system_that_begins_anew_soon_is_followed_in_the_end():
     frames = [(k, k / 100) for k in [*range(1, 31), *range(1, 31)]]
-    assert verdicts(frames) == ["next"] * 30 + ["outdated"] * 10 + ["restart"] + ["next"] * 19
+    assert (
+        verdicts(frames)
+        == ["next"] * 30 + ["outdated"] * 10 + ["restart"] + ["next"] * 19
+    )
 
 
 def test_a_camera_system_that_begins_anew_is_followed():
@@ -336,7 +370,11 @@ def test_a_frame_rate_that_is_not_the_one_told_is_put_up_with():
 
 
 def test_without_a_rate_only_the_order_counts():
-    assert verdicts([(1, 0.0), (2, 5.0), (2, 6.0)], None) == ["next", "next", "implausible"]
+    assert verdicts([(1, 0.0), (2, 5.0), (2, 6.0)], None) == [
+        "next",
+        "next",
+        "implausible",
+    ]
 
 
 def test_a_held_up_frame_is_as_old_as_it_is():
@@ -347,10 +385,13 @@ def test_a_held_up_frame_is_as_old_as_it_is():
     assert 1002.5 - captured == pytest.approx(0.5 - 0.002, abs=1e-3)
 
 
-def ages_of(drift, *, jitter_s=0.0, held_up=(math.inf, math.inf), seconds=120.0, rate_hz=100.0):
+def ages_of(
+    drift, *, jitter_s=0.0, held_up=(math.inf, math.inf), seconds=120.0, rate_hz=100.0
+):
     """Return how old frames appear beyond their true delay, s, and when they were captured.
 
-    The delay is 2 ms and up to `jitter_s` more. Frames captured in a span come at its end.
+    The delay is 2 ms and up to `jitter_s` more. Frames captured in a span come at its
+    end.
     """
     clock = CameraClock()
     chance = np.random.default_rng(np.random.SeedSequence(11))
@@ -366,7 +407,9 @@ def ages_of(drift, *, jitter_s=0.0, held_up=(math.inf, math.inf), seconds=120.0,
     return np.array(told_s) - captured_s - 0.002, captured_s
 
 
-DRIFTS = [drift * sign for drift in (0.0, 5e-5, 5e-4, 1e-3, 1.5e-3) for sign in (1, -1)][1:]
+DRIFTS = [
+    drift * sign for drift in (0.0, 5e-5, 5e-4, 1e-3, 1.5e-3) for sign in (1, -1)
+][1:]
 
 
 @pytest.mark.parametrize("drift", DRIFTS)
@@ -382,7 +425,9 @@ def test_frames_that_are_held_up_for_seconds_keep_their_time_though_clocks_drift
     off_s, at_s = ages_of(drift, jitter_s=0.003, held_up=(40.0, 44.0), seconds=80.0)
     held = (at_s >= 40.0) & (at_s < 44.0)
     assert np.abs(off_s[(at_s > 5.0) & ~held]).max() < 1.5e-3
-    assert np.abs(off_s[held]).max() < 4.0 * abs(drift) + 1.5e-3  # the pace counts from arrival
+    assert (
+        np.abs(off_s[held]).max() < 4.0 * abs(drift) + 1.5e-3
+    )  # the pace counts from arrival
 
 
 @pytest.mark.parametrize("growth", [3e-3, 4e-3, 1e-2])

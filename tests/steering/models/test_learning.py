@@ -31,14 +31,18 @@ def test_scores_are_right_by_hand():
     score = prediction_score(process, test)
     error = process.change(test.boom_angle_rad, test.swing_rad) - test.change
     assert score.rmse[0] == pytest.approx(1000 * np.sqrt(np.mean(error[:, 0] ** 2)))
-    assert score.rmse[2] == pytest.approx(np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))))
+    assert score.rmse[2] == pytest.approx(
+        np.degrees(np.sqrt(np.mean(error[:, 2] ** 2)))
+    )
     spread = np.sum((test.change[:, 1] - test.change[:, 1].mean()) ** 2)
     assert score.r2[1] == pytest.approx(1 - np.sum(error[:, 1] ** 2) / spread)
 
 
 def test_intervals_of_predictions_hold_what_they_should():
     process = trained_process(chained_hops(150, noise=NOISE))
-    coverage = prediction_score(process, chained_hops(600, seed=3, noise=NOISE)).coverage
+    coverage = prediction_score(
+        process, chained_hops(600, seed=3, noise=NOISE)
+    ).coverage
     assert np.all(np.abs(coverage - 0.95) < 0.05)
 
 
@@ -56,7 +60,9 @@ def test_the_learning_curve_falls_and_is_the_same_again():
         assert many < few
     one = scores[(scores["model"] == "recommended") & (scores["component"] == "dx")]
     one = one[one["hops"] == 15]["rmse"]
-    row = table[(table["model"] == "recommended") & (table["component"] == "dx")].iloc[0]
+    row = table[(table["model"] == "recommended") & (table["component"] == "dx")].iloc[
+        0
+    ]
     assert row["rmse"] == pytest.approx(one.mean())
     assert row["rmse_se"] == pytest.approx(one.std(ddof=1) / np.sqrt(3))
 
@@ -102,7 +108,10 @@ HOPS = chained_hops(40, noise=np.array([2e-3, 2e-3, 1e-2]))
 def test_the_map_is_the_process_over_three_turns():
     process = trained_process(HOPS)
     table = map_table(process, LIMIT, swings=5)
-    assert table["boom_angle_rad"].agg(["min", "max"]).tolist() == [-2 * np.pi, 4 * np.pi]
+    assert table["boom_angle_rad"].agg(["min", "max"]).tolist() == [
+        -2 * np.pi,
+        4 * np.pi,
+    ]
     assert table["swing_rad"].agg(["min", "max"]).tolist() == [-LIMIT, LIMIT]
     inputs = table[["boom_angle_rad", "swing_rad"]].to_numpy().T
     change, sd = process.change(*inputs), process.sd(*inputs)
@@ -122,4 +131,6 @@ def test_training_hops_stand_there_once():
     for options in (PRINTED, RECOMMENDED):
         table = training_table(trained_process(HOPS, options))
         assert len(table) == len(HOPS)
-        np.testing.assert_allclose(table[list(COLUMNS)].iloc[0, 0], 1000 * HOPS.change[0, 0])
+        np.testing.assert_allclose(
+            table[list(COLUMNS)].iloc[0, 0], 1000 * HOPS.change[0, 0]
+        )

@@ -73,16 +73,23 @@ def test_gradients_are_those_of_differences(trained):
     gradient = change_and_gradient(process, *points.T)[1]
     for axis in range(points.shape[1]):
         step = np.zeros(points.shape[1])
-        step[axis] = 1e-4  # shorter steps show rounding, because repeated hops have large weights
+        step[axis] = (
+            # Shorter steps show rounding, because repeated hops have large weights
+            1e-4
+        )
         ahead, behind = process.mean_at(points + step), process.mean_at(points - step)
-        np.testing.assert_allclose(gradient[:, :, axis], (ahead - behind) / 2e-4, atol=1e-6)
+        np.testing.assert_allclose(
+            gradient[:, :, axis], (ahead - behind) / 2e-4, atol=1e-6
+        )
 
 
 def test_a_whole_turn_more_is_the_same_hop(trained):
     _, process, points = trained
     turned = points.copy()
     turned[:, 0] += 4 * np.pi
-    np.testing.assert_allclose(process.change(*turned.T), process.change(*points.T), atol=1e-12)
+    np.testing.assert_allclose(
+        process.change(*turned.T), process.change(*points.T), atol=1e-12
+    )
     np.testing.assert_allclose(process.sd(*turned.T), process.sd(*points.T), atol=1e-9)
 
 
@@ -188,9 +195,13 @@ def test_another_file_is_no_process(tmp_path):
     shapeless = {field.name: np.zeros(3) for field in fields(FrameChangeProcess)}
     np.savez(tmp_path / "shapeless.npz", **shapeless)
     for file in tmp_path.iterdir():
-        with pytest.raises(RecordingError, match=f"{file.name}: expected a trained process .*othe"):
+        with pytest.raises(
+            RecordingError, match=f"{file.name}: expected a trained process .*othe"
+        ):
             load_process(file)
-    with pytest.raises(RecordingError, match=r"none\.npz: expected .*, found no such file"):
+    with pytest.raises(
+        RecordingError, match=r"none\.npz: expected .*, found no such file"
+    ):
         load_process(tmp_path / "none.npz")
 
 

@@ -23,7 +23,11 @@ class Smooth:
 
 def points(n=200, seed=0):
     rng = np.random.default_rng(np.random.SeedSequence(seed))
-    return rng.uniform(-10, 10, n), rng.uniform(-LIMIT, LIMIT, n), rng.uniform(-LIMIT, LIMIT, n)
+    return (
+        rng.uniform(-10, 10, n),
+        rng.uniform(-LIMIT, LIMIT, n),
+        rng.uniform(-LIMIT, LIMIT, n),
+    )
 
 
 def test_nodes_are_exact():
@@ -39,7 +43,9 @@ def test_the_error_falls_with_the_fourth_power_of_the_spacing():
     errors = []
     for nodes in (16, 32, 64):
         table = tabulated(Smooth(), LIMIT, angles=nodes, swings=nodes // 2 + 1)
-        errors.append(np.abs(table.change(angle, swing) - smooth_change(angle, swing)).max())
+        errors.append(
+            np.abs(table.change(angle, swing) - smooth_change(angle, swing)).max()
+        )
     assert errors[0] / errors[1] > 10
     assert errors[1] / errors[2] > 10
 
@@ -53,7 +59,9 @@ def test_gradients_are_those_of_differences_and_the_turn_is_closed():
     for axis, step in enumerate(([1e-6, 0], [0, 1e-6])):
         ahead = table.change(angle + step[0], swing + step[1])
         behind = table.change(angle - step[0], swing - step[1])
-        np.testing.assert_allclose(gradient[:, :, axis], (ahead - behind) / 2e-6, atol=1e-7)
+        np.testing.assert_allclose(
+            gradient[:, :, axis], (ahead - behind) / 2e-6, atol=1e-7
+        )
     turned = change_and_gradient(table, angle + 6 * np.pi, swing)
     np.testing.assert_allclose(turned[0], table.change(angle, swing), atol=1e-11)
     seam = change_and_gradient(table, np.array([-1e-12, 1e-12]), np.zeros(2))[1]
@@ -66,8 +74,12 @@ NOISE = np.array([2e-3, 2e-3, 1e-2])
 def test_a_tabulated_process_is_near_the_process_and_nearer_on_a_finer_grid():
     model = trained_process(chained_hops(60, noise=NOISE))
     spread = model.outputs.std(axis=0)
-    coarse = tabulation_errors(tabulated(model, LIMIT, angles=64, swings=17), model, points=500)
-    fine = tabulation_errors(tabulated(model, LIMIT, angles=256, swings=65), model, points=500)
+    coarse = tabulation_errors(
+        tabulated(model, LIMIT, angles=64, swings=17), model, points=500
+    )
+    fine = tabulation_errors(
+        tabulated(model, LIMIT, angles=256, swings=65), model, points=500
+    )
     assert (coarse[0] / spread).max() < 1e-2
     for rough, close in zip(coarse, fine, strict=True):
         assert np.all(close < rough / 3)
@@ -77,7 +89,9 @@ def test_a_table_of_the_true_map_has_its_grid():
     angles = turn_nodes(4)
     table = TabulatedMap(np.zeros((4, 7, 3)), LIMIT)
     np.testing.assert_array_equal(table.boom_angle_rad, angles)
-    np.testing.assert_allclose(table.swing_rad[[0, 3, 6]], [-LIMIT, 0, LIMIT], atol=1e-15)
+    np.testing.assert_allclose(
+        table.swing_rad[[0, 3, 6]], [-LIMIT, 0, LIMIT], atol=1e-15
+    )
 
 
 def test_swings_beyond_the_limit_are_an_error():

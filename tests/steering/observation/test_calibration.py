@@ -81,19 +81,24 @@ def test_feet_that_are_never_seen_in_flight_are_named():
     recording = steered().recording
     positions = recording.positions.copy()
     positions[:, recording.indices("foot")[0]] = np.nan
-    with pytest.raises(AnalysisError, match="at least 3 feet in sight in flight, found 2"):
+    with pytest.raises(
+        AnalysisError, match="at least 3 feet in sight in flight, found 2"
+    ):
         calibrate(replace(recording, positions=positions))
 
 
 @pytest.mark.parametrize(
-    ("reach", "told"), [(1e-9, "boom: expected it to move"), (0.3, "at least 30 degrees")]
+    ("reach", "told"),
+    [(1e-9, "boom: expected it to move"), (0.3, "at least 30 degrees")],
 )
 def test_a_boom_that_moves_not_or_too_little_is_refused(reach, told):
     hopper = steered(hops=10)
     recording = hopper.recording
     little = (np.abs(wrapped(hopper.boom_angle - np.pi)) < reach).nonzero()[0]
     short = replace(
-        recording, time=np.arange(len(little)) / 100.0, positions=recording.positions[little]
+        recording,
+        time=np.arange(len(little)) / 100.0,
+        positions=recording.positions[little],
     )
     with pytest.raises(AnalysisError, match=told):
         calibrate(short)
@@ -115,7 +120,9 @@ def test_a_small_circle_is_known_by_its_own_residual():
     angle = rng.uniform(-1.0, 1.0, 2000)
     places = 0.02 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(2000)])
     noise = rng.standard_normal((2000, 3))
-    assert fit_boom_circle(places + 0.0006 * noise, 0.0006).radius_m == pytest.approx(0.02, rel=0.1)
+    assert fit_boom_circle(places + 0.0006 * noise, 0.0006).radius_m == pytest.approx(
+        0.02, rel=0.1
+    )
     with pytest.raises(AnalysisError, match="does the boom move"):
         fit_boom_circle(places + 0.003 * noise, 0.0006)
 
@@ -175,7 +182,11 @@ def seen(shape, n=600, noise=0.0006, seed=1):
     rng = generator(seed)
     angles = rng.uniform(-1, 1, (n, 3)) * [3.0, 0.3, 0.3]
     markers = np.einsum("nij,bj->nbi", rotation_matrices(angles), shape)
-    return markers + rng.uniform(-1, 1, (n, 1, 3)) + noise * rng.standard_normal((n, len(shape), 3))
+    return (
+        markers
+        + rng.uniform(-1, 1, (n, 1, 3))
+        + noise * rng.standard_normal((n, len(shape), 3))
+    )
 
 
 def misfit(found, shape):
@@ -195,7 +206,9 @@ def test_the_shape_is_found_whatever_the_attitudes(number):
 
 
 def test_a_shape_is_not_taken_for_its_mirror_image():
-    shape = np.array([[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1], [0.0, 0.0, 0.0], [0.02, 0.07, -0.1]])
+    shape = np.array(
+        [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1], [0.0, 0.0, 0.0], [0.02, 0.07, -0.1]]
+    )
     for mirrored in (shape, shape * [1, 1, -1]):
         assert misfit(marker_shape(seen(mirrored))[0], mirrored) < 0.0001
 
@@ -204,7 +217,9 @@ def test_a_shape_is_not_taken_for_its_mirror_image():
 @pytest.mark.parametrize("noises_off", [0.0, 1.5])
 def test_markers_in_one_plane_but_for_the_noise_are_no_mirror_images(seed, noises_off):
     off = noises_off * 0.002 * np.array([1, -1, 0.5, -0.3, 0.8])
-    flat = np.array([[0.1, 0], [0.03, 0.09], [-0.08, 0.06], [-0.08, -0.06], [0.03, -0.09]])
+    flat = np.array(
+        [[0.1, 0], [0.03, 0.09], [-0.08, 0.06], [-0.08, -0.06], [0.03, -0.09]]
+    )
     shape = np.column_stack([flat, off])
     found, noise = marker_shape(seen(shape, noise=0.002, seed=seed))
     assert misfit(found, shape) < 0.0005

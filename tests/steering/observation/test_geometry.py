@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from hopdata.errors import AnalysisError, RecordingError
-from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry, load_geometry
+from hopdata.steering.observation.geometry import (
+    BoomCircle,
+    HopperGeometry,
+    load_geometry,
+)
 
 CIRCLE = BoomCircle(np.array([0.25, 0.0, -0.1]), np.array([0.0, 0.0, 1.0]), 0.25)
 BODY = np.array([[0.14, 0.03, 0.0], [-0.07, 0.11, 0.01], [-0.07, -0.14, -0.01]])
@@ -21,7 +25,11 @@ def test_a_saved_geometry_is_read_back(tmp_path, changes):
     geometry(**changes).save(path)
     found = load_geometry(path)
     assert found.body_names == ("a", "b", "c")
-    assert (found.noise_m, found.stance_below_m, found.flight_above_m) == (0.0006, 0.35, 0.38)
+    assert (found.noise_m, found.stance_below_m, found.flight_above_m) == (
+        0.0006,
+        0.35,
+        0.38,
+    )
     np.testing.assert_array_equal(found.body_m, BODY)
     assert found.boom_name == geometry(**changes).boom_name
     if found.circle is not None:
@@ -65,7 +73,9 @@ def test_a_missing_file_is_refused(tmp_path):
 def test_markers_are_found_by_name():
     assert geometry().body_places(("boom", "c", "b", "a")) == [3, 2, 1]
     assert geometry().boom_place(("boom", "c", "b", "a")) == 0
-    with pytest.raises(AnalysisError, match=r"expected the marker 'boom'.*did you mean 'Boom'"):
+    with pytest.raises(
+        AnalysisError, match=r"expected the marker 'boom'.*did you mean 'Boom'"
+    ):
         geometry().boom_place(("a", "b", "c", "Boom"))
 
 
@@ -75,7 +85,9 @@ def test_boom_angles_count_from_the_body_x_axis(lean):
     circle = BoomCircle(CIRCLE.centre_m, normal, 0.25)
     angle = np.linspace(-3, 3, 13)
     x, y = circle.axes
-    boom = circle.centre_m + 0.25 * (np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * y)
+    boom = circle.centre_m + 0.25 * (
+        np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * y
+    )
     np.testing.assert_allclose(circle.angles(boom), angle, atol=1e-12)
     np.testing.assert_allclose(circle.misses(boom), 0, atol=1e-12)
     np.testing.assert_allclose(circle.misses(boom + 0.03 * normal), 0.03, atol=1e-12)

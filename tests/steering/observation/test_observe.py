@@ -40,14 +40,18 @@ def truth(hopper, at):
     return np.interp(at, hopper.recording.time, hopper.middle[:, 0]), yaw
 
 
-def test_poses_at_stances_are_better_than_those_of_single_frames(hopper, motion, stances):
+def test_poses_at_stances_are_better_than_those_of_single_frames(
+    hopper, motion, stances
+):
     states = stance_states(motion, stances)
     x, yaw = truth(hopper, stances.time_s)
     assert rms(states.pose[:, 0] - x) < 0.0003
     assert rms(wrapped(states.pose[:, 2] - yaw)) < 0.0018
 
 
-def test_the_boom_angle_is_the_median_of_the_frames_that_follow(hopper, motion, stances):
+def test_the_boom_angle_is_the_median_of_the_frames_that_follow(
+    hopper, motion, stances
+):
     states = stance_states(motion, stances)
     for k in (0, 7, 30):
         following = motion.boom_angle_rad[stances.frame[k] + 1 : stances.frame[k] + 12]
@@ -84,7 +88,9 @@ BODY = np.array(MarkerOptions().body_m)
 
 def turning(yaw, pitch=0.0):
     angles = np.column_stack([yaw, np.full(len(yaw), pitch), np.zeros(len(yaw))])
-    return np.array([1.0, 2.0, 0.5]) + np.einsum("nij,bj->nbi", rotation_matrices(angles), BODY)
+    return np.array([1.0, 2.0, 0.5]) + np.einsum(
+        "nij,bj->nbi", rotation_matrices(angles), BODY
+    )
 
 
 def test_a_level_body_is_followed_over_several_turns():
@@ -95,13 +101,17 @@ def test_a_level_body_is_followed_over_several_turns():
 
 def test_the_pose_is_the_mean_marker():
     body = turning(np.linspace(0, 1, 10))
-    np.testing.assert_allclose(phasor_poses(body)[:, :2], body[:, :, :2].mean(axis=1), atol=1e-15)
+    np.testing.assert_allclose(
+        phasor_poses(body)[:, :2], body[:, :, :2].mean(axis=1), atol=1e-15
+    )
 
 
 def test_zero_is_the_direction_to_the_first_marker():
     toward = BODY[0, :2] - BODY[:, :2].mean(axis=0)
     expected = np.arctan2(toward[1], toward[0])
-    np.testing.assert_allclose(phasor_poses(turning(np.zeros(3)))[:, 2], expected, atol=1e-12)
+    np.testing.assert_allclose(
+        phasor_poses(turning(np.zeros(3)))[:, 2], expected, atol=1e-12
+    )
 
 
 def test_frames_with_unseen_markers_are_unknown_and_do_not_disturb_the_others():
@@ -111,7 +121,8 @@ def test_frames_with_unseen_markers_are_unknown_and_do_not_disturb_the_others():
     holed = phasor_poses(body)
     assert np.isnan(holed[100:110]).all()
     np.testing.assert_allclose(
-        np.delete(holed, slice(100, 110), 0)[:, :2], np.delete(whole, slice(100, 110), 0)[:, :2]
+        np.delete(holed, slice(100, 110), 0)[:, :2],
+        np.delete(whole, slice(100, 110), 0)[:, :2],
     )
     turn = holed[[99, 110], 2] - holed[0, 2]
     np.testing.assert_allclose(turn, whole[[99, 110], 2] - whole[0, 2], atol=1e-9)
@@ -152,7 +163,9 @@ def test_the_printed_boom_angle_is_right_up_to_zero_and_sense():
     still = np.repeat(recording.positions[:1], 40, axis=0)
     positions = np.concatenate([still, recording.positions])
     printed = printed_boom_angles(positions[:, :3], positions[:, -1])[40:]
-    errors = [rms(about_constant(sign * printed - hopper.boom_angle)) for sign in (1, -1)]
+    errors = [
+        rms(about_constant(sign * printed - hopper.boom_angle)) for sign in (1, -1)
+    ]
     assert min(errors) < 0.02
     assert max(errors) > 0.2
 
@@ -174,7 +187,9 @@ def test_taken_literally_the_printed_algorithm_finds_none():
 def test_printed_and_corrected_tell_nearly_the_same_hops(hopper):
     options = {"swing_limit_rad": np.pi / 2}
     seen, printed = (
-        observe_recordings([hopper.recording], observation=one, **options).changes.used()
+        observe_recordings(
+            [hopper.recording], observation=one, **options
+        ).changes.used()
         for one in ("corrected", "printed")
     )
     assert len(printed) > 0.5 * len(seen)
@@ -184,5 +199,7 @@ def test_printed_and_corrected_tell_nearly_the_same_hops(hopper):
     apart = printed.change - like.change
     assert np.median(np.abs(apart[:, :2])) < 0.01
     assert np.median(np.abs(apart[:, 2])) < 0.03
-    assert np.median(np.abs(wrapped(printed.boom_angle_rad - like.boom_angle_rad))) < 0.02
+    assert (
+        np.median(np.abs(wrapped(printed.boom_angle_rad - like.boom_angle_rad))) < 0.02
+    )
     assert (apart != 0).all()

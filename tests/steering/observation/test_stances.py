@@ -35,18 +35,22 @@ def test_the_hopper_was_carried_or_the_test_above_is_weak():
 
 
 def test_a_stumble_is_no_part_of_a_hop():
-    # The hopper stays low for half a second and bounces at either end: one visit, whose lowest
-    # point is at one of the bounces. A hop that began there, 0.4 s before the hopper flew, spoiled
-    # a model learned from a hundred hops.
+    # The hopper stays low for half a second and bounces at either end: one visit, whose
+    # lowest point is at one of the bounces. A hop that began there, 0.4 s before the
+    # hopper flew, spoiled a model learned from a hundred hops.
     hopper = steered()
     z, at = heights(hopper), int(np.round(100 * hopper.lowest_s[20]))
     low = z[at] + 0.04 * np.sin(np.linspace(0, np.pi, 50))
     for down in (-1e-3, 1e-3):  # which bounce is the lower one
-        stumbled = np.concatenate([z[: at + 1], low, z[at:] + down * (np.arange(len(z) - at) < 9)])
+        stumbled = np.concatenate(
+            [z[: at + 1], low, z[at:] + down * (np.arange(len(z) - at) < 9)]
+        )
         found = find_stances(np.arange(len(stumbled)) / 100, stumbled)
         assert len(found.time_s) == 40
         usual = find_stances(hopper.recording.time, z)
-        lost = {tuple(pair) for pair in usual.pairs} - {tuple(pair) for pair in found.pairs}
+        lost = {tuple(pair) for pair in usual.pairs} - {
+            tuple(pair) for pair in found.pairs
+        }
         assert lost == {(19, 20) if down < 0 else (20, 21)}
 
 
@@ -80,7 +84,10 @@ def test_a_hole_at_the_lowest_point_is_bridged_and_said():
     np.testing.assert_array_equal(np.flatnonzero(found.bridged), [5])
     assert abs(found.time_s[5] - hopper.lowest_s[5]) < 0.01
     assert (
-        abs(found.height_m[5] - hopper.middle[:, 2][np.abs(time - hopper.lowest_s[5]).argmin()])
+        abs(
+            found.height_m[5]
+            - hopper.middle[:, 2][np.abs(time - hopper.lowest_s[5]).argmin()]
+        )
         < 0.02
     )
     np.testing.assert_array_equal(found.pairs, true_pairs(hopper))
@@ -92,7 +99,9 @@ def test_a_hole_beside_the_lowest_point_is_no_harm(rate, hole_s):
     hopper = steered(rate_hz=rate)
     time, z = hopper.recording.time, heights(hopper)
     for k, lowest in enumerate(hopper.lowest_s):
-        z[np.abs(time - lowest - (-1) ** k * (0.02 + hole_s / 2)) <= hole_s / 2] = np.nan
+        z[np.abs(time - lowest - (-1) ** k * (0.02 + hole_s / 2)) <= hole_s / 2] = (
+            np.nan
+        )
     found = find_stances(time, z)
     assert len(found.time_s) == len(hopper.lowest_s)
     assert np.abs(found.time_s - hopper.lowest_s).max() < 0.004
@@ -133,7 +142,9 @@ def test_lying_down_between_hops_is_no_stance():
     hopper = steered()
     time, z = hopper.recording.time, heights(hopper)
     cut = np.searchsorted(time, hopper.lowest_s[20])
-    slow = 0.4 + 0.1 * np.cos(np.linspace(0, 2 * np.pi, 200))  # laid down and picked up by hand
+    slow = 0.4 + 0.1 * np.cos(
+        np.linspace(0, 2 * np.pi, 200)
+    )  # laid down and picked up by hand
     both = np.concatenate([z[: cut - 40], slow, z[cut + 40 :]])
     found = find_stances(np.arange(len(both)) / 100, both)
     near = (found.time_s > time[cut - 40]) & (found.time_s < time[cut - 40] + 2.0)
@@ -171,7 +182,8 @@ def test_holes_anywhere_invent_no_pair(seed, share):
 @settings(max_examples=60, deadline=None)
 @given(
     height=st.lists(
-        st.one_of(st.floats(0, 1), st.floats(allow_nan=True, allow_infinity=True)), max_size=60
+        st.one_of(st.floats(0, 1), st.floats(allow_nan=True, allow_infinity=True)),
+        max_size=60,
     )
 )
 @example(height=[0.0] * 8 + [3.7541862203838216e154, 1.0, 0.0, 1.0])
@@ -181,7 +193,12 @@ def test_whatever_comes_the_answer_is_consistent(height):
         found = find_stances(np.arange(len(z)) / 100, z, (0.35, 0.38))
     assert (np.diff(found.time_s) > 0).all()
     assert (np.diff(found.pairs, axis=1) == 1).all()
-    assert len(found.height_m) == len(found.frame) == len(found.bridged) == len(found.time_s)
+    assert (
+        len(found.height_m)
+        == len(found.frame)
+        == len(found.bridged)
+        == len(found.time_s)
+    )
 
 
 def test_a_polynomial_is_found_with_its_derivatives_also_with_frames_missing():
@@ -200,7 +217,9 @@ def test_several_quantities_are_fitted_at_once():
 
 def test_the_lowest_point_lies_between_frames_and_is_no_maximum():
     t = np.arange(0, 1, 0.01)
-    assert local_fit(t, (t - 0.503) ** 2, 0.45, 0.55, degree=3).lowest() == pytest.approx(0.503)
+    assert local_fit(
+        t, (t - 0.503) ** 2, 0.45, 0.55, degree=3
+    ).lowest() == pytest.approx(0.503)
     assert local_fit(t, -((t - 0.503) ** 2), 0.45, 0.55, degree=2).lowest() is None
     assert local_fit(t, t, 0.45, 0.55, degree=1).lowest() is None
 
@@ -226,7 +245,11 @@ def detector(rate_hz=100.0):
 
 def told(time, height, rate_hz=100.0):
     one = detector(rate_hz)
-    return [s for t, z in zip(time, height, strict=True) if (s := one.feed(t, z)) is not None]
+    return [
+        s
+        for t, z in zip(time, height, strict=True)
+        if (s := one.feed(t, z)) is not None
+    ]
 
 
 def delays(stances, hopper):
@@ -302,7 +325,9 @@ def test_single_frames_that_jump_away_are_left_out(size_m):
     time, z = hopper.recording.time, heights(hopper)
     off = np.arange(len(z)) % 37 == 5
     one = detector()
-    stances = [s for t, h in zip(time, z + size_m * off, strict=True) if (s := one.feed(t, h))]
+    stances = [
+        s for t, h in zip(time, z + size_m * off, strict=True) if (s := one.feed(t, h))
+    ]
     assert delays(stances, hopper).max() <= 0.05
     assert one.n_left_out > 0.5 * off.sum()
 
@@ -342,10 +367,15 @@ def test_standing_being_lifted_and_set_down_are_no_stances():
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize("rate", [60.0, 100.0, 250.0])
 def test_shaken_in_the_air_it_makes_no_stance(rate, gaps):
-    # A stance used to be reported at each shake, about 0.2 m too high, with and without gaps.
+    # A stance used to be reported at each shake, about 0.2 m too high, with and without
+    # gaps.
     rng = np.random.default_rng(np.random.SeedSequence(6))
     time = np.arange(0, 8, 1 / rate)
-    for shakes_s, reach_m in ((1.5, 0.08), (2.0, 0.05), (3.0, 0.03)):  # up to 7, 8 and 11 m/s^2
+    for shakes_s, reach_m in (
+        (1.5, 0.08),
+        (2.0, 0.05),
+        (3.0, 0.03),
+    ):  # up to 7, 8 and 11 m/s^2
         z = 0.6 + reach_m * np.sin(2 * np.pi * shakes_s * time)
         hidden = gaps & (time % 0.37 < 0.1)
         z[~hidden] += 0.00035 * rng.standard_normal(len(z))[~hidden]
@@ -366,7 +396,9 @@ def test_a_clock_that_begins_anew_is_followed():
     hopper = steered()
     one, time, z = detector(), hopper.recording.time, heights(hopper)
     told_times = [
-        s.time_s for t, h in zip([*time, *time], [*z, *z], strict=True) if (s := one.feed(t, h))
+        s.time_s
+        for t, h in zip([*time, *time], [*z, *z], strict=True)
+        if (s := one.feed(t, h))
     ]
     assert len(told_times) == 2 * len(hopper.lowest_s)
 
@@ -375,7 +407,11 @@ def test_a_calibrated_detector_needs_nothing_else():
     hopper = steered()
     one = StanceDetector(calibrate(hopper.recording))
     z = hopper.recording.body_height
-    found = [s for t, h in zip(hopper.recording.time, z, strict=True) if (s := one.feed(t, h))]
+    found = [
+        s
+        for t, h in zip(hopper.recording.time, z, strict=True)
+        if (s := one.feed(t, h))
+    ]
     assert delays(found, hopper).max() <= 0.04
 
 
@@ -384,7 +420,9 @@ def test_a_calibrated_detector_needs_nothing_else():
     steps=st.lists(
         st.tuples(
             st.floats(-0.1, 0.3, allow_nan=False),
-            st.one_of(st.floats(0.2, 0.6), st.floats(allow_nan=True, allow_infinity=True)),
+            st.one_of(
+                st.floats(0.2, 0.6), st.floats(allow_nan=True, allow_infinity=True)
+            ),
         ),
         max_size=200,
     )
@@ -411,5 +449,6 @@ def test_holes_anywhere_invent_no_stance(seed, share):
     near = [np.abs(s.time_s - hopper.lowest_s).argmin() for s in stances]
     assert len(set(near)) == len(near)
     assert all(
-        abs(s.time_s - hopper.lowest_s[k]) < 0.15 for s, k in zip(stances, near, strict=True)
+        abs(s.time_s - hopper.lowest_s[k]) < 0.15
+        for s, k in zip(stances, near, strict=True)
     )

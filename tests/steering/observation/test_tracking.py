@@ -31,7 +31,8 @@ def geometry(hopper):
 
 def feed_all(tracker, recording):
     return [
-        tracker.feed(t, frame) for t, frame in zip(recording.time, recording.positions, strict=True)
+        tracker.feed(t, frame)
+        for t, frame in zip(recording.time, recording.positions, strict=True)
     ]
 
 
@@ -41,13 +42,17 @@ def test_frame_by_frame_is_what_the_whole_recording_gives(hopper, geometry):
     found = feed_all(HopperTracker(geometry, recording.markers), recording)
     np.testing.assert_allclose([f.pose for f in found], motion.pose, atol=1e-9)
     np.testing.assert_allclose([f.height_m for f in found], motion.height, atol=1e-12)
-    np.testing.assert_allclose([f.residual_m for f in found], motion.residual, atol=1e-12)
+    np.testing.assert_allclose(
+        [f.residual_m for f in found], motion.residual, atol=1e-12
+    )
     angles = np.array([f.boom_angle_rad for f in found])
     np.testing.assert_allclose(wrapped(angles - motion.boom_angle_rad), 0, atol=1e-9)
 
 
 def test_a_tracker_is_right_about_the_hopper(hopper, geometry):
-    found = feed_all(HopperTracker(geometry, hopper.recording.markers), hopper.recording)
+    found = feed_all(
+        HopperTracker(geometry, hopper.recording.markers), hopper.recording
+    )
     assert {f.status for f in found} == {SEEN}
     heading = np.array([f.pose[2] for f in found])
     assert rms(wrapped(heading - hopper.yaw)) < 0.00264
@@ -60,7 +65,9 @@ def test_markers_may_come_in_any_order(hopper, geometry):
     recording = hopper.recording
     order = np.arange(len(recording.markers))[::-1]
     names = [recording.markers[k] for k in order]
-    straight = HopperTracker(geometry, recording.markers).feed(0.0, recording.positions[0])
+    straight = HopperTracker(geometry, recording.markers).feed(
+        0.0, recording.positions[0]
+    )
     mixed = HopperTracker(geometry, names).feed(0.0, recording.positions[0, order])
     np.testing.assert_array_equal(straight.pose, mixed.pose)
     assert straight.boom_angle_rad == mixed.boom_angle_rad
@@ -137,7 +144,9 @@ def gappy(recording, share, seed=1):
     return replace(recording, positions=positions)
 
 
-def test_every_frame_has_a_status_and_only_known_ones_a_pose(hopper_of_motion, monkeypatch):
+def test_every_frame_has_a_status_and_only_known_ones_a_pose(
+    hopper_of_motion, monkeypatch
+):
     monkeypatch.setattr(tracking, "HOLD_S", 0.2)
     recording = gappy(hopper_of_motion.recording, 0.1)
     positions = recording.positions.copy()
@@ -177,6 +186,8 @@ def test_a_frame_far_from_others_is_not_leaned_on(hopper_of_motion, monkeypatch)
 
 
 def test_boom_angles_are_those_of_the_scene(hopper_of_motion):
-    motion = hopper_motion(hopper_of_motion.recording, calibrate(hopper_of_motion.recording))
+    motion = hopper_motion(
+        hopper_of_motion.recording, calibrate(hopper_of_motion.recording)
+    )
     assert rms(wrapped(motion.boom_angle_rad - hopper_of_motion.boom_angle)) < 0.004
     assert np.abs(np.diff(motion.boom_angle_rad)).max() < 0.2

@@ -1,9 +1,9 @@
 # ruff: noqa: ARG001 (the signature of machine code is the same for all)
 """Which guards may branch on state or time, and their code for ranges.
 
-A guard whose source shows that it does not (sums, products, smooth functions, choices by the mode)
-is left to the driver as it is. Every other guard is compiled once more, for ranges of states; see
-`branches.ranges`.
+A guard whose source shows that it does not (sums, products, smooth functions, choices
+by the mode) is left to the driver as it is. Every other guard is compiled once more,
+for ranges of states; see `branches.ranges`.
 """
 
 import ast
@@ -31,9 +31,9 @@ Function = Callable[..., Any]
 
 # Arguments of guards that vary within a step. Their other arguments do not.
 VARIES = frozenset(("t", "y", "dy", "h", "hdot"))
-# Functions of one argument, smooth wherever they are finite. Not among them are those with a
-# vertical slope at an end of their domain, which make a kink of a smooth argument that touches it:
-# acos(cos(t)) is a zigzag, and acosh(cosh(t)) is |t|.
+# Functions of one argument, smooth wherever they are finite. Not among them are those
+# with a vertical slope at an end of their domain, which make a kink of a smooth
+# argument that touches it: acos(cos(t)) is a zigzag, and acosh(cosh(t)) is |t|.
 SMOOTH = frozenset(
     (
         "sin", "cos", "exp", "expm1", "sinh", "cosh", "tanh", "erf", "atan", "arctan", "asinh",
@@ -44,7 +44,15 @@ SMOOTH = frozenset(
 POWERS = frozenset(("pow", "power"))
 POSITIVE = frozenset(("exp", "cosh"))  # their results are positive
 COUNTS = frozenset(("len", "range", "enumerate", "zip"))  # their results do not vary
-FORBIDDEN = (ast.Mod, ast.FloorDiv, ast.BitAnd, ast.BitOr, ast.BitXor, ast.LShift, ast.RShift)
+FORBIDDEN = (
+    ast.Mod,
+    ast.FloorDiv,
+    ast.BitAnd,
+    ast.BitOr,
+    ast.BitXor,
+    ast.LShift,
+    ast.RShift,
+)
 NO_CODE = -1  # address where no code for ranges can be made
 
 
@@ -55,8 +63,8 @@ class Branches:
     Parameters
     ----------
     address : int
-        Address of the machine code; 0 if the guards do not branch on state or time, NO_CODE if they
-        may, and Numba cannot compile them for ranges.
+        Address of the machine code; 0 if the guards do not branch on state or time,
+        NO_CODE if they may, and Numba cannot compile them for ranges.
     reason : str
         Why there is no code.
     code : object
@@ -97,7 +105,9 @@ def _compiled(guards: Callback) -> Branches:
         "array_of": array_of, "float_vector": float_vector, "int_vector": int_vector,
     }  # fmt: skip
     try:
-        function = with_digest(_each if one_by_one else _all, **names, CALL=guards.ranged)
+        function = with_digest(
+            _each if one_by_one else _all, **names, CALL=guards.ranged
+        )
         sources = sources_digest(Path(__file__).parents[1], "branches")
         digest = f"{function_digest(function)}-{sources}"
 
@@ -122,7 +132,10 @@ def _all(
     """Evaluate the guards, declared together, for ranges; all of them are in the list."""
     y, dy = rows_at(states, n, n, at), rows_at(slopes, n, n, at)
     h, hdot = rows_at(room, n_guards, n_guards, at), sink(n_guards, at)
-    modes, numbers = array_of(int_vector(mode, n_modes)), array_of(float_vector(params, n_params))
+    modes, numbers = (
+        array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)),
+    )
     CALL(make(start, end, at), y, dy, modes, numbers, h, hdot)
 
 
@@ -132,7 +145,10 @@ def _each(
 ) -> None:  # fmt: skip
     """Evaluate the guards in a list, declared one by one, for ranges."""
     h, hdot = rows_at(room, n_guards, n_guards, at), sink(n_guards, at)
-    modes, numbers = array_of(int_vector(mode, n_modes)), array_of(float_vector(params, n_params))
+    modes, numbers = (
+        array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)),
+    )
     which = int_vector(listed, count)
     for a in range(count):
         y, dy = rows_at(states, n, n, at), rows_at(slopes, n, n, at)
@@ -150,8 +166,8 @@ def may_branch(
 ) -> bool:
     """Return whether a function may branch, jump or have a kink in its varying arguments.
 
-    True also where the source is not understood. The answer is not kept: it depends on what the
-    global names stand for at the time, as the machine code does.
+    True also where the source is not understood. The answer is not kept: it depends on
+    what the global names stand for at the time, as the machine code does.
 
     Parameters
     ----------
@@ -160,8 +176,8 @@ def may_branch(
     varying : tuple of int, optional
         Positions of the arguments that vary; by default all.
     judged : frozenset, optional
-        Code and varying arguments of the functions that call this one. A function that calls
-        itself is not followed, and may branch.
+        Code and varying arguments of the functions that call this one. A function that
+        calls itself is not followed, and may branch.
     """
     if not isinstance(function, FunctionType) or (function.__code__, varying) in judged:
         return True
@@ -176,7 +192,8 @@ def may_branch(
     known = _known(function)
     inside = judged | {(function.__code__, varying)}
     try:
-        # A guard only reads its mode and parameters, but a helper may write to any array.
+        # A guard only reads its mode and parameters, but a helper may write to any
+        # array.
         fixed = frozenset() if judged else frozenset(arguments) - names
         _spread(node, names, known, fixed)
         parts = (one for statement in node.body for one in ast.walk(statement))
@@ -187,7 +204,9 @@ def may_branch(
 
 def _definition(function: FunctionType) -> ast.FunctionDef | None:
     """Return the definition of a function, or None if its source is not known."""
-    if hasattr(function, "__wrapped__"):  # `inspect` would give the source of another function
+    if hasattr(
+        function, "__wrapped__"
+    ):  # `inspect` would give the source of another function
         return None
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
@@ -220,7 +239,9 @@ def _known(function: FunctionType) -> dict[str, Any]:
     return known
 
 
-def _spread(node: ast.AST, names: set[str], known: dict[str, Any], fixed: frozenset[str]) -> None:
+def _spread(
+    node: ast.AST, names: set[str], known: dict[str, Any], fixed: frozenset[str]
+) -> None:
     """Add to the varying names those that get a varying value; the fixed ones by name only."""
     before = -1
     while before != len(names):
@@ -229,11 +250,15 @@ def _spread(node: ast.AST, names: set[str], known: dict[str, Any], fixed: frozen
             for target, value in _assignments(one):
                 if _varies(value, names, known):
                     names |= set(_bound(target))
-                elif _varies(target, names, known):  # an array may be changed by its other name
+                elif _varies(
+                    target, names, known
+                ):  # an array may be changed by its other name
                     names |= set(_shared(value)) - fixed
             called = one.value if isinstance(one, ast.Expr) else None
             if isinstance(called, ast.Call) and _varies(called, names, known):
-                for argument in called.args:  # called for what it writes to its arguments
+                for (
+                    argument
+                ) in called.args:  # called for what it writes to its arguments
                     names |= set(_shared(argument)) - fixed
 
 
@@ -267,7 +292,10 @@ def _assignments(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
                 yield from zip(target.elts, node.value.elts, strict=True)  # type: ignore[attr-defined]
             else:
                 yield target, node.value
-    elif isinstance(node, ast.AugAssign | ast.AnnAssign | ast.NamedExpr) and node.value is not None:
+    elif (
+        isinstance(node, ast.AugAssign | ast.AnnAssign | ast.NamedExpr)
+        and node.value is not None
+    ):
         yield node.target, node.value
     elif isinstance(node, ast.For | ast.comprehension):
         yield node.target, node.iter
@@ -293,20 +321,29 @@ def _called(node: ast.Call, known: dict[str, Any]) -> str:
         value = known.get(function.id)
         module = getattr(value, "__module__", None)
         own = isinstance(value, FunctionType) or hasattr(value, "py_func")
-        plain = module in ("builtins", "math", "numpy") or type(value).__module__ == "numpy"
+        plain = (
+            module in ("builtins", "math", "numpy") or type(value).__module__ == "numpy"
+        )
         return getattr(value, "__name__", "") if plain and not own else ""
     if isinstance(function, ast.Attribute) and isinstance(function.value, ast.Name):
         module = known.get(function.value.id)
-        known_module = isinstance(module, ModuleType) and module.__name__ in ("math", "numpy")
+        known_module = isinstance(module, ModuleType) and module.__name__ in (
+            "math",
+            "numpy",
+        )
         return function.attr if known_module else ""
     return ""
 
 
-def _is_branch(node: ast.AST, names: set[str], known: dict[str, Any], judged: Judged) -> bool:
+def _is_branch(
+    node: ast.AST, names: set[str], known: dict[str, Any], judged: Judged
+) -> bool:
     """Return whether a node of the code may give a varying value a jump, a kink or a choice."""
     if isinstance(node, ast.If | ast.IfExp | ast.While | ast.Assert):
         return _varies(node.test, names, known)
-    if isinstance(node, ast.Compare | ast.BoolOp | ast.Match | ast.Try | ast.With | ast.Lambda):
+    if isinstance(
+        node, ast.Compare | ast.BoolOp | ast.Match | ast.Try | ast.With | ast.Lambda
+    ):
         return _varies(node, names, known)
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
         return True  # what it returns may vary without a varying argument
@@ -329,7 +366,9 @@ def _is_branch(node: ast.AST, names: set[str], known: dict[str, Any], judged: Ju
     return False
 
 
-def _call_branches(node: ast.Call, names: set[str], known: dict[str, Any], judged: Judged) -> bool:
+def _call_branches(
+    node: ast.Call, names: set[str], known: dict[str, Any], judged: Judged
+) -> bool:
     """Return whether a call that takes something varying is of a function that may branch."""
     if _varies(node.func, names, known):  # a method of an array
         return True
@@ -342,7 +381,9 @@ def _call_branches(node: ast.Call, names: set[str], known: dict[str, Any], judge
         return False
     if called in POWERS and len(node.args) == 2:
         return _power_branches(node.args[0], node.args[1], names, known)
-    if called == "hypot" and len(node.args) == 2:  # a cone: smooth if it stays off its tip
+    if (
+        called == "hypot" and len(node.args) == 2
+    ):  # a cone: smooth if it stays off its tip
         return not any(_is_positive(one, known) for one in node.args)
     if called == "sqrt" and len(node.args) == 1:
         return not _is_positive(node.args[0], known)
@@ -416,6 +457,8 @@ def _is_not_negative(node: ast.AST, known: dict[str, Any]) -> bool:
         return number is not None and number % 2.0 == 0.0
     both = _is_not_negative(left, known) and _is_not_negative(right, known)
     if isinstance(node.op, ast.Mult):
-        is_plain = not any(isinstance(one, ast.Call | ast.NamedExpr) for one in ast.walk(node))
+        is_plain = not any(
+            isinstance(one, ast.Call | ast.NamedExpr) for one in ast.walk(node)
+        )
         return both or (is_plain and ast.dump(left) == ast.dump(right))
     return isinstance(node.op, ast.Add) and both

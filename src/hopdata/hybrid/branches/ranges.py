@@ -1,14 +1,15 @@
 # ruff: noqa: ARG001, PLW0108 (Numba prescribes signatures and their names)
 """A Numba type of ranges, for which a user's guards compile as they are.
 
-A `Range` says that a quantity lies between `lo` and `hi` over a piece of a step. Where a comparison
-of ranges has no single answer, or a function has a jump or a kink within them (`floor`, `%`, `abs`,
-`max`, a pole), the guards may follow another formula in a part of the piece. Such an *open branch*
-is noted in the integer at the address `at`, which each range carries with it. What the guards then
-return does not matter: the caller divides the piece.
+A `Range` says that a quantity lies between `lo` and `hi` over a piece of a step. Where
+a comparison of ranges has no single answer, or a function has a jump or a kink within
+them (`floor`, `%`, `abs`, `max`, a pole), the guards may follow another formula in a
+part of the piece. Such an *open branch* is noted in the integer at the address `at`,
+which each range carries with it. What the guards then return does not matter: the
+caller divides the piece.
 
-Ranges are widened by the rounding of each operation, with 4 units in the last place for elementary
-functions.
+Ranges are widened by the rounding of each operation, with 4 units in the last place for
+elementary functions.
 """
 
 import builtins
@@ -104,7 +105,9 @@ make, rows_at, sink = _maker(RANGE), _maker(ROWS), _maker(SINK)
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
     """Build the range of a number; it has no place to note an open branch, and needs none."""
     number = context.cast(builder, value, types.unliteral(given), FLOAT)
-    return _packed(context, builder, RANGE, (number, number, ir.Constant(ir.IntType(64), 0)))
+    return _packed(
+        context, builder, RANGE, (number, number, ir.Constant(ir.IntType(64), 0))
+    )
 
 
 for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean):
@@ -159,7 +162,11 @@ def _forget(rows: Any, i: int, x: Any) -> None:
 
 
 def _typed_get(owner: Any, i: Any) -> Any:
-    return RANGE(owner, INT) if owner in (ROWS, SINK) and isinstance(i, types.Integer) else None
+    return (
+        RANGE(owner, INT)
+        if owner in (ROWS, SINK) and isinstance(i, types.Integer)
+        else None
+    )
 
 
 def _typed_set(owner: Any, i: Any, x: Any) -> Any:
@@ -416,9 +423,16 @@ def _rising(function: Function, low: float, high: float) -> Any:
 
 
 RISING: dict[str, tuple[float, float]] = {
-    **dict.fromkeys(("exp", "expm1", "sinh", "tanh", "atan", "asinh", "erf"), (-INF, INF)),
+    **dict.fromkeys(
+        ("exp", "expm1", "sinh", "tanh", "atan", "asinh", "erf"), (-INF, INF)
+    ),
     **dict.fromkeys(("log", "log2", "log10", "sqrt"), (0.0, INF)),
-    **{"log1p": (-1.0, INF), "asin": (-1.0, 1.0), "acosh": (1.0, INF), "atanh": (-1.0, 1.0)},
+    **{
+        "log1p": (-1.0, INF),
+        "asin": (-1.0, 1.0),
+        "acosh": (1.0, INF),
+        "atanh": (-1.0, 1.0),
+    },
 }
 MADE = {name: _rising(getattr(math, name), *ends) for name, ends in RISING.items()}
 _asin, _cosh, _tan = MADE["asin"], math.cosh, math.tan
@@ -573,9 +587,13 @@ _register(_one(arc_cosine), math.acos, np.arccos)
 _register(_one(hyperbolic_cosine), math.cosh, np.cosh)
 for _name, _function in MADE.items():
     _of_numpy = getattr(
-        np, _name.replace("a", "arc", 1) if _name[:2] in ("as", "ac", "at") else _name, None
+        np,
+        _name.replace("a", "arc", 1) if _name[:2] in ("as", "ac", "at") else _name,
+        None,
     )
-    _register(_one(_function), getattr(math, _name), *([_of_numpy] if _of_numpy else []))
+    _register(
+        _one(_function), getattr(math, _name), *([_of_numpy] if _of_numpy else [])
+    )
 
 
 def _typed_power(x: Any, y: Any) -> Any:
@@ -584,7 +602,9 @@ def _typed_power(x: Any, y: Any) -> Any:
     return _two(power)(x, y)
 
 
-_register(lambda x, y: _typed_power(x, y), operator.pow, operator.ipow, math.pow, np.power)
+_register(
+    lambda x, y: _typed_power(x, y), operator.pow, operator.ipow, math.pow, np.power
+)
 
 
 def _where(m: Any, x: Any, y: Any) -> Any:

@@ -22,22 +22,27 @@ from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
 from hopdata.hybrid.compiled.memory import built, lower_call_of_python
 
-# Exceptions of the user's functions are collected, because machine code cannot pass them on.
+# Exceptions of the user's functions are collected, because machine code cannot pass
+# them on.
 #
-# Each thread collects its own, so that integrations in threads do not see each other's exceptions.
+# Each thread collects its own, so that integrations in threads do not see each other's
+# exceptions.
 
 
 class Caught(list[BaseException]):
     """Exceptions of the functions called by this thread in a ``with`` block, in order.
 
-    Functions called through Python append their exceptions. Those of machine code, which Numba can
-    only print, arrive through ``sys.unraisablehook``. All others go to the previous hook.
+    Functions called through Python append their exceptions. Those of machine code,
+    which Numba can only print, arrive through ``sys.unraisablehook``. All others go to
+    the previous hook.
     """
 
     __slots__ = ("_token", "witness")
 
     def __init__(self, witness: Callable[[], None] | None = None) -> None:
-        self.witness = witness  # called at the first exception: machine code may continue after it
+        self.witness = (
+            witness  # called at the first exception: machine code may continue after it
+        )
 
     def append(self, error: BaseException) -> None:
         """Add an exception."""
@@ -63,7 +68,8 @@ def catch(caught: Caught) -> Token[Caught | None]:
 class _Hook:
     """Replacement of ``sys.unraisablehook`` from the first integration on.
 
-    It is never removed: removing it after each integration would require a lock among threads.
+    It is never removed: removing it after each integration would require a lock among
+    threads.
     """
 
     def __init__(self) -> None:
@@ -76,8 +82,13 @@ class _Hook:
 
     def __call__(self, unraisable: Any) -> None:
         caught, error = current(), unraisable.exc_value
-        # For Numba the object is a string; an exception in a destructor comes with the object.
-        if caught is not None and error is not None and isinstance(unraisable.object, str):
+        # For Numba the object is a string; an exception in a destructor comes with the
+        # object.
+        if (
+            caught is not None
+            and error is not None
+            and isinstance(unraisable.object, str)
+        ):
             caught.append(error)
         elif self._passing_on:  # the previous hook has called this one
             sys.__unraisablehook__(unraisable)
@@ -89,28 +100,34 @@ class _Hook:
                 self._passing_on = False
 
 
-_caught: ContextVar[Caught | None] = ContextVar("caught", default=None)  # one per thread
+_caught: ContextVar[Caught | None] = ContextVar(
+    "caught", default=None
+)  # one per thread
 _hook = _Hook()
 current, stop_catching = _caught.get, _caught.reset
 
 
 # Calls from machine code back into Python, for functions that Numba cannot compile.
 #
-# A trampoline is a compiled function of the same signature, so the driver calls it like any other.
-# It takes the interpreter's lock, passes arrays that are the driver's own memory, and calls the
-# Python function. Numba's object mode would take half as long again, and five times as long to
-# compile.
+# A trampoline is a compiled function of the same signature, so the driver calls it like
+# any other. It takes the interpreter's lock, passes arrays that are the driver's own
+# memory, and calls the Python function. Numba's object mode would take half as long
+# again, and five times as long to compile.
 
-# A NaN that no arithmetic produces, which distinguishes an unfilled element from a computed NaN.
+# A NaN that no arithmetic produces, which distinguishes an unfilled element from a
+# computed NaN.
 UNFILLED = np.int64(0x7FF8_0000_0BAD_F111)
-FILLS_ALL = ("field", "guards")  # kinds that must fill all elements of their arrays in each call
+FILLS_ALL = (
+    "field",
+    "guards",
+)  # kinds that must fill all elements of their arrays in each call
 
 
 def protected(function: Function, signature: Signature) -> Function:
     """Return `function` with its exceptions collected for the caller of the driver.
 
-    After the first exception the function is not called again: its arrays are filled with NaN, and
-    an event handler stops the integration, so that the driver soon ends.
+    After the first exception the function is not called again: its arrays are filled
+    with NaN, and an event handler stops the integration, so that the driver soon ends.
     """
     first = True
 
@@ -144,7 +161,9 @@ def _converted(result: Any, function: Function, signature: Signature) -> Any:
     raise return_error(function, signature, type(result).__name__)
 
 
-def _checked(function: Function, signature: Signature, arguments: tuple[Any, ...]) -> Any:
+def _checked(
+    function: Function, signature: Signature, arguments: tuple[Any, ...]
+) -> Any:
     """Call the function, and check that it fills all of its arrays."""
     arrays = _filled_by(signature, arguments) if signature.name in FILLS_ALL else {}
     for array in arrays.values():
@@ -153,7 +172,9 @@ def _checked(function: Function, signature: Signature, arguments: tuple[Any, ...
     for name, array in arrays.items():
         left = np.flatnonzero(array.view(np.int64) == UNFILLED)
         if len(left) > 0:
-            raise ValueError(f"{place(function, signature)} does not fill {name}[{left[0]}]")
+            raise ValueError(
+                f"{place(function, signature)} does not fill {name}[{left[0]}]"
+            )
     return result
 
 
@@ -173,7 +194,8 @@ def _give_up(signature: Signature, arguments: tuple[Any, ...]) -> Any:
 def trampoline(function: Function, signature: Signature) -> Any:
     """Return a Python function that Numba compiles into a call of `function`.
 
-    The machine code contains the object's address, so the caller must keep the object alive.
+    The machine code contains the object's address, so the caller must keep the object
+    alive.
     """
     names, lower = ", ".join(signature.arguments), lower_call_of_python(function)
     returns = signature.native.return_type
@@ -189,9 +211,9 @@ Function = Callable[..., Any]
 class Callback:
     """A user's function, compiled when its address is first requested, then cached on disk.
 
-    If Numba cannot compile it, the machine code calls back into Python, which is much slower and
-    gives the same results. Calling the object runs the plain Python function, for a debugger or
-    another solver.
+    If Numba cannot compile it, the machine code calls back into Python, which is much
+    slower and gives the same results. Calling the object runs the plain Python
+    function, for a debugger or another solver.
 
     Parameters
     ----------
@@ -205,7 +227,9 @@ class Callback:
 
     kept = True  # whether the machine code may be used in other processes
 
-    def __init__(self, function: Function, signature: Signature, compiled: bool = True) -> None:
+    def __init__(
+        self, function: Function, signature: Signature, compiled: bool = True
+    ) -> None:
         function = getattr(function, "py_func", function)
         declare.check_declaration(function, signature)
         self.function = function
@@ -258,7 +282,9 @@ class Callback:
 
     def elements_of(self, argument: str, length: int) -> tuple[int, ...]:
         """Return the elements of an argument of this length that may affect the function."""
-        named = declare.elements_named(self.function, self.signature.arguments.index(argument))
+        named = declare.elements_named(
+            self.function, self.signature.arguments.index(argument)
+        )
         return tuple(range(length)) if named is None else tuple(sorted(named))
 
     @cached_property
@@ -268,7 +294,11 @@ class Callback:
         if not largest:
             return {}
         names = self.function.__code__.co_varnames[: len(self.signature.arguments)]
-        return {names.index(name): number for name, number in largest.items() if name in names}
+        return {
+            names.index(name): number
+            for name, number in largest.items()
+            if name in names
+        }
 
     @cached_property
     def constants(self) -> Constants:
@@ -320,7 +350,9 @@ class Callback:
         if not isinstance(self.function, FunctionType):
             kind = type(self.function).__name__
             advice = "write a function around it"
-            declare.warn_slow(self.function, self.signature, f"it is a {kind} object", advice)
+            declare.warn_slow(
+                self.function, self.signature, f"it is a {kind} object", advice
+            )
             return None
 
         def compile_it(cached: bool) -> Any:
@@ -329,10 +361,16 @@ class Callback:
             return compiler(with_digest(self.function))
 
         try:
-            return compiled_in_cache(self.function, function_digest(self.function), compile_it)
-        except Exception as error:  # Numba's own exceptions, and others raised within it
+            return compiled_in_cache(
+                self.function, function_digest(self.function), compile_it
+            )
+        except (
+            Exception
+        ) as error:  # Numba's own exceptions, and others raised within it
             declare.raise_if_mistaken(self.function, self.signature, error)
-            declare.warn_slow(self.function, self.signature, *declare.reason_and_advice(error))
+            declare.warn_slow(
+                self.function, self.signature, *declare.reason_and_advice(error)
+            )
             return None
 
 
@@ -349,12 +387,12 @@ def field(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Takes t (float, s), y (n,), mode (n_guards + n_extra_modes,) of int64, params (p,) and
-        the (n,) array `dy` to fill.
+        Takes t (float, s), y (n,), mode (n_guards + n_extra_modes,) of int64, params
+        (p,) and the (n,) array `dy` to fill.
     compiled : bool
-        If False, run it as plain Python, for debugging or for features that Numba lacks. By default
-        it is compiled in nopython mode or, if that fails, run by Python with a
-        `SlowCallbackWarning`. This applies to all decorators here.
+        If False, run it as plain Python, for debugging or for features that Numba
+        lacks. By default it is compiled in nopython mode or, if that fails, run by
+        Python with a `SlowCallbackWarning`. This applies to all decorators here.
     """
     return _declared("field", function, compiled)
 
@@ -365,8 +403,8 @@ def guards(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills, in place, `h` (n_guards,) with the event functions at y, and `hdot` (n_guards,) with
-        their rates of change when y changes at the rate `dy`.
+        Fills, in place, `h` (n_guards,) with the event functions at y, and `hdot`
+        (n_guards,) with their rates of change when y changes at the rate `dy`.
     """
     return _declared("guards", function, compiled)
 
@@ -377,8 +415,8 @@ def guard(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills, in place, only ``h[k]`` with the event function of guard k at y, and ``hdot[k]`` with
-        its rate of change when y changes at the rate `dy`.
+        Fills, in place, only ``h[k]`` with the event function of guard k at y, and
+        ``hdot[k]`` with its rate of change when y changes at the rate `dy`.
     """
     return _declared("guard", function, compiled)
 
@@ -400,9 +438,9 @@ def on_event(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Receives the index of the guard and the direction in which its event function crossed zero
-        (+1 upwards, -1 downwards). May change y and mode in place. Returns 0 to continue, 1 to
-        stop.
+        Receives the index of the guard and the direction in which its event function
+        crossed zero (+1 upwards, -1 downwards). May change y and mode in place. Returns
+        0 to continue, 1 to stop.
     """
     return _declared("on_event", function, compiled)
 
@@ -413,8 +451,8 @@ def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` with respect to
-        ``y[j]``. It is zero on entry.
+        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` with
+        respect to ``y[j]``. It is zero on entry.
     """
     return _declared("jacobian", function, compiled)
 

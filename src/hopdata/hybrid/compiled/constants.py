@@ -1,13 +1,14 @@
 """What machine code was made from besides the function's text, and whether it is still so.
 
-Numba turns the globals, closures and attributes of modules that a function reads into constants,
-and a call of another compiled function into a call of its machine code at that time. A change of
-one of these has no effect on code that has been made. So each function remembers them, a system
-compares them at the beginning of each solve, and what has changed is compiled anew.
+Numba turns the globals, closures and attributes of modules that a function reads into
+constants, and a call of another compiled function into a call of its machine code at
+that time. A change of one of these has no effect on code that has been made. So each
+function remembers them, a system compares them at the beginning of each solve, and what
+has changed is compiled anew.
 
-A name is compared by the identity of its value and, if that differs, by the value; an array also by
-its bytes, because it may be changed in place. Not compared are attributes of `math`, `cmath`,
-`numpy` and `numba`, and arrays that cannot be written to.
+A name is compared by the identity of its value and, if that differs, by the value; an
+array also by its bytes, because it may be changed in place. Not compared are attributes
+of `math`, `cmath`, `numpy` and `numba`, and arrays that cannot be written to.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from numba.extending import is_jitted
 
 Function = Callable[..., Any]
 ABSENT = object()
-UNCHANGING = frozenset({"math", "cmath", "numpy", "numba"})  # modules whose attributes stay
+UNCHANGING = frozenset(
+    {"math", "cmath", "numpy", "numba"}
+)  # modules whose attributes stay
 SCALARS = (bool, int, float, complex, str, bytes, np.generic)
 
 
@@ -34,8 +37,8 @@ class Constants:
     compiled : iterable of callable
         Functions that are compiled.
     in_python : iterable of callable
-        Functions that Python runs. They see each change themselves; only the compiled functions
-        that they call are remembered.
+        Functions that Python runs. They see each change themselves; only the compiled
+        functions that they call are remembered.
     """
 
     def __init__(
@@ -72,20 +75,31 @@ class Constants:
             found = _content(cell)
             if found is not value and not _same(found, value):
                 return False
-        return not self._arrays or all(array.tobytes() == kept for array, _, kept in self._arrays)
+        return not self._arrays or all(
+            array.tobytes() == kept for array, _, kept in self._arrays
+        )
 
     def changed(self) -> tuple[str, ...]:
         """Return the names whose values have changed."""
-        found = [(name, names.get(name, ABSENT), value) for names, name, value in self._names]
+        found = [
+            (name, names.get(name, ABSENT), value) for names, name, value in self._names
+        ]
         found += [(name, _content(cell), value) for cell, name, value in self._cells]
-        changed = [name for name, now, then in found if now is not then and not _same(now, then)]
-        changed += [name for array, name, kept in self._arrays if array.tobytes() != kept]
+        changed = [
+            name
+            for name, now, then in found
+            if now is not then and not _same(now, then)
+        ]
+        changed += [
+            name for array, name, kept in self._arrays if array.tobytes() != kept
+        ]
         return tuple(dict.fromkeys(changed))
 
     def values(self) -> dict[str, Any]:
         """Return the numbers, texts and arrays among the constants, by their names.
 
-        Those in a tuple have the tuple's name and their places in it: `gains[0]`, `gains[1][2]`.
+        Those in a tuple have the tuple's name and their places in it: `gains[0]`,
+        `gains[1][2]`.
         """
         found: dict[str, Any] = {}
         for _, name, value in (*self._names, *self._cells):
@@ -144,7 +158,9 @@ def _once(entries: Iterable[tuple[Any, str, Any]]) -> list[tuple[Any, str, Any]]
 
 def _references(function: FunctionType) -> Iterator[tuple[Any, str, Any]]:
     """Yield holder (a dictionary of names or a cell), name and value of what a function reads."""
-    cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
+    cells = dict(
+        zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    )
     for code in _codes(function.__code__):
         holder: Any = None  # of the value that the instruction before has read
         value: Any = None
@@ -153,7 +169,10 @@ def _references(function: FunctionType) -> Iterator[tuple[Any, str, Any]]:
             if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
                 holder = function.__globals__
                 value = holder.get(step.argval, ABSENT)
-            elif step.opname in ("LOAD_DEREF", "LOAD_CLASSDEREF") and step.argval in cells:
+            elif (
+                step.opname in ("LOAD_DEREF", "LOAD_CLASSDEREF")
+                and step.argval in cells
+            ):
                 holder = cells[step.argval]
                 value = _content(holder)
             elif attribute and isinstance(value, ModuleType) and _may_vary(value):
@@ -203,10 +222,10 @@ def _same(one: Any, other: Any) -> bool:
     return isinstance(one, SCALARS) and repr(one) == repr(other)
 
 
-# What each function of the user's that is decorated by Numba was made from. Numba compiles such a
-# function once for each set of types, and uses the machine code in all functions that call it.
-# The record is an attribute of the function: it refers to the function, so a table of the module's
-# would keep both for ever.
+# What each function of the user's that is decorated by Numba was made from. Numba
+# compiles such a function once for each set of types, and uses the machine code in all
+# functions that call it. The record is an attribute of the function: it refers to the
+# function, so a table of the module's would keep both for ever.
 MADE_FROM = "_hopdata_made_from"
 
 

@@ -79,7 +79,11 @@ def _check_arguments(
     elif theirs and signature.name not in theirs:
         found = f"has the arguments of @{theirs[0]}"
     if found:
-        hint = f" (its arguments are those of @{theirs[0]})" if theirs and "takes" in found else ""
+        hint = (
+            f" (its arguments are those of @{theirs[0]})"
+            if theirs and "takes" in found
+            else ""
+        )
         call = signature.call(function_name(function))
         raise TypeError(f"{place(function, signature)} {found}; expected {call}{hint}")
 
@@ -114,7 +118,10 @@ def _first_use(function: FunctionType, name: str) -> str | None:
     return None
 
 
-_POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+_POSITIONAL = (
+    inspect.Parameter.POSITIONAL_ONLY,
+    inspect.Parameter.POSITIONAL_OR_KEYWORD,
+)
 
 
 # Why Numba cannot compile a function, condensed to one line, and what to do.
@@ -131,7 +138,9 @@ class SlowCallbackWarning(UserWarning):
     """A user's function runs as plain Python, many times slower than compiled."""
 
 
-def warn_slow(function: Function, signature: Signature, reason: str, advice: str) -> None:
+def warn_slow(
+    function: Function, signature: Signature, reason: str, advice: str
+) -> None:
     """Warn, at the function's source location, that it runs as plain Python."""
     code = getattr(function, "__code__", None)
     text = (
@@ -142,26 +151,40 @@ def warn_slow(function: Function, signature: Signature, reason: str, advice: str
     if code is None:
         warnings.warn(text, SlowCallbackWarning, stacklevel=2)
         return
-    registry = getattr(function, "__globals__", {}).setdefault("__warningregistry__", {})
+    registry = getattr(function, "__globals__", {}).setdefault(
+        "__warningregistry__", {}
+    )
     warnings.warn_explicit(
-        text, SlowCallbackWarning, code.co_filename, code.co_firstlineno, registry=registry
+        text,
+        SlowCallbackWarning,
+        code.co_filename,
+        code.co_firstlineno,
+        registry=registry,
     )
 
 
-def raise_if_mistaken(function: Function, signature: Signature, error: Exception) -> None:
+def raise_if_mistaken(
+    function: Function, signature: Signature, error: Exception
+) -> None:
     """Raise, rather than run slowly, if the function would fail in Python as well."""
     returned = _RETURNS.search(_COLOUR.sub("", str(error)))
     if returned:
         raise return_error(function, signature, returned[1]) from None
     for name in _undefined(function):
-        raise NameError(f"{place(function, signature)}: name {name!r} is not defined") from None
+        raise NameError(
+            f"{place(function, signature)}: name {name!r} is not defined"
+        ) from None
 
 
 def reason_and_advice(error: Exception) -> tuple[str, str]:
     """Return why Numba failed, in one line, and advice to the user."""
     text = _COLOUR.sub("", str(error))
     lines = [line.strip() for line in text.splitlines()]
-    told = [one for one in lines if one and not one.startswith(("Failed in", "During", "File "))]
+    told = [
+        one
+        for one in lines
+        if one and not one.startswith(("Failed in", "During", "File "))
+    ]
     reason = told[0] if told else f"{type(error).__name__} inside Numba"
     call = _CALL.search(text)
     if reason.startswith("No implementation of function") and call:
@@ -185,14 +208,16 @@ def _undefined(function: Function) -> list[str]:
         return []
     known = {**vars(builtins), **function.__globals__}
     steps = dis.get_instructions(function)
-    return [x.argval for x in steps if x.opname == "LOAD_GLOBAL" and x.argval not in known]
+    return [
+        x.argval for x in steps if x.opname == "LOAD_GLOBAL" and x.argval not in known
+    ]
 
 
 # Find the elements that a function's code accesses by literal indices.
 #
-# They are compared with the arrays' lengths, because machine code does not check bounds: beyond the
-# end of an array it reads and writes other memory. They also show which elements cannot matter:
-# those that a function never accesses.
+# They are compared with the arrays' lengths, because machine code does not check
+# bounds: beyond the end of an array it reads and writes other memory. They also show
+# which elements cannot matter: those that a function never accesses.
 
 
 def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
@@ -201,13 +226,16 @@ def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
     Parameters
     ----------
     function : callable
-        A Python function. If it asks for a length, it may check bounds itself, so there are none.
+        A Python function. If it asks for a length, it may check bounds itself, so there
+        are none.
     """
     if not isinstance(function, FunctionType) or "len" in function.__code__.co_names:
         return {}
     code, largest = function.__code__, dict[str, int]()
     steps = list(dis.get_instructions(code))
-    stored = {name for step in steps if "STORE_FAST" in step.opname for name in _names(step)}
+    stored = {
+        name for step in steps if "STORE_FAST" in step.opname for name in _names(step)
+    }
     arguments = set(code.co_varnames[: code.co_argcount]) - stored
     for name, number in _literal_subscripts(steps):
         if name in arguments:
@@ -215,11 +243,13 @@ def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
     return {name: number for name, number in largest.items() if number >= 0}
 
 
-def elements_named(function: Callable[..., Any], position: int) -> frozenset[int] | None:
+def elements_named(
+    function: Callable[..., Any], position: int
+) -> frozenset[int] | None:
     """Return the elements of an argument that a function accesses, if all indices are literal.
 
-    None if the argument is used in another way (indexed by a variable or from the end, passed on),
-    so that any element may matter.
+    None if the argument is used in another way (indexed by a variable or from the end,
+    passed on), so that any element may matter.
 
     Parameters
     ----------
@@ -228,12 +258,24 @@ def elements_named(function: Callable[..., Any], position: int) -> frozenset[int
     position : int
         Position of the argument among the positional ones.
     """
-    if not isinstance(function, FunctionType) or position >= function.__code__.co_argcount:
+    if (
+        not isinstance(function, FunctionType)
+        or position >= function.__code__.co_argcount
+    ):
         return None
-    argument, steps = function.__code__.co_varnames[position], list(dis.get_instructions(function))
-    numbers = [number for name, number in _literal_subscripts(steps) if name == argument]
+    argument, steps = (
+        function.__code__.co_varnames[position],
+        list(dis.get_instructions(function)),
+    )
+    numbers = [
+        number for name, number in _literal_subscripts(steps) if name == argument
+    ]
     mentions = sum(_names(step).count(argument) for step in steps)
-    return frozenset(numbers) if mentions == len(numbers) and min(numbers, default=0) >= 0 else None
+    return (
+        frozenset(numbers)
+        if mentions == len(numbers) and min(numbers, default=0) >= 0
+        else None
+    )
 
 
 def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
@@ -241,7 +283,9 @@ def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
     return [
         (_names(array)[-1], index.argval)
         for array, index, use in zip(steps, steps[1:], steps[2:], strict=False)
-        if index.opname.startswith("LOAD_") and type(index.argval) is int and _is_subscript(use)
+        if index.opname.startswith("LOAD_")
+        and type(index.argval) is int
+        and _is_subscript(use)
     ]
 
 

@@ -11,7 +11,9 @@ from typing import Any
 from hopdata.code_cache import DIGITS, function_digest
 
 PACKAGE = "hopdata.hybrid"
-IMPORT = re.compile(rf"^ *from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
+IMPORT = re.compile(
+    rf"^ *from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE
+)
 NOT_IN_CODE = ("compiled/digest.py",)  # it affects where code is kept, not the code
 
 
@@ -54,12 +56,17 @@ def _imported(source: str) -> Iterator[str]:
 def with_digest(function: Any, **names: Any) -> FunctionType:
     """Return a copy of a function with its digest in its name and these global names added.
 
-    Cached machine code is linked by name, so two functions with the same name, such as those of a
-    factory, would be confused. Names are added as globals, because Numba does not cache closures.
+    Cached machine code is linked by name, so two functions with the same name, such as
+    those of a factory, would be confused. Names are added as globals, because Numba
+    does not cache closures.
     """
     known = {**function.__globals__, **names}
     copy = FunctionType(
-        function.__code__, known, function.__name__, function.__defaults__, function.__closure__
+        function.__code__,
+        known,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
     )
     copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
     copy.__qualname__ = f"{function.__qualname__}_{function_digest(copy)}"

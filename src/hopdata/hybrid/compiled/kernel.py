@@ -1,14 +1,15 @@
 """Compilation of the driver's and the methods' functions.
 
-Division by zero gives infinity or NaN, which the driver checks for anyway. Raising an exception
-would require a branch at each division.
+Division by zero gives infinity or NaN, which the driver checks for anyway. Raising an
+exception would require a branch at each division.
 
-`kernel` is for functions called by other kernels. `kernel_in_loop` is for work done once a step. It
-is inlined into its callers, because a call costs as much as several field evaluations: the views of
-all arrays are passed as individual numbers. `kernel_apart` is never inlined. It is for long work
-done once an event, which would otherwise be optimised in many copies, and for loops over guards,
-which vectorise only in a function of their own. `ENTRY` holds the options of functions called from
-outside, by Python or by address.
+`kernel` is for functions called by other kernels. `kernel_in_loop` is for work done
+once a step. It is inlined into its callers, because a call costs as much as several
+field evaluations: the views of all arrays are passed as individual numbers.
+`kernel_apart` is never inlined. It is for long work done once an event, which would
+otherwise be optimised in many copies, and for loops over guards, which vectorise only
+in a function of their own. `ENTRY` holds the options of functions called from outside,
+by Python or by address.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,15 @@ from typing import Any, NamedTuple
 
 from numba import njit, types
 
-from hopdata.hybrid.compiled.memory import ADDRESS, ROW, SPAN, VALUE, VECTOR, View, caller
+from hopdata.hybrid.compiled.memory import (
+    ADDRESS,
+    ROW,
+    SPAN,
+    VALUE,
+    VECTOR,
+    View,
+    caller,
+)
 
 # Signatures of the user's functions, in Python and in machine code.
 #
@@ -63,9 +72,13 @@ TYPES = {
 }
 
 
-def _kind(name: str, arguments: str, *, fills: str = "", returns: Any = types.void) -> Signature:
+def _kind(
+    name: str, arguments: str, *, fills: str = "", returns: Any = types.void
+) -> Signature:
     names = tuple(arguments.split())
-    return Signature(name, names, returns(*(TYPES[n] for n in names)), tuple(fills.split()))
+    return Signature(
+        name, names, returns(*(TYPES[n] for n in names)), tuple(fills.split())
+    )
 
 
 FIELD = _kind("field", "t y mode params dy", fills="dy")
@@ -77,42 +90,57 @@ JACOBIAN = _kind("jacobian", "t y mode params jac", fills="jac")
 AFFINE = _kind("affine", "mode params a b", fills="a b")
 
 SIGNATURES = {
-    kind.name: kind for kind in (FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, JACOBIAN, AFFINE)
+    kind.name: kind
+    for kind in (FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, JACOBIAN, AFFINE)
 }
 
 
 # Calls of machine code by address, from the driver.
 #
-# If Numba functions were passed as arguments, the driver would be recompiled for each scene in each
-# process. With calls by address, one driver serves all.
+# If Numba functions were passed as arguments, the driver would be recompiled for each
+# scene in each process. With calls by address, one driver serves all.
 #
-# The driver passes views. The functions called take arrays (the user's functions) or the addresses
-# and widths of views (steps, interpolants and tangents of a method).
+# The driver passes views. The functions called take arrays (the user's functions) or
+# the addresses and widths of views (steps, interpolants and tangents of a method).
 
 FLOATS, INTEGERS = View(types.float64, 1), View(types.int64, 1)
 TABLE = View(types.float64, 2)
 
 _T = (types.float64, VALUE)
-_STATE, _GUARDS, _MODE, _PARAMS = (TABLE, ROW), (TABLE, ROW), (INTEGERS, VECTOR), (FLOATS, VECTOR)
+_STATE, _GUARDS, _MODE, _PARAMS = (
+    (TABLE, ROW),
+    (TABLE, ROW),
+    (INTEGERS, VECTOR),
+    (FLOATS, VECTOR),
+)
 _NUMBER = (types.int64, VALUE)
 
 # call_field(address, t, s, y, mode, params, s, dy): y and dy are rows of the table s.
 call_field = caller(FIELD.native, _T, _STATE, _MODE, _PARAMS, _STATE)
 # The same with mode and params as arrays.
-call_field_on_arrays = caller(FIELD.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), _STATE)
+call_field_on_arrays = caller(
+    FIELD.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), _STATE
+)
 # call_jacobian(address, t, s, y, mode, params, jac)
-call_jacobian = caller(JACOBIAN.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), (MATRIX, VALUE))
+call_jacobian = caller(
+    JACOBIAN.native, _T, _STATE, (MODE, VALUE), (STATE, VALUE), (MATRIX, VALUE)
+)
 # call_guards(address, t, s, y, s, dy, mode, params, g, h, g, hdot)
-call_guards = caller(GUARDS.native, _T, _STATE, _STATE, _MODE, _PARAMS, _GUARDS, _GUARDS)
+call_guards = caller(
+    GUARDS.native, _T, _STATE, _STATE, _MODE, _PARAMS, _GUARDS, _GUARDS
+)
 # call_guard(address, t, s, y, s, dy, mode, params, k, g, h, g, hdot)
-call_guard = caller(GUARD.native, _T, _STATE, _STATE, _MODE, _PARAMS, _NUMBER, _GUARDS, _GUARDS)
+call_guard = caller(
+    GUARD.native, _T, _STATE, _STATE, _MODE, _PARAMS, _NUMBER, _GUARDS, _GUARDS
+)
 # call_rate_bound(address, t, s, y, s, dy, mode, params)
 call_rate_bound = caller(RATE_BOUND.native, _T, _STATE, _STATE, _MODE, _PARAMS)
 # call_on_event(address, t, s, y, mode, params, guard, direction)
 call_on_event = caller(ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _NUMBER, _NUMBER)
 
-# Parts of a method (see `methods.method`), in the order in which they are made ready: a method is
-# ready when its step is. Field and jacobian are passed by their own addresses.
+# Parts of a method (see `methods.method`), in the order in which they are made ready: a
+# method is ready when its step is. Field and jacobian are passed by their own
+# addresses.
 
 _HANDED = {
     **dict.fromkeys(("t", "dt", "rtol"), _T), **dict.fromkeys(("field", "jacobian"), _NUMBER),
@@ -153,7 +181,9 @@ ENTRY: dict[str, Any] = {"error_model": "numpy"}
 
 try:
     from hopdata.hybrid.compiled.linking import Apart, Entry, Kernel, linked
-except ImportError:  # another Numba version: the result is the same, in five times as long
+except (
+    ImportError
+):  # another Numba version: the result is the same, in five times as long
     kernel: Any = njit(error_model="numpy")
     kernel_apart: Any = kernel
     kernel_in_loop: Any = njit(error_model="numpy", forceinline=True)
@@ -168,8 +198,8 @@ else:
 def copy(source: Any, into: Any) -> None:
     """Copy a vector element by element.
 
-    An assignment ``into[:] = source`` would do the same, but Numba takes 1.5 s to compile its error
-    message about shapes.
+    An assignment ``into[:] = source`` would do the same, but Numba takes 1.5 s to
+    compile its error message about shapes.
     """
     for i in range(len(into)):
         into[i] = source[i]

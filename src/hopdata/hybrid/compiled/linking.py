@@ -1,14 +1,16 @@
 """Kernels are translated one by one; linking and optimisation happen once, for their entry.
 
-By default, Numba does all of this for each function and everything it calls, and again for each
-caller: nearly the same code repeatedly, five sixths of the time. Here a kernel remains as
-translated, and an entry, which is called from outside, links everything it reaches.
+By default, Numba does all of this for each function and everything it calls, and again
+for each caller: nearly the same code repeatedly, five sixths of the time. Here a kernel
+remains as translated, and an entry, which is called from outside, links everything it
+reaches.
 
-Numba itself is not modified: a code library and passes defined here are selected by kernels and
-entries through `pipeline_class`. Of Numba's internals this uses `codegen` (the library),
-`compiler`, `compiler_machinery`, `typed_passes`, `untyped_passes`, `lowering` (our passes),
-`registry` and `_dynfunc` (a placeholder for a kernel that is not compiled by itself). The import
-fails with ImportError if Numba lacks one of them; kernels are then compiled in Numba's own way.
+Numba itself is not modified: a code library and passes defined here are selected by
+kernels and entries through `pipeline_class`. Of Numba's internals this uses `codegen`
+(the library), `compiler`, `compiler_machinery`, `typed_passes`, `untyped_passes`,
+`lowering` (our passes), `registry` and `_dynfunc` (a placeholder for a kernel that is
+not compiled by itself). The import fails with ImportError if Numba lacks one of them;
+kernels are then compiled in Numba's own way.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,10 +28,18 @@ from numba.core.untyped_passes import InlineClosureLikes
 
 Function = Callable[..., Any]
 
-NOT_NEEDED = (NopythonRewrites, InlineClosureLikes)  # rewrites of array sums, and of closures
+NOT_NEEDED = (
+    NopythonRewrites,
+    InlineClosureLikes,
+)  # rewrites of array sums, and of closures
 
 _MADE = {"_final_module", "_linking_libraries", "_shared_module"}
-_NEEDED = "finalize", "_finalize_dynamic_globals", "_get_module_for_linking", "_optimize_functions"
+_NEEDED = (
+    "finalize",
+    "_finalize_dynamic_globals",
+    "_get_module_for_linking",
+    "_optimize_functions",
+)
 if not _MADE.issubset(CPUCodeLibrary.__init__.__code__.co_names) or not all(
     hasattr(JITCodeLibrary, name) for name in _NEEDED
 ):
@@ -73,7 +83,9 @@ def _callers_first(root: _Library) -> Iterator[Any]:
     order: list[Any] = []
 
     def visit(library: Any) -> None:
-        for called in library._linking_libraries if isinstance(library, _Library) else ():
+        for called in (
+            library._linking_libraries if isinstance(library, _Library) else ()
+        ):
             if called not in seen:
                 seen.add(called)
                 visit(called)
@@ -106,7 +118,9 @@ class _LowerKernel(NativeLowering):
         name, module = made.fndesc.qualname, made.fndesc.lookup_module()
         callee = _dynfunc.make_function(module, name, "", 0, made.env, (state.library,))
         state.targetctx.insert_user_function(callee, made.fndesc, [state.library])
-        state["cr"] = type(made)(made.fndesc, made.call_helper, cfunc=callee, env=made.env)
+        state["cr"] = type(made)(
+            made.fndesc, made.call_helper, cfunc=callee, env=made.env
+        )
         return True
 
 
@@ -131,7 +145,9 @@ class Entry(CompilerBase):
         """Return Numba's passes that are needed, with the last but one replaced."""
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes = [one for one in manager.passes if one[0] not in NOT_NEEDED]
-        manager.passes = [(self.lowering if p is NativeLowering else p, why) for p, why in passes]
+        manager.passes = [
+            (self.lowering if p is NativeLowering else p, why) for p, why in passes
+        ]
         manager.finalize()
         return [manager]
 
@@ -169,7 +185,11 @@ def _compiled_alone(function: Function) -> Any:
 
 def linked(compiler: type[Entry], function: Function, **options: Any) -> Any:
     """Return a function as a kernel of this compiler, without the code for calls from Python."""
-    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": compiler}
+    options |= {
+        "no_cpython_wrapper": True,
+        "no_cfunc_wrapper": True,
+        "pipeline_class": compiler,
+    }
     kernel: Any = njit(error_model="numpy", **options)(function)
     kernel.__class__ = _KernelDispatcher
     return kernel

@@ -1,16 +1,17 @@
 # ruff: noqa: ARG001, ARG002, ARG005 (signatures are prescribed by Numba)
 """Arrays without owners, for compiled code.
 
-Numba counts references whenever it takes an array out of a tuple or makes a row of a table; in the
-driver this would cost more than the arithmetic. A view is only an address and a width. The driver
-makes it from an array that Python keeps alive meanwhile, and reads and writes by index: ``view[i]``
-for a vector, ``table[row, i]`` for a table, whose rows have the length ``view.width``. The module
-ends with calls of machine code by address, and of Python functions.
+Numba counts references whenever it takes an array out of a tuple or makes a row of a
+table; in the driver this would cost more than the arithmetic. A view is only an address
+and a width. The driver makes it from an array that Python keeps alive meanwhile, and
+reads and writes by index: ``view[i]`` for a vector, ``table[row, i]`` for a table,
+whose rows have the length ``view.width``. The module ends with calls of machine code by
+address, and of Python functions.
 
-Of Numba's internals it uses `cgutils` (structures and branches of the generated code), `datamodel`
-(the memory layout of a type), `typeconv` (conversions between types), `typing.templates` (the
-meaning of indexing a view) and `np.arrayobj` (arrays made from an address); the public API cannot
-define a type without an owner.
+Of Numba's internals it uses `cgutils` (structures and branches of the generated code),
+`datamodel` (the memory layout of a type), `typeconv` (conversions between types),
+`typing.templates` (the meaning of indexing a view) and `np.arrayobj` (arrays made from
+an address); the public API cannot define a type without an owner.
 """
 
 import operator
@@ -95,7 +96,9 @@ class View(types.Type):
 @extending.register_model(View)
 class _ViewModel(models.StructModel):
     def __init__(self, manager: Any, kind: View) -> None:
-        super().__init__(manager, kind, [("data", types.CPointer(kind.dtype)), ("width", INDEX)])
+        super().__init__(
+            manager, kind, [("data", types.CPointer(kind.dtype)), ("width", INDEX)]
+        )
 
 
 extending.make_attribute_wrapper(View, "width", "width")
@@ -104,11 +107,13 @@ extending.make_attribute_wrapper(View, "width", "width")
 def built(count: int, typed: Callable[..., Any]) -> Any:
     """Return an intrinsic of `count` arguments; Numba requires that they have names.
 
-    Given the types of the arguments, `typed` returns the signature and the function that builds the
-    code, or None.
+    Given the types of the arguments, `typed` returns the signature and the function
+    that builds the code, or None.
     """
     names = ", ".join(f"a{k}" for k in range(count))
-    return extending.intrinsic(eval(f"lambda typing, {names}: typed({names})", {"typed": typed}))
+    return extending.intrinsic(
+        eval(f"lambda typing, {names}: typed({names})", {"typed": typed})
+    )
 
 
 def _view_at(kind: View) -> Any:
@@ -158,7 +163,9 @@ def tried_first(key: Any, typed: Callable[..., Any]) -> None:
 class _GetItem(FirstTried):
     def generic(self, args: Any, kws: Any) -> Any:
         kind = args[0]
-        return signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
+        return (
+            signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
+        )
 
 
 @infer_global(operator.setitem)
@@ -210,7 +217,10 @@ def _from_row_on(ndim: int) -> Any:
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         return lower_array(context, builder, sign.args[0], values[0], values[1], ndim)
 
-    return built(2, lambda table, i: (types.Array(table.dtype, ndim, "C")(table, INDEX), generate))
+    return built(
+        2,
+        lambda table, i: (types.Array(table.dtype, ndim, "C")(table, INDEX), generate),
+    )
 
 
 def _array(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -228,10 +238,11 @@ address_of = built(1, lambda owner: (INDEX(owner), _address))
 
 # Named tuples that are read from a table of addresses, each item where it is used.
 #
-# A named tuple of views is passed to a compiled function as separate numbers, thirty for the
-# driver's memory, so a call costs more than the work of the function. A record is one address,
-# whatever its contents. Its items are constant while the code that reads them runs. The compiler
-# may therefore read an item once, although it cannot know what the stores in between change.
+# A named tuple of views is passed to a compiled function as separate numbers, thirty
+# for the driver's memory, so a call costs more than the work of the function. A record
+# is one address, whatever its contents. Its items are constant while the code that
+# reads them runs. The compiler may therefore read an item once, although it cannot know
+# what the stores in between change.
 
 Tuple = TypeVar("Tuple", bound=tuple[Any, ...])
 
@@ -290,7 +301,9 @@ def _item(context: Any, builder: Any, kind: Record, address: Any, name: str) -> 
     if item == types.boolean:
         return builder.icmp_unsigned("!=", value, value.type(0))
     native = context.get_value_type(item)
-    return builder.inttoptr(value, native) if isinstance(native, ir.PointerType) else value
+    return (
+        builder.inttoptr(value, native) if isinstance(native, ir.PointerType) else value
+    )
 
 
 def reader(
@@ -301,15 +314,18 @@ def reader(
     Parameters
     ----------
     slots : mapping
-        Slot of each item on the desk, by its name in capitals: a number or flag takes one slot, a
-        view takes two (address and width).
+        Slot of each item on the desk, by its name in capitals: a number or flag takes
+        one slot, a view takes two (address and width).
     kind : type
         Class of the named tuple, which gives the types of its items.
     **others : int
         Slots of the items with another name on the desk.
     """
     places = {**slots, **{name.upper(): slot for name, slot in others.items()}}
-    items = {k: (KINDS[hint], int(places[k.upper()])) for k, hint in get_type_hints(kind).items()}
+    items = {
+        k: (KINDS[hint], int(places[k.upper()]))
+        for k, hint in get_type_hints(kind).items()
+    }
     return reader_of(Record(kind.__name__, items))
 
 
@@ -317,15 +333,18 @@ def reader_of(record: Record) -> Any:
     """Return a function for compiled code that reads a record from a desk."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0]).data
+        return cgutils.create_struct_proxy(sign.args[0])(
+            context, builder, values[0]
+        ).data
 
     return built(1, lambda desk: (record(desk), generate))
 
 
 # Calls of machine code by address, and the conversion of views to its arguments.
 
-# How an argument is passed: as it is; a row of a table (which takes two arguments) as an array; a
-# vector as an array; a view as its address; a vector as its address and width.
+# How an argument is passed: as it is; a row of a table (which takes two arguments) as
+# an array; a vector as an array; a view as its address; a vector as its address and
+# width.
 VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
 
 
@@ -334,7 +353,9 @@ def _as_span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[A
     return [builder.ptrtoint(proxy.data, context.get_value_type(INDEX)), proxy.width]
 
 
-def _handed_over(context: Any, builder: Any, way: int, kind: Any, values: list[Any]) -> list[Any]:
+def _handed_over(
+    context: Any, builder: Any, way: int, kind: Any, values: list[Any]
+) -> list[Any]:
     if way == VALUE:
         return values
     if way in (ROW, VECTOR):
@@ -350,10 +371,13 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
     native : Numba signature
         Signature of the machine code at the address.
     *plan : tuple
-        Numba type of each argument, and how it is passed; by default all are passed as they are.
+        Numba type of each argument, and how it is passed; by default all are passed as
+        they are.
     """
     plan = plan or tuple((kind, VALUE) for kind in native.args)
-    kinds = [k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))]
+    kinds = [
+        k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))
+    ]
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         rest, arguments = list(values[1:]), []
@@ -373,8 +397,9 @@ def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
 
 # A product and a sum, rounded once.
 #
-# If the compiler is free to contract them, rounding depends on the surrounding expression and on
-# the processor. An explicit operation gives the same result everywhere.
+# If the compiler is free to contract them, rounding depends on the surrounding
+# expression and on the processor. An explicit operation gives the same result
+# everywhere.
 
 FLOAT = types.float64
 
@@ -387,7 +412,8 @@ def _fma(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 fma = built(3, lambda *_: (FLOAT(FLOAT, FLOAT, FLOAT), _fma))
 
 
-# A call of a Python function, with the interpreter's lock. The caller keeps the function alive.
+# A call of a Python function, with the interpreter's lock. The caller keeps the
+# function alive.
 
 DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
 
@@ -400,7 +426,9 @@ def lower_call_of_python(function: Callable[..., Any]) -> Callable[..., Any]:
         lock = python.gil_ensure()
         pairs = zip(sign.args, values, strict=True)
         boxed = [_boxed(context, builder, python, kind, value) for kind, value in pairs]
-        result = python.call_function_objargs(_object(context, builder, python, function), boxed)
+        result = python.call_function_objargs(
+            _object(context, builder, python, function), boxed
+        )
         native = _unboxed(context, builder, python, sign.return_type, result)
         for item in boxed:
             python.decref(item)
@@ -429,7 +457,10 @@ def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) ->
     slot = cgutils.alloca_once_value(
         builder, native_type(None) if kind == types.none else native_type(0)
     )
-    with builder.if_else(cgutils.is_null(builder, result), likely=False) as (failed, returned):
+    with builder.if_else(cgutils.is_null(builder, result), likely=False) as (
+        failed,
+        returned,
+    ):
         with failed:
             name = context.insert_const_string(builder.module, "hopdata callback")
             label = python.string_from_string(name)

@@ -1,8 +1,9 @@
 """A user's function by its name, as pickle stores it.
 
-Pickle stores a function as the name by which a module holds it. The process that reads this imports
-the module, so it must be able to, and the module must hold the same function there. With a compiled
-function go the values of its constants: if the other process has others, its results would differ.
+Pickle stores a function as the name by which a module holds it. The process that reads
+this imports the module, so it must be able to, and the module must hold the same
+function there. With a compiled function go the values of its constants: if the other
+process has others, its results would differ.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ def name_of(callback: Callback) -> tuple[str, str, str, bool, dict[str, str]]:
         If no module holds the function by its name.
     """
     function = callback.function
-    module, name = getattr(function, "__module__", None), getattr(function, "__qualname__", "")
+    module, name = (
+        getattr(function, "__module__", None),
+        getattr(function, "__qualname__", ""),
+    )
     where = place(function, callback.signature)
     if not module or "<" in name or not name:
         raise NotPicklableError(
@@ -60,7 +64,8 @@ def callback_by_name(
     Raises
     ------
     ArgumentError
-        If the module holds no such function, or if its constants have other values here.
+        If the module holds no such function, or if its constants have other values
+        here.
     """
     from hopdata.hybrid.compiled.callbacks import Callback
 
@@ -70,7 +75,9 @@ def callback_by_name(
     if not (isinstance(held, Callback) and held.signature.name == kind):
         if not callable(held) or isinstance(held, Callback):
             raise ArgumentError.at(
-                full, f"a function declared by @{kind}, as in the process that pickled it", held
+                full,
+                f"a function declared by @{kind}, as in the process that pickled it",
+                held,
             )
         found = Callback(held, SIGNATURES[kind], compiled)
     here = _values(_function_of(found)) if compiled else {}

@@ -1,15 +1,16 @@
 """End a step before a guard's code takes another branch, and step across that place by itself.
 
-Within a step the guards then follow one smooth formula, as the search for flips assumes. The states
-of the step's interpolant are enclosed in ranges over a piece of the step, and the guards are
-evaluated for these ranges (see `branches.ranges`): this proves that no comparison in their code has
-two answers there, or else the piece is divided. The short step across a branch is judged by the
-signs of the guards at its ends, because a guard may jump in it.
+Within a step the guards then follow one smooth formula, as the search for flips
+assumes. The states of the step's interpolant are enclosed in ranges over a piece of the
+step, and the guards are evaluated for these ranges (see `branches.ranges`): this proves
+that no comparison in their code has two answers there, or else the piece is divided.
+The short step across a branch is judged by the signs of the guards at its ends, because
+a guard may jump in it.
 
-Where a branch stays open over a stretch (a comparison of two numbers that rounding alone tells
-apart), steps across it double in length, and are counted in UNPROVEN once they are no longer short.
-Guards without code for ranges are sampled in every step, and so are those that branch again and
-again without a flip.
+Where a branch stays open over a stretch (a comparison of two numbers that rounding
+alone tells apart), steps across it double in length, and are counted in UNPROVEN once
+they are no longer short. Guards without code for ranges are sampled in every step, and
+so are those that branch again and again without a flip.
 """
 
 from hopdata.hybrid import layout as at
@@ -23,16 +24,24 @@ from hopdata.hybrid.layout import Memory
 
 AT_BRANCH = 3  # value of WATCHED: the step crosses a branch
 GRAIN = 64.0 * EPS  # fraction of a state: bound on the rounding of its interpolant
-SHORTEST = 8.0  # time resolutions: length of a step across a branch, and of the shortest piece
-SURE = 2.0**12  # multiples of that length: a longer step across a branch counts as not proven
+SHORTEST = (
+    8.0  # time resolutions: length of a step across a branch, and of the shortest piece
+)
+SURE = (
+    2.0**12
+)  # multiples of that length: a longer step across a branch counts as not proven
 MOST_DOUBLED = 60  # doublings of that length: it then exceeds any run
 MOST_LOOKS = 500  # pieces examined in one step; a branch takes some 100
-MOST_RETAKES = 8  # the step is taken again up to the branch, which moves by the step's error
-# Steps across branches, since the last event, after which guards are sampled for the rest of the
-# run: they branch all the time, as noise made by `%` does, and not where they flip. If 1.5 times
-# larger, a run with such a guard takes some 10 ms more before it is sampled.
+MOST_RETAKES = (
+    8  # the step is taken again up to the branch, which moves by the step's error
+)
+# Steps across branches, since the last event, after which guards are sampled for the
+# rest of the run: they branch all the time, as noise made by `%` does, and not where
+# they flip. If 1.5 times larger, a run with such a guard takes some 10 ms more before
+# it is sampled.
 MOST_BARREN = 500
-# Fraction of the run between two samples of guards that branch and have no code for ranges.
+# Fraction of the run between two samples of guards that branch and have no code for
+# ranges.
 SAMPLED = 2.0**-8
 BYTES = 8  # of a number
 Pair = tuple[float, float]
@@ -49,7 +58,9 @@ def times(lo: float, hi: float, a: float, b: float) -> Pair:
 
 
 @kernel_in_loop
-def range_of(m: Memory, i: int, a: float, b: float, in_powers: bool) -> tuple[Pair, Pair]:
+def range_of(
+    m: Memory, i: int, a: float, b: float, in_powers: bool
+) -> tuple[Pair, Pair]:
     """Return ranges of state i and of its slope per step on [a, b], by Horner's scheme."""
     s, last = m.states, m.counts[at.DEGREE] - 1
     lo = s[at.P1 + last, i]
@@ -76,8 +87,8 @@ def range_of(m: Memory, i: int, a: float, b: float, in_powers: bool) -> tuple[Pa
 def enclose(p: Problem, m: Memory, dt: float, a: float, b: float) -> None:
     """Write ranges of states and slopes over a piece of the step into LEAST ... MOST_SLOPE.
 
-    The range by Horner's scheme is narrowed by the value in the middle and the range of the slope,
-    whose error falls with the square of the piece.
+    The range by Horner's scheme is narrowed by the value in the middle and the range of
+    the slope, whose error falls with the square of the piece.
     """
     s, half, middle = m.states, 0.5 * (b - a), 0.5 * (a + b)
     in_powers = p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0
@@ -141,7 +152,8 @@ def clear_until(p: Problem, m: Memory, dt: float, shortest: float) -> float:
 def cross_branch(p: Problem, m: Memory, dt: float, span: float) -> float:
     """Take a step across a branch, and return its length.
 
-    If it is too long to be judged by signs, the guards in it are examined as those that bend.
+    If it is too long to be judged by signs, the guards in it are examined as those that
+    bend.
     """
     span = min(span, dt)
     take_step(p, m, m.clock[at.T], span)

@@ -1,20 +1,27 @@
 """The interpolant of a step, and its derivative.
 
-Its coefficients are in the rows P1 ... of the states: y = Y + x (P1 + r (P2 + x (P3 + r (...)))).
-Here x is the fraction of the step, and r = 1 - x (as in Hairer's dense outputs) or r = x.
+Its coefficients are in the rows P1 ... of the states: y = Y + x (P1 + r (P2 + x (P3 + r
+(...)))). Here x is the fraction of the step, and r = 1 - x (as in Hairer's dense
+outputs) or r = x.
 """
 
 from math import cos, pi
 from typing import NamedTuple
 
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import call_interpolant, kernel, kernel_apart, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import (
+    call_interpolant,
+    kernel,
+    kernel_apart,
+    kernel_in_loop,
+)
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma
 from hopdata.hybrid.driver.problem import Problem, copy_row
 from hopdata.hybrid.layout import Memory
 
-# Last coefficient of the interpolant of DOPRI5. Where events are dense, a step costs little more
-# than its interpolant; with this constant the compiler unrolls the loops over the coefficients.
+# Last coefficient of the interpolant of DOPRI5. Where events are dense, a step costs
+# little more than its interpolant; with this constant the compiler unrolls the loops
+# over the coefficients.
 LAST_OF_DOPRI5 = 3
 
 
@@ -34,7 +41,8 @@ def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
 def interpolate(p: Problem, m: Memory, theta: float, target: int, per_s: float) -> None:
     """Write the state at the fraction `theta` of the step into row `target` of the states.
 
-    If `per_s` (one over the step's length) is not 0, write its time derivative into SLOPE as well.
+    If `per_s` (one over the step's length) is not 0, write its time derivative into
+    SLOPE as well.
     """
     last = m.counts[at.DEGREE] - 1
     if p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
@@ -51,9 +59,9 @@ def sum_up(
 ) -> None:
     """Sum an interpolant and its derivative for r = x or r = 1 - x, with the derivative `turn`.
 
-    The result is Y + x V, where V is a polynomial in x r whose coefficients are pairs: one
-    coefficient plus r times the next. This halves the chain of operations of Horner's scheme, and
-    it is as accurate where the coefficients alternate in sign.
+    The result is Y + x V, where V is a polynomial in x r whose coefficients are pairs:
+    one coefficient plus r times the next. This halves the chain of operations of
+    Horner's scheme, and it is as accurate where the coefficients alternate in sign.
     """
     s, top, square, bend = m.states, last | 1, x * r, r + turn * x
     full = last == top
@@ -135,7 +143,9 @@ def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> 
         return
     prepare_interpolant(p, m, dt)
     while j < n and out.wanted[j] < t_new:
-        interpolate(p, m, (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN], at.SCRATCH, 0.0)
+        interpolate(
+            p, m, (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN], at.SCRATCH, 0.0
+        )
         copy_row(m.states, at.SCRATCH, out.samples, j)
         j += 1
     if j < n and out.wanted[j] == t_new:

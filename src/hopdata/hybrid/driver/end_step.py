@@ -1,8 +1,8 @@
 """Make a step end on the guard that flips first in it.
 
-The step is repeated up to the instant found by localisation. Its end is then corrected by Newton's
-method on h itself, so time and state of the event have the order of the method, not that of the
-interpolant.
+The step is repeated up to the instant found by localisation. Its end is then corrected
+by Newton's method on h itself, so time and state of the event have the order of the
+method, not that of the interpolant.
 """
 
 import numpy as np
@@ -55,7 +55,9 @@ def move_end(p: problem.Problem, m: Memory, t: float, shift: float) -> None:
 
 
 @kernel
-def take_part(p: problem.Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
+def take_part(
+    p: problem.Problem, m: Memory, t: float, span: float, on_interpolant: bool
+) -> None:
     """Take the first part of the step again, or evaluate its end on the interpolant."""
     if on_interpolant:
         interpolate(p, m, span / m.clock[at.SPAN], at.END, 0.0)
@@ -78,7 +80,12 @@ def look_at_end(p: problem.Problem, m: Memory, t: float, resolution: float) -> N
 
 @kernel_apart
 def end_at(
-    p: problem.Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
+    p: problem.Problem,
+    m: Memory,
+    span: float,
+    on_interpolant: bool,
+    resolution: float,
+    k: int,
 ) -> float:
     """Take the first part of the step and evaluate the guards; return the margin of guard k."""
     take_part(p, m, m.clock[at.T], span, on_interpolant)
@@ -88,7 +95,12 @@ def end_at(
 
 @kernel_apart
 def end_behind_jump(
-    p: problem.Problem, m: Memory, k: int, span: float, on_interpolant: bool, resolution: float
+    p: problem.Problem,
+    m: Memory,
+    k: int,
+    span: float,
+    on_interpolant: bool,
+    resolution: float,
 ) -> float:
     """Make the step end just past the jump of guard k near `span`, and return its length.
 
@@ -117,11 +129,12 @@ def land(
 ) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from its start.
 
-    The step is repeated up to there unless the interpolant adds almost nothing to the step's error.
-    The interpolant is worst in the middle and as good as the step at both ends. Where Newton's
-    method increases the distance, the event function jumps.
+    The step is repeated up to there unless the interpolant adds almost nothing to the
+    step's error. The interpolant is worst in the middle and as good as the step at both
+    ends. Where Newton's method increases the distance, the event function jumps.
 
-    Returns the step's length and the guard on which it ends: a rival if one flips earlier.
+    Returns the step's length and the guard on which it ends: a rival if one flips
+    earlier.
     """
     t, whole = m.clock[at.T], m.clock[at.SPAN]
     last, theta = FARTHEST * span, span / whole
@@ -138,7 +151,9 @@ def land(
         if not abs(shift) > resolution:
             break
         if not (abs(shift) < last and abs(m.guards[at.H1, k]) < left):
-            noise = problem.blur(m.guards[at.SIZE, k], m.guards[at.RATE1, k], resolution)
+            noise = problem.blur(
+                m.guards[at.SIZE, k], m.guards[at.RATE1, k], resolution
+            )
             if abs(shift) > HOVER * span and abs(m.guards[at.H1, k]) > noise:
                 span = end_behind_jump(p, m, k, place, on_interpolant, resolution)
             break
@@ -152,7 +167,8 @@ def land(
     return span, k
 
 
-# End a step at its first flip: judge, search, land, and mark the guards that flip there.
+# End a step at its first flip: judge, search, land, and mark the guards that flip
+# there.
 
 
 @kernel_in_loop
@@ -164,7 +180,9 @@ def gather(p: problem.Problem, m: Memory, dt: float) -> int:
         if m.counts[at.PIECES] > 1
         else watch.gather_near(p, m, dt)
     )
-    return leave_out_bent(m) if count > 0 and m.counts[at.WATCHED] == BY_WINDOWS else count
+    return (
+        leave_out_bent(m) if count > 0 and m.counts[at.WATCHED] == BY_WINDOWS else count
+    )
 
 
 @kernel_apart
@@ -187,11 +205,13 @@ def end_at_dips(
 
 
 @kernel
-def flips_by_rounding(p: problem.Problem, m: Memory, k: int, t: float, resolution: float) -> bool:
+def flips_by_rounding(
+    p: problem.Problem, m: Memory, k: int, t: float, resolution: float
+) -> bool:
     """Return whether guard k, on which the step ends at time t, flips although h has a rest.
 
-    Its rest must be explained by rounding. If it is not, h jumps there, and the step has ended
-    before the jump: the next step begins before it, and finds it.
+    Its rest must be explained by rounding. If it is not, h jumps there, and the step
+    has ended before the jump: the next step begins before it, and finds it.
     """
     margin, rate = p.mode[k] * m.guards[at.H1, k], p.mode[k] * m.guards[at.RATE1, k]
     if not rate < 0.0:
@@ -229,8 +249,8 @@ def flips_by_sign(p: problem.Problem, m: Memory, dt: float) -> int:
 def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 
-    The guards that flip at its end are marked in DUE. Returns the step's length (0 if they flip at
-    its very start) and their number.
+    The guards that flip at its end are marked in DUE. Returns the step's length (0 if
+    they flip at its very start) and their number.
     """
     if m.counts[at.WATCHED] == AT_BRANCH:
         return dt, flips_by_sign(p, m, dt)
@@ -248,7 +268,9 @@ def end_at_first_flip(p: problem.Problem, m: Memory, dt: float) -> tuple[float, 
         h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]
         if p.mode[k] * h <= problem.blur(h, rate, resolution):
             problem.mark_one(m, k)
-            problem.remember_residuals(p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution)
+            problem.remember_residuals(
+                p, m, m.clock[at.T], at.Y, at.H0, at.RATE0, resolution
+            )
             return 0.0, 1
         dt = min(resolution, dt)  # an event function that jumps: end just past the jump
         take_step(p, m, m.clock[at.T], dt)

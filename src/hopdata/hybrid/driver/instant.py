@@ -1,14 +1,15 @@
 """Events at an instant, one after the other: flip a lock, call the handler, look at all guards.
 
-An instant is a sequence. Of the guards that are due, one flips, and its handler is called. Then
-field and guards are evaluated again, because the handler may have turned another guard back or
-pushed a third one across. This goes on until no guard is due.
+An instant is a sequence. Of the guards that are due, one flips, and its handler is
+called. Then field and guards are evaluated again, because the handler may have turned
+another guard back or pushed a third one across. This goes on until no guard is due.
 
-The order: guards flip by their number, from the lowest to the highest and then from the lowest
-again; backward in time it is the other way round. There is one exception. A guard whose handler
-changes the state, and that is due again thereby, flips back before any other one: a bounce is over
-before the next one begins. Otherwise a second impact on the same body would meet a lock that is
-still on the far side, and the guard would not see it.
+The order: guards flip by their number, from the lowest to the highest and then from the
+lowest again; backward in time it is the other way round. There is one exception. A
+guard whose handler changes the state, and that is due again thereby, flips back before
+any other one: a bounce is over before the next one begins. Otherwise a second impact on
+the same body would meet a lock that is still on the far side, and the guard would not
+see it.
 """
 
 from hopdata.hybrid import layout as at
@@ -34,17 +35,21 @@ from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
 from hopdata.hybrid.layout import Memory
 
-# Flips of a guard at one instant while the state does not jump; at a third the guard is not live.
+# Flips of a guard at one instant while the state does not jump; at a third the guard is
+# not live.
 FLIPS_AT_ONCE = 2
-# Flips of all guards at one instant. In a row of n guards between equal bodies each pair collides
-# once, which makes n (n + 1) flips. Unequal masses take more: two bodies and a wall flip
-# 2 pi sqrt(ratio of masses) times (Galperin 2003), so the base allows a ratio of 2.5e6. A cascade
-# that does not end costs some milliseconds up to there. With a limit 1.5 times larger, the ratio is
-# 2.25 times larger.
+# Flips of all guards at one instant. In a row of n guards between equal bodies each
+# pair collides once, which makes n (n + 1) flips. Unequal masses take more: two bodies
+# and a wall flip 2 pi sqrt(ratio of masses) times (Galperin 2003), so the base allows a
+# ratio of 2.5e6. A cascade that does not end costs some milliseconds up to there. With
+# a limit 1.5 times larger, the ratio is 2.25 times larger.
 CASCADE_BASE, CASCADE_PER_PAIR = 10_000, 2
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
-LOW_FLIGHT = 40  # instants of a crowd that a flight hidden by rounding after an impact counts for
-DISAGREEMENT = 1e-9  # allowed difference of field and affine form, relative to their terms
+# Instants of a crowd that a flight hidden by rounding after an impact counts for
+LOW_FLIGHT = 40
+DISAGREEMENT = (
+    1e-9  # allowed difference of field and affine form, relative to their terms
+)
 
 
 @kernel
@@ -60,7 +65,8 @@ def flips_alone(m: Memory, k: int) -> bool:
 def flip(p: problem.Problem, m: Memory, k: int) -> int:
     """Flip the lock of guard k; fail at its third flip between two jumps, or in an endless cascade.
 
-    The guard slides if the field alone, without a handler at this instant, has turned it back.
+    The guard slides if the field alone, without a handler at this instant, has turned
+    it back.
     """
     side = at.RATE_BELOW if p.mode[k] < 0 else at.RATE_ABOVE
     m.clock[side] = m.guards[at.RATE0, k]
@@ -75,7 +81,9 @@ def flip(p: problem.Problem, m: Memory, k: int) -> int:
         m.counts[at.CULPRIT] = k
         into_surface = m.clock[at.RATE_BELOW] > 0.0 and m.clock[at.RATE_ABOVE] < 0.0
         jumped = m.counts[at.JUMPS] > m.counts[at.JUMPS_BEFORE]
-        return at.SLIDING if into_surface and flips_alone(m, k) and not jumped else at.ZENO
+        return (
+            at.SLIDING if into_surface and flips_alone(m, k) and not jumped else at.ZENO
+        )
     n = m.flags.width
     if m.counts[at.CASCADE] > CASCADE_BASE + CASCADE_PER_PAIR * n * (n + 1):
         m.counts[at.CULPRIT] = k
@@ -99,7 +107,9 @@ def fire_one(p: problem.Problem, m: Memory, log: Log, k: int) -> int:
         if p.first_order:
             keep(p, 0)
         t, s = m.clock[at.T], m.states
-        stop |= code.call_on_event(p.on_event, t, s, at.Y, p.mode, p.params, k, direction)
+        stop |= code.call_on_event(
+            p.on_event, t, s, at.Y, p.mode, p.params, k, direction
+        )
     jumped = end_event(p, m, log, row, k, direction)
     if p.first_order and p.on_event != 0:
         jumped = first_order(p, RESET, 0.0, row, k, direction) != 0.0
@@ -119,9 +129,16 @@ def refresh(p: problem.Problem, m: Memory) -> int:
     if wrong or problem.first_not_finite(m.states, at.Y) >= 0:
         return at.FIELD_NOT_FINITE
     address = p.methods[m.counts[at.METHOD], at.REFRESH]
-    if address != 0 and not code.call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT:
+    if (
+        address != 0
+        and not code.call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT
+    ):
         return at.AFFINE_DIFFERS
-    return at.RUNNING if problem.guards_at_start(p, m, m.clock[at.T]) else at.GUARD_NOT_FINITE
+    return (
+        at.RUNNING
+        if problem.guards_at_start(p, m, m.clock[at.T])
+        else at.GUARD_NOT_FINITE
+    )
 
 
 @kernel
@@ -141,7 +158,9 @@ def too_crowded(m: Memory, resolution: float) -> bool:
 @kernel_apart
 def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
     """Return whether a handler has set an invalid lock; if so, report the guard as culprit."""
-    for k in range(m.flags.width):  # a handler can reach the locks of sleeping guards, too
+    for k in range(
+        m.flags.width
+    ):  # a handler can reach the locks of sleeping guards, too
         if p.mode[k] * p.mode[k] != 1:
             m.counts[at.CULPRIT] = k
             return True
@@ -152,13 +171,15 @@ def sets_no_lock(p: problem.Problem, m: Memory) -> bool:
 
 
 @kernel
-def count_overshoot_as_rounding(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
+def count_overshoot_as_rounding(
+    p: problem.Problem, m: Memory, k: int, resolution: float
+) -> None:
     """Treat the way of guard k past its surface as rounding, if the step could not end nearer.
 
-    Where several guards are passed at once, the step ends on one of them, and the others are past
-    by more than their own rounding: a slow one leaves the instant unsure by its rounding over its
-    rate, up to the fraction HOVER of a step. If the instant turns such a guard back, it is at its
-    surface.
+    Where several guards are passed at once, the step ends on one of them, and the
+    others are past by more than their own rounding: a slow one leaves the instant
+    unsure by its rounding over its rate, up to the fraction HOVER of a step. If the
+    instant turns such a guard back, it is at its surface.
     """
     past = -p.mode[k] * m.guards[at.H0, k]
     unsure = problem.CROWDED * resolution
@@ -189,8 +210,9 @@ def begin_instant(p: problem.Problem, m: Memory, resolution: float) -> None:
 def stops_bouncing(p: problem.Problem, m: Memory, k: int) -> bool:
     """Return whether guard k, which has bounced here, is no longer turned back by its handler.
 
-    Each bounce makes the rates smaller, until nothing is left of them but rounding: the sequence
-    has no end that floating-point numbers could show (inelastic collapse, McNamara and Young 1992).
+    Each bounce makes the rates smaller, until nothing is left of them but rounding: the
+    sequence has no end that floating-point numbers could show (inelastic collapse,
+    McNamara and Young 1992).
     """
     since = m.counts[at.INSTANTS] - m.flags[at.BOUNCED, k]
     here = m.flags[at.BOUNCED, k] > 0 and since <= m.counts[at.CROWD]
@@ -213,7 +235,9 @@ def choose_next(p: problem.Problem, m: Memory, k: int, jumped: bool) -> None:
 def is_due_still(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
     """Return whether guard k flips now, by the values after the last handler."""
     g, lock = m.guards, p.mode[k]
-    return problem.is_due(lock * g[at.H0, k], lock * g[at.RATE0, k], g[at.SIZE, k], resolution)
+    return problem.is_due(
+        lock * g[at.H0, k], lock * g[at.RATE0, k], g[at.SIZE, k], resolution
+    )
 
 
 @kernel
@@ -231,7 +255,9 @@ def keep_due(p: problem.Problem, m: Memory, resolution: float) -> None:
 @kernel_in_loop
 def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
     """Put the guards into DUE that flip now, after guard k has flipped."""
-    if m.counts[at.CASCADE] > 1:  # at the first flip all that are due are measured, later those
+    if (
+        m.counts[at.CASCADE] > 1
+    ):  # at the first flip all that are due are measured, later those
         problem.mark_one(m, k)  # that flip
     problem.remember_parts(p, m)
     gather_reached(p, m, at.H0, at.RATE0, resolution)
@@ -260,8 +286,8 @@ def kind_of_flip(p: problem.Problem, m: Memory, k: int, resolution: float) -> in
 def turns_back(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
     """Return whether the flip of guard k has turned back itself or another that was due with it.
 
-    Neighbours that meet the other guard first would cross it; those that meet guard k first would
-    slide on it until they meet the other one.
+    Neighbours that meet the other guard first would cross it; those that meet guard k
+    first would slide on it until they meet the other one.
     """
     if p.mode[k] * m.guards[at.RATE0, k] <= 0.0:
         return True
@@ -277,7 +303,8 @@ def turns_back(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool
 def saltate_before(p: problem.Problem, m: Memory, k: int, kind: int) -> int:
     """Carry the Jacobian of the flow across guard k before it flips, and return a status.
 
-    Where a handler has changed the state, it is unknown for a guard that meets its own surface.
+    Where a handler has changed the state, it is unknown for a guard that meets its own
+    surface.
     """
     wrong = at.TIE_IN_JACOBIAN
     has_own_instant = kind in (ALONE, TOGETHER)
@@ -289,7 +316,9 @@ def saltate_before(p: problem.Problem, m: Memory, k: int, kind: int) -> int:
 
 
 @kernel_apart
-def saltate_after(p: problem.Problem, m: Memory, k: int, kind: int, resolution: float) -> int:
+def saltate_after(
+    p: problem.Problem, m: Memory, k: int, kind: int, resolution: float
+) -> int:
     """Carry the Jacobian across what the handler of guard k has changed, and return a status."""
     known = first_order(p, HANDLERS, 0.0, int(kind != TOGETHER), 0, 0) != 0.0
     if kind == TOGETHER:
@@ -328,7 +357,9 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
         status = saltate_after(p, m, k, kind, resolution)
     if status != at.RUNNING:
         return status
-    if m.counts[at.ENDED] != 0:  # what is due at this instant is an event still, but nothing else
+    if (
+        m.counts[at.ENDED] != 0
+    ):  # what is due at this instant is an event still, but nothing else
         keep_due(p, m, resolution)
     else:
         look_anew(p, m, k, resolution)
@@ -336,15 +367,20 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
     if jumped and stops_bouncing(p, m, k):
         return at.ZENO
     choose_next(p, m, k, jumped)
-    return at.TERMINATED if m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 0 else at.RUNNING
+    return (
+        at.TERMINATED
+        if m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 0
+        else at.RUNNING
+    )
 
 
 @kernel_apart
 def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
     """Flip the guards in DUE and those that their handlers push across, until none is due.
 
-    On entry the state of the instant is in Y, its time in the clock, its guards in H0 and RATE0. If
-    the log is full, the status is NEEDS_ROOM, and the next call goes on with the same instant.
+    On entry the state of the instant is in Y, its time in the clock, its guards in H0
+    and RATE0. If the log is full, the status is NEEDS_ROOM, and the next call goes on
+    with the same instant.
     """
     resolution = problem.time_resolution(m.clock[at.T], 0.0)
     if m.counts[at.BEGUN] == 0:
@@ -361,9 +397,11 @@ def fire_all(p: problem.Problem, m: Memory, log: Log) -> int:
     return status
 
 
-# Initial locks: decided by the sign of h; on the surface by its rate, and then by its bend.
+# Initial locks: decided by the sign of h; on the surface by its rate, and then by its
+# bend.
 
-PASSES = 4  # rounds until the locks agree: rates on the surface may depend on the other locks
+# Rounds until the locks agree: rates on the surface may depend on the other locks
+PASSES = 4
 LOOK_AHEAD = 1e-6  # fraction of the remaining time span
 
 
@@ -382,7 +420,9 @@ def look_ahead(p: problem.Problem, m: Memory) -> None:
     for i in range(s.width):
         s[at.SCRATCH, i] = s[at.Y, i] + ahead * s[at.K1, i]
     problem.eval_field(p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE)
-    problem.eval_guards(p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE, at.H, at.RATE)
+    problem.eval_guards(
+        p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE, at.H, at.RATE
+    )
 
 
 @kernel

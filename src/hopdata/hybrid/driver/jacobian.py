@@ -1,14 +1,15 @@
 """The flow's Jacobian across an instant: one saltation matrix for each guard that flips.
 
-At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- + dh/dt), with the
-fields f- before and f+ after it, and the reset R of the handler (Aizerman and Gantmakher 1958; Kong
-et al. 2024). If several guards meet their surfaces at one instant, they are passed in the order in
-which they flip, and each is assigned the field selected by the locks so far. This is the derivative
-if the order does not matter. It may matter if a handler changes state or field there, or if one
-guard's flip turns another one back: then there is no derivative. The change of the field by a
-single guard's handler (through the memory, for instance) is attributed to that guard. Guards that a
-reset pushes across flip at that moment. They have no instant of their own, and therefore no
-projection.
+At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- +
+dh/dt), with the fields f- before and f+ after it, and the reset R of the handler
+(Aizerman and Gantmakher 1958; Kong et al. 2024). If several guards meet their surfaces
+at one instant, they are passed in the order in which they flip, and each is assigned
+the field selected by the locks so far. This is the derivative if the order does not
+matter. It may matter if a handler changes state or field there, or if one guard's flip
+turns another one back: then there is no derivative. The change of the field by a single
+guard's handler (through the memory, for instance) is attributed to that guard. Guards
+that a reset pushes across flip at that moment. They have no instant of their own, and
+therefore no projection.
 """
 
 from math import inf, nan, sqrt
@@ -26,10 +27,12 @@ from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.methods import tangent as differences
 
-# The driver calls this code by address, so it is compiled only when a Jacobian is first requested.
+# The driver calls this code by address, so it is compiled only when a Jacobian is first
+# requested.
 CARRY, RESET, SALTATE, HANDLERS = range(4)
-# How a guard comes to flip: alone; together with others that met their surfaces at this instant;
-# pushed across by a handler; or at the start, because it is past its surface there.
+# How a guard comes to flip: alone; together with others that met their surfaces at this
+# instant; pushed across by a handler; or at the start, because it is past its surface
+# there.
 ALONE, TOGETHER, PUSHED, PAST_AT_START = range(4)
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
@@ -38,7 +41,9 @@ call_first_order = code.caller(FIRST_ORDER_NATIVE)
 
 
 @kernel
-def first_order(p: Problem, part: int, dt: float, which: int, k: int, way: int) -> float:
+def first_order(
+    p: Problem, part: int, dt: float, which: int, k: int, way: int
+) -> float:
     """Run one part of this module by its address: see `driver.loop`."""
     return call_first_order(p.first_order, p.here, part, dt, which, k, way)
 
@@ -47,16 +52,31 @@ def first_order(p: Problem, part: int, dt: float, which: int, k: int, way: int) 
 
 EASY = 0.2  # tolerances: step error below which the short tangent may be used
 SHORT = 300.0  # multiple of rtol: largest (step times fastest motion)^5 of a short step
-SMALL = 0.1  # tolerances: error of the Jacobian below which it does not limit the next step
-LOOK, LEAST_LOOK = 1e-6, 1e-9  # fractions of a piece and of t_span: look-ahead for a guard's rate
-ASIDE = (1e-7, 1e-5, 1e-3, 1e-9)  # fractions of a state's size: displacements that are tried
-SAME_SLOPE = 1e-3  # largest relative difference of a guard's slopes by its rates and its values
+SMALL = (
+    0.1  # tolerances: error of the Jacobian below which it does not limit the next step
+)
+LOOK, LEAST_LOOK = (
+    1e-6,
+    1e-9,
+)  # fractions of a piece and of t_span: look-ahead for a guard's rate
+ASIDE = (
+    1e-7,
+    1e-5,
+    1e-3,
+    1e-9,
+)  # fractions of a state's size: displacements that are tried
+SAME_SLOPE = (
+    1e-3  # largest relative difference of a guard's slopes by its rates and its values
+)
 
 
 @kernel
 def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
     """Return whether the short tangent suffices for a step of `dt`, by the last step's motion."""
-    if p.methods[m.counts[at.METHOD], at.SHORT_TANGENT] == 0 or m.clock[at.ERROR] > EASY:
+    if (
+        p.methods[m.counts[at.METHOD], at.SHORT_TANGENT] == 0
+        or m.clock[at.ERROR] > EASY
+    ):
         return False
     turn = dt * dt * m.clock[at.MOTION]
     return turn * turn * sqrt(turn) <= SHORT * p.rtol
@@ -86,15 +106,18 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
 def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     """Multiply the flow's Jacobian by that of the step that ends at END.
 
-    Returns the fraction to which the step must be shortened because the Jacobian's error is too
-    large, 1 if it is acceptable, and NaN if it is not finite. A smaller error may still limit the
-    next step.
+    Returns the fraction to which the step must be shortened because the Jacobian's
+    error is too large, 1 if it is acceptable, and NaN if it is not finite. A smaller
+    error may still limit the next step.
     """
     phi, n = p.tangent, m.states.width
     error = tangent(p, m, dt)
     m.clock[at.MOTION] = phi[3 * n + at.PHI_MOTION, 0]
     if error > SMALL:
-        part = max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[m.counts[at.METHOD], at.ORDER]))
+        part = max(
+            SHRINK_MOST,
+            SAFETY / error ** (1.0 / p.methods[m.counts[at.METHOD], at.ORDER]),
+        )
         if error > 1.0:
             return part
         m.clock[at.NEXT_DT] = min(m.clock[at.NEXT_DT], part * dt)
@@ -118,9 +141,13 @@ def rate_along(
     """Return guard k's rate at row `y` of `states` for the state's rate in row `row` of phi."""
     phi, g = p.tangent, m.guards
     if p.guards != 0:
-        code.call_guards(p.guards, t, states, y, phi, row, p.mode, p.params, g, at.H, g, at.RATE)
+        code.call_guards(
+            p.guards, t, states, y, phi, row, p.mode, p.params, g, at.H, g, at.RATE
+        )
     else:
-        code.call_guard(p.guard, t, states, y, phi, row, p.mode, p.params, k, g, at.H, g, at.RATE)
+        code.call_guard(
+            p.guard, t, states, y, phi, row, p.mode, p.params, k, g, at.H, g, at.RATE
+        )
     return g[at.RATE, k]
 
 
@@ -130,8 +157,9 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> float:
 
     Returns the uncertainty of its instant, s.
 
-    The rate is affine in f-, so Dh follows from changing one component of f- after the other by the
-    size of the largest. Only components that the guards' code may use are changed.
+    The rate is affine in f-, so Dh follows from changing one component of f- after the
+    other by the size of the largest. Only components that the guards' code may use are
+    changed.
     """
     phi, n, unknown, change = p.tangent, m.states.width, 0.0, 0.0
     moved, before = single(m, at.COLUMN), single(m, at.F_BEFORE)
@@ -160,7 +188,9 @@ def bend_of(p: Problem, m: Memory, k: int, rate: float) -> float:
     ahead = max(ahead, LEAST_LOOK * (p.t_end - p.t_start))
     moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
     for i in range(n):
-        p.tangent[moved, i] = m.states[at.Y, i] + ahead * p.tangent[single(m, at.F_BEFORE), i]
+        p.tangent[moved, i] = (
+            m.states[at.Y, i] + ahead * p.tangent[single(m, at.F_BEFORE), i]
+        )
     t = m.clock[at.T] + ahead
     code.call_field(p.field, t, p.tangent, moved, p.mode, p.params, p.tangent, slope)
     return (rate_along(p, m, k, slope, t, p.tangent, moved) - rate) / ahead
@@ -170,7 +200,11 @@ def bend_of(p: Problem, m: Memory, k: int, rate: float) -> float:
 def add_jump(p: Problem, m: Memory) -> None:
     """Add (f_after - f_before) times ALONG to the Jacobian; f_after becomes f_before."""
     phi, n = p.tangent, m.states.width
-    before, after, along = (single(m, at.F_BEFORE), single(m, at.F_AFTER), single(m, at.ALONG))
+    before, after, along = (
+        single(m, at.F_BEFORE),
+        single(m, at.F_AFTER),
+        single(m, at.ALONG),
+    )
     for i in range(n):
         jump = phi[after, i] - phi[before, i]
         phi[before, i] = phi[after, i]
@@ -182,14 +216,20 @@ def add_jump(p: Problem, m: Memory) -> None:
 @kernel
 def size_of(p: Problem, m: Memory, i: int, value: float) -> float:
     """Return the size of state i: its value, its change since the last event, or its tolerance."""
-    change = (m.clock[at.T] - m.clock[at.SEGMENT]) * abs(p.tangent[single(m, at.F_BEFORE), i])
+    change = (m.clock[at.T] - m.clock[at.SEGMENT]) * abs(
+        p.tangent[single(m, at.F_BEFORE), i]
+    )
     return max(abs(value), change, p.atol[i] / p.rtol)
 
 
 @kernel
 def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
     """Write a displaced state into two rows, and the direction of the displacement into a third."""
-    moved, slope, given = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE), single(m, at.COLUMN)
+    moved, slope, given = (
+        single(m, at.PHI_SHIFTED),
+        single(m, at.PHI_SLOPE),
+        single(m, at.COLUMN),
+    )
     for i in range(m.states.width):
         y = m.states[at.Y, i]
         p.tangent[slope, i] = side * some_way(i) * size_of(p, m, i, y)
@@ -200,8 +240,8 @@ def look_beside(p: Problem, m: Memory, side: float, aside: float) -> None:
 def has_slope_of_rate(p: Problem, m: Memory, k: int) -> bool:
     """Return whether guard k's rate agrees with its values for another motion of the state.
 
-    Several displacements are tried: at small ones values may coincide by rounding, and at large
-    ones a guard may bend.
+    Several displacements are tried: at small ones values may coincide by rounding, and
+    at large ones a guard may bend.
     """
     moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
     for aside in ASIDE:
@@ -247,10 +287,11 @@ def on_another(m: Memory, resolution: float) -> bool:
 def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
     """Pass guard k before it flips, and return a status.
 
-    A guard that flips alone is only projected: `saltate_handlers` adds its jump together with the
-    handler's. One of several that flip together is assigned the jump by its lock. A guard that is
-    pushed across is passed together with the reset. Neighbours of a start past a surface start past
-    it as well, so the instant does not depend on the state.
+    A guard that flips alone is only projected: `saltate_handlers` adds its jump
+    together with the handler's. One of several that flip together is assigned the jump
+    by its lock. A guard that is pushed across is passed together with the reset.
+    Neighbours of a start past a surface start past it as well, so the instant does not
+    depend on the state.
     """
     phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
     copy_row(m.states, at.K1, phi, before)
@@ -262,7 +303,9 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
     if kind == TOGETHER:
         p.mode[k] = -p.mode[k]  # a trial: the guard flips later
         m.counts[at.NFEV] += 1
-        code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
+        code.call_field(
+            p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after
+        )
         add_jump(p, m)
         p.mode[k] = -p.mode[k]
     return status
@@ -289,25 +332,34 @@ def bring_back(p: Problem, part: int) -> None:
 
 
 @kernel
-def reset_by(p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, way: int) -> None:
+def reset_by(
+    p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, way: int
+) -> None:
     """Compute the derivative of the reset with respect to state j, or to time if j is n.
 
-    Differences as in `methods.tangent`; the result goes into the first column of the third block.
+    Differences as in `methods.tangent`; the result goes into the first column of the
+    third block.
     """
     phi, n, t = p.tangent, m.states.width, m.clock[at.T]
     values, before = single(m, at.PHI_VALUES), at.LOG_STATES
     size = size_of(p, m, j, log[row, before + j]) if j < n else p.t_end - p.t_start
-    step = differences.FIFTH_ROOT_OF_EPS * (size if size > differences.ABSOLUTELY_TINY else 1.0)
+    step = differences.FIFTH_ROOT_OF_EPS * (
+        size if size > differences.ABSOLUTELY_TINY else 1.0
+    )
     for i in range(n):
         phi[values + 5, i] = differences.NOISE * abs(m.states[at.Y, i])
     for attempt in range(differences.ATTEMPTS):
         for side in range(4):
             shift = differences.SHIFTS[side] * step
             for i in range(n):
-                phi[values + side, i] = log[row, before + i] + (shift if i == j else 0.0)
+                phi[values + side, i] = log[row, before + i] + (
+                    shift if i == j else 0.0
+                )
             bring_back(p, 0)
             then = t + shift if j == n else t
-            code.call_on_event(p.on_event, then, phi, values + side, p.mode, p.params, k, way)
+            code.call_on_event(
+                p.on_event, then, phi, values + side, p.mode, p.params, k, way
+            )
         if differences.settle(phi, values, attempt, step, phi, 2 * n, 0, n):
             break
         step *= differences.SHORTER
@@ -330,7 +382,9 @@ def resets(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -
 
 
 @kernel_apart
-def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> bool:
+def carry_reset(
+    p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int
+) -> bool:
     """Multiply Phi and f- by the derivative of the reset in row `row` of the log, if there is one.
 
     Its time derivative is added to f-, so that `saltate_handlers` subtracts it.
@@ -361,8 +415,8 @@ def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: i
 def saltate_handlers(p: Problem, m: Memory, alone: bool) -> bool:
     """Add the remaining change of the field as part of the last guard's flip.
 
-    Returns whether that is correct. It is not if several guards flip together, because their shares
-    are unknown.
+    Returns whether that is correct. It is not if several guards flip together, because
+    their shares are unknown.
     """
     before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
     changed = False

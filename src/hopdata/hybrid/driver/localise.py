@@ -16,15 +16,25 @@ from hopdata.hybrid.driver.problem import (
     is_leaving,
     time_resolution,
 )
-from hopdata.hybrid.driver.watch import GRAZE, clearance, ends_between, knot, piece_before
+from hopdata.hybrid.driver.watch import (
+    GRAZE,
+    clearance,
+    ends_between,
+    knot,
+    piece_before,
+)
 from hopdata.hybrid.layout import Memory
 
-# Turning points and roots of the cubic through two values and two slopes of an event function.
+# Turning points and roots of the cubic through two values and two slopes of an event
+# function.
 #
 # All functions work on the unit interval: slopes are per step, not per second.
 
 NOWHERE = 2.0
-ITERATIONS, ACCURACY = 40, 1e-4  # accuracy of the last root but one; Newton doubles the digits
+ITERATIONS, ACCURACY = (
+    40,
+    1e-4,
+)  # accuracy of the last root but one; Newton doubles the digits
 
 
 @kernel
@@ -43,7 +53,8 @@ def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, f
     root = b * b - a * d0
     if root <= 0.0:
         return NOWHERE, NOWHERE
-    # At the minimum the slope rises, 2 b + 2 a x = +2 sqrt(root); at the maximum it falls.
+    # At the minimum the slope rises, 2 b + 2 a x = +2 sqrt(root); at the maximum it
+    # falls.
     q = -(b + sqrt(root)) if b >= 0.0 else sqrt(root) - b
     near, far = d0 / q, q / a if a != 0.0 else NOWHERE
     minimum, maximum = (near, far) if b >= 0.0 else (far, near)
@@ -52,10 +63,13 @@ def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, f
 
 
 @kernel
-def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: float) -> float:
+def cubic_root(
+    g0: float, d0: float, g1: float, d1: float, low: float, high: float
+) -> float:
     """Return a root in [low, high] where the cubic falls from above to below zero.
 
-    The first guess comes from the cubic interpolant of the inverse function, if there is one.
+    The first guess comes from the cubic interpolant of the inverse function, if there
+    is one.
     """
     rise, x = g1 - g0, NOWHERE
     b, a = 3.0 * rise - 2.0 * d0 - d1, 3.0 * (d0 + d1 - 2.0 * rise)
@@ -69,7 +83,9 @@ def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: flo
             low = x
         else:
             high = x
-        new = x - value / slope if slope < 0.0 else NOWHERE  # a rise leads away from the root
+        new = (
+            x - value / slope if slope < 0.0 else NOWHERE
+        )  # a rise leads away from the root
         inside = low < new < high
         if abs(new - x) <= ACCURACY * x:
             return new if inside else x
@@ -77,17 +93,23 @@ def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: flo
     return x
 
 
-# Guards that may flip within a step, and roughly where: judged by the cubics between its knots.
+# Guards that may flip within a step, and roughly where: judged by the cubics between
+# its knots.
 #
-# A cubic matches values and rates at both ends of its piece of the step. Where it falls through
-# zero, the guard is past its surface; where it only comes near, the interpolant decides.
+# A cubic matches values and rates at both ends of its piece of the step. Where it falls
+# through zero, the guard is past its surface; where it only comes near, the interpolant
+# decides.
 
 PASS, CROSSING, DIP = 0, 1, 2
 NONE = -1  # no guard
-Suspicion = tuple[int, int, float, float, int]  # kind, guard, guess, a place before it, piece
+Suspicion = tuple[
+    int, int, float, float, int
+]  # kind, guard, guess, a place before it, piece
 
 EDGE = 1e-6  # fraction of a piece: a dip this close to an end counts as that end
-STEEPEST = 0.34  # rise over slope above which a cubic cannot turn back (1/3, rounded up)
+STEEPEST = (
+    0.34  # rise over slope above which a cubic cannot turn back (1/3, rounded up)
+)
 UNSURE = 0.5  # fraction of a dip's depth by which its cubic may be wrong
 
 
@@ -100,13 +122,17 @@ def is_monotone(rise: float, d0: float, d1: float) -> bool:
 
 
 @kernel
-def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[int, float, float]:
+def suspect(
+    g0: float, d0: float, g1: float, d1: float, noise: float
+) -> tuple[int, float, float]:
     """Judge a guard whose cubic does not stay clear of its surface.
 
-    Takes margins and slopes (per step) at both ends, and the rounding error `noise` of a margin of
-    zero. Returns the kind of suspicion, where to look first, and a place before that.
+    Takes margins and slopes (per step) at both ends, and the rounding error `noise` of
+    a margin of zero. Returns the kind of suspicion, where to look first, and a place
+    before that.
     """
-    # A guard that has just flipped and is leaving may still be on its old side by rounding.
+    # A guard that has just flipped and is leaving may still be on its old side by
+    # rounding.
     crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
     if not crossed and is_monotone(g1 - g0, d0, d1):
         return PASS, 1.0, 0.0
@@ -129,8 +155,8 @@ def suspect_before(
 ) -> tuple[int, float, float, int]:
     """Judge a guard between consecutive knots of the step that ends at its fraction `end`.
 
-    Returns the result of `suspect` for the first piece in which the guard does not stay clear, and
-    the piece.
+    Returns the result of `suspect` for the first piece in which the guard does not stay
+    clear, and the piece.
     """
     g = m.guards
     for piece in range(m.counts[at.PIECES]):
@@ -153,9 +179,9 @@ def suspect_before(
 def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
     """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
-    The first call, with k = NONE, checks all guards in NEAR and sets the clearance of suspects to
-    -inf. Later calls check only these and the guards past their surface in row H, because they may
-    flip before guard k does, at `end`.
+    The first call, with k = NONE, checks all guards in NEAR and sets the clearance of
+    suspects to -inf. Later calls check only these and the guards past their surface in
+    row H, because they may flip before guard k does, at `end`.
     """
     g = m.guards
     best = (PASS, NONE, NOWHERE, 0.0, 0)
@@ -174,12 +200,20 @@ def first_suspect(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspi
     return best
 
 
-LEAVING = 1e-12  # fraction of the step by which a guard has left its surface, if it ever does
+LEAVING = (
+    1e-12  # fraction of the step by which a guard has left its surface, if it ever does
+)
 SURELY_BACK = 1000.0  # multiple of the rate at which a guard has left
-ROOT_ACCURACY = 1e-8  # accuracy of the last approximation but one; Newton doubles the digits
+ROOT_ACCURACY = (
+    1e-8  # accuracy of the last approximation but one; Newton doubles the digits
+)
 JUMP_ACCURACY = 4 * EPS  # relative accuracy at a discontinuous event function
-MOST_PUT_RIGHT = 0.5  # fraction of Newton's step: the cubic is useless for larger corrections
-LITTLE_PUT_RIGHT = 1e-3  # fraction of Newton's step: the series is exact for smaller corrections
+MOST_PUT_RIGHT = (
+    0.5  # fraction of Newton's step: the cubic is useless for larger corrections
+)
+LITTLE_PUT_RIGHT = (
+    1e-3  # fraction of Newton's step: the series is exact for smaller corrections
+)
 MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 
 
@@ -187,7 +221,9 @@ MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards in NEAR on the interpolant at `theta`, into H and RATE."""
     interpolate(p, m, theta, at.SCRATCH, 1.0 / dt)
-    eval_listed(p, m, at.NEAR, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
+    eval_listed(
+        p, m, at.NEAR, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE
+    )
 
 
 @kernel_apart
@@ -216,7 +252,9 @@ def lowest_point(
             return guess
         if tries >= PATIENCE or not low < guess < high:
             guess = 0.5 * (low + high)
-        elif abs(guess - theta) < EDGE:  # converged, unless the rate is flat: bracket it
+        elif (
+            abs(guess - theta) < EDGE
+        ):  # converged, unless the rate is flat: bracket it
             guess += EDGE if slope < 0.0 else -EDGE
         theta = guess
     return theta
@@ -241,8 +279,8 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
 def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
     """Return where guard k, whose departure is below its rounding, is back at its surface.
 
-    It returns as fast as it left. Its mean acceleration is taken up to a place at which the
-    interpolant resolves it.
+    It returns as fast as it left. Its mean acceleration is taken up to a place at which
+    the interpolant resolves it.
     """
     left, x, rate = abs(m.guards[at.RATE0, k]), 0.25 * LEAVING, 0.0
     while rate > -SURELY_BACK * left and x < end:
@@ -256,8 +294,8 @@ def back(p: Problem, m: Memory, dt: float, k: int, end: float) -> float:
 def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
     """Return whether guard k is, to within rounding, still at the surface of its last flip.
 
-    At the start of such a step the sign of h is meaningless: acting on it would flip the guard
-    back.
+    At the start of such a step the sign of h is meaningless: acting on it would flip
+    the guard back.
     """
     margin, rate = p.mode[k] * m.guards[at.H0, k], p.mode[k] * m.guards[at.RATE0, k]
     noise = blur(m.guards[at.SIZE, k], rate, time_resolution(m.clock[at.T], dt))
@@ -270,8 +308,9 @@ def way_to_root(
 ) -> tuple[float, bool]:
     """Return the distance from x to a falling function's root, and whether it is nearly exact.
 
-    Newton's method from x is corrected by the cubic through both places, values and slopes, whose
-    root is taken as a series. The error is Newton's times the square of the distance to x1.
+    Newton's method from x is corrected by the cubic through both places, values and
+    slopes, whose root is taken as a series. The error is Newton's times the square of
+    the distance to x1.
     """
     way, run, rise = -g / d, x1 - x, g1 - g
     if abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
@@ -288,12 +327,20 @@ def way_to_root(
 
 @kernel_apart
 def crossing(
-    p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, piece: int, end: float
+    p: Problem,
+    m: Memory,
+    dt: float,
+    k: int,
+    guess: float,
+    low: float,
+    piece: int,
+    end: float,
 ) -> float:
     """Return where guard k falls through zero on the interpolant, by a bracketed iteration.
 
-    The guard is past its surface at `end` or at the end of the piece. Its cubic is clear at `low`.
-    If it is still at the surface of its last flip, the interpolant decides where it is clear.
+    The guard is past its surface at `end` or at the end of the piece. Its cubic is
+    clear at `low`. If it is still at the surface of its last flip, the interpolant
+    decides where it is clear.
     """
     lock, x1, last = p.mode[k], (piece + 1) * m.clock[at.PIECE], knot(m, piece + 1)
     g1, d1 = lock * m.guards[last, k], lock * m.guards[last + 1, k] * dt
@@ -318,7 +365,9 @@ def crossing(
             return new
         if exact and abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
             return x
-        if high - low <= JUMP_ACCURACY * high:  # the event function jumps: end just past it
+        if (
+            high - low <= JUMP_ACCURACY * high
+        ):  # the event function jumps: end just past it
             break
         x = new
     return high
@@ -328,8 +377,8 @@ def crossing(
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why.
 
-    The earliest guess need not be the earliest place, so each place found is checked for rivals
-    before it.
+    The earliest guess need not be the earliest place, so each place found is checked
+    for rivals before it.
     """
     kind, k, theta = PASS, NONE, 1.0
     for _ in range(MOST_RIVALS * m.counts[at.N_NEAR]):

@@ -1,8 +1,9 @@
 """The log of events: what is written of each.
 
-An event takes a row with its time, guard, direction and the states before and after its handler.
-The mode after it would take as many numbers as there are guards, so the log holds only what has
-changed in the mode since the event before. `hybrid.solution` puts the modes together again.
+An event takes a row with its time, guard, direction and the states before and after its
+handler. The mode after it would take as many numbers as there are guards, so the log
+holds only what has changed in the mode since the event before. `hybrid.solution` puts
+the modes together again.
 """
 
 from typing import NamedTuple
@@ -50,7 +51,9 @@ def begin_event(m: Memory, log: Log) -> int:
 
 
 @kernel
-def end_event(p: problem.Problem, m: Memory, log: Log, row: int, k: int, direction: int) -> bool:
+def end_event(
+    p: problem.Problem, m: Memory, log: Log, row: int, k: int, direction: int
+) -> bool:
     """Log an event of guard k after its handler; return whether the handler changed the state."""
     n = m.states.width
     jumped = False

@@ -1,9 +1,9 @@
 """The loop: step, look for the first flip, land on it, process it, continue.
 
-`run` keeps all its memory in the arrays it is given. It can therefore return whenever the output
-arrays are full or Python should handle Ctrl-C, and be called again. It takes the callbacks by
-address and is compiled once per install (see `compiled`). It receives arrays through the desk (see
-`workspace`).
+`run` keeps all its memory in the arrays it is given. It can therefore return whenever
+the output arrays are full or Python should handle Ctrl-C, and be called again. It takes
+the callbacks by address and is compiled once per install (see `compiled`). It receives
+arrays through the desk (see `workspace`).
 """
 
 import sys
@@ -38,15 +38,25 @@ from hopdata.hybrid.layout import Memory
 # The desk: a table of addresses where the driver finds its callbacks and arrays.
 
 reader = partial(memory.reader, vars(at))
-desk_problem = reader(problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE)
+desk_problem = reader(
+    problem.Problem, methods=at.METHOD_TABLE, tangent=at.TANGENT_TABLE
+)
 desk_memory = reader(
-    Memory, states=at.STATE_TABLE, guards=at.GUARD_TABLE, flags=at.FLAG_TABLE, lists=at.LIST_TABLE
+    Memory,
+    states=at.STATE_TABLE,
+    guards=at.GUARD_TABLE,
+    flags=at.FLAG_TABLE,
+    lists=at.LIST_TABLE,
 )
 desk_output = reader(
     dense.Output, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, per_step=at.ROWS_PER_STEP
 )
 desk_log = reader(
-    Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS, changes=at.CHANGE_TABLE
+    Log,
+    floats=at.LOG_TABLE,
+    integers=at.LOG_TABLE,
+    n_rows=at.N_LOG_ROWS,
+    changes=at.CHANGE_TABLE,
 )
 
 
@@ -129,7 +139,10 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     forget_mode(log)
     m.clock[at.T], m.clock[at.SEGMENT], m.clock[at.INSTANT] = p.t_start, p.t_start, -inf
     m.clock[at.MOTION], m.clock[at.WINDOW] = inf, LONGEST * (p.t_end - p.t_start)
-    m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = p.first_step, stepping.LOG_ERROR_FLOOR
+    m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = (
+        p.first_step,
+        stepping.LOG_ERROR_FLOOR,
+    )
     for i in range(m.states.width):
         m.states[at.Y, i] = p.start_state[i]
         if p.first_order != 0:
@@ -161,7 +174,12 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
 @kernel
 def run(desk: IntVector, flags: int) -> int:
     """Integrate until the run ends or needs room, and return a status."""
-    p, m, out, log = desk_problem(desk), desk_memory(desk), desk_output(desk), desk_log(desk)
+    p, m, out, log = (
+        desk_problem(desk),
+        desk_memory(desk),
+        desk_output(desk),
+        desk_log(desk),
+    )
     status = at.RUNNING
     if flags & at.RESUMED == 0:
         for k in range(p.mode.width if flags & at.GIVEN_MODE == 0 else 0):
@@ -190,7 +208,8 @@ def run(desk: IntVector, flags: int) -> int:
 
 # Python's entry into the driver: one integration, or many in a row.
 #
-# The driver itself is compiled once per install, as a C function; its callers are small.
+# The driver itself is compiled once per install, as a C function; its callers are
+# small.
 
 _INT, _FLOAT = types.int64, types.float64
 
@@ -207,16 +226,21 @@ def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
     A relative tolerance below rounding is raised to it.
     """
     in_order = -inf < numbers[at.T_START] <= numbers[at.T_END]
-    positive = numbers[at.MAX_STEP] > 0.0 and desk[at.MAX_STEPS] >= 1 and desk[at.MAX_EVENTS] >= 1
+    positive = (
+        numbers[at.MAX_STEP] > 0.0
+        and desk[at.MAX_STEPS] >= 1
+        and desk[at.MAX_EVENTS] >= 1
+    )
     rtol_is_right = 0.0 <= numbers[at.RTOL] < 1.0
     numbers[at.RTOL] = max(numbers[at.RTOL], SMALLEST_RTOL)
     return in_order and positive and rtol_is_right
 
 
-# An infinite time span is a sequence of finite ones, each of twice the length: the driver judges by
-# the length of the time span how densely it looks at the guards. The first is this fraction of a
-# second or, if it starts far from zero, of its start. If it were 1.5 times longer, nothing shorter
-# than a microsecond would be looked for less densely.
+# An infinite time span is a sequence of finite ones, each of twice the length: the
+# driver judges by the length of the time span how densely it looks at the guards. The
+# first is this fraction of a second or, if it starts far from zero, of its start. If it
+# were 1.5 times longer, nothing shorter than a microsecond would be looked for less
+# densely.
 FIRST_SPAN = 2.0**-20
 
 
@@ -243,7 +267,9 @@ def _run(desk: int, flags: int) -> int:
     return run(memory.int_vector(desk, at.DESK_SLOTS), flags)
 
 
-def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) -> float:
+def _first_order(
+    desk: int, part: int, dt: float, which: int, k: int, way: int
+) -> float:
     """Run a part of the flow's Jacobian; `which` is a row of the log, a flag, or a kind of flip."""
     slots = memory.int_vector(desk, at.DESK_SLOTS)
     p, m = desk_problem(slots), desk_memory(slots)
@@ -252,7 +278,11 @@ def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) 
     if part == jacobian.SALTATE:
         return float(jacobian.saltate(p, m, k, which))
     if part == jacobian.RESET:
-        return 1.0 if jacobian.carry_reset(p, m, desk_log(slots).floats, which, k, way) else 0.0
+        return (
+            1.0
+            if jacobian.carry_reset(p, m, desk_log(slots).floats, which, k, way)
+            else 0.0
+        )
     return 1.0 if jacobian.saltate_handlers(p, m, which != 0) else 0.0
 
 
@@ -272,7 +302,9 @@ def compiled_run() -> Any:
     def compile_it(cached: bool) -> Any:
         compiler = cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)
         folder = Path(config.CACHE_DIR) if cached else None  # type: ignore[attr-defined]
-        if folder and any(folder.glob(f"*/*{_run.__name__}-*.nbi")):  # compiled meanwhile
+        if folder and any(
+            folder.glob(f"*/*{_run.__name__}-*.nbi")
+        ):  # compiled meanwhile
             return compiler(_run)
         _say("compiling the integrator, some 15 s of one core; later processes load it")
         started, driver = time.monotonic(), compiler(_run)
@@ -290,11 +322,15 @@ def _say(what: str) -> None:
 @cache
 def compiled_first_order() -> Any:
     """Return the machine code that carries Jacobians, which the driver calls by address."""
-    return _compiled(_first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY))
+    return _compiled(
+        _first_order, partial(cfunc, jacobian.FIRST_ORDER_NATIVE, **code.ENTRY)
+    )
 
 
 def _compiled(function: Callable[..., Any], make: Callable[..., Any]) -> Any:
-    return compiled_in_cache(function, driver_digest(), lambda kept: make(cache=kept)(function))
+    return compiled_in_cache(
+        function, driver_digest(), lambda kept: make(cache=kept)(function)
+    )
 
 
 @cache
@@ -336,9 +372,10 @@ def _enter_many(
 ) -> int:  # fmt: skip
     """Integrate from the rows `first` to `last` of y0; return the first row not done.
 
-    Rows of `params` and `modes` are taken in turn; a single row serves all. `ends` receives time,
-    rates and state, and `counts` the driver's counters. `samples` and `jacobians`, unless empty,
-    receive the states at the requested times and the flow's Jacobians.
+    Rows of `params` and `modes` are taken in turn; a single row serves all. `ends`
+    receives time, rates and state, and `counts` the driver's counters. `samples` and
+    `jacobians`, unless empty, receive the states at the requested times and the flow's
+    Jacobians.
     """
     n, n_wanted = y0.shape[1], desk[at.WANTED + 1]
     clock = memory.float_vector(desk[at.CLOCK], 0)
@@ -364,7 +401,9 @@ def _enter_many(
             desk[at.SAMPLE_TABLE] = room + b * n_wanted * n * BYTES
         for k in range(n * n if len(jacobians) > 0 else 0):
             phi[k // n, k % n] = 1.0 if k // n == k % n else 0.0
-        numbers[at.T_END] = t_end  # of each: an infinite one is replaced by a finite one
+        numbers[at.T_END] = (
+            t_end  # of each: an infinite one is replaced by a finite one
+        )
         ended = run_to_the_end(slots, numbers, here, at.GIVEN_MODE)
         while ended == at.PAUSED:
             ended = run_to_the_end(slots, numbers, here, at.RESUMED)

@@ -7,7 +7,13 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
-from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector, row
+from hopdata.hybrid.compiled.memory import (
+    FloatTable,
+    FloatVector,
+    IntTable,
+    IntVector,
+    row,
+)
 from hopdata.hybrid.layout import Memory
 
 
@@ -36,7 +42,8 @@ class Problem(NamedTuple):
     max_events: int
     start_state: FloatVector
     kept: FloatVector  # mode and parameters before and after a call of the handler
-    branches: int  # address of the guards' code for ranges; 0: no branches, -1: none could be made
+    # Address of the guards' code for ranges; 0: no branches, -1: none could be made
+    branches: int
 
 
 @kernel
@@ -60,7 +67,9 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
 
 
 @kernel_apart
-def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
+def eval_guards(
+    p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int
+) -> None:
     """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
     eval_listed(p, m, at.AWAKE, t, y, dy, h, rate)
 
@@ -82,7 +91,9 @@ def eval_listed(
 
 
 @kernel
-def eval_guard(p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int, rate: int) -> None:
+def eval_guard(
+    p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int, rate: int
+) -> None:
     """Evaluate one of many guards; entries that the user's function does not fill remain NaN."""
     s, g = m.states, m.guards
     g[h, k], g[rate, k] = np.nan, np.nan
@@ -131,7 +142,9 @@ def first_not_finite(table: FloatTable, row: int) -> int:
 
 
 @kernel
-def copy_row(source: FloatTable, which: int, into: FloatTable, target: int, first: int = 0) -> None:
+def copy_row(
+    source: FloatTable, which: int, into: FloatTable, target: int, first: int = 0
+) -> None:
     """Copy a row of a table to row `target` of this or another one, from column `first` on."""
     for i in range(source.width):
         into[target, first + i] = source[which, i]
@@ -145,20 +158,24 @@ def fill_row(table: FloatTable, target: int, value: float) -> None:
 
 # Conditions for a flip: signs, locks and rounding.
 #
-# The margin of a guard is g = b h, where b = -1 or +1 is its lock. It is positive on the side that
-# the lock names, and falls through zero when the guard flips. A guard that has just flipped is on
-# its new side by definition, whatever rounding does to h.
+# The margin of a guard is g = b h, where b = -1 or +1 is its lock. It is positive on
+# the side that the lock names, and falls through zero when the guard flips. A guard
+# that has just flipped is on its new side by definition, whatever rounding does to h.
 
 EPS = 2.0**-52
 ROUNDING = 4 * EPS  # rounding error of h, relative to its largest value over the step
 TIME_ROUNDING = 4 * EPS  # relative rounding error of an event's time
 SHARE = 0.25  # average fraction of a term that shows in a rate along `way`
-GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # fractional parts of golden-section multiples
+GOLDEN, MASK, PER_MASK = (
+    40503,
+    0xFFFF,
+    2.0**-16,
+)  # fractional parts of golden-section multiples
 CROWDED = 1000  # time resolutions: instants closer than this are a crowd
-# Most roundings of the terms of h, and most time resolutions, that count as rounding where h
-# should be zero. The sine of a large angle, or a sum of many terms, leaves some tens of them; a
-# jump by the size of the terms has 1e15. If 1.5 times larger, a jump by 1.3e-12 of the terms
-# passes for rounding, instead of one by 0.9e-12.
+# Most roundings of the terms of h, and most time resolutions, that count as rounding
+# where h should be zero. The sine of a large angle, or a sum of many terms, leaves some
+# tens of them; a jump by the size of the terms has 1e15. If 1.5 times larger, a jump by
+# 1.3e-12 of the terms passes for rounding, instead of one by 0.9e-12.
 MOST_ROUNDINGS = 1000.0
 
 
@@ -223,8 +240,9 @@ def mark_one(m: Memory, k: int) -> int:
 def size_of_terms(moving: float, still: float, t: float) -> float:
     """Return the size of the terms whose sum is h, by its rates for a moving and a resting state.
 
-    On a moving surface, or far from the origin, the terms cancel and leave their rounding: that of
-    the state by its share in h, along one direction, and that of time by the surface's speed.
+    On a moving surface, or far from the origin, the terms cancel and leave their
+    rounding: that of the state by its share in h, along one direction, and that of time
+    by the surface's speed.
     """
     return abs(moving - still) / SHARE + abs(still * t)
 
@@ -255,8 +273,9 @@ def most_rounding(
 ) -> float:
     """Return the largest rest of guard k, which should be zero, that rounding can explain.
 
-    It is bounded by the terms of h at time t and row `y` of the states, whatever h itself is. A
-    larger rest is a jump of h: if it counted as rounding, the guard would not be seen again.
+    It is bounded by the terms of h at time t and row `y` of the states, whatever h
+    itself is. A larger rest is a jump of h: if it counted as rounding, the guard would
+    not be seen again.
     """
     terms = max(terms_at(p, m, k, t, y), m.guards[at.PARTS, k])
     return MOST_ROUNDINGS * blur(terms, rate, resolution)
@@ -276,7 +295,14 @@ def scale_of_rest(left: float, most: float) -> float:
 
 @kernel_apart
 def count_as_rounding(
-    p: Problem, m: Memory, k: int, t: float, y: int, left: float, rate: float, resolution: float
+    p: Problem,
+    m: Memory,
+    k: int,
+    t: float,
+    y: int,
+    left: float,
+    rate: float,
+    resolution: float,
 ) -> None:
     """Raise the rounding scale of guard k so that a positive `left` counts as rounding.
 
@@ -321,7 +347,8 @@ def remember_residuals(
 def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) -> bool:
     """Return whether guard k, by its rate `ahead` from now, leaves the surface of its last flip.
 
-    This close to that instant, in the same crowd, rounding of state and h exceeds their motion.
+    This close to that instant, in the same crowd, rounding of state and h exceeds their
+    motion.
     """
     since = m.counts[at.INSTANTS] - m.flags[at.LAST_FLIP, k]
     in_crowd = m.flags[at.LAST_FLIP, k] > 0 and since <= m.counts[at.CROWD]
@@ -332,7 +359,9 @@ def is_leaving(m: Memory, k: int, rate: float, ahead: float, resolution: float) 
 @kernel
 def has_flipped(m: Memory, k: int) -> bool:
     """Return whether guard k has flipped at this instant."""
-    return m.flags[at.LAST_FLIP, k] == m.counts[at.INSTANTS] and m.flags[at.FLIPS, k] > 0
+    return (
+        m.flags[at.LAST_FLIP, k] == m.counts[at.INSTANTS] and m.flags[at.FLIPS, k] > 0
+    )
 
 
 @kernel

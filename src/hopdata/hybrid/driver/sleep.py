@@ -1,8 +1,9 @@
 """Guards that cannot flip for a while sleep, so that a step spends nothing on them.
 
-No event function changes faster than the scene's rate bound. A guard can therefore sleep until the
-travel, the integral of the bound over time, has used up its distance from the surface. The sleeping
-guards form a heap, ordered by the travel at which they must wake.
+No event function changes faster than the scene's rate bound. A guard can therefore
+sleep until the travel, the integral of the bound over time, has used up its distance
+from the surface. The sleeping guards form a heap, ordered by the travel at which they
+must wake.
 """
 
 from hopdata.hybrid import layout as at
@@ -12,8 +13,8 @@ from hopdata.hybrid.layout import Memory
 
 # The heap of sleeping guards: the one that must wake first is at the top.
 #
-# Each node has four children, side by side. This makes the heap flat, and the least of four is
-# found without branches that a processor would have to predict.
+# Each node has four children, side by side. This makes the heap flat, and the least of
+# four is found without branches that a processor would have to predict.
 
 WIDTH = 4
 
@@ -76,7 +77,8 @@ def pop(m: Memory) -> int:
     return first
 
 
-MARGIN = 1.25  # factor by which the bound within a step may exceed that at its ends and middle
+# Factor by which the bound within a step may exceed that at its ends and middle
+MARGIN = 1.25
 REST = 4.0  # steps like the last one: distance at which a guard goes to sleep
 
 
@@ -98,10 +100,16 @@ def step_travel(p: Problem, m: Memory, dt: float) -> float:
     s, t = m.states, m.clock[at.T]
     for i in range(s.width):
         rise = s[at.END, i] - s[at.Y, i]
-        s[at.SCRATCH, i] = s[at.Y, i] + 0.5 * rise + 0.125 * dt * (s[at.K1, i] - s[at.KEND, i])
+        s[at.SCRATCH, i] = (
+            s[at.Y, i] + 0.5 * rise + 0.125 * dt * (s[at.K1, i] - s[at.KEND, i])
+        )
         s[at.SLOPE, i] = 1.5 * rise / dt - 0.25 * (s[at.K1, i] + s[at.KEND, i])
     middle = speed_at(p, m, t + 0.5 * dt, at.SCRATCH, at.SLOPE)
-    return MARGIN * dt * max(m.clock[at.SPEED], middle, speed_at(p, m, t + dt, at.END, at.KEND))
+    return (
+        MARGIN
+        * dt
+        * max(m.clock[at.SPEED], middle, speed_at(p, m, t + dt, at.END, at.KEND))
+    )
 
 
 @kernel

@@ -21,16 +21,19 @@ from hopdata.hybrid.methods.taylor import LONGEST
 
 # The choice of the method for the next step.
 #
-# Where events follow each other closely, each cuts a step short, and a cheap step is best. Where
-# they are sparse, a method of high order goes farther per evaluation.
+# Where events follow each other closely, each cuts a step short, and a cheap step is
+# best. Where they are sparse, a method of high order goes farther per evaluation.
 
 TIGHT = 1e-7  # largest rtol at which the method of highest order takes the first step
 LONG = 4.0  # steps without an event after which a method of higher order pays off
 SHORT = 2.5  # steps of the cheaper method: events closer than this are dense
 EVERY = 16  # steps between tests for stiffness while there is no sign of it
 MANY = 1e3  # time resolutions: shortest first step in an affine mode
-VERY_HIGH_ORDER = 16.0  # from here the error obeys its power over many decades: no limits
-RELIEVED = 1.0  # dt times the fastest rate, below which an explicit step of this length suffices
+VERY_HIGH_ORDER = (
+    16.0  # from here the error obeys its power over many decades: no limits
+)
+# Dt times the fastest rate, below which an explicit step of this length suffices
+RELIEVED = 1.0
 
 
 @kernel
@@ -42,7 +45,10 @@ def watch_stiffness(p: Problem, m: Memory, dt: float) -> None:
     score = m.clock[at.STIFF_SCORE]
     if score == 0.0 and m.counts[at.STEPS] % EVERY != 0:
         return
-    last, limit = p.methods[method, at.LAST_SLOPE], 0.1 * p.methods[method, at.STIFF_TENTHS]
+    last, limit = (
+        p.methods[method, at.LAST_SLOPE],
+        0.1 * p.methods[method, at.STIFF_TENTHS],
+    )
     found = stiff.explicit_stiffness(m.states, dt, p.rtol, p.atol, last, m.states.width)
     m.clock[at.STIFF_SCORE] = stiff.stiffness_score(score, found, limit)
 
@@ -71,7 +77,9 @@ def first_method(p: Problem) -> int:
 @kernel
 def step_ratio(p: Problem, method: int, other: int) -> float:
     """Return the ratio of the other method's step to this method's, by their orders."""
-    return p.rtol ** (1.0 / p.methods[other, at.ORDER] - 1.0 / p.methods[method, at.ORDER])
+    return p.rtol ** (
+        1.0 / p.methods[other, at.ORDER] - 1.0 / p.methods[method, at.ORDER]
+    )
 
 
 @kernel
@@ -94,7 +102,10 @@ def choose_after_step(p: Problem, m: Memory) -> None:
         m.counts[at.METHOD] = relaxed
         return
     sparser = p.methods[method, at.SPARSER]
-    if sparser >= 0 and m.clock[at.T] - m.clock[at.SEGMENT] > LONG * m.clock[at.NEXT_DT]:
+    if (
+        sparser >= 0
+        and m.clock[at.T] - m.clock[at.SEGMENT] > LONG * m.clock[at.NEXT_DT]
+    ):
         change_method(p, m, sparser)
 
 
@@ -111,13 +122,18 @@ def choose_after_event(p: Problem, m: Memory) -> None:
     method = m.counts[at.METHOD]
     denser, apart = p.methods[method, at.DENSER], m.clock[at.T] - m.clock[at.SEGMENT]
     m.clock[at.SEGMENT], m.clock[at.GAP] = m.clock[at.T], apart
-    if p.methods[method, at.ORDER] >= VERY_HIGH_ORDER:  # the last mode says nothing about this one
+    if (
+        p.methods[method, at.ORDER] >= VERY_HIGH_ORDER
+    ):  # the last mode says nothing about this one
         m.clock[at.NEXT_DT] = affine_step(p, m)
-    if denser >= 0 and apart < SHORT * m.clock[at.NEXT_DT] * step_ratio(p, method, denser):
+    if denser >= 0 and apart < SHORT * m.clock[at.NEXT_DT] * step_ratio(
+        p, method, denser
+    ):
         change_method(p, m, denser)
 
 
-# PI controller of Hairer and Wanner's DOPRI5 and DOP853; its exponents are divided by the order.
+# PI controller of Hairer and Wanner's DOPRI5 and DOP853; its exponents are divided by
+# the order.
 BETA = 0.2
 ALPHA = 1.0 - 0.75 * BETA
 SAFETY = 0.9
@@ -128,14 +144,17 @@ LOG_ERROR_FLOOR = log(1e-4)
 EPS = 2.0**-52
 TINY = 1e-300
 STEP_FLOOR = 4 * EPS  # smallest step, relative to the time to which it is added
-ALMOST_THERE = 1.01  # factor by which the last step may be stretched to avoid a tiny one
+ALMOST_THERE = (
+    1.01  # factor by which the last step may be stretched to avoid a tiny one
+)
 
 
 @kernel
 def take_step(p: Problem, m: Memory, t: float, dt: float) -> float:
     """Step from Y (with K1 known) over `dt` into END and KEND.
 
-    Returns the error in units of the tolerance; NaN if the field is not finite or has raised.
+    Returns the error in units of the tolerance; NaN if the field is not finite or has
+    raised.
     """
     s, method = m.states, m.counts[at.METHOD]
     m.clock[at.SPAN] = 0.0
@@ -193,8 +212,8 @@ def resize_next(
 def accepted_step(p: Problem, m: Memory) -> float:
     """Try steps until one meets the tolerance.
 
-    Leaves its end in END, the guards there in H1, and a proposal for the next step in NEXT_DT.
-    Returns the size of the step, or a negative status on failure.
+    Leaves its end in END, the guards there in H1, and a proposal for the next step in
+    NEXT_DT. Returns the size of the step, or a negative status on failure.
     """
     t = m.clock[at.T]
     left = p.t_end - t
@@ -251,5 +270,7 @@ def first_step(p: Problem, m: Memory) -> float:
         bend = max(bend, abs(s[at.SLOPE, i] - s[at.K1, i]) / allowed)
     steepest = max(slope, bend)
     power = 1.0 / p.methods[m.counts[at.METHOD], at.ORDER]
-    step = (0.01 / steepest) ** power if isfinite(steepest) and steepest > 0.0 else longest
+    step = (
+        (0.01 / steepest) ** power if isfinite(steepest) and steepest > 0.0 else longest
+    )
     return min(100.0 * trial, step, longest)

@@ -1,8 +1,8 @@
 """The few guards that a step may concern, which alone are examined closely.
 
-Guards are left out in three cases: if their cubic, through values and rates at both ends of the
-step, stays clear of their surface; at an instant, if they have not reached it; and before a step,
-if from what is known at its start they will not reach it.
+Guards are left out in three cases: if their cubic, through values and rates at both
+ends of the step, stays clear of their surface; at an instant, if they have not reached
+it; and before a step, if from what is known at its start they will not reach it.
 """
 
 from math import sqrt
@@ -12,19 +12,30 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.driver.problem import Problem, awake, blur, eval_guards, time_resolution
+from hopdata.hybrid.driver.problem import (
+    Problem,
+    awake,
+    blur,
+    eval_guards,
+    time_resolution,
+)
 from hopdata.hybrid.driver.sleep import wake_for
 from hopdata.hybrid.layout import Memory
 
-# The knots of a step: the places where guards are known, with a cubic between consecutive ones.
+# The knots of a step: the places where guards are known, with a cubic between
+# consecutive ones.
 #
-# Usually these are the step's two ends. A Taylor step may span most of an oscillation, in which a
-# guard can fall and rise again unseen from the ends; such a step has knots inside, too.
+# Usually these are the step's two ends. A Taylor step may span most of an oscillation,
+# in which a guard can fall and rise again unseen from the ends; such a step has knots
+# inside, too.
 
-# Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in it.
+# Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in
+# it.
 ONE_PIECE, TWO_PIECES = 22, 28
 THIRD = 1.0 / 3.0
-Ends = tuple[float, float, float, float]  # margin and slope at the start, then at the end
+Ends = tuple[
+    float, float, float, float
+]  # margin and slope at the start, then at the end
 
 
 @kernel
@@ -34,7 +45,9 @@ def knot(m: Memory, number: int) -> int:
 
 
 @kernel
-def ends_between(m: Memory, k: int, lock: int, start: int, end: int, span: float) -> Ends:
+def ends_between(
+    m: Memory, k: int, lock: int, start: int, end: int, span: float
+) -> Ends:
     """Return margins and slopes (per `span`) of guard k, from the rows of two places."""
     g = m.guards
     g0, d0 = lock * g[start, k], lock * g[start + 1, k] * span
@@ -78,14 +91,17 @@ def set_knots(p: Problem, m: Memory, dt: float) -> None:
         look(p, m, dt, number * m.clock[at.PIECE], at.H0 + 2 * number)
 
 
-GRAZE = 1e-2  # fraction of the step's margins: a dip that comes nearer is examined closely
+GRAZE = (
+    1e-2  # fraction of the step's margins: a dip that comes nearer is examined closely
+)
 
 
 @kernel
 def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
     """Return a number that is positive if the cubic with these margins and slopes stays clear.
 
-    Slopes are per step. The number is the least Bezier point, a lower bound of the cubic.
+    Slopes are per step. The number is the least Bezier point, a lower bound of the
+    cubic.
     """
     return min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1) - GRAZE * max(g0, g1)
 
@@ -106,8 +122,9 @@ def facing(lock: int, value: float) -> float:
 def gather_unclear(p: Problem, m: Memory) -> int:
     """Put the guards that have no clearance into NEAR, and return their number.
 
-    A first loop, compiled into vector instructions, counts them and finds the first one. The second
-    loop is not vectorised, but usually it has nothing to do or a single guard to record.
+    A first loop, compiled into vector instructions, counts them and finds the first
+    one. The second loop is not vectorised, but usually it has nothing to do or a single
+    guard to record.
     """
     unclear, first = 0, m.counts[at.N_AWAKE]
     for place in range(m.counts[at.N_AWAKE]):
@@ -146,7 +163,9 @@ def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
         k, least = awake(p, m, a), np.inf
         for piece in range(m.counts[at.PIECES]):
             start, end = at.H0 + 2 * piece, knot(m, piece + 1)
-            least = min(least, clearance(*ends_between(m, k, p.mode[k], start, end, span)))
+            least = min(
+                least, clearance(*ends_between(m, k, p.mode[k], start, end, span))
+            )
         m.guards[at.CLEARANCE, k] = least
     return gather_unclear(p, m)
 
@@ -170,22 +189,27 @@ def gather_coming(p: Problem, m: Memory, dt: float) -> int:
         k = awake(p, m, a)
         lock = p.mode[k]
         g[at.CLEARANCE, k] = after(
-            facing(lock, g[at.H0, k]), facing(lock, g[at.RATE0, k]), facing(lock, g[at.BEND, k]), dt
+            facing(lock, g[at.H0, k]),
+            facing(lock, g[at.RATE0, k]),
+            facing(lock, g[at.BEND, k]),
+            dt,
         )
     return gather_unclear(p, m)
 
 
 # Length of a step before a flip: not far past it.
 #
-# A step that spans an event is used only up to the event. The farther it reaches past it, the more
-# of it is wasted, and the more guards seem to flip in it. The step is therefore clipped to slightly
-# more than the time to the nearest flip, predicted from the guard's value, its rate, and its bend
-# in the last step.
+# A step that spans an event is used only up to the event. The farther it reaches past
+# it, the more of it is wasted, and the more guards seem to flip in it. The step is
+# therefore clipped to slightly more than the time to the nearest flip, predicted from
+# the guard's value, its rate, and its bend in the last step.
 
-SOON = 4.0  # times the interval of the last two events: the next flip is first sought within this
+# Times the interval of the last two events: the next flip is first sought within this
+SOON = 4.0
 OVERSHOOT = 1.2  # factor past the predicted flip, so that the step contains it
-# Multiples of the time resolution. The step that the field allows is no measure here: in a landing
-# on thousands of springs it is a million times longer than the time between two of their events.
+# Multiples of the time resolution. The step that the field allows is no measure here:
+# in a landing on thousands of springs it is a million times longer than the time
+# between two of their events.
 CLIP_MOST = 1e3  # events closer than this are left to localisation
 TOO_SHORT = 1e6  # steps shorter than this say nothing about the bend
 
@@ -194,12 +218,19 @@ TOO_SHORT = 1e6  # steps shorter than this say nothing about the bend
 def carry_guards(p: Problem, m: Memory, dt: float) -> None:
     """Carry the guards at the step's end over to its start, and store their second derivatives.
 
-    These are secants over the step. For a guard that bends, those of longer steps are useless.
+    These are secants over the step. For a guard that bends, those of longer steps are
+    useless.
     """
-    g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[at.T], dt), 1.0 / dt
+    g, tells, per_s = (
+        m.guards,
+        dt > TOO_SHORT * time_resolution(m.clock[at.T], dt),
+        1.0 / dt,
+    )
     for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
-        g[at.BEND, k] = (g[at.RATE1, k] - g[at.RATE0, k]) * per_s if tells else g[at.BEND, k]
+        g[at.BEND, k] = (
+            (g[at.RATE1, k] - g[at.RATE0, k]) * per_s if tells else g[at.BEND, k]
+        )
         g[at.H0, k], g[at.RATE0, k] = g[at.H1, k], g[at.RATE1, k]
     if not tells and m.counts[at.N_BENT] > 0:
         for k in range(m.flags.width):

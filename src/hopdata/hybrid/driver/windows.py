@@ -1,11 +1,11 @@
 """Shorten a step to the part in which its ends reveal the guards' behaviour.
 
-A guard that is affine in state and time follows the step's own polynomial, so the ends suffice. A
-guard that bends (a sine, a product, a table) may rise and fall unseen within the step, so it is
-examined in windows. The cubic through values and rates at a window's ends predicts both in its
-middle; the error there shows whether the guard is resolved. Windows have their own size control.
-The step ends before the first window in which a bending guard may flip, and the next step is that
-window.
+A guard that is affine in state and time follows the step's own polynomial, so the ends
+suffice. A guard that bends (a sine, a product, a table) may rise and fall unseen within
+the step, so it is examined in windows. The cubic through values and rates at a window's
+ends predicts both in its middle; the error there shows whether the guard is resolved.
+Windows have their own size control. The step ends before the first window in which a
+bending guard may flip, and the next step is that window.
 """
 
 from hopdata.hybrid import layout as at
@@ -28,23 +28,36 @@ from hopdata.hybrid.layout import Memory
 
 AFFINE = 1e-11  # fraction of a guard's values: rounding error of an affine guard
 ERROR_IF_EVEN = 0.05  # fraction of the slope: error over a step whose ends suffice
-MOVES = 0.02  # fraction of the change over a window: error of a guard that follows its cubic
-LEAP = 8.0  # lengths of a step in which all guards were straight: up to here they stay straight
+# Fraction of the change over a window: error of a guard that follows its cubic
+MOVES = 0.02
+# Lengths of a step in which all guards were straight: up to here they stay straight
+LEAP = 8.0
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # fractions of the run: longest window
 OF_PATH = 0.05  # fraction of the change: allowed error of a step's cubic from its path
 SHORTEST = 2.0**-26  # fraction of the step: a shorter window is not divided
 INSTANTS = 16.0  # time resolutions: the change of a guard within this time is noise
-FINE = 2.0**-8  # fraction of the longest window: shorter ones need not resolve distant guards
+FINE = (
+    2.0**-8
+)  # fraction of the longest window: shorter ones need not resolve distant guards
 SURE = 2.0  # times the error in the middle: a larger margin is clear
-OWN, FLOOR = 0.2, 1e-9  # fractions of a window's change, of the margin: errors allowed anywhere
+OWN, FLOOR = (
+    0.2,
+    1e-9,
+)  # fractions of a window's change, of the margin: errors allowed anywhere
 RESOLVED = 0.05  # fraction of that change: error below which the ends reveal a flip
-ROOMY, GROW = 40.0, 2.0  # allowed error over error at which the next window grows, and its factor
-# Disagreement of values and rates that numbers without all their digits may cause: those below
-# 2e-308, times a factor that may be large. Below it, nothing is said against the rates. If it were
-# 1.5 times larger, guards that are as small as this would be trusted a little more, and no others.
+ROOMY, GROW = (
+    40.0,
+    2.0,
+)  # allowed error over error at which the next window grows, and its factor
+# Disagreement of values and rates that numbers without all their digits may cause:
+# those below 2e-308, times a factor that may be large. Below it, nothing is said
+# against the rates. If it were 1.5 times larger, guards that are as small as this would
+# be trusted a little more, and no others.
 UNDERFLOW = 1e-300
 MOST_ROOM = 1e300
-MOST_ROUGH = 2000  # twice the windows whose rates and values disagree, minus the other windows
+MOST_ROUGH = (
+    2000  # twice the windows whose rates and values disagree, minus the other windows
+)
 CLEAR, OPEN, DIVIDE = 0, 1, 2
 UNEVEN, EVEN, AFAR = 0, 1, 2
 BY_ENDS, BY_WINDOWS, NONE_NEAR = 0, 1, 2  # values of WATCHED: what remains to be done
@@ -82,11 +95,13 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
 
 
 @kernel_in_loop
-def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool, by_rate: bool) -> int:
+def mark_bent(
+    p: Problem, m: Memory, dt: float, theta: float, mark: bool, by_rate: bool
+) -> int:
     """Count the guards that were straight but are not at `theta`; if `mark`, mark them as bent.
 
-    The criteria are their rates along the direction of `measure` and, unless `by_rate`, their
-    values.
+    The criteria are their rates along the direction of `measure` and, unless `by_rate`,
+    their values.
     """
     g, found, resolution = m.guards, 0, INSTANTS * time_resolution(m.clock[at.T], dt)
     state = 0.0  # its rounding exceeds that of time soon after t = 0
@@ -98,7 +113,11 @@ def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool, by_rat
         same = (abs(g[at.RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
         off = abs(g[at.H, k] - cubic(g[at.H0, k], d0, g[at.H1, k], d1, theta))
         size = abs(g[at.H0, k]) + abs(g[at.H1, k]) + abs(d0) + abs(d1)
-        noise = blur(max(size, g[at.SIZE, k], 8.0 * state * abs(along)), g[at.RATE1, k], resolution)
+        noise = blur(
+            max(size, g[at.SIZE, k], 8.0 * state * abs(along)),
+            g[at.RATE1, k],
+            resolution,
+        )
         straight = same & (by_rate | (off <= AFFINE * size + noise))
         new = 0 if straight | (m.flags[at.BENT, k] != 0) else 1
         found += new
@@ -115,7 +134,9 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
         theta = (part + 0.5) / parts
         interpolate(p, m, theta, at.SCRATCH, 0.0)
         set_way(m)
-        eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
+        eval_guards(
+            p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE
+        )
         found += mark_bent(p, m, dt, theta, True, True)
     return found
 
@@ -191,8 +212,8 @@ def judge(
 ) -> tuple[int, float, float, float]:  # fmt: skip
     """Judge a guard in a window by margins and slopes (per window) at its ends and middle.
 
-    A margin must exceed the error plus `slack` times the change. Returns the judgement, the error
-    in the middle, the error that is allowed anywhere, and the change.
+    A margin must exceed the error plus `slack` times the change. Returns the judgement,
+    the error in the middle, the error that is allowed anywhere, and the change.
     """
     error = abs(gc - 0.5 * (g0 + g1) - 0.125 * (d0 - d1))
     error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
@@ -203,8 +224,12 @@ def judge(
     away = leaving and d0 >= 0.0  # leaves its surface, but not like the square of time
     near = ends if away else g0 + sixth * d0
     low = min(ends, near, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
-    if low <= unsure and ends >= -unsure:  # not certainly clear: check the turning points, too
-        low = min(ends, lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1))
+    if (
+        low <= unsure and ends >= -unsure
+    ):  # not certainly clear: check the turning points, too
+        low = min(
+            ends, lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1)
+        )
         low = min(low, near) if leaving else low
     if low > unsure:
         return CLEAR, error, min(own, low / SURE), change
@@ -215,29 +240,44 @@ def judge(
 
 @kernel_in_loop
 def judge_all(
-    p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int, slack: float
+    p: Problem,
+    m: Memory,
+    dt: float,
+    low: float,
+    high: float,
+    a: int,
+    c: int,
+    b: int,
+    slack: float,
 ) -> tuple[int, float, bool]:
     """Judge the bending guards in a window, by rows: the worst judgement and the least room.
 
-    Room is the ratio of allowed error to error; below 1, rates and values disagree. The last result
-    is whether all guards follow their cubics.
+    Room is the ratio of allowed error to error; below 1, rates and values disagree. The
+    last result is whether all guards follow their cubics.
     """
     g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, MOST_ROOM, True
-    resolution, longest = time_resolution(m.clock[at.T], dt), LONGEST * (p.t_end - p.t_start)
+    resolution, longest = (
+        time_resolution(m.clock[at.T], dt),
+        LONGEST * (p.t_end - p.t_start),
+    )
     for i in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, i)
         if m.flags[at.BENT, k] == 0:
             continue
         lock = p.mode[k]
         leaving = low == 0.0 and just_left(p, m, dt, k)
-        noise = blur(max(g[at.SIZE, k], abs(g[a, k]), abs(g[b, k])), g[c + 1, k], resolution)
+        noise = blur(
+            max(g[at.SIZE, k], abs(g[a, k]), abs(g[b, k])), g[c + 1, k], resolution
+        )
         kind, error, own, change = judge(
             0.0 if leaving else lock * g[a, k], lock * g[a + 1, k] * span,
             lock * g[c, k], lock * g[c + 1, k] * span,
             lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
         )  # fmt: skip
         room = own / error if error > UNDERFLOW else MOST_ROOM
-        if (room < min(least, ROOMY) or kind == DIVIDE) and m.counts[at.ROUGH] >= MOST_ROUGH - 1:
+        if (room < min(least, ROOMY) or kind == DIVIDE) and m.counts[
+            at.ROUGH
+        ] >= MOST_ROUGH - 1:
             m.counts[at.CULPRIT] = k
         moves = error <= MOVES * change
         rough, long = room < 1.0 and span > FINE * longest, span > longest and not moves
@@ -252,7 +292,8 @@ def judge_all(
 def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
     """Return whether ends and middle suffice, because the step is short and its cubic is the path.
 
-    In a longer step they would not: a sum of two sines may meet its cubic there by accident.
+    In a longer step they would not: a sum of two sines may meet its cubic there by
+    accident.
     """
     longest = FINE * LONGEST * (p.t_end - p.t_start)
     if dt > longest or p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
@@ -288,8 +329,8 @@ def unused(a: int, b: int) -> int:
 def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     """Return the time, s, from the step's start that is free of flips of bending guards.
 
-    If one may flip in the very first window, return that window: WATCHED then says that its ends
-    suffice.
+    If one may flip in the very first window, return that window: WATCHED then says that
+    its ends suffice.
     """
     prepare_interpolant(p, m, dt)
     run = (p.t_end - p.t_start) / dt
@@ -320,7 +361,9 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
             if p.branches < 0 or m.counts[at.BARREN] > MOST_BARREN:
                 longest = SAMPLED
             width = min(GROW * (high - low), longest * run)
-        if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
+        if kind == OPEN or (
+            kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)
+        ):
             m.clock[at.WINDOW] = (high - low) * dt
             m.counts[at.WATCHED] = BY_WINDOWS if low > 0.0 else BY_ENDS
             return low * dt if low > 0.0 else high * dt
@@ -333,7 +376,8 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
 def watch(p: Problem, m: Memory, dt: float) -> float:
     """Shorten the step to where its ends suffice; return its length, or a status.
 
-    WATCHED says whether bending guards may flip in it: not if windows have ruled that out.
+    WATCHED says whether bending guards may flip in it: not if windows have ruled that
+    out.
     """
     if m.counts[at.N_BENT] < m.flags.width:
         find_bent(p, m, dt)
@@ -359,7 +403,10 @@ def watched(p: Problem, m: Memory, dt: float) -> float:
     m.counts[at.WATCHED] = BY_ENDS
     if m.flags.width == 0:
         return dt
-    new = m.counts[at.MEASURED] != m.counts[at.INSTANTS] and m.counts[at.N_BENT] < m.flags.width
+    new = (
+        m.counts[at.MEASURED] != m.counts[at.INSTANTS]
+        and m.counts[at.N_BENT] < m.flags.width
+    )
     if not new and dt <= m.clock[at.WINDOW]:
         kind = by_ends(p, m, dt)
         if kind == AFAR and p.methods[m.counts[at.METHOD], at.IN_POWERS] == 0:

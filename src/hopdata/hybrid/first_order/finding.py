@@ -32,9 +32,13 @@ class Finding:
     detail: str
 
     @classmethod
-    def at_most(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
+    def at_most(
+        cls, condition: str, value: float, bound: float, detail: str
+    ) -> Finding:
         """Return a finding that passes if the value does not exceed a bound."""
-        return cls(condition, bool(value <= bound), float(value), f"<= {bound:g}", detail)
+        return cls(
+            condition, bool(value <= bound), float(value), f"<= {bound:g}", detail
+        )
 
     @classmethod
     def above(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
@@ -44,7 +48,13 @@ class Finding:
     def cells(self) -> tuple[str, ...]:
         """Return one row of a table."""
         value = "-" if isnan(self.value) else f"{self.value:.3g}"
-        return ("yes" if self.passed else "NO", self.condition, value, self.needed, self.detail)
+        return (
+            "yes" if self.passed else "NO",
+            self.condition,
+            value,
+            self.needed,
+            self.detail,
+        )
 
     @staticmethod
     def table(findings: Sequence[Finding]) -> str:
@@ -52,5 +62,8 @@ class Finding:
         head = "", "condition", "found", "needed", "the number is"
         rows = [head, *(finding.cells() for finding in findings)]
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-        lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
+        lines = (
+            "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True))
+            for row in rows
+        )
         return "\n".join(line.rstrip() for line in lines)

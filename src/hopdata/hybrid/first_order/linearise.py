@@ -1,6 +1,7 @@
 """The linearisation of a system at one instant: its field, guard gradients and handler.
 
-The system's functions are run as plain Python, because a few hundred evaluations need no compiler.
+The system's functions are run as plain Python, because a few hundred evaluations need
+no compiler.
 """
 
 from __future__ import annotations
@@ -17,9 +18,14 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.system import System
 
-STEP = 1e-3  # difference step in units of a coordinate's size; extrapolated, the error is STEP^4
-SAME_SLOPE = 1e-6  # tolerance within which differences and rates along unit vectors agree
-ON_GUARD = 1e-9  # fraction of the guard's scale: a state this close to a surface lies on it
+# Difference step in units of a coordinate's size; extrapolated, the error is STEP^4
+STEP = 1e-3
+SAME_SLOPE = (
+    1e-6  # tolerance within which differences and rates along unit vectors agree
+)
+ON_GUARD = (
+    1e-9  # fraction of the guard's scale: a state this close to a surface lies on it
+)
 
 
 @dataclass(frozen=True)
@@ -69,15 +75,27 @@ class Linearisation:
 
 
 def instant(
-    system: System, state: ArrayLike, *, params: ArrayLike, mode: Sequence[int], t: float
+    system: System,
+    state: ArrayLike,
+    *,
+    params: ArrayLike,
+    mode: Sequence[int],
+    t: float,
 ) -> Instant:
     """Return a checked state of the hybrid system; all locks must be set."""
     if isinstance(system, System):
         system.current()  # compiles called functions anew if their globals have changed
     y = np.array(state, dtype=np.float64)
     locks = np.array(mode, dtype=np.int64)
-    expect(y.shape == (system.n_states,), "state", f"shape ({system.n_states},)", y.shape)
-    expect(locks.shape == (system.n_modes,), "mode", f"{system.n_modes} integers", locks.shape)
+    expect(
+        y.shape == (system.n_states,), "state", f"shape ({system.n_states},)", y.shape
+    )
+    expect(
+        locks.shape == (system.n_modes,),
+        "mode",
+        f"{system.n_modes} integers",
+        locks.shape,
+    )
     given = locks[: system.n_guards]
     expect(np.isin(given, (-1, 1)).all(), "mode", "locks -1 or +1", given)
     memory = np.zeros(getattr(system, "n_memory", 0))
@@ -87,7 +105,9 @@ def instant(
 
 def state_scale(system: System, scale: ArrayLike | None) -> FloatArray:
     """Return the size of each state coordinate, (n,); 1 unless given."""
-    sizes = np.broadcast_to(np.asarray(1.0 if scale is None else scale), (system.n_states,))
+    sizes = np.broadcast_to(
+        np.asarray(1.0 if scale is None else scale), (system.n_states,)
+    )
     expect((sizes > 0).all(), "scale", "numbers > 0", repr(scale))
     return sizes.astype(np.float64)
 
@@ -99,7 +119,9 @@ def field_at(system: System, at: Instant) -> FloatArray:
     return rate
 
 
-def guards_at(system: System, at: Instant, dy: FloatArray) -> tuple[FloatArray, FloatArray]:
+def guards_at(
+    system: System, at: Instant, dy: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the event functions, and their rates for the state's rate `dy`."""
     h, rates = np.zeros(system.n_guards), np.zeros(system.n_guards)
     if system.guards is not None:
@@ -135,14 +157,19 @@ def _extrapolated(along: Callable[[float], FloatArray], step: float) -> FloatArr
 def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
     """Return the linearisation: the field and the gradients of the guards.
 
-    The guards' rates are linear in `dy`, so unit vectors give their gradients exactly if the scene
-    computes rates from `dy`. A scene may instead use velocities in the state, which equal `dy` on a
-    trajectory. In that case differences of the event functions give the gradients.
+    The guards' rates are linear in `dy`, so unit vectors give their gradients exactly
+    if the scene computes rates from `dy`. A scene may instead use velocities in the
+    state, which equal `dy` on a trajectory. In that case differences of the event
+    functions give the gradients.
     """
     nothing = np.zeros(system.n_states)
     h, in_time = guards_at(system, at, nothing)
-    exact = np.array([guards_at(system, at, e)[1] - in_time for e in np.eye(system.n_states)]).T
-    slopes, slopes_in_time = differentiate(lambda p: guards_at(system, p, nothing)[0], at, scale)
+    exact = np.array(
+        [guards_at(system, at, e)[1] - in_time for e in np.eye(system.n_states)]
+    ).T
+    slopes, slopes_in_time = differentiate(
+        lambda p: guards_at(system, p, nothing)[0], at, scale
+    )
     off = np.abs(exact - slopes) @ scale + np.abs(in_time - slopes_in_time)
     size = np.abs(slopes) @ scale + np.abs(slopes_in_time)
     rounding = 4 * (system.n_states + 1) * np.finfo(float).eps * np.abs(h) / STEP
@@ -162,7 +189,10 @@ def cross(system: System, at: Instant, guard: int) -> Instant:
 
 
 def active_guards(
-    system: System, here: Linearisation, guards: Sequence[int | str] | None, scale: FloatArray
+    system: System,
+    here: Linearisation,
+    guards: Sequence[int | str] | None,
+    scale: FloatArray,
 ) -> tuple[int, ...]:
     """Return the indices of the guards named, or of those on whose surface the state lies."""
     if guards is None:
@@ -185,7 +215,8 @@ Combination = tuple[int, ...]
 def lock_combinations(guards: Sequence[int], seed: int = 0) -> Iterator[Combination]:
     """Yield the sets of guards that may have been crossed, with increasing indices.
 
-    These are all 2^n sets up to n = 8. Beyond, they are 256: none, each one, all, and random ones.
+    These are all 2^n sets up to n = 8. Beyond, they are 256: none, each one, all, and
+    random ones.
     """
     chosen = tuple(sorted(guards))
     n = len(chosen)
@@ -202,7 +233,11 @@ def lock_combinations(guards: Sequence[int], seed: int = 0) -> Iterator[Combinat
 
 
 def mode_fields(
-    system: System, start: Instant, guards: Sequence[int], scale: FloatArray, seed: int = 0
+    system: System,
+    start: Instant,
+    guards: Sequence[int],
+    scale: FloatArray,
+    seed: int = 0,
 ) -> dict[Combination, Linearisation]:
     """Return field and guards for each combination of locks, keyed by the guards crossed."""
 

@@ -36,13 +36,15 @@ def saltation_matrix(
     Parameters
     ----------
     before, after : (n,) array_like
-        Field f- before and f+ after the crossing; f+ is taken at the state after the reset.
+        Field f- before and f+ after the crossing; f+ is taken at the state after the
+        reset.
     gradient : (n,) array_like
         Derivative Dh of the event function with respect to the state.
     time_rate : float
         Derivative of the event function with respect to time.
     reset, reset_rate : (n, n) and (n,) array_like, optional
-        Derivatives of the reset with respect to state and time. By default there is no reset.
+        Derivatives of the reset with respect to state and time. By default there is no
+        reset.
 
     Returns
     -------
@@ -56,14 +58,18 @@ def saltation_matrix(
     f, g, slope = (np.asarray(v, dtype=np.float64) for v in (before, after, gradient))
     rate = _rate(f, slope, time_rate)
     kept = np.eye(len(f)) if reset is None else np.asarray(reset, dtype=np.float64)
-    moved = kept @ f + (0.0 if reset_rate is None else np.asarray(reset_rate, dtype=np.float64))
+    moved = kept @ f + (
+        0.0 if reset_rate is None else np.asarray(reset_rate, dtype=np.float64)
+    )
     return kept + np.outer(g - moved, slope) / rate
 
 
 def _rate(f: FloatArray, slope: FloatArray, time_rate: float) -> float:
     rate = float(slope @ f) + time_rate
     if rate == 0 or not np.isfinite(rate):
-        raise NotTransversalError(f"expected a rate of the guard other than 0, found {rate}")
+        raise NotTransversalError(
+            f"expected a rate of the guard other than 0, found {rate}"
+        )
     return rate
 
 
@@ -75,7 +81,8 @@ def crossing(
 ) -> tuple[FloatArray, Linearisation]:
     """Return the saltation matrix of a guard's crossing, and the linearisation after it.
 
-    If the handler changes this state or a neighbouring one, differences give its derivative.
+    If the handler changes this state or a neighbouring one, differences give its
+    derivative.
     """
     at = here.instant
     there = local.linearise(system, local.cross(system, at, guard), scale)
@@ -84,17 +91,25 @@ def crossing(
     def after(p: Instant) -> FloatArray:
         return local.cross(system, p, guard).y
 
-    beside = at.moved(at.y + BESIDE * scale * np.sqrt(1.0 + np.arange(len(scale))), at.t)
+    beside = at.moved(
+        at.y + BESIDE * scale * np.sqrt(1.0 + np.arange(len(scale))), at.t
+    )
     if any((after(p) != p.y).any() for p in (at, beside)):
         reset, reset_rate = local.differentiate(after, at, scale)
     slope, in_time = here.gradients[guard], float(here.time_rates[guard])
     matrix = saltation_matrix(
-        here.rate, there.rate, slope, time_rate=in_time, reset=reset, reset_rate=reset_rate
+        here.rate,
+        there.rate,
+        slope,
+        time_rate=in_time,
+        reset=reset,
+        reset_rate=reset_rate,
     )
     return matrix, there
 
 
-# The orders in which guards that meet at one state may be crossed, each with its matrix.
+# The orders in which guards that meet at one state may be crossed, each with its
+# matrix.
 
 NARROW = 1e-9  # a cone of deviations thinner than this counts as a plane
 MOST_ORDERS = 720
@@ -104,8 +119,8 @@ MOST_ORDERS = 720
 class Node:
     """The trajectory after some of the crossings.
 
-    `product` (n, n) maps a deviation before the first crossing to the deviation from the nominal
-    trajectory of the mode reached.
+    `product` (n, n) maps a deviation before the first crossing to the deviation from
+    the nominal trajectory of the mode reached.
     """
 
     here: Linearisation
@@ -115,7 +130,9 @@ class Node:
     def delays(self) -> FloatArray:
         """Functionals that map a deviation to the times of crossing, (n_guards, n)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return -(self.here.gradients @ self.product) / self.here.guard_rates[:, None]
+            return (
+                -(self.here.gradients @ self.product) / self.here.guard_rates[:, None]
+            )
 
 
 @dataclass(frozen=True)
@@ -129,9 +146,11 @@ class CrossingOrder:
     matrix : (n, n) array
         Product of the saltation matrices.
     direction : (n,) array
-        Unit deviation whose trajectory crosses in this order and stays well clear of other orders.
+        Unit deviation whose trajectory crosses in this order and stays well clear of
+        other orders.
     state : (n,) array
-        State after the crossings; it depends on the order only if handlers change the state.
+        State after the crossings; it depends on the order only if handlers change the
+        state.
     """
 
     guards: tuple[int, ...]
@@ -143,12 +162,13 @@ class CrossingOrder:
 class BouligandDerivative:
     """The crossings of some guards in any order from one state, each computed on demand.
 
-    It is called with deviations v from that state, (n,) or (n, m), at the instant at which the
-    nominal trajectory meets the guards. It returns D_v, of the same shape: the position of the
-    neighbour relative to the nominal trajectory once both have crossed all guards, carried back to
-    that instant by the last field. D_v is linear on each cone of deviations whose trajectories
-    cross the guards in one order, and continuous across cones (Burden, Sastry, Koditschek and
-    Revzen 2016; dissertation, section 1.2).
+    It is called with deviations v from that state, (n,) or (n, m), at the instant at
+    which the nominal trajectory meets the guards. It returns D_v, of the same shape:
+    the position of the neighbour relative to the nominal trajectory once both have
+    crossed all guards, carried back to that instant by the last field. D_v is linear on
+    each cone of deviations whose trajectories cross the guards in one order, and
+    continuous across cones (Burden, Sastry, Koditschek and Revzen 2016; dissertation,
+    section 1.2).
     """
 
     def __init__(
@@ -156,7 +176,9 @@ class BouligandDerivative:
     ) -> None:
         self.system, self.guards, self.scale = system, tuple(guards), scale
         here = local.linearise(system, start, scale)
-        self._nodes: dict[tuple[int, ...], Node] = {(): Node(here, np.eye(system.n_states))}
+        self._nodes: dict[tuple[int, ...], Node] = {
+            (): Node(here, np.eye(system.n_states))
+        }
 
     def __call__(self, deviations: ArrayLike) -> FloatArray:
         """Return the directional derivatives D_v."""
@@ -186,8 +208,9 @@ class BouligandDerivative:
     def order(self, deviation: ArrayLike) -> tuple[int, ...]:
         """Return the order in which the neighbour at a deviation (n,) crosses the guards.
 
-        The order is exact to first order: the neighbour follows one constant field after another.
-        Guards crossed simultaneously keep the order in which they are named.
+        The order is exact to first order: the neighbour follows one constant field
+        after another. Guards crossed simultaneously keep the order in which they are
+        named.
         """
         order: tuple[int, ...] = ()
         while len(order) < len(self.guards):
@@ -199,13 +222,18 @@ class BouligandDerivative:
     def pieces(self, *, seed: int = 0) -> tuple[CrossingOrder, ...]:
         """Return the orders that occur among the deviations, with their matrices.
 
-        An order occurs if the deviations that cross in it have an interior. With up to six guards
-        all orders are tried; with more, those in which 720 random deviations cross.
+        An order occurs if the deviations that cross in it have an interior. With up to
+        six guards all orders are tried; with more, those in which 720 random deviations
+        cross.
         """
         if factorial(len(self.guards)) <= MOST_ORDERS:
-            inside = {guards: self._inside(guards) for guards in permutations(self.guards)}
+            inside = {
+                guards: self._inside(guards) for guards in permutations(self.guards)
+            }
         else:
-            draws = np.random.default_rng(seed).normal(size=(MOST_ORDERS, self.system.n_states))
+            draws = np.random.default_rng(seed).normal(
+                size=(MOST_ORDERS, self.system.n_states)
+            )
             inside = {self.order(v): v for v in draws * self.scale}
         found = []
         for order, v in inside.items():
@@ -226,9 +254,10 @@ class BouligandDerivative:
 def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
     """Return v with rows @ v > 0, or None: then rows sum to zero with weights >= 0 (Gordan 1873).
 
-    The minimum of |rows.T w|^2 + (1 - sum w)^2 over w >= 0 is positive in the first case, and its
-    minimiser gives v = rows.T w. Rows negligible beside `size` belong to guards that share a
-    surface, which all deviations cross together; they impose no condition.
+    The minimum of |rows.T w|^2 + (1 - sum w)^2 over w >= 0 is positive in the first
+    case, and its minimiser gives v = rows.T w. Rows negligible beside `size` belong to
+    guards that share a surface, which all deviations cross together; they impose no
+    condition.
     """
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     asking = lengths[:, 0] > NARROW * size
@@ -271,15 +300,19 @@ def bouligand_derivative(
     Returns
     -------
     BouligandDerivative
-        Raises `NotTransversalError` when it reaches an order in which a guard is not approached.
+        Raises `NotTransversalError` when it reaches an order in which a guard is not
+        approached.
     """
     sizes = local.state_scale(system, scale)
     start = local.instant(system, state, params=params, mode=mode, t=t)
-    chosen = local.active_guards(system, local.linearise(system, start, sizes), guards, sizes)
+    chosen = local.active_guards(
+        system, local.linearise(system, start, sizes), guards, sizes
+    )
     return BouligandDerivative(system, start, chosen, sizes)
 
 
-# Derivative of the state at which trajectories meet a section, from the derivative of the flow.
+# Derivative of the state at which trajectories meet a section, from the derivative of
+# the flow.
 
 
 def project_onto_section(
@@ -287,8 +320,9 @@ def project_onto_section(
 ) -> FloatArray:
     """Return the derivative of the impact state, (I - f Dh / (Dh f + dh/dt)) Phi.
 
-    The flow's derivative locates a neighbour at the same time; this one locates it where it meets
-    the surface h = 0. The two differ by the remaining time, multiplied by the rate f.
+    The flow's derivative locates a neighbour at the same time; this one locates it
+    where it meets the surface h = 0. The two differ by the remaining time, multiplied
+    by the rate f.
 
     Parameters
     ----------

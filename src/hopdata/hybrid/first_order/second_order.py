@@ -1,17 +1,19 @@
 """Whether a system has the second-order form of table 1.1's second column at a state.
 
-Such a system (force-position additive, section 3.1 of reference CRB22 of the dissertation) is
-event-selected; half of its coordinates are positions and the others their velocities; its guards
-depend on the positions alone; and its contacts add accelerations: with several feet down, each adds
-what it adds alone. Then the saltation matrices commute, and the flow is C1.
+Such a system (force-position additive, section 3.1 of reference CRB22 of the
+dissertation) is event-selected; half of its coordinates are positions and the others
+their velocities; its guards depend on the positions alone; and its contacts add
+accelerations: with several feet down, each adds what it adds alone. Then the saltation
+matrices commute, and the flow is C1.
 
-The velocities need not be the rates of the positions: angles change at rates that depend on the
-angular velocity and the attitude. It is enough that the rates of the positions determine the
-velocities, and are the same in every mode. With these rates as coordinates in place of the
-velocities, the contacts still add accelerations, because they enter linearly.
+The velocities need not be the rates of the positions: angles change at rates that
+depend on the angular velocity and the attitude. It is enough that the rates of the
+positions determine the velocities, and are the same in every mode. With these rates as
+coordinates in place of the velocities, the contacts still add accelerations, because
+they enter linearly.
 
-All of this is found by evaluating the system at the state and at a few states beside it, in every
-mode: at the instant of a contact a spring does not push yet.
+All of this is found by evaluating the system at the state and at a few states beside
+it, in every mode: at the instant of a contact a spring does not push yet.
 """
 
 from __future__ import annotations
@@ -30,8 +32,11 @@ GROUPED = "coordinates are positions and velocities"
 BY_POSITION = "guards depend on position alone"
 ADDITIVE = "contacts add accelerations (additive)"
 BESIDE = 8  # states beside the one that is checked; more would find rarer exceptions
-SINGULAR = 1e8  # condition number from which rates of positions do not determine the velocities
-ROUNDING = 64 * np.finfo(float).eps  # of a sum of accelerations, relative to the largest
+# Condition number from which rates of positions do not determine the velocities
+SINGULAR = 1e8
+ROUNDING = (
+    64 * np.finfo(float).eps
+)  # of a sum of accelerations, relative to the largest
 Fields = Sequence[Mapping[Combination, FloatArray]]
 
 
@@ -52,12 +57,13 @@ def second_order_form(
     scale : (n,) array
         Size of each coordinate.
     seed : int
-        Seed of the states beside `start`, and of combinations of more than eight guards.
+        Seed of the states beside `start`, and of combinations of more than eight
+        guards.
     tolerance : float
         Relative difference below which two numbers count as equal.
     positions : sequence of int, optional
-        Coordinates that are positions; by default those whose rate is another coordinate or, if
-        these are not half of all, the first half.
+        Coordinates that are positions; by default those whose rate is another
+        coordinate or, if these are not half of all, the first half.
     """
     combinations = list(local.lock_combinations(active, seed))
     places = _beside(start, scale, seed)
@@ -74,7 +80,9 @@ def _beside(start: Instant, scale: FloatArray, seed: int) -> list[Instant]:
     """Return an instant and some beside it, by a small step in a random direction."""
     steps = local.STEP * np.maximum(scale, np.abs(start.y))
     directions = np.random.default_rng(seed).uniform(-1.0, 1.0, (BESIDE, len(start.y)))
-    moved = [start.moved(start.y + steps * direction, start.t) for direction in directions]
+    moved = [
+        start.moved(start.y + steps * direction, start.t) for direction in directions
+    ]
     return [start, *moved]
 
 
@@ -83,8 +91,8 @@ def _fields(
 ) -> dict[Combination, FloatArray]:
     """Return the field at a state for each combination of crossed guards.
 
-    A handler may change the mode and the parameters. Jumps of the state are another condition, so
-    they are left out here.
+    A handler may change the mode and the parameters. Jumps of the state are another
+    condition, so they are left out here.
     """
     found = {}
     for crossed in combinations:
@@ -117,7 +125,9 @@ def why_not_positions(
     """Return why the other coordinates are not the velocities of these; empty if they are."""
     n, chosen = len(scale), list(positions)
     if 2 * len(set(chosen)) != n or not set(chosen) <= set(range(n)):
-        return f"{len(set(chosen))} positions among {n} coordinates are not half of them"
+        return (
+            f"{len(set(chosen))} positions among {n} coordinates are not half of them"
+        )
     others = np.setdiff1d(np.arange(n), chosen)
     for place, field in zip(places, fields, strict=True):
         rates = np.array([rate[chosen] for rate in field.values()])
@@ -125,7 +135,9 @@ def why_not_positions(
         changed = np.flatnonzero(np.ptp(rates, axis=0) > allowed)
         if len(changed) > 0:
             return f"contacts change the rate of position {chosen[changed[0]]} directly"
-        slopes, _ = local.differentiate(lambda at: local.field_at(system, at)[chosen], place, scale)
+        slopes, _ = local.differentiate(
+            lambda at: local.field_at(system, at)[chosen], place, scale
+        )
         if not np.linalg.cond(slopes[:, others] * scale[others]) < SINGULAR:
             return f"the rates of {chosen} do not determine the other coordinates"
     return ""
@@ -137,7 +149,10 @@ def _grouped(
 ) -> tuple[Finding, list[int]]:  # fmt: skip
     """Return the finding on positions and velocities, and the positions, none if it fails."""
     n, pairs = len(scale), position_pairs(places, fields, scale, tolerance)
-    chosen, listed = list(range(n // 2)), "the first half, and the others their velocities"
+    chosen, listed = (
+        list(range(n // 2)),
+        "the first half, and the others their velocities",
+    )
     if positions is not None:
         chosen, listed = list(positions), f"{list(positions)}, as given"
     elif 2 * len(pairs) == n and set(pairs.values()).isdisjoint(pairs):
@@ -145,7 +160,9 @@ def _grouped(
         listed = ", ".join(f"{i} with its velocity {k}" for i, k in pairs.items())
     why = why_not_positions(system, places, fields, scale, tolerance, chosen)
     if why:
-        detail = f"coordinates that are positions: {why} (others may be given as positions=)"
+        detail = (
+            f"coordinates that are positions: {why} (others may be given as positions=)"
+        )
         return Finding(GROUPED, False, 0.0, f"= {n // 2}", detail), []
     detail = f"coordinates that are positions: {listed}"
     return Finding(GROUPED, True, float(len(chosen)), f"= {n // 2}", detail), chosen
@@ -177,15 +194,21 @@ def _additive(
 ) -> Finding:
     """Return the finding on whether crossed guards add to the rates what each adds alone.
 
-    What they add to the rates of positions counts in full: contacts may change velocities only by
-    accelerations.
+    What they add to the rates of positions counts in full: contacts may change
+    velocities only by accelerations.
     """
     is_position = np.isin(np.arange(len(scale)), positions)
     apart, effect = 0.0, 0.0
     for field in fields:
         free = field[()]
-        alone = {crossed[0]: rate - free for crossed, rate in field.items() if len(crossed) == 1}
-        rounding = ROUNDING * max(float(np.max(np.abs(rate) / scale)) for rate in field.values())
+        alone = {
+            crossed[0]: rate - free
+            for crossed, rate in field.items()
+            if len(crossed) == 1
+        }
+        rounding = ROUNDING * max(
+            float(np.max(np.abs(rate) / scale)) for rate in field.values()
+        )
         for crossed, rate in field.items():
             added = rate - free
             left = added - np.sum([alone[guard] for guard in crossed], axis=0)

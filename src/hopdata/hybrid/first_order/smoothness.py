@@ -1,12 +1,13 @@
 """Test whether the flow through a state is C1, by the two columns of table 1.1.
 
-The table's first column is event-selection (definitions 1.2.1 and 1.2.2 of the dissertation): every
-active guard is approached, whichever of the others have been crossed, and the state does not jump.
-Every nearby trajectory then crosses each guard exactly once, because rates that are positive here
-are positive in a neighbourhood. Whether the crossings commute is computed: the flow has a Jacobian
-at the state if all orders that occur around it have the same matrix. The second column (see
-`second_order`), additive forces and guards that depend on position alone, is sufficient for that
-but not necessary: it explains why a flow is C1, and does not decide it.
+The table's first column is event-selection (definitions 1.2.1 and 1.2.2 of the
+dissertation): every active guard is approached, whichever of the others have been
+crossed, and the state does not jump. Every nearby trajectory then crosses each guard
+exactly once, because rates that are positive here are positive in a neighbourhood.
+Whether the crossings commute is computed: the flow has a Jacobian at the state if all
+orders that occur around it have the same matrix. The second column (see
+`second_order`), additive forces and guards that depend on position alone, is sufficient
+for that but not necessary: it explains why a flow is C1, and does not decide it.
 """
 
 from __future__ import annotations
@@ -22,11 +23,15 @@ from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.first_order import linearise as local
 from hopdata.hybrid.first_order.finding import Finding
 from hopdata.hybrid.first_order.linearise import Combination, Instant, Linearisation
-from hopdata.hybrid.first_order.saltation import BouligandDerivative, NotTransversalError
+from hopdata.hybrid.first_order.saltation import (
+    BouligandDerivative,
+    NotTransversalError,
+)
 from hopdata.hybrid.first_order.second_order import second_order_form
 from hopdata.hybrid.system import System
 
-# Event-selection: how the active guards are crossed, for all combinations of their locks.
+# Event-selection: how the active guards are crossed, for all combinations of their
+# locks.
 
 CONTINUOUS, CROSSED = "trajectories are continuous", "each guard is crossed"
 ONCE, KEPT = "each guard is crossed only once", "contact keeps penetration velocity"
@@ -39,16 +44,21 @@ def event_selection(
 ) -> tuple[Finding, ...]:
     """Return findings on jumps of the state, and on guards being crossed, once, and not held up.
 
-    All 2^n combinations of locks are checked up to n = 8 active guards, and 256 beyond. Rates are
-    normalised by the sums |Dh_i f_i| + |dh/dt|: 1 means that all terms act together, and a negative
-    value that a guard runs back. They do not depend on the units of state, guard or time.
+    All 2^n combinations of locks are checked up to n = 8 active guards, and 256 beyond.
+    Rates are normalised by the sums |Dh_i f_i| + |dh/dt|: 1 means that all terms act
+    together, and a negative value that a guard runs back. They do not depend on the
+    units of state, guard or time.
     """
     guards, views = list(active), local.mode_fields(system, start, active, scale, seed)
     ways = -start.mode[guards]  # directions of crossing
-    rates = {crossed: ways * view.guard_rates[guards] for crossed, view in views.items()}
+    rates = {
+        crossed: ways * view.guard_rates[guards] for crossed, view in views.items()
+    }
     shares = [_share(rates[c], view.guard_scales[guards]) for c, view in views.items()]
     size = np.maximum(scale, np.abs(start.y))
-    jump = max(float(np.max(np.abs(v.instant.y - start.y) / size)) for v in views.values())
+    jump = max(
+        float(np.max(np.abs(v.instant.y - start.y) / size)) for v in views.values()
+    )
     return (
         Finding.at_most(CONTINUOUS, jump, UNCHANGED, "largest jump of a coordinate"),
         Finding.above(
@@ -94,10 +104,14 @@ def _pushed_back(
     worst = 0.0
     for crossed, view in views.items():
         is_over = np.isin(guards, crossed)
-        if not np.array_equal(view.instant.mode[guards], np.where(is_over, ways, -ways)):
+        if not np.array_equal(
+            view.instant.mode[guards], np.where(is_over, ways, -ways)
+        ):
             return np.inf
         size = np.maximum(np.abs(view.gradients[guards]) @ scale, np.finfo(float).tiny)
-        moved = np.where(is_over, -ways, ways) * (surfaces[crossed] - surfaces[()]) / size
+        moved = (
+            np.where(is_over, -ways, ways) * (surfaces[crossed] - surfaces[()]) / size
+        )
         worst = max(worst, float(moved.max()))
     return worst
 
@@ -112,16 +126,24 @@ def one_sided_gaps(
 ) -> tuple[float, float]:
     """Return the difference of the guards' one-sided gradients, for a step and an eighth of it.
 
-    It is relative to the gradient. The difference shrinks with the step for a smooth guard, and
-    remains for a kink.
+    It is relative to the gradient. The difference shrinks with the step for a smooth
+    guard, and remains for a kink.
     """
-    coarse, fine = (_gap(system, here, guards, scale, local.STEP / r) for r in (1.0, REFINEMENT))
+    coarse, fine = (
+        _gap(system, here, guards, scale, local.STEP / r) for r in (1.0, REFINEMENT)
+    )
     size = np.abs(here.gradients[guards]) @ scale
-    return tuple(float(np.max(gap / size)) if size.all() else np.inf for gap in (coarse, fine))  # type: ignore[return-value]
+    return tuple(
+        float(np.max(gap / size)) if size.all() else np.inf for gap in (coarse, fine)
+    )  # type: ignore[return-value]
 
 
 def _gap(
-    system: System, here: Linearisation, guards: list[int], scale: FloatArray, step: float
+    system: System,
+    here: Linearisation,
+    guards: list[int],
+    scale: FloatArray,
+    step: float,
 ) -> FloatArray:
     at = here.instant
 
@@ -145,8 +167,8 @@ def rates_agree(system: System, here: Linearisation, guards: list[int]) -> float
 def spread(products: Sequence[FloatArray]) -> float:
     """Return the largest distance of two saltation products over the largest effect of one.
 
-    The distance is the Frobenius norm in units of the coordinates' sizes; the effect of a product
-    is its distance from 1.
+    The distance is the Frobenius norm in units of the coordinates' sizes; the effect of
+    a product is its distance from 1.
     """
     stack = np.array(products)
     effect = np.linalg.norm(stack - np.eye(stack.shape[-1]), axis=(1, 2)).max()
@@ -160,7 +182,11 @@ NOT_SELECTED, SELECTED, C1 = "not event-selected", "event-selected, not C1", "C1
 
 
 def smooth_guards(
-    system: System, here: Linearisation, active: list[int], scale: FloatArray, tolerance: float
+    system: System,
+    here: Linearisation,
+    active: list[int],
+    scale: FloatArray,
+    tolerance: float,
 ) -> tuple[Finding, ...]:
     """Return findings on equal one-sided gradients, and on reported rates that agree with them."""
     coarse, fine = one_sided_gaps(system, here, active, scale)
@@ -184,10 +210,17 @@ def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Findi
     except NotTransversalError as error:
         return Finding(ONE_PRODUCT, False, np.nan, f"<= {tolerance:g}", str(error))
     matrices = [order.matrix * scale / scale[:, None] for order in orders]
-    detail = f"largest distance of two of {len(orders)} products, over that of one from 1"
-    ends, start = np.array([order.state for order in orders]), flow.node(()).here.instant.y
+    detail = (
+        f"largest distance of two of {len(orders)} products, over that of one from 1"
+    )
+    ends, start = (
+        np.array([order.state for order in orders]),
+        flow.node(()).here.instant.y,
+    )
     if (ends != start).any():
-        apart = max(float(np.linalg.norm((ends - end) / scale, axis=1).max()) for end in ends)
+        apart = max(
+            float(np.linalg.norm((ends - end) / scale, axis=1).max()) for end in ends
+        )
         detail += f"; the states after them differ by {apart:.3g}"
     return Finding.at_most(ONE_PRODUCT, spread(matrices), tolerance, detail)
 
@@ -203,11 +236,13 @@ class SmoothnessReport:
     selection : tuple of Finding
         First column of table 1.1: the conditions for an event-selected system.
     products : Finding
-        Whether all orders of crossing that occur have one saltation product; the value is the
-        largest distance between two of them over the largest distance of one from 1.
+        Whether all orders of crossing that occur have one saltation product; the value
+        is the largest distance between two of them over the largest distance of one
+        from 1.
     second_order : tuple of Finding
-        Second column of table 1.1 without its first line, event-selection: the conditions for a
-        system of second order whose contacts add accelerations. They imply one product.
+        Second column of table 1.1 without its first line, event-selection: the
+        conditions for a system of second order whose contacts add accelerations. They
+        imply one product.
     """
 
     guards: tuple[str, ...]
@@ -230,7 +265,9 @@ class SmoothnessReport:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Conditions that do not hold, without those of the second-order form."""
-        return tuple(f.condition for f in (*self.selection, self.products) if not f.passed)
+        return tuple(
+            f.condition for f in (*self.selection, self.products) if not f.passed
+        )
 
     def __str__(self) -> str:
         why = f" (does not hold: {'; '.join(self.reasons)})" if self.reasons else ""
@@ -275,12 +312,12 @@ def check_c1(
     scale : (n,) array_like, optional
         Size of each coordinate: unit of differences and norms. By default 1.
     positions : sequence of int, optional
-        Coordinates that are positions, for the second-order form; the others are velocities. By
-        default those whose rate is another coordinate or, if these are not half of all, the first
-        half.
+        Coordinates that are positions, for the second-order form; the others are
+        velocities. By default those whose rate is another coordinate or, if these are
+        not half of all, the first half.
     seed : int
-        Seed for sampling combinations of more than eight guards, orders of more than six, and
-        states beside this one.
+        Seed for sampling combinations of more than eight guards, orders of more than
+        six, and states beside this one.
     tolerance : float
         Relative difference below which two numbers count as equal.
 
@@ -301,7 +338,9 @@ def check_c1(
     expect(active, "guards", "at least one, as the state lies on no surface", active)
     continuous, *others = event_selection(system, start, active, sizes, seed)
     smooth = smooth_guards(system, here, list(active), sizes, tolerance)
-    products = one_product(BouligandDerivative(system, start, active, sizes), seed, tolerance)
+    products = one_product(
+        BouligandDerivative(system, start, active, sizes), seed, tolerance
+    )
     form = second_order_form(system, start, active, sizes, seed, tolerance, positions)
     names = tuple(system.guard_names[k] for k in active)
     return SmoothnessReport(names, (continuous, *smooth, *others), products, form)

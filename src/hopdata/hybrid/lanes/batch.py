@@ -53,7 +53,11 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
 
 
 def lane_runner(
-    system: System, method: str, jacobian: bool, arrays: tuple[Any, ...], options: tuple[Any, ...]
+    system: System,
+    method: str,
+    jacobian: bool,
+    arrays: tuple[Any, ...],
+    options: tuple[Any, ...],
 ) -> tuple[Callable[[int, int], int] | None, str]:
     """Return a function that integrates rows in lanes, or None and the reason.
 
@@ -62,8 +66,8 @@ def lane_runner(
     system, method, jacobian
         As in `solve_batch`.
     arrays : tuple of array
-        Initial states, parameters and modes; room for status, ends, modes, counts and samples;
-        requested times and absolute tolerances.
+        Initial states, parameters and modes; room for status, ends, modes, counts and
+        samples; requested times and absolute tolerances.
     options : tuple
         Start, end, relative tolerance, largest and first step, most steps and events.
     """
@@ -111,27 +115,45 @@ def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
 
 def guards_of_groups(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
     """Evaluate the guards for each group of lanes."""
-    other_h, other_rate, params = margins(r.other_h, 0), margins(r.other_rate, 0), params_of(r)
+    other_h, other_rate, params = (
+        margins(r.other_h, 0),
+        margins(r.other_rate, 0),
+        params_of(r),
+    )
     CALL(t, y, dy, row(r.modes, r.book[code.LEAD, 0]), params, h, rate)
     for group in range(1, r.book[code.N_GROUPS, 0]):
-        CALL(t, y, dy, row(r.modes, r.book[code.LEAD, group]), params, other_h, other_rate)
+        CALL(
+            t,
+            y,
+            dy,
+            row(r.modes, r.book[code.LEAD, group]),
+            params,
+            other_h,
+            other_rate,
+        )
         mine = mask_of(r.book[code.MEMBERS, group])
         for g in range(len(h)):
             h[g] = where(mine, other_h[g], h[g])
             rate[g] = where(mine, other_rate[g], rate[g])
 
 
-def guards_one_by_one(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
+def guards_one_by_one(
+    t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any
+) -> None:
     """Evaluate guards that are declared one by one."""
     for g in range(len(h)):
         CALL(t, y, dy, mode, params, g, h, rate)
 
 
-def no_guards(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
+def no_guards(
+    t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any
+) -> None:
     """Evaluate the guards of a system that has none."""
 
 
-def lane_functions(system: System, n_params: int, in_lanes: bool) -> tuple[list[Any], str]:
+def lane_functions(
+    system: System, n_params: int, in_lanes: bool
+) -> tuple[list[Any], str]:
     """Return the machine code of field and guards, and why there is none; empty if there is.
 
     Parameters
@@ -144,7 +166,10 @@ def lane_functions(system: System, n_params: int, in_lanes: bool) -> tuple[list[
         Whether each lane has its own parameters.
     """
     n, n_guards, own = system.n_states, system.n_guards, f"part_{n_params}"
-    body, known = [f"return {own if in_lanes else 'row'}(r.params, 0)"], {own: part(n_params)}
+    body, known = (
+        [f"return {own if in_lanes else 'row'}(r.params, 0)"],
+        {own: part(n_params)},
+    )
     params_of = put_in(compose("params_of", "r", body, {**known, "row": row}))
     names = {"states": part(n), "margins": part(n_guards), "params_of": params_of}
     field = with_digest(field_of_groups, **names, CALL=system.field.dispatcher)
@@ -174,9 +199,21 @@ def _desk(
     book = np.zeros((code.BOOK_ROWS, WIDTH), dtype=np.int64)
     read, rules = np.array(read_modes(system), dtype=np.int64), system.rules
     handled = np.empty(n), np.empty_like(params[0])
-    views = table, table[first["lock"] :], own, *handled, modes, book, read, rules, *arrays
+    views = (
+        table,
+        table[first["lock"] :],
+        own,
+        *handled,
+        modes,
+        book,
+        read,
+        rules,
+        *arrays,
+    )
     desk = [table[row:].ctypes.data for row in list(first.values())[:-1]]
-    desk += [number for array in views for number in (array.ctypes.data, array.shape[-1])]
+    desk += [
+        number for array in views for number in (array.ctypes.data, array.shape[-1])
+    ]
     handler = 0 if system.on_event is None else system.on_event.address
     desk += np.array(options[:5]).view(np.int64).tolist()
     desk += [*options[5:], n, n_guards, n_own, len(params), handler]

@@ -6,13 +6,19 @@ from hopdata.hybrid.methods.explicit import DOP853
 
 INSIDE = 9  # stage at which the guards are evaluated inside a step ...
 PLACE = DOP853.nodes[INSIDE - 1]  # ... and its place, as a fraction of the step
-EARLY = 7  # another stage inside, at which the guards are compared with what the others show ...
+# Another stage inside, at which the guards are compared with what the others show ...
+EARLY = 7
 EARLY_PLACE = DOP853.nodes[EARLY - 1]  # ... and its place
 STAGES, FURTHER = len(DOP853.weights), len(DOP853.dense_nodes)
-SLOPES = STAGES + 1 + FURTHER  # slopes of the stages, of the end, and of the dense stages
+SLOPES = (
+    STAGES + 1 + FURTHER
+)  # slopes of the stages, of the end, and of the dense stages
 DENSE = 3 + len(DOP853.dense)  # rows of the interpolant for each component
 TINY = 1e-300  # floor of the tolerance, to avoid division by zero
-DENSE_ERROR, ORDER = DOP853.dense_error, DOP853.order  # interpolant's error in errors of the step
+DENSE_ERROR, ORDER = (
+    DOP853.dense_error,
+    DOP853.order,
+)  # interpolant's error in errors of the step
 STABLE = (0.1 * DOP853.stiff_tenths) ** 2
 
 
@@ -22,7 +28,9 @@ def _sum(weights: Sequence[float], start: str = "") -> str:
     for j, weight in enumerate(weights):
         if weight != 0.0:
             slope = f"k[{j} * N + i]"
-            code = f"fma({weight!r}, {slope}, {code})" if code else f"{weight!r} * {slope}"
+            code = (
+                f"fma({weight!r}, {slope}, {code})" if code else f"{weight!r} * {slope}"
+            )
     return code
 
 
@@ -38,7 +46,9 @@ def step_code() -> list[str]:
     """Return the body of ``step(t, h, r)``: error, and whether it is unstable."""
     code = ["k, N = r.k, r.n"]
     kept = {INSIDE: "r.inner", EARLY: "r.early"}
-    for j, (node, weights) in enumerate(zip(DOP853.nodes, DOP853.stages, strict=True), start=1):
+    for j, (node, weights) in enumerate(
+        zip(DOP853.nodes, DOP853.stages, strict=True), start=1
+    ):
         code += _stage(node, weights, j, kept.get(j, "r.work"))
     return [
         *code,
@@ -72,5 +82,8 @@ def dense_code() -> list[str]:
         f"    j = {DENSE} * i",
         "    p[j], p[j + 1] = rise, first - rise",
         "    p[j + 2] = rise - last - p[j + 1]",
-        *(f"    p[j + {3 + q}] = h * ({_sum(row)})" for q, row in enumerate(DOP853.dense)),
+        *(
+            f"    p[j + {3 + q}] = h * ({_sum(row)})"
+            for q, row in enumerate(DOP853.dense)
+        ),
     ]

@@ -1,19 +1,20 @@
 """The loop over systems in lanes: step, judge the guards, land on the first flip, process it.
 
-Each lane has its own time, step and mode; when one ends, the lane takes the next system. All
-operations apply to all lanes, and a mask selects the results that are kept, so no lane depends on
-the others. The loop serves all systems: it calls field and guards by their address, once for each
-group of lanes whose modes are the same to them.
+Each lane has its own time, step and mode; when one ends, the lane takes the next
+system. All operations apply to all lanes, and a mask selects the results that are kept,
+so no lane depends on the others. The loop serves all systems: it calls field and guards
+by their address, once for each group of lanes whose modes are the same to them.
 
-Guards are judged by value and rate at both ends of a step and at a stage inside, whose state is of
-fifth order. A cubic through the ends shows its error there and at an earlier stage. Where they do
-not determine what a guard does, the step is halved. A flip is located on the polynomial through
-all of them, the step is repeated up to there, and its end is moved by the small remainder. In a
-lane most of whose steps end in flips, flips are predicted, and the interpolant gives the state
-there if it is accurate enough. Where several guards flip at one instant, they do so one after the
-other, in the driver's order (see `driver.instant`). A system for which this fails (guards that
-graze or slide, that flip a third time at one instant, vanishing steps, infinite fields) is given up
-and left to the driver.
+Guards are judged by value and rate at both ends of a step and at a stage inside, whose
+state is of fifth order. A cubic through the ends shows its error there and at an
+earlier stage. Where they do not determine what a guard does, the step is halved. A flip
+is located on the polynomial through all of them, the step is repeated up to there, and
+its end is moved by the small remainder. In a lane most of whose steps end in flips,
+flips are predicted, and the interpolant gives the state there if it is accurate enough.
+Where several guards flip at one instant, they do so one after the other, in the
+driver's order (see `driver.instant`). A system for which this fails (guards that graze
+or slide, that flip a third time at one instant, vanishing steps, infinite fields) is
+given up and left to the driver.
 """
 
 from itertools import accumulate
@@ -75,31 +76,34 @@ def interpolate(theta: Any, r: Any) -> None:
         r.work[i] = fma(theta, value, r.y[i])
 
 
-# Rows of `book`: the system, events, samples written, guards that flip now as bits, guards whose
-# locks are open as bits, the guard that ended the run, and its status. For each group of lanes with
-# the same modes: its first lane, and its members as bits. The number of groups. Of the present
-# instant: the guard that flipped last (-1: none yet), whether its handler changed the state, and
-# the guards that have flipped once and twice, as bits.
+# Rows of `book`: the system, events, samples written, guards that flip now as bits,
+# guards whose locks are open as bits, the guard that ended the run, and its status. For
+# each group of lanes with the same modes: its first lane, and its members as bits. The
+# number of groups. Of the present instant: the guard that flipped last (-1: none yet),
+# whether its handler changed the state, and the guards that have flipped once and
+# twice, as bits.
 INDEX, EVENTS, SAMPLES, DUE, OPEN, CULPRIT, STATUS, LEAD, MEMBERS, N_GROUPS = range(10)
 LAST, JUMPED, ONCE, TWICE = range(10, 14)
 BOOK_ROWS = 14
 
 # The room of the lanes: rows of a table, each as wide as there are lanes.
 #
-# y, early, inner, end: states at the start, at two places inside and at the end of the step; k:
-# slopes of the stages, of the end, and of the dense stages; moved: the end, moved to the flip;
-# dense: the interpolant; work, other: scratch; aim: margins and slopes of the guard expected to
-# flip first, and its place. Guards: h0, rate0 at the start, early_h, early_rate and h, rate inside,
-# h1, rate1 at the end of the step; along, along1, inside: rates along one
-# direction, at the start, at the end and inside; size: largest recent
-# value, the scale of rounding; leaving: 1 where a guard is at its surface, on its new side; lock;
-# bend: change of the rate in the last step; other_h, other_rate: scratch.
+# y, early, inner, end: states at the start, at two places inside and at the end of the
+# step; k: slopes of the stages, of the end, and of the dense stages; moved: the end,
+# moved to the flip; dense: the interpolant; work, other: scratch; aim: margins and
+# slopes of the guard expected to flip first, and its place. Guards: h0, rate0 at the
+# start, early_h, early_rate and h, rate inside, h1, rate1 at the end of the step;
+# along, along1, inside: rates along one direction, at the start, at the end and inside;
+# size: largest recent value, the scale of rounding; leaving: 1 where a guard is at its
+# surface, on its new side; lock; bend: change of the rate in the last step; other_h,
+# other_rate: scratch.
 #
-# By lane: table: all rows, from y on; locks; params, or one row that all share; modes: a row for
-# each; book. Of one lane, for the handler: own, own_params. read: places of the mode that are read;
-# rules: of the layout. The next are given to `solve_batch` or returned by it, as in `driver.loop`:
-# `given` are the parameters, and `mode` is the mode at the start. n_own: number of parameters of
-# each lane, 0 if shared; n_given: number of rows of `given`; handler, field, guards: addresses.
+# By lane: table: all rows, from y on; locks; params, or one row that all share; modes:
+# a row for each; book. Of one lane, for the handler: own, own_params. read: places of
+# the mode that are read; rules: of the layout. The next are given to `solve_batch` or
+# returned by it, as in `driver.loop`: `given` are the parameters, and `mode` is the
+# mode at the start. n_own: number of parameters of each lane, 0 if shared; n_given:
+# number of rows of `given`; handler, field, guards: addresses.
 STATES = {"y": 1, "k": written.SLOPES, "inner": 1, "early": 1, "end": 1, "moved": 1, "work": 1,
           "other": 1, "dense": written.DENSE}  # fmt: skip
 GUARDS = (
@@ -112,13 +116,27 @@ ITEMS = {
     **dict.fromkeys(("table", "locks", "params", "own", "own_params"), TABLE),
     **dict.fromkeys(("modes", "book", "read", "rules"), INTS),
     **{"y0": TABLE, "given": TABLE, "mode": INTS, "status": INTS, "ends": TABLE},
-    **{"end_modes": INTS, "counts": INTS, "samples": TABLE, "times": FLOATS, "atol": FLOATS},
-    **dict.fromkeys(("t_start", "t_end", "rtol", "max_step", "first_step"), types.float64),
-    **dict.fromkeys(("max_steps", "max_events", "n", "n_guards", "n_own", "n_given"), types.int64),
+    **{
+        "end_modes": INTS,
+        "counts": INTS,
+        "samples": TABLE,
+        "times": FLOATS,
+        "atol": FLOATS,
+    },
+    **dict.fromkeys(
+        ("t_start", "t_end", "rtol", "max_step", "first_step"), types.float64
+    ),
+    **dict.fromkeys(
+        ("max_steps", "max_events", "n", "n_guards", "n_own", "n_given"), types.int64
+    ),
     **dict.fromkeys(("handler", "field", "guards"), types.int64),
 }
-_SLOTS = accumulate((2 if isinstance(kind, View) else 1 for kind in ITEMS.values()), initial=0)
-ROOM = Record("Room", dict(zip(ITEMS, zip(ITEMS.values(), _SLOTS, strict=False), strict=True)))
+_SLOTS = accumulate(
+    (2 if isinstance(kind, View) else 1 for kind in ITEMS.values()), initial=0
+)
+ROOM = Record(
+    "Room", dict(zip(ITEMS, zip(ITEMS.values(), _SLOTS, strict=False), strict=True))
+)
 room, state = reader_of(ROOM), vectors.part(None)
 
 
@@ -126,7 +144,9 @@ def first_rows(n: int, n_guards: int) -> dict[str, int]:
     """Return the first row of each part of the table; the parameters are the last part."""
     lengths = {name: count * n for name, count in STATES.items()}
     lengths |= {"aim": 7} | dict.fromkeys(GUARDS.split(), n_guards)
-    return dict(zip([*lengths, "params"], accumulate(lengths.values(), initial=0), strict=True))
+    return dict(
+        zip([*lengths, "params"], accumulate(lengths.values(), initial=0), strict=True)
+    )
 
 
 def natives(states: Any, margins: Any) -> tuple[Any, Any]:
@@ -168,15 +188,21 @@ def group(r: Any) -> None:
 
 # The guards within a step.
 
-ITERATIONS, ROOT_TOLERANCE = 40, 1e-6  # fraction of a step: Newton's next change is negligible
-# Flips are predicted in a lane where they end this fraction of steps. A few guards seldom do, and
-# prediction would cost each step 5 %.
+ITERATIONS, ROOT_TOLERANCE = (
+    40,
+    1e-6,
+)  # fraction of a step: Newton's next change is negligible
+# Flips are predicted in a lane where they end this fraction of steps. A few guards
+# seldom do, and prediction would cost each step 5 %.
 MOSTLY, FEW = 0.7, 4
-NEAR = 1e-5  # fraction of the step: largest distance by which its end is moved to a flip
+NEAR = (
+    1e-5  # fraction of the step: largest distance by which its end is moved to a flip
+)
 FIRST, REST = PLACE / 3.0, (1.0 - PLACE) / 3.0
-# Fraction of its change by which a guard may be off its cubic at the two places inside. With 0.2,
-# and one place, 22 of 200 sums of two sines lost events; with 0.1 none of 600, so this is twice as
-# strict. If 1.5 times larger, some 15 % fewer steps for guards that bend quickly.
+# Fraction of its change by which a guard may be off its cubic at the two places inside.
+# With 0.2, and one place, 22 of 200 sums of two sines lost events; with 0.1 none of
+# 600, so this is twice as strict. If 1.5 times larger, some 15 % fewer steps for guards
+# that bend quickly.
 FOLLOWS = 0.05
 PER_PLACE, PER_REST = 1.0 / PLACE, 1.0 / (1.0 - PLACE)
 
@@ -197,7 +223,8 @@ def rises(low: Any, high: Any, slack: Any) -> Any:
 def root(go: Any, r: Any) -> Any:
     """Return where the first guard falls through zero, as a fraction of the step.
 
-    Bracketed Newton iteration on the polynomial through values and rates at three places.
+    Bracketed Newton iteration on the polynomial through values and rates at three
+    places.
     """
     m0, d0, mc, dc, m1, d1 = r.aim[0], r.aim[1], r.aim[2], r.aim[3], r.aim[4], r.aim[5]
     left, right = (mc - m0) * PER_PLACE, (m1 - mc) * PER_REST
@@ -228,22 +255,33 @@ def straight(g: int, r: Any) -> Any:
     """Return where a guard's rate along one direction is constant over the step."""
     along = absolute(r.along[g])
     same = absolute(r.inside[g] - r.along[g]) <= windows.AFFINE * along
-    return same & (absolute(r.along1[g] - r.along[g]) <= windows.AFFINE * along) & (along > 0.0)
+    return (
+        same
+        & (absolute(r.along1[g] - r.along[g]) <= windows.AFFINE * along)
+        & (along > 0.0)
+    )
 
 
-# Weights of the slopes at the start, inside and at the end of a step in the bend at its end.
+# Weights of the slopes at the start, inside and at the end of a step in the bend at its
+# end.
 BY_START, BY_INSIDE = (1.0 - PLACE) / PLACE, -1.0 / (PLACE * (1.0 - PLACE))
 BY_END = (2.0 - PLACE) / (1.0 - PLACE)
 
 GIVEN_UP = -100  # status of a system left to the driver
 HUGE, TINY_ERROR = 1e30, 1e-12
-ALMOST_THERE = 1.01  # factor by which the last step may be stretched to avoid a tiny one
+ALMOST_THERE = (
+    1.01  # factor by which the last step may be stretched to avoid a tiny one
+)
 MOST_ROUNDS = 4  # rounds until open locks agree
 MOST_TRIES = 60  # most tries for one step
-# Fractions of the run. A step that is shorter, or lands in vain, makes no progress. Where flips
-# follow so soon, rounding may hide the next one, as for a ball that comes to rest.
+# Fractions of the run. A step that is shorter, or lands in vain, makes no progress.
+# Where flips follow so soon, rounding may hide the next one, as for a ball that comes
+# to rest.
 SHORTEST, SOON = 1e-12, 1e-8
-IN_VAIN, MOST_IDLE = 1.5, 8.5  # idle steps in a row: a guard flips in place; system is given up
+IN_VAIN, MOST_IDLE = (
+    1.5,
+    8.5,
+)  # idle steps in a row: a guard flips in place; system is given up
 STIFF_STEPS = 15.0  # net number of steps too near the stability limit
 SAFETY, SHRINK_MOST, GROW_MOST = 0.8, 0.2, 6.0
 
@@ -272,7 +310,12 @@ def take_systems(want: int, first: int, last: int, r: Any) -> tuple[int, int]:
             r.params[i, j] = r.given[first % r.n_given, i]
         copy(row(r.mode, 0), row(r.modes, j))
         r.book[INDEX, j], r.book[CULPRIT, j], r.book[STATUS, j] = first, -1, at.FINISHED
-        r.book[EVENTS, j], r.book[SAMPLES, j], r.book[DUE, j], r.book[OPEN, j] = 0, 0, 0, 0
+        r.book[EVENTS, j], r.book[SAMPLES, j], r.book[DUE, j], r.book[OPEN, j] = (
+            0,
+            0,
+            0,
+            0,
+        )
         begin_instant(j, r)
         if r.times.width > 0 and r.times[0] == r.t_start:
             copy(row(r.y0, first), row(r.samples, first * r.times.width))
@@ -315,7 +358,8 @@ def settle(started: int, t: Any, r: Any) -> int:
 def close(open_ones: int, r: Any) -> tuple[int, int]:
     """Decide the locks still open in these lanes by their guards' rates.
 
-    Returns the lanes in which a lock has changed, and those with a rate of zero, to be given up.
+    Returns the lanes in which a lock has changed, and those with a rate of zero, to be
+    given up.
     """
     changed = resting = 0
     for g in range(r.n_guards):
@@ -333,7 +377,9 @@ def close(open_ones: int, r: Any) -> tuple[int, int]:
 def next_to_flip(j: int, r: Any) -> int:
     """Return the guard that flips next in lane j: see `driver.instant` for the order."""
     due, last = r.book[DUE, j], r.book[LAST, j]
-    if r.book[JUMPED, j] != 0 and due >> last & 1:  # a bounce is over before the next one begins
+    if (
+        r.book[JUMPED, j] != 0 and due >> last & 1
+    ):  # a bounce is over before the next one begins
         return last
     first = -1
     for place in range(r.n_guards):
@@ -349,9 +395,10 @@ def next_to_flip(j: int, r: Any) -> int:
 def fire(lanes: int, t: Any, r: Any) -> int:
     """Flip one of the guards that are due in each of these lanes, and call the handler.
 
-    Returns the lanes that end or are given up. A lane is given up if its handler changes parameters
-    that all systems share or makes the state NaN or infinite, if a guard flips for a third time at
-    this instant, or if an event ends the run while other guards are due.
+    Returns the lanes that end or are given up. A lane is given up if its handler
+    changes parameters that all systems share or makes the state NaN or infinite, if a
+    guard flips for a third time at this instant, or if an event ends the run while
+    other guards are due.
     """
     over, own, own_params = 0, row(r.own, 0), row(r.own_params, 0)
     for j in range(WIDTH):
@@ -372,7 +419,9 @@ def fire(lanes: int, t: Any, r: Any) -> int:
         if r.rules[at.DIRECTION, g] * direction >= 0:
             stop, mode = r.rules[at.TERMINAL, g], row(r.modes, j)
             if r.handler != 0:
-                stop |= call_on_event(r.handler, now, own, mode, own_params, g, direction)
+                stop |= call_on_event(
+                    r.handler, now, own, mode, own_params, g, direction
+                )
             r.book[EVENTS, j] += 1
             r.book[CULPRIT, j] = g
             if stop != 0:
@@ -408,7 +457,10 @@ def refresh(fresh: int, t: Any, r: Any) -> int:
     call_guards(r.guards, t, r.y, slope, r, r.h, r.rate)
     resolution, flipping = resolution_of(t, spread(0.0)), 0
     for g in range(r.n_guards):
-        r.h0[g], r.rate0[g] = where(mine, r.h[g], r.h0[g]), where(mine, r.rate[g], r.rate0[g])
+        r.h0[g], r.rate0[g] = (
+            where(mine, r.h[g], r.h0[g]),
+            where(mine, r.rate[g], r.rate0[g]),
+        )
         margin, rate = r.lock[g] * r.h0[g], r.lock[g] * r.rate0[g]
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
         r.leaving[g] = where(mine, where(margin <= noise, 1.0, 0.0), r.leaving[g])
@@ -423,7 +475,10 @@ def first_step(t: Any, longest: Any, r: Any) -> Any:
     size = steep = bent = spread(0.0)
     for i in range(r.n):
         per = 1.0 / largest(fma(r.rtol, absolute(r.y[i]), r.atol[i]), TINY)
-        size, steep = largest(absolute(r.y[i]) * per, size), largest(absolute(r.k[i]) * per, steep)
+        size, steep = (
+            largest(absolute(r.y[i]) * per, size),
+            largest(absolute(r.k[i]) * per, steep),
+        )
     trial = where((size > 0.0) & (steep > 0.0), 0.01 * size / steep, 1e-3 * longest)
     trial = least(trial, longest)
     for i in range(r.n):
@@ -433,14 +488,17 @@ def first_step(t: Any, longest: Any, r: Any) -> Any:
         per = 1.0 / (trial * largest(fma(r.rtol, absolute(r.y[i]), r.atol[i]), TINY))
         bent = largest(absolute(slope[i] - r.k[i]) * per, bent)
     steepest = largest(largest(steep, bent), TINY)
-    return least(least(100.0 * trial, rough_power(0.01 / steepest, 1.0 / ORDER)), longest)
+    return least(
+        least(100.0 * trial, rough_power(0.01 / steepest, 1.0 / ORDER)), longest
+    )
 
 
 @kernel
 def clipped(t: Any, h: Any, before: Any, r: Any) -> Any:
     """Return the steps, or slightly more than the time to the first predicted flip.
 
-    It is predicted from value, rate, and the rate's change in the last step, of length `before`.
+    It is predicted from value, rate, and the rate's change in the last step, of length
+    `before`.
     """
     shortest, per_s = CLIP_MOST * resolution_of(t, h), 1.0 / before
     for g in range(r.n_guards):
@@ -448,7 +506,10 @@ def clipped(t: Any, h: Any, before: Any, r: Any) -> Any:
         bend = r.lock[g] * r.bend[g] * per_s
         room = rate * rate - 2.0 * value * bend
         side = square_root(largest(room, 0.0))
-        time = where(rate < 0.0, 2.0 * value / (side - rate), -(side + rate) / bend) * OVERSHOOT
+        time = (
+            where(rate < 0.0, 2.0 * value / (side - rate), -(side + rate) / bend)
+            * OVERSHOOT
+        )
         h = where((room > 0.0) & (time > shortest) & (time < h), time, h)
     return h
 
@@ -464,7 +525,9 @@ def look_along(t: Any, h: Any, r: Any) -> None:
 
 
 @kernel
-def off_cubic(place: float, m: Any, d: Any, m0: Any, d0: Any, bend: Any, twist: Any) -> Any:
+def off_cubic(
+    place: float, m: Any, d: Any, m0: Any, d0: Any, bend: Any, twist: Any
+) -> Any:
     """Return how far margin and slope at a place are from those of the cubic over the step."""
     value = m0 + place * (d0 + place * (bend + place * twist))
     slope = d0 + place * (2.0 * bend + 3.0 * place * twist)
@@ -475,10 +538,11 @@ def off_cubic(place: float, m: Any, d: Any, m0: Any, d0: Any, bend: Any, twist: 
 def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, Any, Any]:
     """Judge all guards in the steps that are `fine`.
 
-    Returns four results by lane: where no judgement is possible, where a guard is past its surface,
-    where a guard is at its surface at the end, and the distance of the end from there, in steps.
-    Margins are positive on the side that the lock names. Each half of the step has a cubic, whose
-    Bezier points bound it; they show that a guard stays clear, or falls through zero once.
+    Returns four results by lane: where no judgement is possible, where a guard is past
+    its surface, where a guard is at its surface at the end, and the distance of the end
+    from there, in steps. Margins are positive on the side that the lock names. Each
+    half of the step has a cubic, whose Bezier points bound it; they show that a guard
+    stays clear, or falls through zero once.
     """
     unclear, far, touching, soonest = mask_of(0), mask_of(0), mask_of(0), spread(inf)
     r.aim[6], looked = 1.0, False
@@ -493,19 +557,31 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
         bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
         error = off_cubic(PLACE, mc, dc, m0, d0, bend, twist)
         early_m, early_d = lock * r.early_h[g], per_step * r.early_rate[g]
-        error = largest(error, off_cubic(EARLY_PLACE, early_m, early_d, m0, d0, bend, twist))
+        error = largest(
+            error, off_cubic(EARLY_PLACE, early_m, early_d, m0, d0, bend, twist)
+        )
         slack, size = 0.25 * error, largest(absolute(m0), absolute(m1))
         noise = ROUNDING * largest(size, r.size[g]) + resolution * absolute(r.rate1[g])
-        p1, p2, q1, q2 = m0 + FIRST * d0, mc - FIRST * dc, mc + REST * dc, m1 - REST * d1
+        p1, p2, q1, q2 = (
+            m0 + FIRST * d0,
+            mc - FIRST * dc,
+            mc + REST * dc,
+            m1 - REST * d1,
+        )
         clear = least(least(p1, p2), least(mc, least(q1, q2))) > slack
         again = rises(p1, p2, slack) | rises(p2, mc, slack)
-        again = again | rises(mc, q1, slack) | rises(q1, q2, slack) | (left & ~(p1 > slack))
+        again = (
+            again | rises(mc, q1, slack) | rises(q1, q2, slack) | (left & ~(p1 > slack))
+        )
         near = largest(-NEAR * d1, noise)
         touches = (d1 < 0.0) & (absolute(m1) <= near)
         past = (m1 <= 0.0) & ~touches
         told = (clear & ~past) | ((past | touches) & ~again)
         change = largest(largest(m0, mc), m1) - least(least(m0, mc), m1)
-        rough = error > FOLLOWS * change + windows.FLOOR * (absolute(m0) + absolute(m1)) + noise
+        rough = (
+            error
+            > FOLLOWS * change + windows.FLOOR * (absolute(m0) + absolute(m1)) + noise
+        )
         rough = rough & (h > windows.FINE * windows.LONGEST * run_s)
         slow = (h > windows.LONGEST * run_s) & (error > windows.MOVES * change)
         doubtful = (rough | slow | (h > windows.LONGEST_IF_SURE * run_s)) & told & fine
@@ -553,9 +629,15 @@ def cut(crossed: Any, place: Any, t: Any, h: Any, error: Any, r: Any) -> Any:
         good, on_one = good & ((margin > 0.0) | touches), on_one | touches
     good = good & on_one
     for i in range(r.n):
-        r.end[i], slope[i] = where(good, r.work[i], r.end[i]), where(good, new[i], slope[i])
+        r.end[i], slope[i] = (
+            where(good, r.work[i], r.end[i]),
+            where(good, new[i], slope[i]),
+        )
     for g in range(r.n_guards):
-        r.h1[g], r.rate1[g] = where(good, r.h[g], r.h1[g]), where(good, r.rate[g], r.rate1[g])
+        r.h1[g], r.rate1[g] = (
+            where(good, r.h[g], r.h1[g]),
+            where(good, r.rate[g], r.rate1[g]),
+        )
     return good
 
 
@@ -565,11 +647,13 @@ def land(
 ) -> tuple[Any, int, int]:
     """Move the ends of these steps to their surfaces; return the shifts, and where guards are due.
 
-    The third result are the lanes in which several guards are due, and one of them is past its
-    surface by more than rounding: the driver must say what belongs to this instant.
+    The third result are the lanes in which several guards are due, and one of them is
+    past its surface by more than rounding: the driver must say what belongs to this
+    instant.
 
-    In lanes that have landed in vain before, the state cannot come any nearer to the surface: the
-    rounding of state or guard is larger than the guard's values suggest. It flips from there.
+    In lanes that have landed in vain before, the state cannot come any nearer to the
+    surface: the rounding of state or guard is larger than the guard's values suggest.
+    It flips from there.
     """
     mine, slope = mask_of(landing), state(r.k, STAGES * r.n)
     shift = where(mine, soonest * h, 0.0)
@@ -592,13 +676,20 @@ def land(
     for g in range(r.n_guards):
         size = largest(absolute(r.h0[g]), absolute(r.h1[g]))
         margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
-        stuck = (idle > IN_VAIN) & (absolute(margin) <= SHORTEST * run_s * absolute(rate))
+        stuck = (idle > IN_VAIN) & (
+            absolute(margin) <= SHORTEST * run_s * absolute(rate)
+        )
         size = where(stuck, largest(size, 2.0 / ROUNDING * absolute(margin)), size)
-        r.size[g] = where(mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g])
+        r.size[g] = where(
+            mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g]
+        )
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
         flipping |= mark(landing, g, margin, rate, noise, r)
         past |= bits(margin < -noise) & landing
-        r.h1[g], r.rate1[g] = where(mine, r.h[g], r.h1[g]), where(mine, r.rate[g], r.rate1[g])
+        r.h1[g], r.rate1[g] = (
+            where(mine, r.h[g], r.h1[g]),
+            where(mine, r.rate[g], r.rate1[g]),
+        )
     torn = 0
     for j in range(WIDTH if past != 0 else 0):
         several = r.book[DUE, j] & (r.book[DUE, j] - 1) != 0
@@ -613,7 +704,11 @@ def sample(lanes: int, t: Any, h: Any, t_new: Any, ready: bool, r: Any) -> None:
         now, pending = t_new, 0
         for j in range(WIDTH):
             next_one = r.book[SAMPLES, j]
-            if lanes >> j & 1 and next_one < r.times.width and r.times[next_one] <= lane(t_new, j):
+            if (
+                lanes >> j & 1
+                and next_one < r.times.width
+                and r.times[next_one] <= lane(t_new, j)
+            ):
                 now, pending = with_lane(now, j, r.times[next_one]), pending | 1 << j
         if pending == 0:
             return
@@ -667,22 +762,33 @@ def leave(lanes: int, t: Any, tried: Any, taken: Any, cuts: Any, r: Any) -> None
             r.ends[b, END_STATE + i] = r.table[i, j]
         copy(row(r.modes, j), row(r.end_modes, b))
         row(r.counts, b)[:] = 0
-        steps, tries, short = int(lane(taken, j)), int(lane(tried, j)), int(lane(cuts, j))
-        r.counts[b, at.NFEV] = STAGES * tries + (1 + FURTHER) * short + r.book[EVENTS, j] + 2
+        steps, tries, short = (
+            int(lane(taken, j)),
+            int(lane(tried, j)),
+            int(lane(cuts, j)),
+        )
+        r.counts[b, at.NFEV] = (
+            STAGES * tries + (1 + FURTHER) * short + r.book[EVENTS, j] + 2
+        )
         r.counts[b, at.STEPS], r.counts[b, at.REJECTED] = steps, tries - steps
-        r.counts[b, at.EVENTS], r.counts[b, at.SAMPLES] = r.book[EVENTS, j], r.book[SAMPLES, j]
+        r.counts[b, at.EVENTS], r.counts[b, at.SAMPLES] = (
+            r.book[EVENTS, j],
+            r.book[SAMPLES, j],
+        )
         r.counts[b, at.CULPRIT] = r.book[CULPRIT, j]
 
 
 def run(first: int, last: int, desk: int) -> int:
     """Integrate from the rows `first` to `last` of y0, as `driver.loop` does.
 
-    `desk` is the address of the desk, which holds or points to everything else. The status of a
-    system that is given up is GIVEN_UP.
+    `desk` is the address of the desk, which holds or points to everything else. The
+    status of a system that is given up is GIVEN_UP.
     """
     r = room(int_vector(desk, 0))
     t, run_s, before = spread(r.t_start), r.t_end - r.t_start, spread(1.0)
-    h_next = resume = tries = stiff = tried = taken = idle = landed = hit = cuts = spread(0.0)
+    h_next = resume = tries = stiff = tried = taken = idle = landed = hit = cuts = (
+        spread(0.0)
+    )
     active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
     while True:
         begun = open_ones = rounds = 0
@@ -696,7 +802,11 @@ def run(first: int, last: int, desk: int) -> int:
                 where(new, 0.0, tries),
                 where(new, 0.0, stiff),
             )
-            idle, cuts, tried = where(new, 0.0, idle), where(new, 0.0, cuts), where(new, 0.0, tried)
+            idle, cuts, tried = (
+                where(new, 0.0, idle),
+                where(new, 0.0, cuts),
+                where(new, 0.0, tried),
+            )
             resume, taken = where(new, 0.0, resume), where(new, 0.0, taken)
             landed, hit = where(new, 0.0, landed), where(new, r.t_start, hit)
             open_ones = settle(begun, t, r)
@@ -706,14 +816,18 @@ def run(first: int, last: int, desk: int) -> int:
             fresh, resting = close(open_ones, r) if open_ones != 0 else (0, 0)
             over, rounds = over | resting, rounds + 1
             fresh, due = fresh & ~over, due & ~(fresh | over)
-            open_ones = fresh if rounds < MOST_ROUNDS else 0  # rates may depend on other locks
+            open_ones = (
+                fresh if rounds < MOST_ROUNDS else 0
+            )  # rates may depend on other locks
             if due != 0:
                 over |= fire(due, t, r)
                 sample_again(due, t, r)
                 fresh = (fresh | due) & ~over
         if begun != 0:
             guess = first_step(t, spread(min(run_s, r.max_step)), r)
-            h_next = where(mask_of(begun), r.first_step if r.first_step > 0.0 else guess, h_next)
+            h_next = where(
+                mask_of(begun), r.first_step if r.first_step > 0.0 else guess, h_next
+            )
         want = (bits(t >= r.t_end) & active) | over
         if want != 0:
             leave(want, t, tried, taken, cuts, r)
@@ -730,14 +844,18 @@ def run(first: int, last: int, desk: int) -> int:
         call_guards(r.guards, fma(PLACE, h, t), r.inner, middle, r, r.h, r.rate)
         call_guards(r.guards, t + h, r.end, slope, r, r.h1, r.rate1)
         early = state(r.k, EARLY * r.n)
-        call_guards(r.guards, fma(EARLY_PLACE, h, t), r.early, early, r, r.early_h, r.early_rate)
+        call_guards(
+            r.guards, fma(EARLY_PLACE, h, t), r.early, early, r, r.early_h, r.early_rate
+        )
         live = mask_of(active)
         fine = (error <= 1.0) & live
         unclear, far, touching, soonest = judge(t, h, fine, run_s, r)
         crossed, accepted = fine & ~unclear & far, fine & ~unclear & ~far
         aimed, landing, full, ready = bits(crossed), bits(accepted & touching), h, False
         factor = SAFETY * rough_power(error + TINY_ERROR, -1.0 / ORDER)
-        factor = largest(SHRINK_MOST, least(where(mask_of(rejected), 1.0, GROW_MOST), factor))
+        factor = largest(
+            SHRINK_MOST, least(where(mask_of(rejected), 1.0, GROW_MOST), factor)
+        )
         h_next = h * where(fine & unclear, 0.5, factor)
         if aimed != 0:
             place = root(crossed, r)
@@ -767,7 +885,10 @@ def run(first: int, last: int, desk: int) -> int:
         before = where(accepted, h, before)
         landed = where(mask_of(landing), landed + 1.0, landed)
         for i in range(r.n):
-            r.y[i], r.k[i] = where(accepted, r.moved[i], r.y[i]), where(accepted, slope[i], r.k[i])
+            r.y[i], r.k[i] = (
+                where(accepted, r.moved[i], r.y[i]),
+                where(accepted, slope[i], r.k[i]),
+            )
         for g in range(r.n_guards):
             r.bend[g] = where(accepted, r.rate1[g] - r.rate0[g], r.bend[g])
             r.h0[g] = where(accepted, r.h1[g], r.h0[g])
@@ -781,9 +902,16 @@ def run(first: int, last: int, desk: int) -> int:
             sample_again(fresh, t, r)
         nowhere = (mask_of(landing) | (h < SHORTEST * run_s)) & ~mask_of(fresh)
         idle = where(accepted, where(nowhere, idle + 1.0, 0.0), idle)
-        lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | ~(h > ROUNDING * absolute(t))
-        lost = lost | (idle > MOST_IDLE) | ((taken >= float(r.max_steps)) & (t < r.t_end))
-        soon, hit = mask_of(fresh) & (t - hit < SOON * run_s), where(mask_of(fresh), t, hit)
+        lost = (
+            (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | ~(h > ROUNDING * absolute(t))
+        )
+        lost = (
+            lost | (idle > MOST_IDLE) | ((taken >= float(r.max_steps)) & (t < r.t_end))
+        )
+        soon, hit = (
+            mask_of(fresh) & (t - hit < SOON * run_s),
+            where(mask_of(fresh), t, hit),
+        )
         over |= give_up(bits((lost | soon) & live) & ~over, r)
         want = ((bits(t >= r.t_end) & active & ~fresh) | over) & active
         if want != 0:

@@ -1,14 +1,14 @@
 # ruff: noqa: ARG001, ARG002, ARG005, PLW0108 (Numba prescribes signatures and their names)
 """A Numba type for the processor's vectors, for which a user's scalar function compiles as it is.
 
-A `Lanes` holds one number for each of `WIDTH` systems, and a `Mask` one truth value for each.
-`Rows` is an array of `Lanes` by its address, with its length in the type. Operators, elementary
-functions, `min`, `max`, `np.where` and lengths are those that fields and guards use. Operations
-without a vector instruction run lane by lane. A branch on a mask has no type, which Numba and this
-package report as an error.
+A `Lanes` holds one number for each of `WIDTH` systems, and a `Mask` one truth value for
+each. `Rows` is an array of `Lanes` by its address, with its length in the type.
+Operators, elementary functions, `min`, `max`, `np.where` and lengths are those that
+fields and guards use. Operations without a vector instruction run lane by lane. A
+branch on a mask has no type, which Numba and this package report as an error.
 
-Products and sums are fused only where `fma` is written, so a lane's bytes depend neither on the
-processor nor on the width.
+Products and sums are fused only where `fma` is written, so a lane's bytes depend
+neither on the processor nor on the width.
 """
 
 import builtins
@@ -43,7 +43,8 @@ def _features() -> str:
         return ""
 
 
-# Two of the processor's vectors: while one waits for its result, the other is processed.
+# Two of the processor's vectors: while one waits for its result, the other is
+# processed.
 WIDTH = 16 if "+avx512f" in _features() else 8 if "+avx" in _features() else 4
 ALL = (1 << WIDTH) - 1
 ALIGNMENT = 64
@@ -108,7 +109,9 @@ def _spread(builder: Any, kind: Any, value: Any) -> Any:
         value = builder.fpext(value, DOUBLE)
     none, first = ir.Constant(VECTOR, ir.Undefined), ir.Constant(ir.IntType(32), 0)
     places = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
-    return builder.shuffle_vector(builder.insert_element(none, value, first), none, places)
+    return builder.shuffle_vector(
+        builder.insert_element(none, value, first), none, places
+    )
 
 
 def _cast(context: Any, builder: Any, given: Any, wanted: Any, value: Any) -> Any:
@@ -122,22 +125,34 @@ for _number in (types.Float, types.Integer, types.IntegerLiteral, types.Boolean)
 # Operators.
 
 
-def _operator(key: Any, count: int, fits: Function, result: Any, emit: Function) -> None:
+def _operator(
+    key: Any, count: int, fits: Function, result: Any, emit: Function
+) -> None:
     """Register an operator for arguments that fit; `emit(builder, *lanes)` builds it."""
 
     class Template(FirstTried):
         def generic(self, args: Any, kws: Any) -> Any:
             plain = tuple(map(types.unliteral, args))
-            return signature(result, *plain) if len(plain) == count and fits(*plain) else None
+            return (
+                signature(result, *plain)
+                if len(plain) == count and fits(*plain)
+                else None
+            )
 
     Template.key = key  # type: ignore[attr-defined]
     infer_global(key)(Template)
 
     def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         pairs = zip(sign.args, values, strict=True)
-        return emit(builder, *(v if k == mask else _spread(builder, k, v) for k, v in pairs))
+        return emit(
+            builder, *(v if k == mask else _spread(builder, k, v) for k, v in pairs)
+        )
 
-    choices = [_Mask] if fits is _are_masks else [_Lanes, types.Float, types.Integer, types.Boolean]
+    choices = (
+        [_Mask]
+        if fits is _are_masks
+        else [_Lanes, types.Float, types.Integer, types.Boolean]
+    )
     if count == 1:
         lower_builtin(key, choices[0])(lower)
         return
@@ -163,7 +178,9 @@ for _name in ("add", "sub", "mul", "truediv"):
             lambda b, x, y, made=_made: getattr(b, made)(x, y),
         )  # fmt: skip
 for _name, _sign in zip(
-    ("lt", "le", "gt", "ge", "eq", "ne"), ["<", "<=", ">", ">=", "==", "!="], strict=True
+    ("lt", "le", "gt", "ge", "eq", "ne"),
+    ["<", "<=", ">", ">=", "==", "!="],
+    strict=True,
 ):
     _operator(getattr(operator, _name), 2, _fits, mask, _compare(_sign))
 for _name in ("and_", "or_", "xor"):
@@ -214,7 +231,9 @@ def _get_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
 @lower_builtin(operator.setitem, Rows, types.Integer, types.Any)
 def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
     value = _spread(builder, sign.args[2], values[2])
-    builder.store(value, _place(builder, sign.args[0], *values[:2])).align = ALIGNMENT // 2
+    builder.store(value, _place(builder, sign.args[0], *values[:2])).align = (
+        ALIGNMENT // 2
+    )
     return context.get_dummy_value()
 
 
@@ -230,8 +249,8 @@ overload_attribute(Rows, "size")(lambda rows: _length(rows))
 def part(length: int | None) -> Any:
     """Return a function for compiled code that gives `length` lanes of an array or of `Rows`.
 
-    ``made(array, first)`` starts at row `first` of other `Rows`, or of an aligned float array (see
-    `aligned`), or a view of one, whose rows have the length `WIDTH`.
+    ``made(array, first)`` starts at row `first` of other `Rows`, or of an aligned float
+    array (see `aligned`), or a view of one, whose rows have the length `WIDTH`.
     """
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -259,13 +278,23 @@ def _function(result: Any, taken: tuple[Any, ...], emit: Function) -> Any:
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
         triples = zip(taken, sign.args, values, strict=True)
-        return emit(builder, *(_spread(builder, k, v) if w == lanes else v for w, k, v in triples))
+        return emit(
+            builder,
+            *(_spread(builder, k, v) if w == lanes else v for w, k, v in triples),
+        )
 
     def typed(*kinds: Any) -> Any:
         plain = tuple(map(types.unliteral, kinds))
-        same = (w == k or (w == lanes and _is_number(k)) for w, k in zip(taken, plain, strict=True))
+        same = (
+            w == k or (w == lanes and _is_number(k))
+            for w, k in zip(taken, plain, strict=True)
+        )
         given = tuple(k if w == lanes else w for w, k in zip(taken, plain, strict=True))
-        return (result(*given), generate) if all(same) or not {lanes, mask} & set(plain) else None
+        return (
+            (result(*given), generate)
+            if all(same) or not {lanes, mask} & set(plain)
+            else None
+        )
 
     return built(len(taken), typed)
 
@@ -274,7 +303,9 @@ def _llvm(name: str, count: int) -> Any:
     def emit(builder: Any, *values: Any) -> Any:
         kind = ir.FunctionType(VECTOR, [VECTOR] * count)
         full = f"llvm.{name}.v{WIDTH}f64"
-        return builder.call(cgutils.get_or_insert_function(builder.module, kind, full), values)
+        return builder.call(
+            cgutils.get_or_insert_function(builder.module, kind, full), values
+        )
 
     return _function(lanes, (lanes,) * count, emit)
 
@@ -303,21 +334,33 @@ fma, square_root, absolute, nearest, floor = (
     _llvm(name, count) for name, count in
     (("fma", 3), ("sqrt", 1), ("fabs", 1), ("rint", 1), ("floor", 1))
 )  # fmt: skip
-least = _function(lanes, (lanes, lanes), lambda b, x, y: b.select(_compare("<")(b, x, y), x, y))
-largest = _function(lanes, (lanes, lanes), lambda b, x, y: b.select(_compare(">")(b, x, y), x, y))
+least = _function(
+    lanes, (lanes, lanes), lambda b, x, y: b.select(_compare("<")(b, x, y), x, y)
+)
+largest = _function(
+    lanes, (lanes, lanes), lambda b, x, y: b.select(_compare(">")(b, x, y), x, y)
+)
 where = _function(lanes, (mask, lanes, lanes), lambda b, m, x, y: b.select(m, x, y))
 spread = _function(lanes, (lanes,), lambda b, x: x)
 bits = _function(INT, (mask,), _bits_of)  # lane l is bit l
 mask_of = _function(mask, (INT,), lambda b, n: b.bitcast(b.trunc(n, BITS), TRUTHS))
 lane = _function(FLOAT, (lanes, INDEX), lambda b, x, i: b.extract_element(x, i))
-with_lane = _function(lanes, (lanes, INDEX, FLOAT), lambda b, x, i, v: b.insert_element(x, v, i))
+with_lane = _function(
+    lanes, (lanes, INDEX, FLOAT), lambda b, x, i, v: b.insert_element(x, v, i)
+)
 flip_if_odd = _function(lanes, (lanes, lanes), _odd_flips)
-rough_power = _function(lanes, (lanes, lanes), _rough_power)  # to some per cent, for positive x
+rough_power = _function(
+    lanes, (lanes, lanes), _rough_power
+)  # to some per cent, for positive x
 
 
 # Elementary functions.
 
-PER_PI, PI, PI_REST = 1.0 / math.pi, math.pi, 1.2246467991473532e-16  # pi to twice the digits
+PER_PI, PI, PI_REST = (
+    1.0 / math.pi,
+    math.pi,
+    1.2246467991473532e-16,
+)  # pi to twice the digits
 FARTHEST = 1e9  # beyond this the reduction runs out of digits
 S3, S5, S7, S9, S11, S13, S15, S17, S19, S21 = (
     (-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 11)
@@ -354,7 +397,9 @@ def sine(x: Any) -> Any:
     """Return the sine of lanes."""
     n = nearest(x * PER_PI)
     far = ~(absolute(x) <= FARTHEST)
-    near = flip_if_odd(_short_sine(where(far, 0.0, x), where(far, 0.0, n)), where(far, 0.0, n))
+    near = flip_if_odd(
+        _short_sine(where(far, 0.0, x), where(far, 0.0, n)), where(far, 0.0, n)
+    )
     return where(far, _far_sine(x), near) if bits(far) != 0 else near
 
 
@@ -403,7 +448,9 @@ def _overload(function: Any, taken: int, made: Any) -> None:
     if taken == 1:
         overload(function)(lambda x: (lambda x: made(x)) if x == lanes else None)
     else:
-        overload(function)(lambda x, y: (lambda x, y: made(x, y)) if _fits(x, y) else None)
+        overload(function)(
+            lambda x, y: (lambda x, y: made(x, y)) if _fits(x, y) else None
+        )
 
 
 def _typed_power(x: Any, y: Any) -> Any:
@@ -416,14 +463,23 @@ for _raise in (operator.pow, operator.ipow, pow, math.pow):
     overload(_raise)(lambda x, y: _typed_power(x, y))
 
 
-VECTORISED = {"sin": sine, "cos": cosine, "tan": _tangent, "sqrt": square_root, "fabs": absolute}
+VECTORISED = {
+    "sin": sine,
+    "cos": cosine,
+    "tan": _tangent,
+    "sqrt": square_root,
+    "fabs": absolute,
+}
 OTHERS = (
     "exp", "log", "log2", "log10", "log1p", "expm1", "sinh", "cosh", "tanh", "asin", "acos", "atan",
     "asinh", "acosh", "atanh", "erf",
 )  # fmt: skip
 for _name in (*VECTORISED, *OTHERS):
     _made = VECTORISED.get(_name) or _one_by_one(getattr(math, _name))
-    _known = getattr(math, _name), getattr(np, re.sub("^a(?=[sct])", "arc", _name), None)
+    _known = (
+        getattr(math, _name),
+        getattr(np, re.sub("^a(?=[sct])", "arc", _name), None),
+    )
     for _one in filter(None, _known):
         _overload(_one, 1, _made)
 _overload(abs, 1, absolute)
@@ -436,7 +492,9 @@ for _two, _made in (
 
 
 def _typed_where(m: Any, x: Any, y: Any) -> Any:
-    return (lambda m, x, y: where(m, x, y)) if m == mask and _fits(lanes, x, y) else None
+    return (
+        (lambda m, x, y: where(m, x, y)) if m == mask and _fits(lanes, x, y) else None
+    )
 
 
 def _typed_negative(x: Any, out: Any) -> Any:

@@ -1,11 +1,12 @@
 """Explicit Runge-Kutta methods: generate the code of a step and its interpolant from a tableau.
 
-The code is unrolled, stage by stage, with literal coefficients: for a small system, a loop over
-stages would cost several times the field evaluations.
+The code is unrolled, stage by stage, with literal coefficients: for a small system, a
+loop over stages would cost several times the field evaluations.
 
-The code refers to `N`, the number of states, and to the names in its evaluations of the field. A
-scene's own code contains the field; generic code calls its address. Both are generated from the
-same lines, so they perform the same operations in the same order and give the same bytes.
+The code refers to `N`, the number of states, and to the names in its evaluations of the
+field. A scene's own code contains the field; generic code calls its address. Both are
+generated from the same lines, so they perform the same operations in the same order and
+give the same bytes.
 """
 
 import tomllib
@@ -22,7 +23,9 @@ STANDARD_ROWS = 3  # rows of an interpolant that value and slope at both ends de
 INDENT = "    "
 TINY = 1e-300  # floor of the tolerance, to avoid division by zero
 
-Evaluation = Callable[[str, int, int], list[str]]  # code from a time, a state row, a slope row
+Evaluation = Callable[
+    [str, int, int], list[str]
+]  # code from a time, a state row, a slope row
 
 
 @dataclass(frozen=True)
@@ -40,18 +43,21 @@ class Tableau:
     weights : tuple of float
         b_1 ... b_s.
     errors : tuple of tuple of float
-        Weights of one or two error estimates on the s slopes and the slope at the end. Two are
-        combined as e1^2 / sqrt(e1^2 + 0.01 e2^2) (Hairer, Norsett, Wanner, section II.10).
+        Weights of one or two error estimates on the s slopes and the slope at the end.
+        Two are combined as e1^2 / sqrt(e1^2 + 0.01 e2^2) (Hairer, Norsett, Wanner,
+        section II.10).
     dense_nodes, dense_stages : tuple
-        Further stages for the interpolant, from the s slopes, the end slope, and each other.
+        Further stages for the interpolant, from the s slopes, the end slope, and each
+        other.
     dense : tuple of tuple of float
         Weights of the interpolant's rows from the fourth on.
     dense_error : int
-        Error of the interpolant at the middle of a step, in units of the step's estimated error,
-        which is of the same order.
+        Error of the interpolant at the middle of a step, in units of the step's
+        estimated error, which is of the same order.
     stiff_tenths : int
-        Edge of the stability region on the negative axis, in tenths, slightly reduced: where
-        stability limits the step, the controller makes it oscillate about this edge.
+        Edge of the stability region on the negative axis, in tenths, slightly reduced:
+        where stability limits the step, the controller makes it oscillate about this
+        edge.
     """
 
     order: int
@@ -85,7 +91,9 @@ class Tableau:
 
 def combination(weights: Sequence[float], rows: Sequence[int | str]) -> str:
     """Return code for the weighted sum of rows at column i: a balanced tree of additions."""
-    terms = [f"{w!r} * s[{r}, i]" for w, r in zip(weights, rows, strict=False) if w != 0.0]
+    terms = [
+        f"{w!r} * s[{r}, i]" for w, r in zip(weights, rows, strict=False) if w != 0.0
+    ]
     while len(terms) > 1:
         pairs = [f"({a} + {b})" for a, b in zip(terms[::2], terms[1::2], strict=False)]
         terms = pairs + terms[len(pairs) * 2 :]
@@ -110,7 +118,11 @@ def by_address(time: str, state: int, slope: int) -> list[str]:
 
 
 def _stage(
-    evaluation: Evaluation, node: float, weights: Sequence[float], rows: Sequence[int], target: int
+    evaluation: Evaluation,
+    node: float,
+    weights: Sequence[float],
+    rows: Sequence[int],
+    target: int,
 ) -> list[str]:
     return [
         *_loop(f"s[{SCRATCH}, i] = s[{Y}, i] + dt * ({combination(weights, rows)})"),
@@ -120,9 +132,14 @@ def _stage(
 
 def _error(tableau: Tableau) -> list[str]:
     rows = tableau.slope_rows
-    lines = [f"weight = dt / max(atol[i] + rtol * max(abs(s[{Y}, i]), abs(s[{END}, i])), TINY)"]
+    lines = [
+        f"weight = dt / max(atol[i] + rtol * max(abs(s[{Y}, i]), abs(s[{END}, i])), TINY)"
+    ]
     for k, weights in enumerate(tableau.errors):
-        lines += [f"e{k} = weight * ({combination(weights, rows)})", f"total{k} += e{k} * e{k}"]
+        lines += [
+            f"e{k} = weight * ({combination(weights, rows)})",
+            f"total{k} += e{k} * e{k}",
+        ]
     code = [f"total{k} = 0.0" for k in range(len(tableau.errors))] + _loop(*lines)
     if len(tableau.errors) == 1:
         return [*code, "return sqrt(total0 / N)"]
@@ -137,9 +154,13 @@ def _error(tableau: Tableau) -> list[str]:
 def step_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
     """Return the body of a method's step function."""
     rows, code = tableau.slope_rows, []
-    for k, (node, weights) in enumerate(zip(tableau.nodes, tableau.stages, strict=True)):
+    for k, (node, weights) in enumerate(
+        zip(tableau.nodes, tableau.stages, strict=True)
+    ):
         code += _stage(evaluation, node, weights, rows, rows[k + 1])
-    code += _loop(f"s[{END}, i] = s[{Y}, i] + dt * ({combination(tableau.weights, rows)})")
+    code += _loop(
+        f"s[{END}, i] = s[{Y}, i] + dt * ({combination(tableau.weights, rows)})"
+    )
     code += evaluation("t + dt", int(END), int(KEND))
     return code + _error(tableau)
 
@@ -164,7 +185,9 @@ def interpolant_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list
     return [*code, f"return {tableau.degree}"]
 
 
-def compose(name: str, arguments: str, body: list[str], known: dict[str, Any]) -> FunctionType:
+def compose(
+    name: str, arguments: str, body: list[str], known: dict[str, Any]
+) -> FunctionType:
     """Return a function made of these lines, with `known` as its globals."""
     source = "\n".join([f"def {name}({arguments}):", *(INDENT + line for line in body)])
     names: dict[str, Any] = {"__name__": __name__, **known}
@@ -180,7 +203,9 @@ def compose_part(part: str, body: list[str], known: dict[str, Any]) -> FunctionT
 
 # The methods themselves: coefficients in a file, with their sources.
 
-_COEFFICIENTS = tomllib.loads(Path(__file__).with_name("coefficients.toml").read_text("utf-8"))
+_COEFFICIENTS = tomllib.loads(
+    Path(__file__).with_name("coefficients.toml").read_text("utf-8")
+)
 
 
 def coefficients(method: str) -> dict[str, Any]:

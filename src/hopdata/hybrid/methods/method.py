@@ -1,18 +1,20 @@
 """The interface of integration methods to the driver, and the generation of their code.
 
-A method is two functions (three with Jacobians). They are made for a scene, so that they contain
-its field and the number of states is a constant: for a small field, calls and loops would cost more
-than the evaluations.
+A method is two functions (three with Jacobians). They are made for a scene, so that
+they contain its field and the number of states is a constant: for a small field, calls
+and loops would cost more than the evaluations.
 
     step(t, dt, rtol, s, mode, params, atol, field) -> error in units of the tolerance
     interpolant(t, dt, s, mode, params, field) -> its degree
 
-An explicit method also has generic code, which is made for no scene and calls the field by its
-address; other code ignores the address. Its tangents are always generic: code of their own takes
-some seconds to compile, and saves a third of the time with four states and a tenth with twenty.
+An explicit method also has generic code, which is made for no scene and calls the field
+by its address; other code ignores the address. Its tangents are always generic: code of
+their own takes some seconds to compile, and saves a third of the time with four states
+and a tenth with twenty.
 
-The table s holds state and slope at the start of the step in rows Y and K1. The step fills END and
-KEND with those at its end; the interpolant fills P1 and the rows after it (see `driver.dense`).
+The table s holds state and slope at the start of the step in rows Y and K1. The step
+fills END and KEND with those at its end; the interpolant fills P1 and the rows after it
+(see `driver.dense`).
 """
 
 from collections.abc import Callable
@@ -42,23 +44,24 @@ class Method:
     Parameters
     ----------
     order : int
-        Order of the error estimate that controls the step: the error of a step is proportional to
-        this power of its length.
+        Order of the error estimate that controls the step: the error of a step is
+        proportional to this power of its length.
     step, interpolant : callable
         The functions, for Numba to compile.
     evaluations, interpolant_evaluations : int
         Number of field evaluations of each.
     interpolant_error : int
-        Error of the interpolant at the middle of a step, in units of the step's estimated error.
+        Error of the interpolant at the middle of a step, in units of the step's
+        estimated error.
     in_powers : bool
         Whether the interpolant is in powers of theta.
     work_rows : int
         Rows of the table of states that belong to the method.
     tangent : callable, optional
-        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` multiplies the step's
-        Jacobian by the one in the first rows of phi and writes the product into the next rows. It
-        returns its error in units of the tolerance. The last two arguments are addresses of the
-        user's functions.
+        ``tangent(t, dt, rtol, s, mode, params, atol, phi, field, jacobian)`` multiplies
+        the step's Jacobian by the one in the first rows of phi and writes the product
+        into the next rows. It returns its error in units of the tolerance. The last two
+        arguments are addresses of the user's functions.
     short_tangent : callable, optional
         The same for a short step, along its interpolant (see `methods.tangent`).
     tangent_evaluations, short_evaluations : int
@@ -66,8 +69,9 @@ class Method:
     tangent_rows : int
         Rows of phi that the tangent needs.
     refresh : callable, optional
-        ``refresh(s, mode, params)`` is called whenever the mode may have changed; it returns the
-        relative difference between the field and the method's own form of it.
+        ``refresh(s, mode, params)`` is called whenever the mode may have changed; it
+        returns the relative difference between the field and the method's own form of
+        it.
     last_slope : int
         Row of an explicit method's last stage slope, which reveals stiffness.
     stiff_tenths : int
@@ -103,12 +107,16 @@ HANDED = {
 
 
 @lru_cache(KEPT)
-def compiled_part(part: str, method: Method, n_states: int, *, cache: bool = True) -> Any:
+def compiled_part(
+    part: str, method: Method, n_states: int, *, cache: bool = True
+) -> Any:
     """Return a compiled part of a method, from the cache if `cache` allows."""
     entry, digest = _entry(part, method, n_states)
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(code.PARTS[part].native, cache=cache and cached, **code.ENTRY)(entry)
+        return cfunc(code.PARTS[part].native, cache=cache and cached, **code.ENTRY)(
+            entry
+        )
 
     return compiled_in_cache(entry, digest, compile_it)
 
@@ -120,7 +128,10 @@ def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
     N is 0 in generic code, which works for any number of states.
     """
     inner = code.kernel_in_loop(with_digest(getattr(method, part)))
-    pairs = [HANDED.get(name, (name, name)) for name in code.PARTS[part].arguments.split(", ")]
+    pairs = [
+        HANDED.get(name, (name, name))
+        for name in code.PARTS[part].arguments.split(", ")
+    ]
     taken, given = map(", ".join, zip(*pairs, strict=True))
     body = ["width = n if N == 0 else N", f"return FUNCTION({given})"]
     known = {**vars(memory), "__name__": __name__, "FUNCTION": inner, "N": n_states}
@@ -130,10 +141,13 @@ def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
 
 def is_compiled(method: Method, n_states: int) -> bool:
     """Return whether a method's step and interpolant have been compiled for this scene."""
-    return all(is_in_cache(*_entry(part, method, n_states)) for part in ("step", "interpolant"))
+    return all(
+        is_in_cache(*_entry(part, method, n_states)) for part in ("step", "interpolant")
+    )
 
 
-# A method's functions for a scene: its own functions and its size are inserted into templates.
+# A method's functions for a scene: its own functions and its size are inserted into
+# templates.
 
 
 @dataclass(frozen=True)
@@ -161,7 +175,9 @@ class Scene:
     @property
     def rate_inputs(self) -> tuple[int, ...]:
         """Components of the state's rate on which the guards' rates may depend."""
-        return () if self.guards is None else self.guards.elements_of("dy", self.n_states)
+        return (
+            () if self.guards is None else self.guards.elements_of("dy", self.n_states)
+        )
 
     @property
     def cacheable(self) -> bool:
@@ -192,11 +208,15 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         order=tableau.order,
         step=explicit.compose_part("step", step, known),
         interpolant=explicit.compose_part("interpolant", interpolant, known),
-        evaluations=len(tableau.weights),  # the first slope is known, the end's is evaluated
+        evaluations=len(
+            tableau.weights
+        ),  # the first slope is known, the end's is evaluated
         interpolant_evaluations=len(tableau.dense_nodes),
         interpolant_error=tableau.dense_error,
         work_rows=tableau.work_rows,
-        tangent=explicit.compose_part("tangent", tangent.tangent_code(tableau), vars(tangent)),
+        tangent=explicit.compose_part(
+            "tangent", tangent.tangent_code(tableau), vars(tangent)
+        ),
         short_tangent=short,
         tangent_evaluations=of_stage * len(tableau.weights),
         short_evaluations=2 * of_stage,

@@ -1,12 +1,14 @@
 # ruff: noqa: ARG001 (all methods have the same signature)
 """Detection of stiff modes, and the Rosenbrock method for them.
 
-Explicit methods use Hairer and Wanner's test (*Solving Ordinary Differential Equations II*, section
-IV.2). The last stage of DOPRI5 and of DOP853 lies at the end of the step, near the new state. The
-two slopes there give the rate of the fastest motion without a further evaluation. Where stability
-limits the step, dt times that rate stays near the edge of the stability region.
+Explicit methods use Hairer and Wanner's test (*Solving Ordinary Differential Equations
+II*, section IV.2). The last stage of DOPRI5 and of DOP853 lies at the end of the step,
+near the new state. The two slopes there give the rate of the fastest motion without a
+further evaluation. Where stability limits the step, dt times that rate stays near the
+edge of the stability region.
 
-The Rosenbrock method has the Jacobian at hand; a few products with it give its spectral radius.
+The Rosenbrock method has the Jacobian at hand; a few products with it give its spectral
+radius.
 
 States are measured by their tolerances, so the result does not depend on units.
 """
@@ -27,8 +29,8 @@ from hopdata.hybrid.methods.explicit import coefficients
 def factorise(s: FloatTable, lu: int, pivots: int, n: int) -> None:
     """Replace the (n, n) matrix in the rows from `lu` on by its LU factors, with partial pivoting.
 
-    The diagonal is replaced by its reciprocal; row `pivots` receives the row exchanges. A singular
-    matrix gives infinities, and therefore a solution that is not finite.
+    The diagonal is replaced by its reciprocal; row `pivots` receives the row exchanges.
+    A singular matrix gives infinities, and therefore a solution that is not finite.
     """
     for k in range(n):
         best = k
@@ -67,8 +69,9 @@ def solve_factorised(s: FloatTable, lu: int, pivots: int, x: int, n: int) -> Non
 
 # Derivatives of the field by differences, if the user gives none.
 #
-# `jacobian_by_user` and `jacobian_by_differences` are templates with one signature: FIELD, JACOBIAN
-# and N are inserted. Both fill the rows from `first` on with the (n, n) derivative at (t, Y).
+# `jacobian_by_user` and `jacobian_by_differences` are templates with one signature:
+# FIELD, JACOBIAN and N are inserted. Both fill the rows from `first` on with the (n, n)
+# derivative at (t, Y).
 
 FIELD: Any = None
 JACOBIAN: Any = None
@@ -76,13 +79,20 @@ N: int = 0
 
 CUBE_ROOT_OF_EPS = 2.0 ** (-52 / 3)
 TINY, SMALLEST = 1e-290, 1e-300  # smallest increment, and smallest tolerance
-# Fraction of the step for three values ahead in time; it balances rounding and truncation.
+# Fraction of the step for three values ahead in time; it balances rounding and
+# truncation.
 TIME_INCREMENT = 2.0**-9
 LEAST_INCREMENT = 2.0**-40  # smallest increment, relative to the time itself
 
 
 def jacobian_by_user(
-    t: float, dt: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector, first: int
+    t: float,
+    dt: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: FloatVector,
+    first: int,
 ) -> int:
     """Get the user's derivative (entries not filled are zero); return 0 field evaluations."""
     square(s, first)[:] = 0.0
@@ -91,13 +101,20 @@ def jacobian_by_user(
 
 
 def jacobian_by_differences(
-    t: float, dt: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector, first: int
+    t: float,
+    dt: float,
+    s: FloatTable,
+    mode: Any,
+    params: Any,
+    atol: FloatVector,
+    first: int,
 ) -> int:
     """Take central differences; return the number of field evaluations, 2 n.
 
-    The increment of a state is the cube root of the rounding error times its size, or times its
-    change within the step if that is larger, so it does not depend on units. A state smaller than
-    its absolute tolerance counts as zero and is changed by that tolerance.
+    The increment of a state is the cube root of the rounding error times its size, or
+    times its change within the step if that is larger, so it does not depend on units.
+    A state smaller than its absolute tolerance counts as zero and is changed by that
+    tolerance.
     """
     copy(row(s, Y), row(s, SCRATCH))
     for j in range(N):
@@ -116,11 +133,14 @@ def jacobian_by_differences(
     return 2 * N
 
 
-def time_derivative(t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int) -> int:
+def time_derivative(
+    t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int
+) -> int:
     """Fill row `into` with df/dt at (t, Y), where K1 is the field; return field evaluations.
 
-    The differences are forward, of third order, and stay inside the step. If the field does not
-    change at all, it is assumed not to depend on time, at the cost of one evaluation.
+    The differences are forward, of third order, and stay inside the step. If the field
+    does not change at all, it is assumed not to depend on time, at the cost of one
+    evaluation.
     """
     increment = max(TIME_INCREMENT * dt, LEAST_INCREMENT * abs(t))
     FIELD(t + increment, row(s, Y), mode, params, row(s, SLOPE))
@@ -155,29 +175,32 @@ def lower_triangle(rows: tuple[tuple[float, ...], ...]) -> np.ndarray:
     return matrix
 
 
-# Stage i is at the state y + sum_j A[i, j] u_j. The new state is the last one plus u_8, and u_8
-# alone is the difference from the embedded solution.
-# u_i solves (1 / (GAMMA dt) - J) u_i = f_i + sum_j C[i, j] / dt u_j + D[i] dt df/dt.
+# Stage i is at the state y + sum_j A[i, j] u_j. The new state is the last one plus u_8,
+# and u_8 alone is the difference from the embedded solution. u_i solves (1 / (GAMMA dt)
+# - J) u_i = f_i + sum_j C[i, j] / dt u_j + D[i] dt df/dt.
 A, C = lower_triangle(_RODAS["a"]), lower_triangle(_RODAS["c"])
 
 # Times of the stages in units of the step, and weights of the field's time derivative.
 TIME, D = np.array(_RODAS["time"]), np.array(_RODAS["d"])
 
-# Dense output of order 4: y + theta (rise + (1 - theta) (h_1 + theta h_2 + theta^2 h_3)), where
-# h_i = sum_j H[i, j] u_j.
+# Dense output of order 4: y + theta (rise + (1 - theta) (h_1 + theta h_2 + theta^2
+# h_3)), where h_i = sum_j H[i, j] u_j.
 H = np.array(_RODAS["h"])
 
 
 # One step of the Rosenbrock method Rodas5P, for modes too stiff for explicit methods.
 #
-# It solves eight linear systems with one matrix, without iteration. It is L-stable and stiffly
-# accurate: however strongly a contact is damped, only accuracy limits the step.
+# It solves eight linear systems with one matrix, without iteration. It is L-stable and
+# stiffly accurate: however strongly a contact is damped, only accuracy limits the step.
 #
-# `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN and TIME_DERIVATIVE are inserted.
-# The last two are specialised functions for the derivatives. The number of field evaluations of a
-# step, which varies, is left in INFO, and the Jacobian at its start in the rows from JAC on.
+# `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN and TIME_DERIVATIVE
+# are inserted. The last two are specialised functions for the derivatives. The number
+# of field evaluations of a step, which varies, is left in INFO, and the Jacobian at its
+# start in the rows from JAC on.
 
-EVALUATIONS = STAGES + 1  # for a given Jacobian and a field that does not depend on time
+EVALUATIONS = (
+    STAGES + 1
+)  # for a given Jacobian and a field that does not depend on time
 DEGREE = 4
 DENSE_ERROR = 1  # interpolant's error in units of the step's estimated error
 ORDER = 5
@@ -229,7 +252,9 @@ def step(
     return (total / N) ** 0.5
 
 
-def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any, field: int) -> int:
+def interpolant(
+    t: float, dt: float, s: FloatTable, mode: Any, params: Any, field: int
+) -> int:
     """Write the coefficients of the dense output of order 4, in the alternating basis."""
     for i in range(N):
         first, second, third = 0.0, 0.0, 0.0
@@ -260,8 +285,8 @@ def explicit_stiffness(
 ) -> float:
     """Return dt times the fastest rate after an accepted explicit step.
 
-    Row `last_slope` holds the slope of the last stage, SCRATCH the state where it was taken. The
-    result is NaN, which exceeds no limit, if that state equals the new one.
+    Row `last_slope` holds the slope of the last stage, SCRATCH the state where it was
+    taken. The result is NaN, which exceeds no limit, if that state equals the new one.
     result is NaN, which exceeds no limit, if that state is the new one.
     """
     slopes, states = 0.0, 0.0
@@ -276,8 +301,8 @@ def explicit_stiffness(
 def stiffness_score(score: float, stiffness: float, limit: float) -> float:
     """Return the updated score; the integration is stiff when it reaches `STIFF`.
 
-    The score starts at 0 and is kept across events, which may come faster than it grows. While it
-    is 0, testing one step in 16 is enough.
+    The score starts at 0 and is kept across events, which may come faster than it
+    grows. While it is 0, testing one step in 16 is enough.
     """
     return score + 1.0 if stiffness > limit else max(score - RELIEF, 0.0)
 
@@ -294,14 +319,20 @@ def multiply(s: FloatTable, first: int, x: int, product: int, n: int) -> None:
 
 @kernel
 def implicit_stiffness(
-    s: FloatTable, dt: float, rtol: float, atol: FloatVector, jac: int, spare: int, n: int
+    s: FloatTable,
+    dt: float,
+    rtol: float,
+    atol: FloatVector,
+    jac: int,
+    spare: int,
+    n: int,
 ) -> float:
     """Return an estimate of dt times the spectral radius of the Jacobian in the rows from `jac`.
 
-    It takes four products, started from the tolerances. They are taken in pairs, because a
-    vibration turns states and rates into each other. SCRATCH and row `spare` are overwritten. An
-    explicit method suffices for the next step of length dt if the result is well below its limit.
-    The estimate costs as much as half a step.
+    It takes four products, started from the tolerances. They are taken in pairs,
+    because a vibration turns states and rates into each other. SCRATCH and row `spare`
+    are overwritten. An explicit method suffices for the next step of length dt if the
+    result is well below its limit. The estimate costs as much as half a step.
     """
     before, after = 0.0, 0.0
     for i in range(n):

@@ -1,10 +1,11 @@
 """The methods that a user can choose, and the table of them that the driver reads.
 
-An explicit method has machine code of two kinds. Generic code (`generic_code`) is the same for all
-scenes and available at once. Code made for the scene is faster and takes a second or two to
-compile. Results have the same bytes. A scene starts with its own code if that is in the cache, and
-otherwise with generic code. Its own code is then made once the scene has taken `WORTH_COMPILING`
-steps in this process, a batch is going to take that many, or the caller requests it.
+An explicit method has machine code of two kinds. Generic code (`generic_code`) is the
+same for all scenes and available at once. Code made for the scene is faster and takes a
+second or two to compile. Results have the same bytes. A scene starts with its own code
+if that is in the cache, and otherwise with generic code. Its own code is then made once
+the scene has taken `WORTH_COMPILING` steps in this process, a batch is going to take
+that many, or the caller requests it.
 """
 
 from functools import cache, lru_cache
@@ -26,9 +27,11 @@ MAKERS = {"taylor": made.taylor_method, "rosenbrock": made.rosenbrock_method}
 CHOICES = ("auto", *TABLEAUS, *MAKERS)
 TANGENTS = ("tangent", "short_tangent")
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
-LARGEST_STIFF = 200  # most states for Rosenbrock: its matrices would need too much memory
-# Steps in a process after which a scene gets its own code: compiling takes 0.4 to 2.5 s, saves 0.02
-# to 0.15 us per step, and is cached for the next process.
+LARGEST_STIFF = (
+    200  # most states for Rosenbrock: its matrices would need too much memory
+)
+# Steps in a process after which a scene gets its own code: compiling takes 0.4 to 2.5
+# s, saves 0.02 to 0.15 us per step, and is cached for the next process.
 WORTH_COMPILING = 5_000_000
 # Attributes of a method that the driver's table holds, in columns of these names.
 COLUMNS = (
@@ -42,13 +45,19 @@ def generic_code(name: str, tangents: bool = False) -> dict[str, Any]:
     """Return an explicit method's machine code for any scene, compiled once per install."""
     method = made.explicit_method(TABLEAUS[name])
     parts = TANGENTS if tangents else ("interpolant", "step")
-    return {part: compiled_part(part, method, 0) for part in parts if getattr(method, part)}
+    return {
+        part: compiled_part(part, method, 0) for part in parts if getattr(method, part)
+    }
 
 
 @lru_cache(made.KEPT)
 def method_for(name: str, scene: Scene) -> Method:
     """Return a method for a scene; systems with the same functions share it."""
-    return MAKERS[name](scene) if name in MAKERS else made.explicit_method(TABLEAUS[name], scene)
+    return (
+        MAKERS[name](scene)
+        if name in MAKERS
+        else made.explicit_method(TABLEAUS[name], scene)
+    )
 
 
 def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
@@ -70,7 +79,11 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
         return (name,)
     if scene.affine is not None:
         return ("taylor",)
-    return AUTOMATIC if not jacobian and scene.n_states <= LARGEST_STIFF else AUTOMATIC[:-1]
+    return (
+        AUTOMATIC
+        if not jacobian and scene.n_states <= LARGEST_STIFF
+        else AUTOMATIC[:-1]
+    )
 
 
 class MethodTable:
@@ -92,7 +105,8 @@ class MethodTable:
     generic : set of int
         Numbers of the methods whose code is generic at present.
     steps : int
-        Steps of finished integrations, counted by the caller while any method is generic.
+        Steps of finished integrations, counted by the caller while any method is
+        generic.
     scene : Scene
         Scene for which the methods are made.
     degree : int
@@ -108,8 +122,12 @@ class MethodTable:
         self.steps = 0
         self.work_rows = max(method.work_rows for method in self._methods)
         self.tangent_rows = max(method.tangent_rows for method in self._methods)
-        self.degree = layout.LARGEST_DEGREE if "taylor" in self._names else DOP853.degree
-        self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
+        self.degree = (
+            layout.LARGEST_DEGREE if "taylor" in self._names else DOP853.degree
+        )
+        self.rows: IntArray = np.zeros(
+            (len(self._names), layout.METHOD_SLOTS), dtype=np.int64
+        )
         for number, method in enumerate(self._methods):
             self._describe(number, method)
         if self._names == ("taylor",):  # the driver calls its refresh from the start
@@ -182,8 +200,12 @@ class MethodTable:
         """Compile a method for the scene."""
         method, scene = self._methods[number], self.scene
         self._enter_tangents(number)
-        generic = () if self._jacobian and self._names[number] not in TABLEAUS else TANGENTS
+        generic = (
+            () if self._jacobian and self._names[number] not in TABLEAUS else TANGENTS
+        )
         for part in PARTS:
             if part not in generic and getattr(method, part) is not None:
-                code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
+                code = compiled_part(
+                    part, method, scene.n_states, cache=scene.cacheable
+                )
                 self._enter(number, {part: code})

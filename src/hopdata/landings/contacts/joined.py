@@ -19,20 +19,25 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
     recording : Recording
         Levelled, so that each marker rests at height 0.
     feet : sequence of mapping
-        ``name`` and ``markers`` of each foot; the markers are foot markers of the recording. A
-        foot marker that is not listed is a foot of its own.
+        ``name`` and ``markers`` of each foot; the markers are foot markers of the
+        recording. A foot marker that is not listed is a foot of its own.
 
     Returns
     -------
     Recording
-        With each foot listed in place of its first marker. The foot is where its lowest marker is,
-        NaN where one of them is not seen. Its markers follow it, with the role ``part``.
+        With each foot listed in place of its first marker. The foot is where its lowest
+        marker is, NaN where one of them is not seen. Its markers follow it, with the
+        role ``part``.
     """
     if not feet:
         return recording
-    order: list[tuple[str, str, list[int]]] = []  # name, role, and numbers of its markers
+    order: list[
+        tuple[str, str, list[int]]
+    ] = []  # name, role, and numbers of its markers
     taken = {marker: foot for foot in feet for marker in foot["markers"]}
-    for number, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):
+    for number, (marker, role) in enumerate(
+        zip(recording.markers, recording.roles, strict=True)
+    ):
         foot = taken.get(marker)
         if foot is None:
             order.append((marker, role, [number]))
@@ -44,8 +49,14 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
     rows, all_of_it = np.arange(len(recording.time)), recording.positions
     lowest = [np.asarray(of)[np.argmin(all_of_it[:, of, 2], axis=1)] for of in groups]
     positions = np.stack([all_of_it[rows, marker] for marker in lowest], axis=1)
-    filled = None if recording.filled is None else recording.filled[:, [of[0] for of in groups]]
-    return replace(recording, positions=positions, markers=markers, roles=roles, filled=filled)
+    filled = (
+        None
+        if recording.filled is None
+        else recording.filled[:, [of[0] for of in groups]]
+    )
+    return replace(
+        recording, positions=positions, markers=markers, roles=roles, filled=filled
+    )
 
 
 def parts_of_feet(recording: Recording) -> list[list[int]]:
@@ -55,7 +66,9 @@ def parts_of_feet(recording: Recording) -> list[list[int]]:
         if role == "foot":
             parts.append([number])
         elif role == "part":
-            parts[-1] = [one for one in parts[-1] if recording.roles[one] == "part"] + [number]
+            parts[-1] = [one for one in parts[-1] if recording.roles[one] == "part"] + [
+                number
+            ]
     return parts
 
 
@@ -64,10 +77,10 @@ def first_of(
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return the contacts (L,) of a foot: the first landing among its p markers (L, p).
 
-    If a marker was already down, so was the foot. If a marker may have landed unseen, or fits
-    badly, the foot's contact stays open, unless that marker was too high (until `earliest`, s).
-    Instant and standard error, s, are the mean and deviation of the earliest of independent
-    normals, taken two at a time (Clark 1961).
+    If a marker was already down, so was the foot. If a marker may have landed unseen,
+    or fits badly, the foot's contact stays open, unless that marker was too high (until
+    `earliest`, s). Instant and standard error, s, are the mean and deviation of the
+    earliest of independent normals, taken two at a time (Clark 1961).
     """
     down, landed = status == ALREADY_DOWN, status == LANDED
     first = np.where(landed, instant, np.inf).min(axis=1, keepdims=True)
@@ -77,7 +90,9 @@ def first_of(
     found = np.where(down.any(axis=1), ALREADY_DOWN, np.where(worst >= 0, worst, found))
     mean, sd = np.full(len(status), np.nan), np.full(len(status), np.nan)
     for part in range(status.shape[1]):
-        later, error = (np.where(landed[:, part], x[:, part], np.nan) for x in (instant, se))
+        later, error = (
+            np.where(landed[:, part], x[:, part], np.nan) for x in (instant, se)
+        )
         both = _earlier(mean, sd, later, error)
         alone = np.isnan(mean) | np.isnan(later)
         mean = np.where(alone, np.fmax(mean, later), both[0])

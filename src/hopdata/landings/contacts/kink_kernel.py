@@ -1,13 +1,14 @@
 """Compiled core of the kink fit: the contact instant with the largest marginal likelihood.
 
-A problem consists of n frames (t, z) in order of time, with times in units of the window; the
-contact instants of m other feet (each with a 1 if it is a marker of the same foot, else 0); and a
-prior (mean, weight) of each coefficient but the first two. The coefficients are floor, velocity,
-own acceleration, the changes of acceleration and jerk (for the same foot: velocity) at each other
-contact, and the creep of the standing foot. Numba compiles the code on a user's first run, so it
-is plain loops with one call site per function. For the same reason no count is passed as the
-literal 0, for which Numba would compile everything once more. The callers own all arrays, so the
-functions do not count references to them (``_nrt=False``), which would take half of the time.
+A problem consists of n frames (t, z) in order of time, with times in units of the
+window; the contact instants of m other feet (each with a 1 if it is a marker of the
+same foot, else 0); and a prior (mean, weight) of each coefficient but the first two.
+The coefficients are floor, velocity, own acceleration, the changes of acceleration and
+jerk (for the same foot: velocity) at each other contact, and the creep of the standing
+foot. Numba compiles the code on a user's first run, so it is plain loops with one call
+site per function. For the same reason no count is passed as the literal 0, for which
+Numba would compile everything once more. The callers own all arrays, so the functions
+do not count references to them (``_nrt=False``), which would take half of the time.
 """
 
 from math import exp, isnan, log, sqrt
@@ -27,8 +28,8 @@ _T = "f8[:,::1]"  # type of a table
 def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyped-def]
     """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients.
 
-    If `size` is even, the last coefficient is the creep. Before the contact, only the entries of m
-    other contacts are filled.
+    If `size` is even, the last coefficient is the creep. Before the contact, only the
+    entries of m other contacts are filled.
     """
     row[0] = 1.0
     if s >= 0.0:
@@ -68,8 +69,8 @@ def _factor(size, gram):  # type: ignore[no-untyped-def]
 def _solve(first, last, size, factor, right):  # type: ignore[no-untyped-def]
     """Solve L L^T x = right in place; return the sum of squares of L^-1 right.
 
-    The forward substitution begins at the entry `first`, before which all are 0; the backward one
-    ends at the entry `last`.
+    The forward substitution begins at the entry `first`, before which all are 0; the
+    backward one ends at the entry `last`.
     """
     total = 0.0
     for a in range(first, size):
@@ -87,12 +88,15 @@ def _solve(first, last, size, factor, right):  # type: ignore[no-untyped-def]
 
 
 @kept_njit(_nrt=False)
-def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row):  # type: ignore[no-untyped-def]
+def _misfit(
+    tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row
+):  # type: ignore[no-untyped-def]
     """Return -2 noise2 times the log marginal likelihood of `tau`, up to a constant.
 
-    It is the smallest penalised sum of squares plus a term for the volume of the coefficients.
-    Without that term a late instant would be favoured, with the pushes of other feet in place of
-    the floor. The factor is left in gram, and what remains to be substituted backward in right.
+    It is the smallest penalised sum of squares plus a term for the volume of the
+    coefficients. Without that term a late instant would be favoured, with the pushes of
+    other feet in place of the floor. The factor is left in gram, and what remains to be
+    substituted backward in right.
     """
     total = 0.0
     for a in range(size):
@@ -129,13 +133,17 @@ def _vertex(left, value_left, x, value, right, value_right, close):  # type: ign
     low, high = x - left, right - x
     golden = x + GOLDEN * high if high > low else x - GOLDEN * low
     rise_left, rise_right = value_left - value, value_right - value
-    if not (rise_left < np.inf and rise_right < np.inf) or min(low, high) < 0.02 * max(low, high):
+    if not (rise_left < np.inf and rise_right < np.inf) or min(low, high) < 0.02 * max(
+        low, high
+    ):
         return golden
     bend = rise_left * high + rise_right * low
     if bend <= 0.0:
         return golden
     u = x + (rise_left * high * high - rise_right * low * low) / (2.0 * bend)
-    if abs(u - x) < close:  # step to the longer side, so that its far end moves in as well
+    if (
+        abs(u - x) < close
+    ):  # step to the longer side, so that its far end moves in as well
         u = x + close if high > low else x - close
     return min(max(u, left + 0.05 * low), right - 0.05 * high)
 
@@ -147,7 +155,8 @@ def _search(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Search a grid, then parabolas about its best node; return (NaN, inf) if nothing fits.
 
-    Nothing before the bound is tried. `_misfit` at the returned instant is left in gram and right.
+    Nothing before the bound is tried. `_misfit` at the returned instant is left in gram
+    and right.
     """
     width = (high - low) / steps
     close = CLOSE * width
@@ -158,7 +167,9 @@ def _search(  # type: ignore[no-untyped-def]
             tau, grid[k] = low + k * width, np.inf
             if tau < bound:
                 continue
-        elif k == steps + REFINEMENTS + 1 or (k > steps + 1 and end_high - end_low < 4 * close):
+        elif k == steps + REFINEMENTS + 1 or (
+            k > steps + 1 and end_high - end_low < 4 * close
+        ):
             if tau == x:
                 return tau, best
             tau = x
@@ -171,7 +182,9 @@ def _search(  # type: ignore[no-untyped-def]
                 value_low = grid[node - 1] if node > 0 else np.inf
                 value_high = grid[node + 1] if node < steps else np.inf
             tau = _vertex(end_low, value_low, x, best, end_high, value_high, close)
-        value = _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row)
+        value = _misfit(
+            tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row
+        )
         if k <= steps:
             grid[k] = value
             if value < best:
@@ -193,14 +206,28 @@ def _search(  # type: ignore[no-untyped-def]
 
 @kept_njit(_nrt=False)
 def _summary(  # type: ignore[no-untyped-def]
-    tau, n, t, z, m, others, soft, size, weight, factor, right, row, cross, unit, variance
+    tau,
+    n,
+    t,
+    z,
+    m,
+    others,
+    soft,
+    size,
+    weight,
+    factor,
+    right,
+    row,
+    cross,
+    unit,
+    variance,
 ):
     """Fill in the variances of the coefficients, per unit of noise variance.
 
-    The method is Gauss-Newton with the instant as one more parameter, eliminated by its Schur
-    complement. Return the variance of the instant, the sum of squared residuals, and the effective
-    number of parameters, including the instant. Variances are infinite if the frames do not
-    determine the instant.
+    The method is Gauss-Newton with the instant as one more parameter, eliminated by its
+    Schur complement. Return the variance of the instant, the sum of squared residuals,
+    and the effective number of parameters, including the instant. Variances are
+    infinite if the frames do not determine the instant.
     """
     own, misfit = 0.0, 0.0
     push = right[2]  # acceleration just before the contact
@@ -251,7 +278,19 @@ def _seen(times, heights, t, z):  # type: ignore[no-untyped-def]
 
 @kept_njit(f"void({_T},{_T},f8[::1],f8,i8,i8[::1],f8[:,:,::1],f8,b1,{_T},{_T},f8,{_T})")
 def fit_all(  # type: ignore[no-untyped-def]
-    times, heights, bounds, reach, steps, contacts, others, soft, creeps, mean, weight, noise2, out
+    times,
+    heights,
+    bounds,
+    reach,
+    steps,
+    contacts,
+    others,
+    soft,
+    creeps,
+    mean,
+    weight,
+    noise2,
+    out,
 ):
     """Fit P problems of at most W frames and F coefficients each.
 
@@ -266,10 +305,11 @@ def fit_all(  # type: ignore[no-untyped-def]
     steps : int
         Steps of the grid.
     contacts : (P,) int array
-        How many of `others` (P, (F - 4) / 2, 2) to use, in order of time. `others` holds contact
-        instants, and 1 for each that is of the same foot.
+        How many of `others` (P, (F - 4) / 2, 2) to use, in order of time. `others`
+        holds contact instants, and 1 for each that is of the same foot.
     soft : float
-        Time constant with which a contact takes up the foot's velocity; 0 for a hard contact.
+        Time constant with which a contact takes up the foot's velocity; 0 for a hard
+        contact.
     creeps : bool
         Whether a standing foot may creep.
     mean, weight : (P, F - 2) array
@@ -277,11 +317,11 @@ def fit_all(  # type: ignore[no-untyped-def]
     noise2 : float
         Variance of a height.
     out : (P, 7 + 2 F) array
-        Filled with the instant, its variance per unit of noise variance, the sum of squared
-        residuals, the degrees of freedom, the frames before and after, -2 noise2 times the log
-        marginal likelihood, then the coefficients (floor, velocity, acceleration, the changes of
-        acceleration and jerk at each other contact, creep) and their variances. Rows without a fit
-        are left as they are.
+        Filled with the instant, its variance per unit of noise variance, the sum of
+        squared residuals, the degrees of freedom, the frames before and after, -2
+        noise2 times the log marginal likelihood, then the coefficients (floor,
+        velocity, acceleration, the changes of acceleration and jerk at each other
+        contact, creep) and their variances. Rows without a fit are left as they are.
     """
     full = 2 + mean.shape[1]
     gram, right, row = np.zeros((full, full)), np.zeros(full), np.zeros(full)
@@ -306,7 +346,21 @@ def fit_all(  # type: ignore[no-untyped-def]
             continue
         _solve(size, np.int64(0), size, gram, right)
         out[p, 1], out[p, 2], parameters = _summary(
-            tau, n, t, z, m, other, soft, size, weights, gram, right, row, cross, unit, variance
+            tau,
+            n,
+            t,
+            z,
+            m,
+            other,
+            soft,
+            size,
+            weights,
+            gram,
+            right,
+            row,
+            cross,
+            unit,
+            variance,
         )
         out[p, 0], out[p, 3], out[p, 4], out[p, 5] = tau, n - parameters, 0.0, 0.0
         out[p, 6] = value

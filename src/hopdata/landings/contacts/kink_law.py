@@ -11,20 +11,25 @@ from hopdata.errors import chosen
 from hopdata.landings.contacts.descents import LEAST_NOISE_M
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits, kink_fits
 
-# What the kink fits of a recording reveal about its feet: noise, and laws of flight and stance.
+# What the kink fits of a recording reveal about its feet: noise, and laws of flight and
+# stance.
 #
-# This is empirical Bayes: the distribution of a coefficient of the law over all landings is the
-# prior of its value in each landing.
+# This is empirical Bayes: the distribution of a coefficient of the law over all
+# landings is the prior of its value in each landing.
 
-Part = tuple[FloatArray, FloatArray, float, float]  # posteriors of an entry, and its prior
+Part = tuple[
+    FloatArray, FloatArray, float, float
+]  # posteriors of an entry, and its prior
 Distribution = tuple[float, float] | None  # mean and sd; None if too little is known
 
-# Ratio of posterior to prior variance above which a landing is uninformative: for pooled posteriors
-# (mixtures), and for the data without the prior.
+# Ratio of posterior to prior variance above which a landing is uninformative: for
+# pooled posteriors (mixtures), and for the data without the prior.
 TELLING, TELLING_ALONE = 0.9, 0.5
 FEW = 8  # fewest landings from which an entry is learned on its own
 OUTLYING = 4.0  # standard deviations beyond which outliers are clipped
-LEAST_SHARE = 1e-3  # smallest sd that one step of learning may give, in sds of the prior
+LEAST_SHARE = (
+    1e-3  # smallest sd that one step of learning may give, in sds of the prior
+)
 CANDIDATES = 60  # number of sds tried
 
 
@@ -37,21 +42,29 @@ def pooled_noise(fits: KinkFits) -> float:
     if not use.any():
         return float("nan")
     dof = fits.dof[use]
-    median = dof * (1 - 2 / (9 * dof)) ** 3  # Wilson and Hilferty's median of chi-squared
+    median = (
+        dof * (1 - 2 / (9 * dof)) ** 3
+    )  # Wilson and Hilferty's median of chi-squared
     return max(float(np.sqrt(np.median(fits.misfit[use] / median))), LEAST_NOISE_M)
 
 
 def learn(
-    fits: KinkFits, *, noise_m: float, prior: FlightPriors, own: bool = True, sharpen: bool = False
+    fits: KinkFits,
+    *,
+    noise_m: float,
+    prior: FlightPriors,
+    own: bool = True,
+    sharpen: bool = False,
 ) -> FlightPriors:
     """Take one step towards the distributions behind the laws of flight and stance.
 
-    Pushes are confounded with one another, so they take a step of expectation maximisation, which
-    narrows wide priors slowly and safely. All other entries go straight to the distribution of
-    maximum restricted likelihood, and so do the pushes in a last step with `sharpen`. A foot's own
-    acceleration is learned from the landings in which it touched first, since no leg has pushed
-    there. Entries with few informative landings take the pooled distribution of all entries of
-    their kind, or stay as they were.
+    Pushes are confounded with one another, so they take a step of expectation
+    maximisation, which narrows wide priors slowly and safely. All other entries go
+    straight to the distribution of maximum restricted likelihood, and so do the pushes
+    in a last step with `sharpen`. A foot's own acceleration is learned from the
+    landings in which it touched first, since no leg has pushed there. Entries with few
+    informative landings take the pooled distribution of all entries of their kind, or
+    stay as they were.
 
     Parameters
     ----------
@@ -76,22 +89,36 @@ def learn(
     variance[:, :, 0] = np.where(not_first | (not own), np.inf, variance[:, :, 0])
     mean, sd, n = prior.mean.copy(), prior.sd.copy(), len(prior.mean)
     kinds = np.tile([0, *[1, 2] * (n - 1), 5], (n, 1))  # own, changes, jerks, creep
-    kinds[:, 1:-1] += 2 * np.repeat(prior.hinged, 2, axis=1)  # 3 and 4 for the same foot
+    kinds[:, 1:-1] += 2 * np.repeat(
+        prior.hinged, 2, axis=1
+    )  # 3 and 4 for the same foot
     for kind in np.unique(kinds):
         pushes, entries = 0 < kind < 5, np.argwhere(kinds == kind).tolist()
         known: Any = (value, variance, prior.mean, prior.sd)
         parts = [tuple(one[..., i, j] for one in known) for i, j in entries]
-        found = _mixtures(parts) if pushes and not sharpen else _likeliest(parts, wider=pushes)
+        found = (
+            _mixtures(parts)
+            if pushes and not sharpen
+            else _likeliest(parts, wider=pushes)
+        )
         for (i, j), behind in zip(entries, found, strict=True):
             if behind:
-                mean[i, j], sd[i, j] = behind[0], max(behind[1], LEAST_SHARE * prior.sd[i, j])
+                mean[i, j], sd[i, j] = (
+                    behind[0],
+                    max(behind[1], LEAST_SHARE * prior.sd[i, j]),
+                )
     return FlightPriors(mean, sd, prior.foot_of)
 
 
 def _mixtures(parts: list[Part]) -> list[Distribution]:
     """Take one step of expectation maximisation for each entry of a kind: mix its posteriors."""
-    use = [(variance < TELLING * sd**2) & np.isfinite(value) for value, variance, _, sd in parts]
-    telling = [(part[0][known], part[1][known]) for part, known in zip(parts, use, strict=True)]
+    use = [
+        (variance < TELLING * sd**2) & np.isfinite(value)
+        for value, variance, _, sd in parts
+    ]
+    telling = [
+        (part[0][known], part[1][known]) for part, known in zip(parts, use, strict=True)
+    ]
     pooled = _mixture(*(np.concatenate(part) for part in zip(*telling, strict=True)))
     return [_mixture(*part) or pooled for part in telling]
 
@@ -103,7 +130,9 @@ def _likeliest(parts: list[Part], *, wider: bool) -> list[Distribution]:
         use = (variance < TELLING_ALONE * sd**2) & np.isfinite(value)
         alone = 1 / (1 / variance[use] - 1 / sd**2)
         telling.append((alone * (value[use] / variance[use] - mean / sd**2), alone))
-    pooled = _restricted(*(np.concatenate(p) for p in zip(*telling, strict=True)), wider=wider)
+    pooled = _restricted(
+        *(np.concatenate(p) for p in zip(*telling, strict=True)), wider=wider
+    )
     return [_restricted(*part, wider=wider) or pooled for part in telling]
 
 
@@ -117,16 +146,20 @@ def _mixture(value: FloatArray, variance: FloatArray) -> Distribution:
     return float(np.mean(clipped)), float(np.sqrt(np.mean(variance) + np.var(clipped)))
 
 
-def _restricted(value: FloatArray, variance: FloatArray, *, wider: bool) -> Distribution:
+def _restricted(
+    value: FloatArray, variance: FloatArray, *, wider: bool
+) -> Distribution:
     """Return mean and sd of the distribution behind values with known variances; None if few.
 
-    The sd maximises the restricted likelihood over a grid; `wider` adds one standard error.
-    Outliers are clipped first.
+    The sd maximises the restricted likelihood over a grid; `wider` adds one standard
+    error. Outliers are clipped first.
     """
     if len(value) < FEW:
         return None
     middle = float(np.median(value))
-    reach = OUTLYING * np.sqrt(variance + (np.median(np.abs(value - middle)) / 0.6745) ** 2)
+    reach = OUTLYING * np.sqrt(
+        variance + (np.median(np.abs(value - middle)) / 0.6745) ** 2
+    )
     value = np.clip(value, middle - reach, middle + reach)
     widest = float(np.std(value)) or float(np.sqrt(variance.max()))
     trial = np.concatenate([[0.0], widest * np.geomspace(1e-3, 2.0, CANDIDATES)])
@@ -140,41 +173,64 @@ def _restricted(value: FloatArray, variance: FloatArray, *, wider: bool) -> Dist
 
 
 FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: equivalent to no prior, and to a known value
-# Mean and standard deviation of a foot's acceleration before anything is learned, m/s^2.
-GRAVITIES = {"learned": (0.0, FLAT_SD), "free": (0.0, FLAT_SD), "known": (-GRAVITY_M_S2, SHARP_SD)}
-# Prior sds of pushes (m/s^2, m/s^3) and creep (m/s), and of kinks within a foot (m/s), before
-# anything is learned.
+# Mean and standard deviation of a foot's acceleration before anything is learned,
+# m/s^2.
+GRAVITIES = {
+    "learned": (0.0, FLAT_SD),
+    "free": (0.0, FLAT_SD),
+    "known": (-GRAVITY_M_S2, SHARP_SD),
+}
+# Prior sds of pushes (m/s^2, m/s^3) and creep (m/s), and of kinks within a foot (m/s),
+# before anything is learned.
 WEAK_CHANGE_SD, WEAK_JERK_SD, WEAK_CREEP_SD, WEAK_KINK_SD = 30.0, 500.0, 0.1, 3.0
 LEARNING_STEPS = 6
 Softly = tuple[KinkFits, FloatArray]  # fits, and the common errors of the feet, s
-# Evenly spaced landings that teach flight and stance; more would sharpen no prior that matters.
+# Evenly spaced landings that teach flight and stance; more would sharpen no prior that
+# matters.
 LEARNING_LANDINGS, STANCE_LANDINGS = 400, 120
 COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)  # tried for the law of stance
-# Log likelihood that a law of stance must gain: in total, to exceed chance, and per fit, because a
-# smaller gain moves an instant by only a small part of its standard error. Then the log likelihood
-# by which the data must speak against pushes.
+# Log likelihood that a law of stance must gain: in total, to exceed chance, and per
+# fit, because a smaller gain moves an instant by only a small part of its standard
+# error. Then the log likelihood by which the data must speak against pushes.
 STANCE_GAIN, STANCE_GAIN_PER_FIT, TELLING_LOSS = 6.0, 0.15, 20.0
-# Standard error, s, above which a contact is undetermined; it also is if the foot does not come
-# down. Then the share of undetermined contacts above which a foot's law is rejected, and the number
-# of contacts from which one undetermined contact is allowed for.
+# Standard error, s, above which a contact is undetermined; it also is if the foot does
+# not come down. Then the share of undetermined contacts above which a foot's law is
+# rejected, and the number of contacts from which one undetermined contact is allowed
+# for.
 UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
 FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # fewest frames that determine a kink
 AT_BOUND_S = 1e-3  # an instant this close to the earliest one, s, is only the bound
-SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)  # tried beside the law's own
-# Prior odds of a soft against a hard contact, and the sds from zero at which a contact is surely
-# soft.
+SOFTNESS_S = (
+    0.001,
+    0.002,
+    0.003,
+    0.0045,
+    0.0065,
+    0.009,
+    0.013,
+)  # tried beside the law's own
+# Prior odds of a soft against a hard contact, and the sds from zero at which a contact
+# is surely soft.
 SOFTNESS_ODDS, SURE_OF_SOFT = 6.0, 2.0
 SOFTNESS_NODES = 1001  # compliances at which the posterior is evaluated
 LEAST_STEP_S = 3e-4  # smallest step between the compliances tried, s
-# The likelihood treats the learned law as known, so it is too sure of the compliance by the first
-# factor. No foot stops exactly exponentially; the second, a share of the compliance, allows for it.
+# The likelihood treats the learned law as known, so it is too sure of the compliance by
+# the first factor. No foot stops exactly exponentially; the second, a share of the
+# compliance, allows for it.
 OVERSURE, SHAPE_SHARE = 1.3, 0.03
-# Common error in units of the time that the foot takes to fall by the misfit, and by its creep
-# after the contact.
+# Common error in units of the time that the foot takes to fall by the misfit, and by
+# its creep after the contact.
 MISFIT_HIDES, TURN_HIDES = 2.0, 0.5
-# An instant that moves by this much more than the compliance explains, s, is in a gap, so unsure.
+# An instant that moves by this much more than the compliance explains, s, is in a gap,
+# so unsure.
 JUMP_S = 1e-3
-SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances for a foot whose first law is rejected
+SOFTER_S = (
+    0.0,
+    0.003,
+    0.006,
+    0.009,
+    0.013,
+)  # compliances for a foot whose first law is rejected
 
 
 @dataclass(frozen=True)
@@ -206,9 +262,10 @@ class Law:
 class FootHeights:
     """Data to fit: times (N,), s, heights (N, n), m, and the windows about a contact, s.
 
-    Before `earliest` (L, n), s, a foot is too high to touch. A fit that ends there has found no
-    kink, and gets the error of an undetermined contact. A foot that rises by more than `leaves_m`
-    after a contact has left the floor again. Landings marked `odd` (L, 1) teach no law.
+    Before `earliest` (L, n), s, a foot is too high to touch. A fit that ends there has
+    found no kink, and gets the error of an undetermined contact. A foot that rises by
+    more than `leaves_m` after a contact has left the floor again. Landings marked `odd`
+    (L, 1) teach no law.
     """
 
     time: FloatArray
@@ -221,7 +278,9 @@ class FootHeights:
 
     def telling(self, fits: KinkFits) -> FloatArray:
         """Return instants (L, n) to learn from; NaN if odd or after a gap, where any law fits."""
-        return np.where((fits.n_before < FRAMES_BEFORE) | self.odd, np.nan, fits.instant)
+        return np.where(
+            (fits.n_before < FRAMES_BEFORE) | self.odd, np.nan, fits.instant
+        )
 
     def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
         """Fit each foot about its instant (L, n), s; search `widely` about a rough one."""
@@ -230,7 +289,9 @@ class FootHeights:
         earliest = np.full(near.shape, -np.inf)
         for foot, bounds in enumerate(np.sort(self.earliest, axis=0).T):
             bounds = np.insert(bounds, 0, -np.inf)
-            earliest[:, foot] = bounds[np.searchsorted(bounds, near[:, foot] + search_s) - 1]
+            earliest[:, foot] = bounds[
+                np.searchsorted(bounds, near[:, foot] + search_s) - 1
+            ]
         fits = kink_fits(
             self.time, self.heights, near, priors=law.priors, noise_m=law.noise_m,
             windows_s=self.windows_s, search_s=search_s, earliest=earliest,
@@ -242,7 +303,9 @@ class FootHeights:
         return replace(fits, unit_se=np.where(at_bound, unknown, fits.unit_se))
 
 
-def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:
+def joint_fits(
+    feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str
+) -> Softly:
     """Fit each foot alone, learn the laws from some of the landings, then fit all with them.
 
     Parameters
@@ -261,43 +324,61 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
 
     def learned(start: Law) -> tuple[Law, FloatArray]:
         law = learned_law(feet, feet.telling(alone), start, own=gravity == "learned")
-        # Only the instants are returned, so that memory holds one set of fits at a time.
+        # Only the instants are returned, so that memory holds one set of fits at a
+        # time.
         return law, feet.fits(alone.instant, law, widely=True).instant
 
     law, instant = learned(weak)
-    if law.pushes:  # legs may also strike: velocities jump, as for markers of one rigid foot
+    if (
+        law.pushes
+    ):  # legs may also strike: velocities jump, as for markers of one rigid foot
         other, others = learned(replace(weak, priors=weak_priors(n, gravity, (0,) * n)))
         same = replace(other, noise_m=law.noise_m)
         some, also = (some_landings(at, STANCE_LANDINGS) for at in (instant, others))
-        gain = _gain(_log_likelihood(feet, also, same), _log_likelihood(feet, some, law))
+        gain = _gain(
+            _log_likelihood(feet, also, same), _log_likelihood(feet, some, law)
+        )
         if gain.sum() > TELLING_LOSS:
             law, instant = other, others
     fits, common = _with_softness(feet, feet.fits(instant, law), law, alike=True)
     # The misfit of the law beyond the noise is common to all landings.
     left_m = np.sqrt(max(law.noise_m**2 - noise_m**2, 0.0))
     falls = np.abs(fits.velocity[np.isfinite(fits.instant)])
-    # A foot that turns about its toes creeps unevenly, so part of the creep may be softness.
-    turns_m_s = np.abs(law.priors.mean[:, -1]) * (law.creeps & weak.priors.hinged.any(axis=1))
-    hidden_m = np.hypot(MISFIT_HIDES * left_m, TURN_HIDES * turns_m_s * feet.windows_s[1])
+    # A foot that turns about its toes creeps unevenly, so part of the creep may be
+    # softness.
+    turns_m_s = np.abs(law.priors.mean[:, -1]) * (
+        law.creeps & weak.priors.hinged.any(axis=1)
+    )
+    hidden_m = np.hypot(
+        MISFIT_HIDES * left_m, TURN_HIDES * turns_m_s * feet.windows_s[1]
+    )
     return fits, np.hypot(common, hidden_m / np.median(falls) if len(falls) else 0.0)
 
 
-def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) -> Softly:
+def _with_softness(
+    feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool
+) -> Softly:
     """Add the uncertainty of the compliance to the errors, and return the common errors.
 
-    Few landings cannot distinguish a hard contact from a soft one, which shifts all instants of a
-    foot. The likelihoods of other compliances, for all feet `alike` or for each, limit what it can
-    be. If feet are alike and surely soft, their instants are those of the mean compliance. The
-    error that all landings of a foot share is its common error (n,), s; the rest is in `unit_se`.
+    Few landings cannot distinguish a hard contact from a soft one, which shifts all
+    instants of a foot. The likelihoods of other compliances, for all feet `alike` or
+    for each, limit what it can be. If feet are alike and surely soft, their instants
+    are those of the mean compliance. The error that all landings of a foot share is its
+    common error (n,), s; the rest is in `unit_se`.
     """
     some, own_s = some_landings(feet.telling(fits), STANCE_LANDINGS), law.compliance_s
     step_s = max(0.1 * own_s, LEAST_STEP_S)
-    others = {time_s for time_s in (0.0, *SOFTNESS_S) if abs(time_s - own_s) > 1.5 * step_s}
-    trials_s = np.array(sorted({max(own_s - step_s, 0.0), own_s, own_s + step_s, *others}))
+    others = {
+        time_s for time_s in (0.0, *SOFTNESS_S) if abs(time_s - own_s) > 1.5 * step_s
+    }
+    trials_s = np.array(
+        sorted({max(own_s - step_s, 0.0), own_s, own_s + step_s, *others})
+    )
     trials = [replace(law, compliance_s=time_s) for time_s in trials_s.tolist()]
     found = [feet.fits(some, one) for one in trials]
     each = np.array([one.evidence for one in found]) / (-2 * law.noise_m**2)
-    # Jumps of instants count only between likely trials: at far too soft ones they jump anyway.
+    # Jumps of instants count only between likely trials: at far too soft ones they jump
+    # anyway.
     likely = (total := np.nansum(each, axis=(1, 2))) > total.max() - TELLING_LOSS
     moves = np.abs(np.diff(np.array([one.instant for one in found])[likely], axis=0))
     steady = (moves < 2 * np.diff(trials_s[likely])[:, None, None] + JUMP_S).all(axis=0)
@@ -313,21 +394,29 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
     shift = np.array([np.median(one) if len(one) else 0.0 for one in known])
     moved = np.where(np.isfinite(moved), moved, shift)
     better = np.where(alike & (mean > SURE_OF_SOFT * sd), mean, own_s)
-    instant, doubt = fits.instant + moved * (better - own_s), np.hypot(mean - better, sd)
-    centre = shift.mean() if alike else shift  # feet that shift differently may swap places
+    instant, doubt = (
+        fits.instant + moved * (better - own_s),
+        np.hypot(mean - better, sd),
+    )
+    centre = (
+        shift.mean() if alike else shift
+    )  # feet that shift differently may swap places
     error = np.hypot(fits.unit_se, (moved - centre) * doubt / law.noise_m)
-    if alike:  # include the law's own error, since it was learned from a finite number of landings
+    # Include the law's own error, since it was learned from a finite number of landings
+    if alike:
         error *= np.sqrt(1 + 1 / max(np.isfinite(instant).any(axis=1).sum(), 1))
     common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
     return replace(fits, instant=instant, unit_se=error), common
 
 
-def _compliance(trials_s: FloatArray, gains: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _compliance(
+    trials_s: FloatArray, gains: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return mean and sd (n,) of compliances, s, from log likelihoods (K, n) of trials (K,).
 
-    Log likelihoods are interpolated by a cubic spline, whose third derivative jumps at the inner
-    trials except the outermost (not-a-knot). Loading SciPy's spline would take a short study longer
-    than judging all its contacts.
+    Log likelihoods are interpolated by a cubic spline, whose third derivative jumps at
+    the inner trials except the outermost (not-a-knot). Loading SciPy's spline would
+    take a short study longer than judging all its contacts.
     """
 
     def basis(at: FloatArray) -> FloatArray:
@@ -344,13 +433,16 @@ def _compliance(trials_s: FloatArray, gains: FloatArray) -> tuple[FloatArray, Fl
     return mean, np.sqrt(((time_s[:, None] - mean) ** 2 * weights).sum(axis=0))
 
 
-def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:
+def single_fits(
+    feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str
+) -> Softly:
     """Fit each foot alone, by the simplest law that determines its contacts.
 
-    Curvature is free (unless gravity is `known`) and windows are recentred. The first law is a foot
-    that stops at once and stands. If that leaves too many of its contacts undetermined, the foot
-    creeps on. If that does not suffice either, the median over ever softer contacts is taken. The
-    spread of these in each landing is part of the standard error.
+    Curvature is free (unless gravity is `known`) and windows are recentred. The first
+    law is a foot that stops at once and stands. If that leaves too many of its contacts
+    undetermined, the foot creeps on. If that does not suffice either, the median over
+    ever softer contacts is taken. The spread of these in each landing is part of the
+    standard error.
     """
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m, pushes=False)
     best = _alone(feet, near, law)
@@ -404,7 +496,10 @@ def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFit
     variance = np.ma.median(error**2, axis=0) + spread
     nearest = np.ma.argmin(np.ma.abs(instant - middle), axis=0, fill_value=np.inf)
     rows = np.arange(len(nearest))
-    kept = {k: np.stack([vars(one)[k] for one in found])[nearest, rows] for k in vars(found[0])}
+    kept = {
+        k: np.stack([vars(one)[k] for one in found])[nearest, rows]
+        for k in vars(found[0])
+    }
     fits = KinkFits(**kept)
     some = known.any(axis=0)
     fits.instant[some, foot] = np.asarray(middle[some])
@@ -425,7 +520,9 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
         some = some_landings(instant, STANCE_LANDINGS)
         if step == 2:  # restart: priors learned with a hard contact would keep it hard
             stance = _with_stance(feet, some, replace(law, priors=weak))
-            law = replace(stance, priors=weak if stance.compliance_s > 0 else law.priors)
+            law = replace(
+                stance, priors=weak if stance.compliance_s > 0 else law.priors
+            )
         elif step > 2:
             law = _refined(feet, some, law)
         fits, last = feet.fits(instant, law), step == LEARNING_STEPS - 1
@@ -434,9 +531,9 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     law = _refined(feet, some, law)
     free = replace(law, pushes=False)
     gain = _gain(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
-    # Weak pushes hardly pay for their extra freedom, but leaving them out makes errors larger than
-    # stated. Keeping them where there are none only widens the stated errors. So they are dropped
-    # only if the data speak against them.
+    # Weak pushes hardly pay for their extra freedom, but leaving them out makes errors
+    # larger than stated. Keeping them where there are none only widens the stated
+    # errors. So they are dropped only if the data speak against them.
     return law if gain.sum() > -TELLING_LOSS else free
 
 
@@ -468,7 +565,11 @@ def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
             known.append(float(np.nansum(found)))
             gain = _gain(found, likelihood)
             if gain.sum() > STANCE_GAIN + STANCE_GAIN_PER_FIT * len(gain):
-                best, likelihood, totals = trial, found, known  # the list `known` still grows
+                best, likelihood, totals = (
+                    trial,
+                    found,
+                    known,
+                )  # the list `known` still grows
             if known[-1] < max(known):
                 break
     if best.compliance_s == 0.0:
@@ -482,8 +583,12 @@ def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
         return law
     for shares in ((0.7, 1.0, 1.4), (0.9, 1.0, 1.1)):
         trials = [law.compliance_s * share for share in shares]
-        found = [_log_likelihood(feet, instant, replace(law, compliance_s=x)) for x in trials]
-        law = replace(law, compliance_s=_vertex(trials, [float(np.nansum(x)) for x in found]))
+        found = [
+            _log_likelihood(feet, instant, replace(law, compliance_s=x)) for x in trials
+        ]
+        law = replace(
+            law, compliance_s=_vertex(trials, [float(np.nansum(x)) for x in found])
+        )
     return law
 
 

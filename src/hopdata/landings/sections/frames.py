@@ -1,9 +1,10 @@
 """Which frames have all feet up or down, and which belong to a landing.
 
-A foot at rest trembles with the noise of the cameras, so a plain threshold at three sigmas says
-"up" in some frames of every stance. These frames would outweigh the tails from which the sections
-are made. The states here therefore have hysteresis: a height is clear of the ground in a run of
-frames above the threshold that also reaches three times as high.
+A foot at rest trembles with the noise of the cameras, so a plain threshold at three
+sigmas says "up" in some frames of every stance. These frames would outweigh the tails
+from which the sections are made. The states here therefore have hysteresis: a height is
+clear of the ground in a run of frames above the threshold that also reaches three times
+as high.
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,9 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts.descents import descents
 from hopdata.recording import Recording
 
-_CLEAR = 3.0  # height above ground, in thresholds, that a run of frames must reach to be up
+_CLEAR = (
+    3.0  # height above ground, in thresholds, that a run of frames must reach to be up
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,9 @@ class Heights:
 
     def landing(self, min_foot_m: float, max_foot_m: float) -> BoolArray:
         """Mark the frames of landings by plain thresholds, (N,): see `landing_frames`."""
-        return landing_frames(self.body, self.min_foot > min_foot_m, self.max_foot < max_foot_m)[0]
+        return landing_frames(
+            self.body, self.min_foot > min_foot_m, self.max_foot < max_foot_m
+        )[0]
 
 
 @dataclass(frozen=True)
@@ -88,9 +93,9 @@ def pool_frames(
     ground_m : float
         Height of the ground, m, above which the hysteresis is measured.
     landings_only : bool
-        Keep only the descents of the body in which the feet go from all up to all down. From the
-        first frame with all down to the nadir, the feet are assumed to stay down, because a heel
-        that rises early is not part of the landing.
+        Keep only the descents of the body in which the feet go from all up to all down.
+        From the first frame with all down to the nadir, the feet are assumed to stay
+        down, because a heel that rises early is not part of the landing.
     """
     parts = []
     for h in heights:
@@ -116,7 +121,9 @@ def pooled(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
-def clear_of_ground(height: FloatArray, *, threshold_m: float, ground_m: float) -> BoolArray:
+def clear_of_ground(
+    height: FloatArray, *, threshold_m: float, ground_m: float
+) -> BoolArray:
     """Mark runs of frames above the threshold that reach three times as high, (N,).
 
     An unseen frame (NaN) is not marked and does not end a run.
@@ -149,9 +156,13 @@ def landing_frames(
     Returns
     -------
     in_descent, landed : (N,) bool array
-        Seen frames of these descents, and those of them from the first with all feet down on.
+        Seen frames of these descents, and those of them from the first with all feet
+        down on.
     """
-    in_descent, landed = np.zeros(len(body), dtype=bool), np.zeros(len(body), dtype=bool)
+    in_descent, landed = (
+        np.zeros(len(body), dtype=bool),
+        np.zeros(len(body), dtype=bool),
+    )
     for apex, nadir in descents(body):
         frames = apex + np.flatnonzero(np.isfinite(body[apex : nadir + 1]))
         down = np.flatnonzero(all_down[frames])

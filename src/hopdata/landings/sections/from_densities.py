@@ -63,8 +63,8 @@ def heights_from_densities(frames: Frames, bandwidth_m: float) -> tuple[float, f
     Parameters
     ----------
     frames : Frames
-        Frames that count, with the states of the feet; in some of them a foot is down, in others
-        one is up.
+        Frames that count, with the states of the feet; in some of them a foot is down,
+        in others one is up.
     bandwidth_m : float
         Bandwidth of the densities, m.
 

@@ -18,7 +18,12 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED, find_transitions
+from hopdata.landings.contacts.descents import (
+    CONTINUED_S,
+    HIDDEN_S,
+    LANDED,
+    find_transitions,
+)
 from hopdata.landings.contacts.find import contacts_of, floor_instants
 from hopdata.landings.sections.modes import grid_of, kde, usual_bandwidth
 from hopdata.recording import Recording
@@ -60,16 +65,18 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
     Parameters
     ----------
     recording : Recording
-        Levelled, with feet and body; it may be a part of the recording with these landings.
+        Levelled, with feet and body; it may be a part of the recording with these
+        landings.
     landings : pandas.DataFrame
         Landings from `hopdata.landings.contacts.find.find_landings`.
 
     Returns
     -------
     ndarray
-        (L, 6) mean heights of the body markers, m, for the landings that the recording shows: at
-        the top, at the first contact (as far down as the flight can be continued), at the last
-        contact, at the lowest point, `LEAD_S` before the first contact, and as much after the last.
+        (L, 6) mean heights of the body markers, m, for the landings that the recording
+        shows: at the top, at the first contact (as far down as the flight can be
+        continued), at the last contact, at the lowest point, `LEAD_S` before the first
+        contact, and as much after the last.
     """
     touched = floor_instants(landings)
     is_whole = (contacts_of(landings).status == LANDED) & np.isfinite(touched)
@@ -83,7 +90,12 @@ def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
 
 
 def heights_at_contacts(
-    time: FloatArray, height: FloatArray, spans: FloatArray, instant: FloatArray, *, pace: float
+    time: FloatArray,
+    height: FloatArray,
+    spans: FloatArray,
+    instant: FloatArray,
+    *,
+    pace: float,
 ) -> FloatArray:
     """Return what `landing_heights` does, (K, 6), for the landings that the frames show.
 
@@ -139,17 +151,18 @@ def heights_from_landings(
 ) -> tuple[float, float, float]:
     """Choose the sections from the heights of landings.
 
-    The post section is the shallowest height that holds nearly as many landings as any does: a body
-    just after the last contact still falls fast. The pre section is the height that holds as many,
-    with the fewest flights continued, and is nearest to the middle of the usual flight in time.
+    The post section is the shallowest height that holds nearly as many landings as any
+    does: a body just after the last contact still falls fast. The pre section is the
+    height that holds as many, with the fewest flights continued, and is nearest to the
+    middle of the usual flight in time.
 
     Parameters
     ----------
     heights : (L, 6) array
         Heights of the landings from `landing_heights`, m; L >= 1.
     bandwidth_m : float, optional
-        Bandwidth of the densities, m; by default the smaller one that the normal rule gives for the
-        first and the last contacts.
+        Bandwidth of the densities, m; by default the smaller one that the normal rule
+        gives for the first and the last contacts.
 
     Returns
     -------
@@ -161,8 +174,8 @@ def heights_from_landings(
     Raises
     ------
     AnalysisError
-        If the given bandwidth is too small for the range of the heights, or so wide that densities
-        cannot tell contacts from turning points.
+        If the given bandwidth is too small for the range of the heights, or so wide
+        that densities cannot tell contacts from turning points.
     """
     top, first, last, lowest, untouched, settled = heights.T
     below_top = top - BELOW_TOP * (top - first)
@@ -173,7 +186,8 @@ def heights_from_landings(
         _require_narrow(bandwidth_m, below_top - first, settled - above_lowest)
     before = heights_that_hold(first, below_top, bandwidth_m)
     before = most_counted(before, untouched, below_top)
-    # Downwards, contacts come before turning points as they do upwards before a pre section.
+    # Downwards, contacts come before turning points as they do upwards before a pre
+    # section.
     after = heights_that_hold(-settled, -above_lowest, bandwidth_m)
     half_time = float(np.median(top - PRE_FALL * (top - untouched)))
     pre_m = float(np.clip(half_time, before[0], before[-1]))
@@ -181,7 +195,9 @@ def heights_from_landings(
     return pre_m, post_m, bandwidth_m
 
 
-def fall_speed(recording: Recording, landings: pd.DataFrame, height_m: float) -> FloatArray:
+def fall_speed(
+    recording: Recording, landings: pd.DataFrame, height_m: float
+) -> FloatArray:
     """Return how fast each landing falls past a height, (L,), m/s; NaN if it does not.
 
     Parameters
@@ -199,14 +215,18 @@ def fall_speed(recording: Recording, landings: pd.DataFrame, height_m: float) ->
     height = recording.body_height[seen]
     spans = landings[["begin_s", "end_s"]].to_numpy(float)
     below = np.nextafter(height_m, -np.inf)
-    passed = find_transitions(time, height, pre_height_m=height_m, post_height_m=below, spans=spans)
+    passed = find_transitions(
+        time, height, pre_height_m=height_m, post_height_m=below, spans=spans
+    )
     at = passed.t_post
     before = np.interp(at - half_s, time, height)
     after = np.interp(at + half_s, time, height)
     return np.asarray((before - after) / (2.0 * half_s))
 
 
-def _require_narrow(bandwidth_m: float, before_m: FloatArray, after_m: FloatArray) -> None:
+def _require_narrow(
+    bandwidth_m: float, before_m: FloatArray, after_m: FloatArray
+) -> None:
     """Refuse a bandwidth beyond the usual way from contact to turning point, (L,) on each side."""
     widest_m = min(float(np.median(before_m)), float(np.median(after_m)))
     if bandwidth_m > widest_m:
@@ -215,17 +235,19 @@ def _require_narrow(bandwidth_m: float, before_m: FloatArray, after_m: FloatArra
         raise AnalysisError.at("sections.bandwidth_m", expected, f"{bandwidth_m:g} m")
 
 
-def heights_that_hold(contact: FloatArray, turn: FloatArray, bandwidth_m: float) -> FloatArray:
+def heights_that_hold(
+    contact: FloatArray, turn: FloatArray, bandwidth_m: float
+) -> FloatArray:
     """Return the heights that hold nearly as many landings as the best height does, in order.
 
-    They lose at most `MAY_LOSE` of the landings by the densities, and no more by their count: of
-    few landings, the tail of a density is easily one, which need not be lost.
+    They lose at most `MAY_LOSE` of the landings by the densities, and no more by their
+    count: of few landings, the tail of a density is easily one, which need not be lost.
 
     Parameters
     ----------
     contact, turn : (L,) array
-        Height of each landing from which on a section holds it, and height up to which, m. A
-        landing whose turn comes before its contact is held nowhere.
+        Height of each landing from which on a section holds it, and height up to which,
+        m. A landing whose turn comes before its contact is held nowhere.
     bandwidth_m : float
         Bandwidth of the densities of both, m.
 
@@ -243,7 +265,9 @@ def heights_that_hold(contact: FloatArray, turn: FloatArray, bandwidth_m: float)
     return most_counted(dense, contact, turn)
 
 
-def most_counted(heights_m: FloatArray, contact: FloatArray, turn: FloatArray) -> FloatArray:
+def most_counted(
+    heights_m: FloatArray, contact: FloatArray, turn: FloatArray
+) -> FloatArray:
     """Return those of the heights (H,) that hold, by count, nearly as many landings as any."""
     possible = contact <= turn
     begun = np.searchsorted(np.sort(contact[possible]), heights_m, side="right")

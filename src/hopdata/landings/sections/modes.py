@@ -1,11 +1,13 @@
 """Gaussian kernel density on a uniform grid, exact to about 1e-8, at the cost of one FFT.
 
-Each sample is spread over four nodes of a fine grid by the cubic B-spline. In Fourier space, the
-counts are multiplied by the transfer function of the Gaussian and divided by that of the spline
-(a type-1 non-uniform FFT with a spline window). The remaining error is aliasing of the spline, of
-order (spacing / bandwidth)^4; the grid is chosen fine enough for it.
+Each sample is spread over four nodes of a fine grid by the cubic B-spline. In Fourier
+space, the counts are multiplied by the transfer function of the Gaussian and divided by
+that of the spline (a type-1 non-uniform FFT with a spline window). The remaining error
+is aliasing of the spline, of order (spacing / bandwidth)^4; the grid is chosen fine
+enough for it.
 
-The ground mode is found from such densities: where the heights of feet on the ground pile up.
+The ground mode is found from such densities: where the heights of feet on the ground
+pile up.
 """
 
 from collections.abc import Sequence
@@ -34,7 +36,8 @@ def normal_bandwidth(samples: ArrayLike) -> float:
     Returns
     -------
     float
-        0.9 min(sd, IQR / 1.349) n^(-1/5), in the unit of `samples` (Silverman 1986, eq. 3.31).
+        0.9 min(sd, IQR / 1.349) n^(-1/5), in the unit of `samples` (Silverman 1986, eq.
+        3.31).
     """
     values = finite(samples)
     lower, upper = np.quantile(values, [0.25, 0.75])
@@ -48,7 +51,8 @@ _FINEST_SHARE = 1e-4  # smallest usual bandwidth, as a share of the range of hei
 def usual_bandwidth(groups: Sequence[FloatArray], range_m: float) -> float:
     """Return the smallest bandwidth of the normal rule for groups of heights, m.
 
-    Heights without scatter have no bandwidth of their own: 1e-4 of `range_m` is the least.
+    Heights without scatter have no bandwidth of their own: 1e-4 of `range_m` is the
+    least.
 
     Parameters
     ----------
@@ -67,8 +71,8 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     Parameters
     ----------
     samples : array of any shape
-        Values; non-finite ones are ignored. Values off the grid count in the total, so the result
-        integrates to the share of the probability that lies on the grid.
+        Values; non-finite ones are ignored. Values off the grid count in the total, so
+        the result integrates to the share of the probability that lies on the grid.
     bandwidth : float
         Standard deviation of the kernel, in the unit of `samples`, > 0.
     grid : (G,) array
@@ -77,8 +81,9 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     Returns
     -------
     (G,) array
-        Probability density per unit of `samples`. It agrees with the exact sum to about 1e-8 of
-        the highest value. Values that rounding makes negative in the far tails are set to zero.
+        Probability density per unit of `samples`. It agrees with the exact sum to about
+        1e-8 of the highest value. Values that rounding makes negative in the far tails
+        are set to zero.
 
     Raises
     ------
@@ -102,13 +107,20 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
         n_finite += part.size
     spread = sum(counts) / 6.0
     cycles = np.arange(n_fine // 2 + 1) / n_fine
-    # Transfer function of the Gaussian over that of the spline, at the FFT's frequencies.
-    transfer = np.exp(-2.0 * (np.pi * cycles * (bandwidth / step)) ** 2) / np.sinc(cycles) ** 4
+    # Transfer function of the Gaussian over that of the spline, at the FFT's
+    # frequencies.
+    transfer = (
+        np.exp(-2.0 * (np.pi * cycles * (bandwidth / step)) ** 2) / np.sinc(cycles) ** 4
+    )
     smooth = np.fft.irfft(np.fft.rfft(spread) * transfer, n_fine)
-    return np.maximum(smooth[margin : margin + n_inside : refine], 0.0) / (n_finite * step)
+    return np.maximum(smooth[margin : margin + n_inside : refine], 0.0) / (
+        n_finite * step
+    )
 
 
-_GRID_NODES_PER_BANDWIDTH = 16  # a height read off the grid is right to 3 % of a bandwidth
+_GRID_NODES_PER_BANDWIDTH = (
+    16  # a height read off the grid is right to 3 % of a bandwidth
+)
 _LEAST_GRID_NODES = 1024
 _MOST_GRID_NODES = 2**18
 _GRID_MARGIN = 5.0  # bandwidths beyond the samples, where a density has ended
@@ -135,7 +147,9 @@ def grid_of(samples: FloatArray, bandwidth_m: float) -> FloatArray:
     nodes = int((high - low) / bandwidth_m * _GRID_NODES_PER_BANDWIDTH)
     if nodes > _MOST_GRID_NODES:
         least_m = (high - low) * _GRID_NODES_PER_BANDWIDTH / _MOST_GRID_NODES
-        expected = f"at least {least_m:.2g} m, for heights that range over {high - low:.3g} m"
+        expected = (
+            f"at least {least_m:.2g} m, for heights that range over {high - low:.3g} m"
+        )
         raise AnalysisError.at("sections.bandwidth_m", expected, f"{bandwidth_m:g} m")
     return np.linspace(low, high, max(nodes, _LEAST_GRID_NODES))
 
@@ -155,8 +169,8 @@ def finite(samples: ArrayLike) -> FloatArray:
 def _spread(place: FloatArray, counts: FloatArray) -> None:
     """Spread unit counts at fractional places over four nodes each by the cubic B-spline.
 
-    Row k of `counts` collects the contributions to node k of the four, one sample after another, so
-    the sums do not depend on the number of samples passed at a time.
+    Row k of `counts` collects the contributions to node k of the four, one sample after
+    another, so the sums do not depend on the number of samples passed at a time.
     """
     place = place[(place >= 1) & (place < counts.shape[1] - 3)]
     below = place.astype(np.int64)
@@ -167,14 +181,22 @@ def _spread(place: FloatArray, counts: FloatArray) -> None:
         np.add.at(count, below + (row - 1), weight)
 
 
-# The ground mode: where the heights of feet on the ground pile up, and how much they scatter.
+# The ground mode: where the heights of feet on the ground pile up, and how much they
+# scatter.
 
-_FINEST_M = 1e-5  # below the resolution of optical systems; keeps sigma > 0 for noise-free data
+_FINEST_M = (
+    1e-5  # below the resolution of optical systems; keeps sigma > 0 for noise-free data
+)
 _LEAST_SAMPLES = 20
-_COARSE = 0.04  # coarse bandwidth, as a share of the range from the 2 % to the 98 % quantile
+_COARSE = (
+    0.04  # coarse bandwidth, as a share of the range from the 2 % to the 98 % quantile
+)
 _STEP_REACH_M = 5e-3  # distance from the mode within which printed steps are sought
 _COARSE_STEP_M = 1e-4  # finer steps are below the noise of cameras
-_TIES, _LEAST_TIES = 20, 2  # mean and median heights per level above which heights come in steps
+_TIES, _LEAST_TIES = (
+    20,
+    2,
+)  # mean and median heights per level above which heights come in steps
 LARGE = 0.2  # smallest density of a mode that counts, as a share of the highest density
 
 
@@ -187,8 +209,9 @@ class GroundMode:
     height_m : float
         Place of the mode, m.
     sigma_m : float
-        Standard deviation of its left flank, m. Nothing is below the ground, so this flank contains
-        only scatter: measurement noise and the remaining error of the floor.
+        Standard deviation of its left flank, m. Nothing is below the ground, so this
+        flank contains only scatter: measurement noise and the remaining error of the
+        floor.
     bandwidth_m : float
         Bandwidth of the density whose highest point is the mode, m.
     """
@@ -205,8 +228,9 @@ class GroundMode:
 def ground_mode(heights: ArrayLike, *, scale: float = 1.0) -> GroundMode:
     """Find the lowest large mode of `heights` and the scatter on its left flank.
 
-    The mode is narrower than any bandwidth suited to the whole density, so it has a bandwidth of
-    its own: sigma n^(-1/7), the rate suited to a mode, with sigma from the left flank.
+    The mode is narrower than any bandwidth suited to the whole density, so it has a
+    bandwidth of its own: sigma n^(-1/7), the rate suited to a mode, with sigma from the
+    left flank.
 
     Parameters
     ----------
@@ -231,9 +255,13 @@ def ground_mode(heights: ArrayLike, *, scale: float = 1.0) -> GroundMode:
     for _ in range(3):
         n_ground = 2 * max(int(np.searchsorted(values, place)), 1)
         width = sigma * n_ground ** (-1 / 7)
-        place = _highest_near(values, place, reach=6 * sigma + 2 * width, bandwidth=width)
+        place = _highest_near(
+            values, place, reach=6 * sigma + 2 * width, bandwidth=width
+        )
         sigma = _left_flank(values, place)
-    return GroundMode(height_m=scale * place, sigma_m=scale * sigma, bandwidth_m=scale * width)
+    return GroundMode(
+        height_m=scale * place, sigma_m=scale * sigma, bandwidth_m=scale * width
+    )
 
 
 def _upper_end_of_lowest_mode(values: FloatArray) -> float:
@@ -243,7 +271,11 @@ def _upper_end_of_lowest_mode(values: FloatArray) -> float:
     grid = np.linspace(low - 3 * width, high + 3 * width, 512)
     density = kde(values, bandwidth=width, grid=grid)
     inner = density[1:-1]
-    is_peak = (inner > density[:-2]) & (inner >= density[2:]) & (inner >= LARGE * density.max())
+    is_peak = (
+        (inner > density[:-2])
+        & (inner >= density[2:])
+        & (inner >= LARGE * density.max())
+    )
     return float(grid[1:-1][np.argmax(is_peak)]) + 2 * width
 
 
@@ -260,12 +292,18 @@ def _left_flank(values: FloatArray, place: float) -> float:
     """Return the robust deviation of the values below `place`, as half of a normal, m."""
     least = max(_FINEST_M, 0.5 * _printed_step(values, place))
     below = values[: np.searchsorted(values, place)]
-    return max(float(place - np.median(below)) / NORMAL_MEDIAN, least) if below.size else least
+    return (
+        max(float(place - np.median(below)) / NORMAL_MEDIAN, least)
+        if below.size
+        else least
+    )
 
 
 def _printed_step(values: FloatArray, place: float) -> float:
     """Return the step, m, in which heights near `place` were printed; 0 if none is visible."""
-    first, last = np.searchsorted(values, (place - _STEP_REACH_M, place + _STEP_REACH_M))
+    first, last = np.searchsorted(
+        values, (place - _STEP_REACH_M, place + _STEP_REACH_M)
+    )
     near = np.round(values[first:last], 6)
     starts = np.flatnonzero(np.diff(near, prepend=-np.inf))  # the values are sorted
     levels, ties = near[starts], np.diff(starts, append=len(near))
@@ -275,7 +313,9 @@ def _printed_step(values: FloatArray, place: float) -> float:
     return step if step >= _COARSE_STEP_M else 0.0
 
 
-def _highest_near(values: FloatArray, place: float, *, reach: float, bandwidth: float) -> float:
+def _highest_near(
+    values: FloatArray, place: float, *, reach: float, bandwidth: float
+) -> float:
     """Return the peak of the density within `reach` of `place`, by a parabola through its top."""
     grid = np.linspace(place - reach, place + reach, 401)
     density = kde(values, bandwidth=bandwidth, grid=grid)

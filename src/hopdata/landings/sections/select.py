@@ -12,7 +12,13 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, counted, require_choice
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import contacts_of, find_landings
-from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames, pooled
+from hopdata.landings.sections.frames import (
+    Frames,
+    Heights,
+    heights_of,
+    pool_frames,
+    pooled,
+)
 from hopdata.landings.sections.from_densities import heights_from_densities, upper_knee
 from hopdata.landings.sections.from_landings import (
     FIRST_CONTACT,
@@ -36,8 +42,12 @@ from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether only frames of landings count
 FEET = ("min_foot", "max_foot")
-LEAST_KNEE_M = 3e-4  # least height of a knee above its mode: no floor is known more accurately
-_LEAST_FRAMES = 5  # fewest frames with all feet up, and with all down, in a hopping gait
+LEAST_KNEE_M = (
+    3e-4  # least height of a knee above its mode: no floor is known more accurately
+)
+_LEAST_FRAMES = (
+    5  # fewest frames with all feet up, and with all down, in a hopping gait
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,7 +67,8 @@ class Sections(Shown):
     rule : {"landings", "printed"}
         How the sections were chosen.
     bandwidth_m : float or None
-        Bandwidth of the densities by which they were chosen, m; None if both heights were given.
+        Bandwidth of the densities by which they were chosen, m; None if both heights
+        were given.
     threshold_sigmas : float
         Deviations from a mode to its upper knee, with the rule ``"landings"``.
     frames : {"all", "landings"}
@@ -65,11 +76,11 @@ class Sections(Shown):
     decided : dict
         ``"data"`` or ``"config"`` for each of the four heights above.
     held : dict
-        Share of the landings of all feet that the ``"pre"`` and the ``"post"`` section hold; None
-        if there are no landings.
+        Share of the landings of all feet that the ``"pre"`` and the ``"post"`` section
+        hold; None if there are no landings.
     pre_speed_m_s, post_speed_m_s : float or None
-        Median speed of the fall as a landing passes the section, m/s. An error in height shifts the
-        instant of the passage by that error over this speed.
+        Median speed of the fall as a landing passes the section, m/s. An error in
+        height shifts the instant of the passage by that error over this speed.
     n_landings : int
         Number of landings of all feet.
     n_frames : int
@@ -77,8 +88,9 @@ class Sections(Shown):
     n_used : int
         Number of these frames that are pooled.
     beside : dict
-        The same recordings by the other rule: ``rule``, ``pre_height_m`` and ``post_height_m``; if
-        it has no heights, ``note`` says why. Empty if it was not asked for.
+        The same recordings by the other rule: ``rule``, ``pre_height_m`` and
+        ``post_height_m``; if it has no heights, ``note`` says why. Empty if it was not
+        asked for.
     """
 
     pre_height_m: float
@@ -153,18 +165,21 @@ def select_sections(
         `hopdata.landings.contacts.find.find_landings`; by default found here.
     rule : {"landings", "printed"}
         ``"landings"``: the heights of the body in landings choose the sections (see
-        `hopdata.landings.sections.from_landings`). ``"printed"``: knees of the densities of all
-        frames do (see `hopdata.landings.sections.from_densities`).
+        `hopdata.landings.sections.from_landings`). ``"printed"``: knees of the
+        densities of all frames do (see `hopdata.landings.sections.from_densities`).
     frames : {"all", "landings"}
-        Frames whose densities of body height are drawn, and count for the rule ``"printed"``: all
-        frames, or only descents of the body, from apex to nadir, in which the feet go from all up
-        to all down. The latter is for animals that also stand on feet that are not followed.
+        Frames whose densities of body height are drawn, and count for the rule
+        ``"printed"``: all frames, or only descents of the body, from apex to nadir, in
+        which the feet go from all up to all down. The latter is for animals that also
+        stand on feet that are not followed.
     threshold_sigmas : float
-        With the rule ``"landings"``, distance from a ground mode to its threshold, in deviations of
-        the left flank, > 0.
+        With the rule ``"landings"``, distance from a ground mode to its threshold, in
+        deviations of the left flank, > 0.
     bandwidth_m : float, optional
-        Bandwidth of all densities by which the rule chooses, m; by default from the data.
-    min_foot_threshold_m, max_foot_threshold_m, pre_height_m, post_height_m : float, optional
+        Bandwidth of all densities by which the rule chooses, m; by default from the
+        data.
+    min_foot_threshold_m, max_foot_threshold_m, pre_height_m, post_height_m : float,
+    optional
         Values to use instead of those from the data, m.
     compare : bool
         Whether to add the heights that the other rule chooses.
@@ -172,9 +187,10 @@ def select_sections(
     Raises
     ------
     AnalysisError
-        If there is no landing of all feet; with the rule ``"printed"``, if the feet never leave the
-        ground together or never stand on it together, or if no descent is a landing. If the pre
-        section is not above the post section, or the bandwidth does not suit the heights.
+        If there is no landing of all feet; with the rule ``"printed"``, if the feet
+        never leave the ground together or never stand on it together, or if no descent
+        is a landing. If the pre section is not above the post section, or the bandwidth
+        does not suit the heights.
     ConfigError
         If `rule` or `frames` is unknown.
     """
@@ -204,7 +220,9 @@ def select_sections(
         bandwidth_m=bandwidth_m,
         threshold_sigmas=threshold_sigmas,
         frames=frames,
-        decided={name: "data" if value is None else "config" for name, value in given.items()},
+        decided={
+            name: "data" if value is None else "config" for name, value in given.items()
+        },
         held={},
         pre_speed_m_s=None,
         post_speed_m_s=None,
@@ -216,11 +234,15 @@ def select_sections(
     material = _Material(recordings, tables, heights, of_landings, scale)
     sections = RULES[rule](start, material)
     if not sections.pre_height_m > sections.post_height_m:
-        found = f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
+        found = (
+            f"{sections.pre_height_m:.4f} m and {sections.post_height_m:.4f} m; set "
+        )
         found += "sections.pre_height_m and sections.post_height_m"
         if rule == "printed":
             found += ", or sections.rule to landings"
-        raise AnalysisError.at("sections", "the pre section above the post section", found)
+        raise AnalysisError.at(
+            "sections", "the pre section above the post section", found
+        )
     if compare:
         sections = replace(sections, beside=_beside(start, material))
     return replace(
@@ -258,16 +280,23 @@ def _by_landings(sections: Sections, material: _Material) -> Sections:
     frames = sections.pooled(material.heights)
     sections = replace(sections, n_used=len(frames.body))
     if sections.decided["min_foot_threshold_m"] == "config":
-        _require_both("min_foot_threshold_m", sections.min_foot_threshold_m, "up", frames.all_up)
+        _require_both(
+            "min_foot_threshold_m", sections.min_foot_threshold_m, "up", frames.all_up
+        )
     if sections.decided["max_foot_threshold_m"] == "config":
         _require_both(
-            "max_foot_threshold_m", sections.max_foot_threshold_m, "down", frames.all_down
+            "max_foot_threshold_m",
+            sections.max_foot_threshold_m,
+            "down",
+            frames.all_down,
         )
     if _both_given(sections):
         return replace(sections, bandwidth_m=None)
     if len(material.of_landings) == 0:
         raise _no_landing(material, frames, sections)
-    pre_m, post_m, bandwidth_m = heights_from_landings(material.of_landings, sections.bandwidth_m)
+    pre_m, post_m, bandwidth_m = heights_from_landings(
+        material.of_landings, sections.bandwidth_m
+    )
     sections = _filled(sections, pre_height_m=pre_m, post_height_m=post_m)
     return replace(sections, bandwidth_m=bandwidth_m)
 
@@ -300,7 +329,9 @@ RULES = {"landings": _by_landings, "printed": _by_densities}
 
 def _filled(sections: Sections, **values_m: float) -> Sections:
     """Return the sections with those of the values, m, that are not given (NaN)."""
-    missing = {name: one for name, one in values_m.items() if np.isnan(getattr(sections, name))}
+    missing = {
+        name: one for name, one in values_m.items() if np.isnan(getattr(sections, name))
+    }
     return replace(sections, **cast("Any", missing))
 
 
@@ -314,12 +345,19 @@ def _beside(start: Sections, material: _Material) -> dict[str, Any]:
     """Return what the other rule chooses from the same material, or why it cannot."""
     other = "printed" if start.rule == "landings" else "landings"
     # A bandwidth that was given suits the densities of one rule only.
-    free = replace(start, rule=other, pre_height_m=np.nan, post_height_m=np.nan, bandwidth_m=None)
+    free = replace(
+        start, rule=other, pre_height_m=np.nan, post_height_m=np.nan, bandwidth_m=None
+    )
     decided = start.decided | {"pre_height_m": "data", "post_height_m": "data"}
     try:
         found = RULES[other](replace(free, decided=decided), material)
     except AnalysisError as error:
-        return {"rule": other, "pre_height_m": None, "post_height_m": None, "note": str(error)}
+        return {
+            "rule": other,
+            "pre_height_m": None,
+            "post_height_m": None,
+            "note": str(error),
+        }
     heights = {"pre_height_m": found.pre_height_m, "post_height_m": found.post_height_m}
     return {"rule": other, **heights}
 
@@ -341,10 +379,13 @@ def _usual_speed(height_m: float, material: _Material) -> float | None:
     return float(np.median(known))
 
 
-def _no_landing(material: _Material, frames: Frames, sections: Sections) -> AnalysisError:
+def _no_landing(
+    material: _Material, frames: Frames, sections: Sections
+) -> AnalysisError:
     """Return the error that says which feet land, if never all of them do.
 
-    If none does, the heights of the feet may say why: `_require_hopping` raises its own error.
+    If none does, the heights of the feet may say why: `_require_hopping` raises its own
+    error.
     """
     feet = material.recordings[0].names("foot")
     touches = np.zeros(len(feet), dtype=np.int64)
@@ -358,7 +399,9 @@ def _no_landing(material: _Material, frames: Frames, sections: Sections) -> Anal
     else:
         _require_hopping(frames, sections)
         change = "if they stand above z = 0, raise touchdowns.down_height_m above that"
-    each = ", ".join(f"{foot} in {count}" for foot, count in zip(feet, touches, strict=True))
+    each = ", ".join(
+        f"{foot} in {count}" for foot, count in zip(feet, touches, strict=True)
+    )
     return AnalysisError(
         "sections: expected landings in which the contact of every foot is found, found none in "
         f"{counted(descents, 'descent')} of the body ({each}); {change}, or set "
@@ -401,12 +444,17 @@ def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) 
     """Raise an error if the threshold puts all feet into one state in every frame."""
     if frames.all():
         found = f"{threshold_m:.4f} m with all feet {state} in all {len(frames)} frames"
-        raise AnalysisError.at(f"sections.{name}", "a height that divides the frames", found)
+        raise AnalysisError.at(
+            f"sections.{name}", "a height that divides the frames", found
+        )
 
 
-# Tables behind the figure of the sections: densities of heights, and a sample of frames.
+# Tables behind the figure of the sections: densities of heights, and a sample of
+# frames.
 
-_FOOT_BANDWIDTH = 0.5  # bandwidth in deviations of the ground mode, which it widens by 12 %
+_FOOT_BANDWIDTH = (
+    0.5  # bandwidth in deviations of the ground mode, which it widens by 12 %
+)
 _FINEST = 1e-5  # smallest bandwidth, as a share of the range of heights
 
 
@@ -434,13 +482,14 @@ def section_densities(
     Returns
     -------
     DataFrame
-        Columns curve, height_m and density_per_m, with `nodes` rows for each curve. The curves
-        ``min_foot`` and ``max_foot`` are of all frames. The curves ``body_all``,
+        Columns curve, height_m and density_per_m, with `nodes` rows for each curve. The
+        curves ``min_foot`` and ``max_foot`` are of all frames. The curves ``body_all``,
         ``body_given_all_up``, ``body_given_all_down``, ``body_given_some_down`` and
-        ``body_given_some_up`` are of the pooled frames. The curves ``top``, ``first_contact``,
-        ``last_contact`` and ``lowest`` are of the body's heights in landings of all feet. A
-        condition that fewer than two frames or landings meet, or that leaves only one height, has
-        no curve. The curves by which the rule chose have its bandwidth.
+        ``body_given_some_up`` are of the pooled frames. The curves ``top``,
+        ``first_contact``, ``last_contact`` and ``lowest`` are of the body's heights in
+        landings of all feet. A condition that fewer than two frames or landings meet,
+        or that leaves only one height, has no curve. The curves by which the rule chose
+        have its bandwidth.
     """
     heights = [heights_of(recording) for recording in recordings]
     in_each = [landing_heights(one, landings[one.name]) for one in recordings]
@@ -462,11 +511,15 @@ def section_densities(
     bodies = _with_spread(bodies)
     in_landings = _with_spread(in_landings)
     feet = {foot: finite(pooled([getattr(h, foot) for h in heights])) for foot in FEET}
-    least = _FINEST * float(feet["max_foot"].max() - feet["min_foot"].min())  # without noise
+    least = _FINEST * float(
+        feet["max_foot"].max() - feet["min_foot"].min()
+    )  # without noise
     sigmas = [getattr(sections, f"{foot}_mode").sigma_m for foot in FEET]
     foot_widths = [max(_FOOT_BANDWIDTH * sigma, least) for sigma in sigmas]
     body_widths = [normal_bandwidth(one) for one in bodies.values()]
-    landing_widths = [usual_bandwidth([one], np.ptp(one)) for one in in_landings.values()]
+    landing_widths = [
+        usual_bandwidth([one], np.ptp(one)) for one in in_landings.values()
+    ]
     if sections.bandwidth_m is not None and sections.rule == "landings":
         landing_widths = [sections.bandwidth_m] * len(in_landings)
     if sections.bandwidth_m is not None and sections.rule == "printed":
@@ -482,7 +535,9 @@ def section_densities(
 
 def _with_spread(groups: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Return the groups of heights that have a density: two or more that differ."""
-    return {name: one for name, one in groups.items() if len(one) > 1 and np.ptp(one) > 0}
+    return {
+        name: one for name, one in groups.items() if len(one) > 1 and np.ptp(one) > 0
+    }
 
 
 def _curves(
@@ -496,7 +551,9 @@ def _curves(
     tables = []
     for (name, heights), width in zip(groups.items(), widths, strict=True):
         density = kde(heights, bandwidth=width, grid=grid)
-        tables.append(pd.DataFrame({"curve": name, "height_m": grid, "density_per_m": density}))
+        tables.append(
+            pd.DataFrame({"curve": name, "height_m": grid, "density_per_m": density})
+        )
     return tables
 
 
@@ -517,8 +574,9 @@ def section_frames(
     Returns
     -------
     DataFrame
-        Columns min_foot_m, max_foot_m and body_m, for frames in which all three are seen, and
-        landing: whether the body is on its way from all feet up to all feet down.
+        Columns min_foot_m, max_foot_m and body_m, for frames in which all three are
+        seen, and landing: whether the body is on its way from all feet up to all feet
+        down.
     """
     heights = [heights_of(recording) for recording in recordings]
     columns = {

@@ -19,7 +19,8 @@ from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import joined, turned
 from hopdata.recording import Recording, sampled
 
-# The home frame moves the plane so that the place and heading of a landing do not matter.
+# The home frame moves the plane so that the place and heading of a landing do not
+# matter.
 
 LEAST_RADIUS_M = 1e-6  # smallest distance of the home marker from the origin
 
@@ -64,11 +65,11 @@ def home_frames(
 ) -> HomeFrames:  # fmt: skip
     """Find the home frame of each touchdown (Sec. 2.2.4 of the dissertation).
 
-    The origin is the mean body position during the touchdown, and the x axis runs from it through
-    the mean position of one marker. Means are time averages of the markers' tracks between the two
-    instants. Tracks are linear between frames, so the means do not depend on where the frames fall.
-    Short gaps are bridged by a straight line; a touchdown with a longer gap has no home frame
-    (NaN).
+    The origin is the mean body position during the touchdown, and the x axis runs from
+    it through the mean position of one marker. Means are time averages of the markers'
+    tracks between the two instants. Tracks are linear between frames, so the means do
+    not depend on where the frames fall. Short gaps are bridged by a straight line; a
+    touchdown with a longer gap has no home frame (NaN).
 
     Parameters
     ----------
@@ -105,11 +106,16 @@ def home_frames(
 
 
 def track_means(
-    time: FloatArray, tracks: FloatArray, t_pre: FloatArray, t_post: FloatArray, pace: float = 1.0
+    time: FloatArray,
+    tracks: FloatArray,
+    t_pre: FloatArray,
+    t_post: FloatArray,
+    pace: float = 1.0,
 ) -> FloatArray:
     """Average tracks (N, B, k) over time between instants (L,), (L, B, k).
 
-    Short gaps are bridged by a straight line; NaN where a gap is longer than `longest_gap_s`.
+    Short gaps are bridged by a straight line; NaN where a gap is longer than
+    `longest_gap_s`.
     """
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
     longest_gap = longest_gap_s(time, pace) * (1 + 1e-9)
@@ -120,7 +126,9 @@ def track_means(
         gap = longest_gaps(t, np.column_stack([t_pre, t_post]))
         for c in range(tracks.shape[2]):
             track = tracks[seen, b, c]
-            middle = track.mean()  # integrals of places far from the origin would lose digits
+            middle = (
+                track.mean()
+            )  # integrals of places far from the origin would lose digits
             before, after = _integral(t, track - middle, np.stack([t_pre, t_post]))
             share = middle + (after - before) / (t_post - t_pre)
             means[:, b, c] = np.where(gap <= longest_gap, share, np.nan)
@@ -133,7 +141,9 @@ def _integral(t: FloatArray, track: FloatArray, at: FloatArray) -> FloatArray:
     k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
     step = t[k + 1] - t[k]
     u = (at - t[k]) / step
-    return np.asarray(whole[k] + step * u * (track[k] + 0.5 * u * (track[k + 1] - track[k])))
+    return np.asarray(
+        whole[k] + step * u * (track[k] + 0.5 * u * (track[k + 1] - track[k]))
+    )
 
 
 logger = logging.getLogger(__name__)
@@ -170,31 +180,39 @@ def assemble_pairs(
     method, window_s, gravity
         See `hopdata.landings.states.fits.section_states`.
     ambiguous : {"keep", "pool", "exclude"}
-        With ``pool``, touchdowns of the class ``ambiguous`` get no schedule and are used only where
-        the order of the contacts does not matter.
+        With ``pool``, touchdowns of the class ``ambiguous`` get no schedule and are
+        used only where the order of the contacts does not matter.
 
     Returns
     -------
     Pairs
-        Pairs in SI units, not normalised, in the order of the recordings' names. A touchdown with
-        too few frames to fit its states is logged and left out (see `exclude_stateless`).
+        Pairs in SI units, not normalised, in the order of the recordings' names. A
+        touchdown with too few frames to fit its states is logged and left out (see
+        `exclude_stateless`).
 
     Raises
     ------
     AnalysisError
-        If fewer than `LEAST_PAIRS` remain, or the recordings differ in their body markers.
+        If fewer than `LEAST_PAIRS` remain, or the recordings differ in their body
+        markers.
     ConfigError
-        If `home_marker` is not a body marker, or `method`, `gravity` or `ambiguous` is unknown.
+        If `home_marker` is not a body marker, or `method`, `gravity` or `ambiguous` is
+        unknown.
     """
     require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
     recordings, parts = list(recordings), []
     if ambiguous == "pool":
-        table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))
+        table = table.assign(
+            schedule=table["schedule"].where(table["class"] != AMBIGUOUS, "")
+        )
     home_marker = home_marker or farthest_marker(recordings)
-    # The order of the landings decides random draws, so it is not that of the configuration.
+    # The order of the landings decides random draws, so it is not that of the
+    # configuration.
     for recording in sorted(recordings, key=lambda one: one.name):
         marker = recording.names("body").index(home_marker)
-        used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
+        used = table[
+            (table["recording"] == recording.name) & ~table["excluded"].astype(bool)
+        ]
         if len(used):
             sections = (pre_height_m, post_height_m)
             options: Any = {"method": method, "window_s": window_s, "gravity": gravity}
@@ -203,7 +221,9 @@ def assemble_pairs(
     n_pairs = sum(len(part) for part in parts)
     if n_pairs < LEAST_PAIRS:
         rest = exclude_stateless(table, joined(parts, DESCRIPTIONS)) if parts else table
-        found = "; ".join(_why_few(r, rest[rest["recording"] == r.name]) for r in recordings)
+        found = "; ".join(
+            _why_few(r, rest[rest["recording"] == r.name]) for r in recordings
+        )
         raise AnalysisError(
             f"pairs: expected at least {LEAST_PAIRS} usable touchdowns, found {n_pairs or 'none'} "
             f"with the pre section at {pre_height_m:.4g} m and the post section at "
@@ -213,17 +233,18 @@ def assemble_pairs(
     return joined(parts, DESCRIPTIONS)
 
 
-# Relative difference of distances up to which markers count as equally far. Those of a symmetric
-# body differ by their noise, which shall not choose between them. With 1.5 times the value, a few
-# more bodies take the first of two markers by name.
+# Relative difference of distances up to which markers count as equally far. Those of a
+# symmetric body differ by their noise, which shall not choose between them. With 1.5
+# times the value, a few more bodies take the first of two markers by name.
 AS_FAR = 0.01
 
 
 def farthest_marker(recordings: Sequence[Recording]) -> str:
     """Return the body marker that is farthest from the middle of the body, seen from above.
 
-    The longest arm gives the most accurate heading. Neither the order of the markers nor that of
-    the recordings matters; among equally far markers, the first by name is taken.
+    The longest arm gives the most accurate heading. Neither the order of the markers
+    nor that of the recordings matters; among equally far markers, the first by name is
+    taken.
 
     Parameters
     ----------
@@ -233,7 +254,8 @@ def farthest_marker(recordings: Sequence[Recording]) -> str:
     Returns
     -------
     str
-        Name of the marker with the largest median distance, as a mean over the recordings.
+        Name of the marker with the largest median distance, as a mean over the
+        recordings.
     """
     names = sorted(recordings[0].names("body"))
     far = np.zeros(len(names))
@@ -252,7 +274,9 @@ def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     """Return the touchdown table with touchdowns that have no pair excluded."""
     paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
     rows = zip(table["recording"], table["index"], strict=True)
-    stateless = np.array([row not in paired for row in rows]) & ~table["excluded"].to_numpy(bool)
+    stateless = np.array([row not in paired for row in rows]) & ~table[
+        "excluded"
+    ].to_numpy(bool)
     table = table.copy()
     table.loc[stateless, ["reason", "excluded"]] = STATELESS, True
     return table
@@ -274,13 +298,26 @@ def _why_few(recording: Recording, table: pd.DataFrame) -> str:
 
 
 def _states(
-    recording: Recording, used: pd.DataFrame, sections: tuple[float, float], **options: Any
+    recording: Recording,
+    used: pd.DataFrame,
+    sections: tuple[float, float],
+    **options: Any,
 ) -> tuple[SectionStates, SectionStates]:
     """Fit the states of the used touchdowns at the pre and at the post section, in the world."""
-    contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy()
+    contacts = used[
+        [f"contact_{foot}_s" for foot in recording.names("foot")]
+    ].to_numpy()
     time, body, options["pace"] = recording.time, recording.body, recording.pace
-    pre: Any = {"height_m": sections[0], "side": "before", "contact": contacts.min(axis=1)}
-    post: Any = {"height_m": sections[1], "side": "after", "contact": contacts.max(axis=1)}
+    pre: Any = {
+        "height_m": sections[0],
+        "side": "before",
+        "contact": contacts.min(axis=1),
+    }
+    post: Any = {
+        "height_m": sections[1],
+        "side": "after",
+        "contact": contacts.max(axis=1),
+    }
     return (
         section_states(time, body, used["t_pre_s"].to_numpy(), **pre, **options),
         section_states(time, body, used["t_post_s"].to_numpy(), **post, **options),
@@ -288,7 +325,10 @@ def _states(
 
 
 def _pairs_of(
-    recording: Recording, used: pd.DataFrame, states: Sequence[SectionStates], marker: int
+    recording: Recording,
+    used: pd.DataFrame,
+    states: Sequence[SectionStates],
+    marker: int,
 ) -> Pairs:
     """Bring states to the home frames of their touchdowns; leave out undetermined ones."""
     t_pre, t_post = used["t_pre_s"].to_numpy(), used["t_post_s"].to_numpy()
@@ -296,14 +336,18 @@ def _pairs_of(
     home = home_frames(*of, t_pre, t_post, marker=marker, pace=pace)
     x, y = (_rows(home.points(s.position), home.vectors(s.velocity)) for s in states)
     both = [(s.position_covariance, s.velocity_covariance) for s in states]
-    x_se, y_se = (_rows(*map(home.standard_errors, covariances)) for covariances in both)
+    x_se, y_se = (
+        _rows(*map(home.standard_errors, covariances)) for covariances in both
+    )
     whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
     if not whole.all():
         lost = ", ".join(f"{t:.2f}" for t in t_pre[~whole])
         logger.info("%s: %s for states at %s s", recording.name, STATELESS, lost)
     kept, found = used[whole], (("x", x), ("y", y), ("x_se", x_se), ("y_se", y_se))
     kinds = {"schedule": str, "spread_s": float, "recording": str, "index": np.int64}
-    columns: dict[str, Any] = {name: kept[name].to_numpy(dtype) for name, dtype in kinds.items()}
+    columns: dict[str, Any] = {
+        name: kept[name].to_numpy(dtype) for name, dtype in kinds.items()
+    }
     columns |= {name: states[whole] for name, states in found}
     columns["instants"] = kept.filter(regex="^contact_").to_numpy(float)
     columns["instants_se"] = kept.filter(regex="^se_").to_numpy(float)

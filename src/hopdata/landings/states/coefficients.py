@@ -1,10 +1,11 @@
 """Coefficients of polynomials fitted to marker tracks, with their covariance.
 
-There are two ways to fit. One fits each landing by itself, by least squares. The other fits all
-landings together: position and velocity of every marker are free, but the coefficients from the
-acceleration on are drawn from a population that is learned (random coefficients, Laird and Ware
-1982). What the landings share is then known well, and what they do not share is fitted. A power
-that no landing needs gets no variance, so the evidence chooses the order of the polynomials.
+There are two ways to fit. One fits each landing by itself, by least squares. The other
+fits all landings together: position and velocity of every marker are free, but the
+coefficients from the acceleration on are drawn from a population that is learned
+(random coefficients, Laird and Ware 1982). What the landings share is then known well,
+and what they do not share is fitted. A power that no landing needs gets no variance, so
+the evidence chooses the order of the polynomials.
 """
 
 from collections.abc import Iterable
@@ -80,14 +81,18 @@ def noise(parts: Iterable[Moments]) -> tuple[FloatArray, FloatArray]:
     found = [(_solved(one)[3], one.frames, one.frames - one.terms) for one in parts]
     left, frames, freedom = map(np.concatenate, zip(*found, strict=True))
     freedom = np.maximum(freedom, 0.0).sum(axis=0)[:, None]
-    return np.maximum(left.sum(axis=0) / np.maximum(freedom, 1.0), LEAST_NOISE_M**2), frames
+    return np.maximum(
+        left.sum(axis=0) / np.maximum(freedom, 1.0), LEAST_NOISE_M**2
+    ), frames
 
 
 def _solved(sums: Moments) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """Return which tracks have enough frames, normal matrices, solutions, and residual squares."""
     enough = sums.frames > sums.terms
     gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
-    mean = np.asarray(np.linalg.solve(gram[:, :, None], sums.product[..., None])[..., 0], float)
+    mean = np.asarray(
+        np.linalg.solve(gram[:, :, None], sums.product[..., None])[..., 0], float
+    )
     left = sums.square - (mean * sums.product).sum(axis=3)
     return enough, gram, mean, np.where(enough[..., None], left, 0.0)
 
@@ -110,23 +115,29 @@ def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coeffi
     return _in_powers(sums, enough, mean, covariance, population.variance)
 
 
-def misfit(pairs: Iterable[tuple[Coefficients, Coefficients]]) -> tuple[FloatArray, float]:
+def misfit(
+    pairs: Iterable[tuple[Coefficients, Coefficients]],
+) -> tuple[FloatArray, float]:
     """Return what the model's misfit adds to the variances of position and velocity, (3, 2).
 
-    The mean squared difference between the optimal estimate of a model and a less biased estimate
-    is the difference of their variances. Any excess, on average over landings and markers, is a
-    squared bias (the focus of Claeskens and Hjort 2003). It is added if it exceeds twice its
-    standard error. The mean variance of the velocities, including it, is returned as well.
+    The mean squared difference between the optimal estimate of a model and a less
+    biased estimate is the difference of their variances. Any excess, on average over
+    landings and markers, is a squared bias (the focus of Claeskens and Hjort 2003). It
+    is added if it exceeds twice its standard error. The mean variance of the
+    velocities, including it, is returned as well.
 
     Parameters
     ----------
     pairs : iterable of (Coefficients, Coefficients)
-        Fits of each block of landings: from `drawn`, and from `least_squares` with the same frames
-        and more powers.
+        Fits of each block of landings: from `drawn`, and from `least_squares` with the
+        same frames and more powers.
     """
     parts = []
     for fit, reference in pairs:
-        own, beyond = fit.covariance[VARIANCES], reference.mean[..., :FREE] - fit.mean[..., :FREE]
+        own, beyond = (
+            fit.covariance[VARIANCES],
+            reference.mean[..., :FREE] - fit.mean[..., :FREE],
+        )
         parts.append((own, beyond**2 - (reference.covariance[VARIANCES] - own)))
     variance, excess = map(np.concatenate, zip(*parts, strict=True))
     added = np.zeros((3, FREE))
@@ -147,8 +158,8 @@ def teachers(frames: FloatArray, terms: int) -> IntArray:
 def learn(sums: Moments) -> Population:
     """Learn the population by maximum likelihood (expectation-maximisation).
 
-    Position and velocity have flat priors, so the likelihood is the restricted one. Only landings
-    in which each marker has more frames than coefficients are used.
+    Position and velocity have flat priors, so the likelihood is the restricted one.
+    Only landings in which each marker has more frames than coefficients are used.
     """
     sums = sums.some(teachers(sums.frames, sums.terms))
     population = _first_guess(sums)
@@ -162,8 +173,12 @@ def _first_guess(sums: Moments) -> Population:
     variance = least_squares(sums).noise_m ** 2
     hat = np.linalg.solve(sums.gram[..., :FREE, :FREE], sums.gram[..., :FREE, FREE:])
     across = np.swapaxes(sums.gram[..., :FREE, FREE:], 2, 3) @ hat
-    information = (sums.gram[..., FREE:, FREE:] - across)[:, :, None] / variance[..., None, None]
-    score = sums.product[..., FREE:] - np.einsum("lbfq,lbcf->lbcq", hat, sums.product[..., :FREE])
+    information = (sums.gram[..., FREE:, FREE:] - across)[:, :, None] / variance[
+        ..., None, None
+    ]
+    score = sums.product[..., FREE:] - np.einsum(
+        "lbfq,lbcf->lbcq", hat, sums.product[..., :FREE]
+    )
     score = score / variance[..., None]
     total = information.sum(axis=0)
     mean = np.linalg.solve(total, score.sum(axis=0)[..., None])[..., 0]
@@ -180,8 +195,8 @@ def _first_guess(sums: Moments) -> Population:
 def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArray:
     """Return the covariance of coefficients whose scores have the second moment `seen`.
 
-    Every direction gets at least `floor` times its variance in a separate fit, because with few
-    landings a nonzero spread can be estimated as zero.
+    Every direction gets at least `floor` times its variance in a separate fit, because
+    with few landings a nonzero spread can be estimated as zero.
     """
     values, vectors = np.linalg.eigh(information)
     root = vectors / np.sqrt(np.maximum(values, values[-1] * 1e-12))
@@ -220,14 +235,19 @@ def _improved(sums: Moments, population: Population) -> Population:
 
 
 def _in_powers(
-    sums: Moments, enough: BoolArray, mean: FloatArray, covariance: FloatArray, variance: FloatArray
+    sums: Moments,
+    enough: BoolArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+    variance: FloatArray,
 ) -> Coefficients:
     mean, covariance = mean @ sums.powers.T, sums.powers @ covariance @ sums.powers.T
     mean[~enough], covariance[~enough] = np.nan, np.nan
     return Coefficients(mean, covariance, np.sqrt(variance))
 
 
-# Evaluate fitted tracks where the mean height of the markers crosses a section, with errors.
+# Evaluate fitted tracks where the mean height of the markers crosses a section, with
+# errors.
 
 NEWTON_STEPS = 8
 UP = np.array([0.0, 0.0, 1.0])
@@ -244,8 +264,8 @@ class SectionStates:
     position, velocity : (L, B, 3) array
         Positions, m, and velocities, m/s.
     position_covariance, velocity_covariance : (L, B, 3, 3) array
-        Covariance of the errors of each marker, m^2 and m^2/s^2. It includes the error of the
-        instant: the mean height equals that of the section for any noise.
+        Covariance of the errors of each marker, m^2 and m^2/s^2. It includes the error
+        of the instant: the mean height equals that of the section for any noise.
     """
 
     time: FloatArray
@@ -275,18 +295,24 @@ def cross(parts: Iterable[Fitted], near: FloatArray, height_m: float) -> Section
     return SectionStates(*map(np.concatenate, zip(*found, strict=True)))
 
 
-def _cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -> SectionStates:
+def _cross(
+    sums: Moments, fit: Coefficients, near: FloatArray, height_m: float
+) -> SectionStates:
     """Evaluate the polynomials of one block."""
     coefficients = _whole(sums, fit.mean)
     u = _instants(coefficients[:, :, 2].mean(axis=1), height_m)
     place, speed, bend = (
-        (coefficients * _powers(u, coefficients.shape[-1], order)[:, None, None]).sum(axis=3)
+        (coefficients * _powers(u, coefficients.shape[-1], order)[:, None, None]).sum(
+            axis=3
+        )
         / sums.scale**order
         for order in range(3)
     )
     errors = _errors(fit.covariance, u, sums.scale)
     sinking = speed[..., 2].mean(axis=1)
-    covariances = (_with_instant(errors, m, sinking, of) for of, m in enumerate((speed, bend)))
+    covariances = (
+        _with_instant(errors, m, sinking, of) for of, m in enumerate((speed, bend))
+    )
     return SectionStates(
         near[sums.rows] + u * sums.scale,
         turned(place, sums.direction, back=True),
@@ -304,7 +330,9 @@ def _turned_back(covariance: FloatArray, direction: FloatArray) -> FloatArray:
 def _whole(sums: Moments, fitted: FloatArray) -> FloatArray:
     """Add back what was subtracted before the fit, (L, B, 3, K') with K' at least 3."""
     terms = max(fitted.shape[-1], 3)
-    whole = np.concatenate([fitted, np.zeros((*fitted.shape[:3], terms - fitted.shape[3]))], axis=3)
+    whole = np.concatenate(
+        [fitted, np.zeros((*fitted.shape[:3], terms - fitted.shape[3]))], axis=3
+    )
     whole[..., 0] += sums.centre
     whole[:, :, 2, 2] += sums.fall
     return whole
@@ -334,7 +362,9 @@ def _errors(covariance: FloatArray, u: FloatArray, scale: float) -> FloatArray:
     """Return the covariance (2, 2, L, B, 3) of position and velocity of each coordinate at u."""
     terms = covariance.shape[-1]
     rows = np.stack([_powers(u, terms, order) / scale**order for order in (0, 1)])
-    return np.asarray(np.einsum("olk,lbckj,plj->oplbc", rows, covariance, rows, optimize=True))
+    return np.asarray(
+        np.einsum("olk,lbckj,plj->oplbc", rows, covariance, rows, optimize=True)
+    )
 
 
 def _with_instant(

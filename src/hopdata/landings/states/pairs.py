@@ -20,7 +20,8 @@ class Pairs(Shown):
     Parameters
     ----------
     x, y : (n, 6B) array
-        States at the pre and the post section: positions of the B body markers (x1, y1, z1, x2,
+        States at the pre and the post section: positions of the B body markers (x1, y1,
+        z1, x2,
         ...), m, followed by their velocities, m/s, in the home frame.
     schedule : (n,) str array
         Mode schedules.
@@ -35,8 +36,9 @@ class Pairs(Shown):
     length_unit_m, time_unit_s : float
         The study's units of normalisation; 1 until they are chosen.
     x_se, y_se : (n, 6B) array, optional
-        Standard errors of `x` and `y`, in the units of each column, with the home frame taken as
-        known (its own error is common to both sections). None for states that were not measured.
+        Standard errors of `x` and `y`, in the units of each column, with the home frame
+        taken as known (its own error is common to both sections). None for states that
+        were not measured.
     instants, instants_se : (n, feet) array, optional
         Contact instants of the feet, s, and their standard errors.
     """
@@ -75,7 +77,9 @@ class Pairs(Shown):
     def normalised(self) -> tuple[FloatArray, FloatArray]:
         """Return `x` and `y` in the study's units of length and velocity."""
         per_length = 1.0 / self.length_unit_m
-        factor = np.repeat([per_length, per_length * self.time_unit_s], 3 * len(self.body_markers))
+        factor = np.repeat(
+            [per_length, per_length * self.time_unit_s], 3 * len(self.body_markers)
+        )
         return self.x * factor, self.y * factor
 
 
@@ -86,7 +90,9 @@ _COLUMNS = (
     "columns: x, y, z of each body marker, then their velocities; home frame of the touchdown; "
     "positions in m, velocities in m/s"
 )
-_ERRORS = "; from the noise of the frames that were fitted, with the error of the instant"
+_ERRORS = (
+    "; from the noise of the frames that were fitted, with the error of the instant"
+)
 DESCRIPTIONS = {
     "x": f"states at the pre section; {_COLUMNS}",
     "y": f"states at the post section; {_COLUMNS}",
@@ -105,9 +111,9 @@ OPTIONAL = ("x_se", "y_se", "instants", "instants_se")
 def write_pairs(path: str | Path, pairs: Pairs) -> None:
     """Write pairs to an HDF5 file, which appears under its name only once it is complete.
 
-    The datasets are those of `DESCRIPTIONS`, each with an attribute `description`; those of
-    `OPTIONAL` are written only if known. The file's attributes are body_markers, length_unit_m and
-    time_unit_s.
+    The datasets are those of `DESCRIPTIONS`, each with an attribute `description`;
+    those of `OPTIONAL` are written only if known. The file's attributes are
+    body_markers, length_unit_m and time_unit_s.
     """
     text = h5py.string_dtype()
     with (
@@ -141,7 +147,9 @@ def read_pairs(path: str | Path) -> Pairs:
         with h5py.File(path, "r", locking=False) as file:
             text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}
             markers = tuple(str(name) for name in file.attrs["body_markers"])
-            length, span = (float(file.attrs[k]) for k in ("length_unit_m", "time_unit_s"))
+            length, span = (
+                float(file.attrs[k]) for k in ("length_unit_m", "time_unit_s")
+            )
             return Pairs(
                 file["x"][:], file["y"][:], text["schedule"], file["spread_s"][:],
                 text["recording"], file["index"][:], markers, length, span,

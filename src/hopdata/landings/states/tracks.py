@@ -39,18 +39,21 @@ class Windows:
 
     def some(self, rows: IntArray | slice) -> Self:
         """Return the windows of some of the instants."""
-        return replace(self, near=self.near[rows], start=self.start[rows], stop=self.stop[rows])
+        return replace(
+            self, near=self.near[rows], start=self.start[rows], stop=self.stop[rows]
+        )
 
 
 @dataclass(frozen=True)
 class Moments:
     """Sums over the frames of each window: everything that a least-squares fit needs.
 
-    The basis is 1, u, and u^2 times orthogonal polynomials. It spans the same space as the powers
-    of u without being nearly linearly dependent.
+    The basis is 1, u, and u^2 times orthogonal polynomials. It spans the same space as
+    the powers of u without being nearly linearly dependent.
 
-    Coordinates are those of the landing's own frame, turned about the vertical, relative to the
-    mean of the marker's track. The fall under gravity is subtracted if requested.
+    Coordinates are those of the landing's own frame, turned about the vertical,
+    relative to the mean of the marker's track. The fall under gravity is subtracted if
+    requested.
 
     Parameters
     ----------
@@ -107,7 +110,12 @@ _ARRAYS = ("gram", "product", "square", "rows", "frames", "centre", "direction")
 
 
 def moments(
-    time: FloatArray, body: FloatArray, windows: Windows, *, degree: int, gravity_m_s2: float = 0.0
+    time: FloatArray,
+    body: FloatArray,
+    windows: Windows,
+    *,
+    degree: int,
+    gravity_m_s2: float = 0.0,
 ) -> Iterator[Moments]:
     """Sum the frames of the windows, block by block.
 
@@ -127,7 +135,8 @@ def moments(
     Yields
     ------
     Moments
-        Moments of as many windows as fit into `LARGEST` entries, all with the same polynomials.
+        Moments of as many windows as fit into `LARGEST` entries, all with the same
+        polynomials.
     """
     width = int(np.max(windows.stop - windows.start, initial=1))
     powers = _polynomials(degree, *_span(time, windows))
@@ -144,7 +153,9 @@ def moments(
 def joined(parts: Iterable[Part], names: Iterable[str] = _ARRAYS) -> Part:
     """Join blocks of moments, or other dataclasses whose arrays have these names."""
     parts = list(parts)
-    arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in names}
+    arrays: dict[str, Any] = {
+        k: np.concatenate([getattr(p, k) for p in parts]) for k in names
+    }
     return replace(parts[0], **arrays)
 
 
@@ -154,11 +165,18 @@ def evenly(n: int, count: int) -> IntArray:
 
 
 def _moments(
-    seen: Seen, rows: IntArray, marker: int, powers: FloatArray, fall: float, scale: float
+    seen: Seen,
+    rows: IntArray,
+    marker: int,
+    powers: FloatArray,
+    fall: float,
+    scale: float,
 ) -> Moments:
     u, points, usable, centre, arms, lengths = seen
     ray, length = arms[:, marker], lengths[:, marker, None]
-    direction = np.where(length > 0, ray / np.where(length > 0, length, 1.0), [1.0, 0.0])
+    direction = np.where(
+        length > 0, ray / np.where(length > 0, length, 1.0), [1.0, 0.0]
+    )
     values = turned(points - centre[:, :, None], direction)
     values[..., 2] -= fall * u[:, None] ** 2
     values *= usable[..., None]
@@ -167,16 +185,20 @@ def _moments(
     product = np.swapaxes(values, 2, 3) @ terms
     square, frames = (values**2).sum(axis=2), usable.sum(axis=2).astype(float)
     centre = turned(centre, direction)
-    return Moments(gram, product, square, rows, frames, centre, direction, fall, scale, powers)
+    return Moments(
+        gram, product, square, rows, frames, centre, direction, fall, scale, powers
+    )
 
 
 def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
     """Return scaled times (L, W), points (L, B, W, 3), which are usable, and means (L, B, 3).
 
-    Also return the horizontal vectors from the middle of the body to these means, and their
-    lengths.
+    Also return the horizontal vectors from the middle of the body to these means, and
+    their lengths.
     """
-    frames = windows.start[:, None] + np.arange(np.max(windows.stop - windows.start, initial=1))
+    frames = windows.start[:, None] + np.arange(
+        np.max(windows.stop - windows.start, initial=1)
+    )
     inside = (frames < windows.stop[:, None]) & (frames >= 0) & (frames < len(time))
     frames = np.clip(frames, 0, len(time) - 1)
     u = (time[frames] - windows.near[:, None]) / windows.scale
@@ -190,8 +212,12 @@ def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> Seen:
 
 def _span(time: FloatArray, windows: Windows) -> tuple[float, float]:
     """Return the first and last scaled time of all windows."""
-    first, last = (np.clip(f, 0, len(time) - 1) for f in (windows.start, windows.stop - 1))
-    early, late = ((time[frame] - windows.near) / windows.scale for frame in (first, last))
+    first, last = (
+        np.clip(f, 0, len(time) - 1) for f in (windows.start, windows.stop - 1)
+    )
+    early, late = (
+        (time[frame] - windows.near) / windows.scale for frame in (first, last)
+    )
     return float(np.min(early, initial=0.0)), float(np.max(late, initial=0.0))
 
 
@@ -205,7 +231,9 @@ def _polynomials(degree: int, first: float, last: float) -> FloatArray:
     return powers
 
 
-def turned(vectors: FloatArray, direction: FloatArray, *, back: bool = False) -> FloatArray:
+def turned(
+    vectors: FloatArray, direction: FloatArray, *, back: bool = False
+) -> FloatArray:
     """Turn vectors (L, ..., 3) into frames with these x axes (L, 2), or back into the world."""
     c, s = (direction[:, k].reshape(-1, *[1] * (vectors.ndim - 2)) for k in (0, 1))
     s = -s if back else s

@@ -1,10 +1,11 @@
 """All estimates of a study's landing map.
 
-The printed map is affine in the 6B marker coordinates of the home frame. Its coefficients are not a
-derivative, for two reasons: the home frame moves with the landing, so some columns are outcomes
-rather than states, and on a section many directions contain only noise. In terms of the states, it
-is the map from the rigid-body coordinates to its own predictions in the same coordinates. To first
-order that is least squares on these coordinates (Frisch and Waugh 1933).
+The printed map is affine in the 6B marker coordinates of the home frame. Its
+coefficients are not a derivative, for two reasons: the home frame moves with the
+landing, so some columns are outcomes rather than states, and on a section many
+directions contain only noise. In terms of the states, it is the map from the rigid-body
+coordinates to its own predictions in the same coordinates. To first order that is least
+squares on these coordinates (Frisch and Waugh 1933).
 """
 
 from __future__ import annotations
@@ -19,9 +20,24 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import affine_predictions
-from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates, split_states
-from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
-from hopdata.maps.corrected.regression import LinearMap, corrected_map, curved_map, ols_map
+from hopdata.maps.coordinates import (
+    output_weights,
+    rigid_states,
+    section_coordinates,
+    split_states,
+)
+from hopdata.maps.corrected.marker_noise import (
+    InputErrors,
+    MarkerNoise,
+    input_errors,
+    marker_noise,
+)
+from hopdata.maps.corrected.regression import (
+    LinearMap,
+    corrected_map,
+    curved_map,
+    ols_map,
+)
 from hopdata.maps.draws import Notes
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES, body_shape
 
@@ -44,15 +60,15 @@ class MapEstimates:
     Attributes
     ----------
     maps
-        Name of the estimator -> map of 8 inputs by 11 outputs in SI units; estimates that could
-        not be computed are missing.
+        Name of the estimator -> map of 8 inputs by 11 outputs in SI units; estimates
+        that could not be computed are missing.
     n_landings
         Number of landings used.
     notes
         Estimates that failed or are limited, each ``{"what": ..., "reason": ...}``.
     shape
-        (B, 3) body markers in the mean attitude, m, which define the coordinates; without rows if
-        the markers are not a rigid body.
+        (B, 3) body markers in the mean attitude, m, which define the coordinates;
+        without rows if the markers are not a rigid body.
     noise
         Noise of the markers at the pre section.
     errors
@@ -75,15 +91,24 @@ class MapEstimates:
     def table(self) -> pd.DataFrame:
         """Return one row per estimator, input and output.
 
-        ``value`` and ``standard_error`` are in SI units; ``standardised`` is the rms displacement
-        of the markers, mm, per standard deviation of the input.
+        ``value`` and ``standard_error`` are in SI units; ``standardised`` is the rms
+        displacement of the markers, mm, per standard deviation of the input.
         """
         sd = np.sqrt(np.diag(self.input_covariance))
-        columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
+        columns = [
+            "estimator",
+            "input",
+            "output",
+            "value",
+            "standard_error",
+            "standardised",
+        ]
         tables = [pd.DataFrame(columns=columns)] if not self.maps else []
         for name, one in self.maps.items():
             table = coefficient_table(one.coefficients, sd, self.output_weights)
-            tables.append(table.assign(estimator=name, standard_error=one.standard_errors.ravel()))
+            tables.append(
+                table.assign(estimator=name, standard_error=one.standard_errors.ravel())
+            )
         return pd.concat(tables, ignore_index=True)[columns]
 
     def to_dict(self) -> dict[str, Any]:
@@ -117,7 +142,8 @@ def coefficient_table(
 ) -> pd.DataFrame:
     """Return one row per input and output of a map (8, 11): ``input, output, value, standardised``.
 
-    The last is the rms displacement of the markers, mm, per standard deviation of the input.
+    The last is the rms displacement of the markers, mm, per standard deviation of the
+    input.
     """
     columns = {
         "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),
@@ -137,10 +163,11 @@ def estimate_maps(
     Parameters
     ----------
     x, y
-        (n, 6B) home-frame states at the pre and the post section: positions, m, and velocities,
-        m/s, of the markers of a rigid body.
+        (n, 6B) home-frame states at the pre and the post section: positions, m, and
+        velocities, m/s, of the markers of a rigid body.
     instants
-        (n, feet) contact instants, s. Landings with an unknown state or instant are left out.
+        (n, feet) contact instants, s. Landings with an unknown state or instant are
+        left out.
     time_unit_s
         Unit of time that weights velocities against positions.
 
@@ -155,7 +182,9 @@ def estimate_maps(
     try:
         return _estimates(before, after, times, time_unit_s)
     except AnalysisError as error:
-        return MapEstimates({}, len(before), [{"what": "landing map", "reason": str(error)}])
+        return MapEstimates(
+            {}, len(before), [{"what": "landing map", "reason": str(error)}]
+        )
 
 
 def _estimates(
@@ -164,7 +193,9 @@ def _estimates(
     if len(before) < 2:
         raise AnalysisError(f"{len(before)} landings with known contact instants")
     shape = body_shape(split_states(before)[0])
-    inputs, outputs = section_coordinates(rigid_states(before, shape), rigid_states(after, shape))
+    inputs, outputs = section_coordinates(
+        rigid_states(before, shape), rigid_states(after, shape)
+    )
     noise, weights = marker_noise(before, shape), output_weights(shape, time_unit_s)
     errors = input_errors(before, after, shape, noise)
     ways = {
@@ -172,7 +203,9 @@ def _estimates(
         "ols": lambda: ols_map(inputs, outputs),
         "corrected": lambda: corrected_map(inputs, outputs, errors),
         "curved": lambda: curved_map(inputs, outputs, times, units=1 / weights),
-        "corrected_curved": lambda: curved_map(inputs, outputs, times, errors, units=1 / weights),
+        "corrected_curved": lambda: curved_map(
+            inputs, outputs, times, errors, units=1 / weights
+        ),
     }
     maps, notes = {}, []
     for name, what in ESTIMATORS.items():
@@ -180,21 +213,25 @@ def _estimates(
         try:
             maps[name] = ways[name]()
             if 0.0 < (removed := maps[name].removed) < 1.0:
-                reason = f"only {removed:.2g} of the noise covariance could be taken off"
+                reason = (
+                    f"only {removed:.2g} of the noise covariance could be taken off"
+                )
         except AnalysisError as error:
             reason = str(error)
         if reason:
             notes.append({"what": f"landing map, {what}", "reason": reason})
     covariance = np.cov(inputs, rowvar=False)
-    return MapEstimates(maps, len(inputs), notes, shape, noise, errors, covariance, weights)
+    return MapEstimates(
+        maps, len(inputs), notes, shape, noise, errors, covariance, weights
+    )
 
 
 def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> LinearMap:
     """Return the affine map of the marker coordinates in rigid-body coordinates.
 
-    The predictions lie on the map and do not scatter as landings do. The standard errors are
-    therefore those of least squares on the landings themselves, which equals this map to first
-    order.
+    The predictions lie on the map and do not scatter as landings do. The standard
+    errors are therefore those of least squares on the landings themselves, which equals
+    this map to first order.
 
     Parameters
     ----------
@@ -203,6 +240,11 @@ def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> Lin
     shape
         (B, 3) markers in the body, m.
     """
-    start, ends = rigid_states(before, shape), (affine_predictions(before, after), after)
-    said, seen = (ols_map(*section_coordinates(start, rigid_states(y, shape))) for y in ends)
+    start, ends = (
+        rigid_states(before, shape),
+        (affine_predictions(before, after), after),
+    )
+    said, seen = (
+        ols_map(*section_coordinates(start, rigid_states(y, shape))) for y in ends
+    )
     return replace(said, standard_errors=seen.standard_errors)

@@ -1,13 +1,15 @@
 """Noise of the markers of a rigid body, and the errors it causes in the section coordinates.
 
-Three or more markers on a rigid body contain more information than its motion needs. The part that
-no rigid motion explains is noise in the positions and velocities. The two are correlated: a
-velocity fitted to frames that end at a contact errs together with the position from the same fit.
+Three or more markers on a rigid body contain more information than its motion needs.
+The part that no rigid motion explains is noise in the positions and velocities. The two
+are correlated: a velocity fitted to frames that end at a contact errs together with the
+position from the same fit.
 
-States are taken at the instant at which the measured mean height of the markers passes the section.
-An error in that height is therefore an error of the instant, and shifts all else along the motion.
-Both effects are propagated to first order to the coordinates and to the errors that inputs and
-outputs share: steps and turns begin at the pre section, and the heading there turns velocities.
+States are taken at the instant at which the measured mean height of the markers passes
+the section. An error in that height is therefore an error of the instant, and shifts
+all else along the motion. Both effects are propagated to first order to the coordinates
+and to the errors that inputs and outputs share: steps and turns begin at the pre
+section, and the heading there turns velocities.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
 
-#: Largest number of landings at which the propagation is linearised; they are evenly spaced.
+#: Largest number of landings at which the propagation is linearised; they are evenly
+#: spaced.
 LINEARISED = 100
 _STEPS = (1e-5, 1e-4)  # finite-difference steps of positions, m, and of velocities, m/s
 
@@ -94,7 +97,9 @@ def marker_noise(states: FloatArray, shape: FloatArray) -> MarkerNoise:
     misses = positions - fit.centre[:, None] - arms
     slips = velocities - fit.velocity[:, None] - np.cross(turning[:, None], arms)
     free = (3 * len(shape) - 6) * len(states)
-    moments = (np.sum(a * b) for a, b in ((misses, misses), (misses, slips), (slips, slips)))
+    moments = (
+        np.sum(a * b) for a, b in ((misses, misses), (misses, slips), (slips, slips))
+    )
     return MarkerNoise(*(float(moment / free) for moment in moments))
 
 
@@ -103,13 +108,14 @@ def input_errors(
 ) -> InputErrors:
     """Propagate the noise of the states at the pre section to inputs and outputs.
 
-    Noise at the post section comes from other frames and is ignored: it adds scatter to the
-    outputs but does not bias a map.
+    Noise at the post section comes from other frames and is ignored: it adds scatter to
+    the outputs but does not bias a map.
 
     Parameters
     ----------
     before, after
-        (n, 6B) states at the two sections, m and m/s; the body is in free flight at the first.
+        (n, 6B) states at the two sections, m and m/s; the body is in free flight at the
+        first.
     shape
         (B, 3) markers in the body, m.
     noise
@@ -123,7 +129,10 @@ def input_errors(
     some = slice(None, None, -(-len(before) // LINEARISED))
     before, after = before[some], after[some]
     slopes = _slopes(before, after, shape) @ _at_noisy_instant(before)
-    mean, p = (slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)).mean(axis=0), 8
+    mean, p = (
+        (slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)).mean(axis=0),
+        8,
+    )
     return InputErrors(mean[:p, :p], mean[:p, p:])
 
 
@@ -139,7 +148,9 @@ def _slopes(before: FloatArray, after: FloatArray, shape: FloatArray) -> FloatAr
     for k in range(2 * half):
         step = np.zeros(2 * half)
         step[k] = _STEPS[k >= half]
-        columns.append((coordinates(before + step) - coordinates(before - step)) / (2 * step[k]))
+        columns.append(
+            (coordinates(before + step) - coordinates(before - step)) / (2 * step[k])
+        )
     return np.stack(columns, axis=2)
 
 
@@ -149,7 +160,9 @@ def _at_noisy_instant(states: FloatArray) -> FloatArray:
     n, markers, _ = velocities.shape
     sinking = velocities[..., 2].mean(axis=1)
     if not (sinking < 0).all():
-        raise AnalysisError("input errors: expected bodies that sink through the pre section")
+        raise AnalysisError(
+            "input errors: expected bodies that sink through the pre section"
+        )
     height = np.tile([0.0, 0.0, 1.0 / markers], markers)
     falling = np.tile([0.0, 0.0, -GRAVITY_M_S2], (n, markers, 1))
     motion = np.concatenate([velocities, falling], axis=1).reshape(n, -1)
@@ -159,11 +172,12 @@ def _at_noisy_instant(states: FloatArray) -> FloatArray:
 
 # Expected true inputs, given inputs measured with noise.
 #
-# This is regression calibration (Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch. 4): least
-# squares on the expected inputs is the moment estimate of errors in variables (Fuller 1987).
+# This is regression calibration (Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch.
+# 4): least squares on the expected inputs is the moment estimate of errors in variables
+# (Fuller 1987).
 
-#: Least share of the inputs' variance, in every direction, that is not attributed to noise. The
-#: correction multiplies no coefficient by more than its inverse.
+#: Least share of the inputs' variance, in every direction, that is not attributed to
+#: noise. The correction multiplies no coefficient by more than its inverse.
 LEAST_RELIABILITY = 0.3
 
 
@@ -174,8 +188,8 @@ class Calibration:
     Attributes
     ----------
     slopes
-        (p, p) slopes; deviations of measured inputs from the mean are multiplied by them from the
-        right.
+        (p, p) slopes; deviations of measured inputs from the mean are multiplied by
+        them from the right.
     doubt
         (p, p) covariance of the true inputs about their expected values.
     drift
@@ -193,10 +207,10 @@ class Calibration:
 def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
     """Return the regression of the true inputs on inputs measured with noise.
 
-    The measured covariance minus that of the noise need not be positive, and where it nearly
-    vanishes the estimate becomes erratic. As in Fuller (1987, sec. 2.2), the noise is then
-    subtracted only in part, such that `LEAST_RELIABILITY` of the variance is left in every
-    direction.
+    The measured covariance minus that of the noise need not be positive, and where it
+    nearly vanishes the estimate becomes erratic. As in Fuller (1987, sec. 2.2), the
+    noise is then subtracted only in part, such that `LEAST_RELIABILITY` of the variance
+    is left in every direction.
 
     Parameters
     ----------
@@ -215,7 +229,9 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
     try:
         root = np.linalg.cholesky(moments)
     except np.linalg.LinAlgError as error:
-        raise AnalysisError("map: expected inputs that vary in all directions") from error
+        raise AnalysisError(
+            "map: expected inputs that vary in all directions"
+        ) from error
     # Share of noise in the variance along each principal direction.
     shares = np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, noise).T))
     bearable = 1.0 - LEAST_RELIABILITY
@@ -223,4 +239,6 @@ def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
     share = np.linalg.solve(moments, removed * noise)
     doubt = removed * noise - removed * noise @ share
     drift = np.linalg.solve(moments, removed * errors.shared)
-    return Calibration(np.eye(len(noise)) - share, doubt, np.asarray(drift, float), removed)
+    return Calibration(
+        np.eye(len(noise)) - share, doubt, np.asarray(drift, float), removed
+    )

@@ -1,8 +1,8 @@
 """Comparison of estimated landing maps with the exact one.
 
-The exact maps of a simulated study use the axes of the true body; estimates use those of the mean
-attitude that the study has seen. The exact maps are converted with neighbours of the landing at
-which they hold, each displaced a little in one coordinate.
+The exact maps of a simulated study use the axes of the true body; estimates use those
+of the mean attitude that the study has seen. The exact maps are converted with
+neighbours of the landing at which they hold, each displaced a little in one coordinate.
 
 The error of a map is a relative difference of predictions for the study's true inputs
 (`relative_difference`), with outputs as displacements of the markers.
@@ -31,7 +31,9 @@ from hopdata.rigid import OUTPUT_NAMES, kabsch
 
 Entry = dict[str, Any]
 Entries = dict[str, Entry]
-TOLD: dict[str, Any] = tomllib.loads(Path(__file__).with_name("entries.toml").read_text("utf-8"))
+TOLD: dict[str, Any] = tomllib.loads(
+    Path(__file__).with_name("entries.toml").read_text("utf-8")
+)
 
 
 def entry(value: float | int | bool, unit: str, what: str) -> Entry:
@@ -48,9 +50,9 @@ def mean(values: NDArray[Any]) -> float:
 
 # Differences between linear maps, for the inputs of a study.
 #
-# A difference is measured by its effect on predictions: the rms change over the inputs relative to
-# the rms prediction of a map, with each output in its own unit. It is dimensionless and does not
-# depend on the coordinates of the inputs.
+# A difference is measured by its effect on predictions: the rms change over the inputs
+# relative to the rms prediction of a map, with each output in its own unit. It is
+# dimensionless and does not depend on the coordinates of the inputs.
 
 
 def input_root(x: FloatArray) -> FloatArray:
@@ -77,14 +79,20 @@ def relative_difference(
     return float(np.linalg.norm(((a - b) / units[:, None]) @ root)) / size
 
 
-def largest_difference(maps: FloatArray, *, root: FloatArray, units: FloatArray) -> float:
+def largest_difference(
+    maps: FloatArray, *, root: FloatArray, units: FloatArray
+) -> float:
     """Return the largest difference between maps (S, q, p), relative to the mean map."""
     mean = maps.mean(axis=0)
     pairs = ((mean + b - a, mean) for a, b in combinations(maps, 2))
-    return max((relative_difference(*pair, root=root, units=units) for pair in pairs), default=0.0)
+    return max(
+        (relative_difference(*pair, root=root, units=units) for pair in pairs),
+        default=0.0,
+    )
 
 
-# Steps of tilts, rad, velocities, m/s, and spins, rad/s. Central differences err by their squares.
+# Steps of tilts, rad, velocities, m/s, and spins, rad/s. Central differences err by
+# their squares.
 _STEPS = np.repeat([1e-4, 1e-4, 5e-4], [2, 3, 3])
 
 
@@ -109,16 +117,24 @@ class ExactMap:
     def error(self, coefficients: FloatArray) -> float:
         """Return the relative error of an estimate (8, 11)."""
         root, units = input_root(self.inputs), 1 / self.weights
-        return relative_difference(coefficients.T, self.coefficients.T, root=root, units=units)
+        return relative_difference(
+            coefficients.T, self.coefficients.T, root=root, units=units
+        )
 
     def table(self) -> pd.DataFrame:
         """Return one row per input and output, as in `MapEstimates.table`."""
-        return coefficient_table(self.coefficients, self.inputs.std(axis=0, ddof=1), self.weights)
+        return coefficient_table(
+            self.coefficients, self.inputs.std(axis=0, ddof=1), self.weights
+        )
 
 
 @one_blas_thread()
 def exact_map(
-    exact: Mapping[str, Any], states: FloatArray, *, shape: FloatArray, time_unit_s: float
+    exact: Mapping[str, Any],
+    states: FloatArray,
+    *,
+    shape: FloatArray,
+    time_unit_s: float,
 ) -> ExactMap:
     """Convert the exact map to the coordinates of the estimates.
 
@@ -127,10 +143,11 @@ def exact_map(
     exact
         Content of ``exact_maps.json``.
     states
-        (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
+        (n, 6B) true marker states of the study's landings at the pre section, m and
+        m/s.
     shape
-        (B, 3) estimated body markers in the attitude of the coordinates, m; if it has no rows, the
-        true markers are used.
+        (B, 3) estimated body markers in the attitude of the coordinates, m; if it has
+        no rows, the true markers are used.
     time_unit_s
         Unit of time that weights velocities against positions.
     """
@@ -147,7 +164,9 @@ def exact_map(
     slopes = np.linalg.solve(x[:half] - x[half:], y[:half] - y[half:])
     true = rigid_states(states, turned)
     inputs, _ = section_coordinates(true, true)
-    return ExactMap(np.asarray(slopes, float), inputs, output_weights(turned, time_unit_s))
+    return ExactMap(
+        np.asarray(slopes, float), inputs, output_weights(turned, time_unit_s)
+    )
 
 
 def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
@@ -156,8 +175,8 @@ def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
     Parameters
     ----------
     coordinates
-        (n, 11) place and heading in the plane, then the inputs, with velocities in the frame of
-        the plane; see `hopdata.rigid.OUTPUT_NAMES`.
+        (n, 11) place and heading in the plane, then the inputs, with velocities in the
+        frame of the plane; see `hopdata.rigid.OUTPUT_NAMES`.
     shape
         (B, 3) markers in the body, centred, m.
     """
@@ -182,7 +201,12 @@ def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFra
         Columns estimator, what, landings, error.
     """
     rows = [
-        (name, one["what"], estimates["n_landings"], exact.error(np.array(one["coefficients"])))
+        (
+            name,
+            one["what"],
+            estimates["n_landings"],
+            exact.error(np.array(one["coefficients"])),
+        )
         for name, one in estimates["maps"].items()
     ]
     return pd.DataFrame(rows, columns=["estimator", "what", "landings", "error"])
@@ -207,7 +231,9 @@ def score_estimates(errors: pd.DataFrame) -> Entries:
 
 
 @one_blas_thread()
-def true_effect(exact: Mapping[str, Any], states: FloatArray, instants: FloatArray) -> float:
+def true_effect(
+    exact: Mapping[str, Any], states: FloatArray, instants: FloatArray
+) -> float:
     """Return the relative difference of the exact maps as the verdict measures it.
 
     Parameters
@@ -215,18 +241,25 @@ def true_effect(exact: Mapping[str, Any], states: FloatArray, instants: FloatArr
     exact
         Content of ``exact_maps.json``.
     states
-        (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
+        (n, 6B) true marker states of the study's landings at the pre section, m and
+        m/s.
     instants
-        (m, feet) contact instants, s; NaN where not known. With more than three feet, the orders
-        that have an exact map are weighted by how often they occur.
+        (m, feet) contact instants, s; NaN where not known. With more than three feet,
+        the orders that have an exact map are weighted by how often they occur.
     """
     points = np.array(exact["body_points_m"], float)
     body = rigid_states(states, points - points.mean(axis=0))
     inputs, _ = section_coordinates(body, body)
-    orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]])
+    orders = np.array(
+        [[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]]
+    )
     seen, counts = contact_orders(instants[np.isfinite(instants).all(axis=1)], 1)
-    often = {tuple(order): count for order, count in zip(seen.tolist(), counts, strict=True)}
-    weights = contrasts(orders, np.array([often.get(tuple(o), 0) for o in orders.tolist()]))
+    often = {
+        tuple(order): count for order, count in zip(seen.tolist(), counts, strict=True)
+    }
+    weights = contrasts(
+        orders, np.array([often.get(tuple(o), 0) for o in orders.tolist()])
+    )
     maps = marker_motions(points) @ np.array(exact["maps"], float) @ input_root(inputs)
     return relative_size(maps, weights)
 
@@ -246,11 +279,23 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns true_effect, estimate, low, high, upper_bound, detectable, p_value, conclusion; no
-        rows if the verdict has no answer.
+        Columns true_effect, estimate, low, high, upper_bound, detectable, p_value,
+        conclusion; no rows if the verdict has no answer.
     """
-    columns = ["true_effect", "estimate", "low", "high", "upper_bound", "detectable", "p_value"]
-    row = {"true_effect": true, "conclusion": verdict["conclusion"], **(verdict["effect"] or {})}
+    columns = [
+        "true_effect",
+        "estimate",
+        "low",
+        "high",
+        "upper_bound",
+        "detectable",
+        "p_value",
+    ]
+    row = {
+        "true_effect": true,
+        "conclusion": verdict["conclusion"],
+        **(verdict["effect"] or {}),
+    }
     rows = [row] if verdict["effect"] else []
     return pd.DataFrame(rows, columns=[*columns, "conclusion"])
 
@@ -261,7 +306,11 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
         return {}
     row = errors.iloc[0]
     inside = bool(row["low"] <= row["true_effect"] <= row["high"])
-    covers = entry(inside, "yes/no", "Whether the verdict's interval holds the true difference")
+    covers = entry(
+        inside, "yes/no", "Whether the verdict's interval holds the true difference"
+    )
     told = TOLD["verdict"].items()
-    found = {name: entry(float(row[column]), "1", what) for name, (column, what) in told}
+    found = {
+        name: entry(float(row[column]), "1", what) for name, (column, what) in told
+    }
     return {**found, "verdict_interval_covers": covers}

@@ -1,13 +1,14 @@
 """The scaling study: residuals of linear maps as the landings approach a simultaneous contact.
 
-Affine maps are fitted to noise-free landings whose deviations from a simultaneous contact have been
-scaled down. If the landing map is C1 there, the error of one map for all landings decreases with
-the square of the scale, and the maps of the schedules converge. If each schedule has its own
-derivative, the error decreases only in proportion to the scale, and the maps stay different.
+Affine maps are fitted to noise-free landings whose deviations from a simultaneous
+contact have been scaled down. If the landing map is C1 there, the error of one map for
+all landings decreases with the square of the scale, and the maps of the schedules
+converge. If each schedule has its own derivative, the error decreases only in
+proportion to the scale, and the maps stay different.
 
-The preloads of the legs also vary between landings. They are not coordinates of the body and act
-like noise in proportion to the scale. In the simulation they are known, so they are additional
-inputs.
+The preloads of the legs also vary between landings. They are not coordinates of the
+body and act like noise in proportion to the scale. In the simulation they are known, so
+they are additional inputs.
 """
 
 from __future__ import annotations
@@ -22,7 +23,16 @@ from hopdata.maps.truth import maps as truth
 
 SPARE_LANDINGS = 2
 COLUMNS = (
-    *("case", "coupling", "impulse", "delay_s", "scale", "landings", "failed", "schedules"),
+    *(
+        "case",
+        "coupling",
+        "impulse",
+        "delay_s",
+        "scale",
+        "landings",
+        "failed",
+        "schedules",
+    ),
     *("spread_ms", "pooled_rms", "specialised_rms", "pooled_over_specialised"),
     *("map_difference", "exact_difference", "map_error", "slope"),
 )
@@ -35,20 +45,22 @@ def scaling_table(samples: Iterable[Any]) -> pd.DataFrame:
     Parameters
     ----------
     samples
-        `ScaledLandings` of each case, the largest scale first. Errors of outputs are in units of
-        the outputs' standard deviations in the first sample with enough landings.
+        `ScaledLandings` of each case, the largest scale first. Errors of outputs are in
+        units of the outputs' standard deviations in the first sample with enough
+        landings.
 
     Returns
     -------
     DataFrame
-        One row per sample: ``case``; the strengths ``coupling, impulse, delay_s``; ``scale``;
-        ``landings, failed, schedules``; ``spread_ms`` (median standard deviation of the contact
-        instants); ``pooled_rms`` and ``specialised_rms`` (error per output, corrected for the
-        degrees of freedom); ``pooled_over_specialised`` (ratio of mean squares);
-        ``map_difference`` (largest between two schedules); ``exact_difference`` (the same for the
-        exact derivatives); ``map_error`` (pooled map against the mean exact one); ``slope`` (of log
-        pooled rms over log scale, the same in all rows of a case). A sample with too few landings
-        has no errors (NaN).
+        One row per sample: ``case``; the strengths ``coupling, impulse, delay_s``;
+        ``scale``; ``landings, failed, schedules``; ``spread_ms`` (median standard
+        deviation of the contact instants); ``pooled_rms`` and ``specialised_rms``
+        (error per output, corrected for the degrees of freedom);
+        ``pooled_over_specialised`` (ratio of mean squares); ``map_difference`` (largest
+        between two schedules); ``exact_difference`` (the same for the exact
+        derivatives); ``map_error`` (pooled map against the mean exact one); ``slope``
+        (of log pooled rms over log scale, the same in all rows of a case). A sample
+        with too few landings has no errors (NaN).
     """
     rows: list[dict[str, Any]] = []
     units: FloatArray | None = None
@@ -61,7 +73,9 @@ def scaling_table(samples: Iterable[Any]) -> pd.DataFrame:
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
     for case in dict.fromkeys(table["case"]):
         mine = table["case"] == case
-        table.loc[mine, "slope"] = _slope(*table.loc[mine, ["scale", "pooled_rms"]].to_numpy().T)
+        table.loc[mine, "slope"] = _slope(
+            *table.loc[mine, ["scale", "pooled_rms"]].to_numpy().T
+        )
     return table
 
 
@@ -79,7 +93,11 @@ def score_scaling(table: pd.DataFrame) -> truth.Entries:
 
 
 def _strength(row: Any) -> str:
-    names = (("coupling", "kappa", ""), ("impulse", "epsilon", ""), ("delay_s", "tau", " s"))
+    names = (
+        ("coupling", "kappa", ""),
+        ("impulse", "epsilon", ""),
+        ("delay_s", "tau", " s"),
+    )
     given = [f"{name} {row[key]:g}{unit}" for key, name, unit in names if row[key] != 0]
     return f" ({', '.join(given)})" if given else ""
 
@@ -87,7 +105,10 @@ def _strength(row: Any) -> str:
 def _counts(sample: Any) -> dict[str, Any]:
     return {
         "case": sample.case,
-        **{name: getattr(sample.control, name) for name in ("coupling", "impulse", "delay_s")},
+        **{
+            name: getattr(sample.control, name)
+            for name in ("coupling", "impulse", "delay_s")
+        },
         "scale": sample.scale,
         "landings": len(sample.x),
         "failed": sample.n_failed,
@@ -106,13 +127,18 @@ def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
         "pooled_rms": float(np.sqrt(variance)),
         "specialised_rms": float(np.sqrt(own_variance)),
         "pooled_over_specialised": float(variance / own_variance) if own else np.nan,
-        "map_difference": truth.largest_difference(maps[..., :p], **how) if own else np.nan,
+        "map_difference": truth.largest_difference(maps[..., :p], **how)
+        if own
+        else np.nan,
         "exact_difference": truth.largest_difference(exact, **how),
-        "map_error": truth.relative_difference(pooled[0][:, :p], exact.mean(axis=0), **how),
+        "map_error": truth.relative_difference(
+            pooled[0][:, :p], exact.mean(axis=0), **how
+        ),
     }
 
 
-#: Slopes of an affine map of inputs and preloads, residual sum of squares, degrees of freedom.
+#: Slopes of an affine map of inputs and preloads, residual sum of squares, degrees of
+#: freedom.
 _Fit = tuple[FloatArray, float, int]
 
 
@@ -128,8 +154,12 @@ def _fit(sample: Any, rows: IntArray, units: FloatArray) -> _Fit:
 
 def _fits(sample: Any, units: FloatArray) -> list[_Fit]:
     """Return the fits of the schedules that have enough landings."""
-    classes = [np.flatnonzero(sample.schedule == name) for name in np.unique(sample.schedule)]
-    return [_fit(sample, rows, units) for rows in classes if len(rows) >= _needed(sample)]
+    classes = [
+        np.flatnonzero(sample.schedule == name) for name in np.unique(sample.schedule)
+    ]
+    return [
+        _fit(sample, rows, units) for rows in classes if len(rows) >= _needed(sample)
+    ]
 
 
 def _needed(sample: Any) -> int:

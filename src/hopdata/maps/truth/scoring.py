@@ -1,7 +1,7 @@
 """Accuracy of a synthetic study against its truth: the content of ``truth.json``.
 
-These functions compare the results of the pipeline with the facts of the simulator. Each entry is
-``name -> {"value", "unit", "what"}``.
+These functions compare the results of the pipeline with the facts of the simulator.
+Each entry is ``name -> {"value", "unit", "what"}``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ from hopdata.landings.overlay import match_instants
 from hopdata.landings.schedules import AMBIGUOUS, schedule_names
 from hopdata.landings.sections.frames import Frames, kept_frames
 from hopdata.landings.sections.from_densities import heights_from_densities
-from hopdata.landings.sections.from_landings import heights_at_contacts, heights_from_landings
+from hopdata.landings.sections.from_landings import (
+    heights_at_contacts,
+    heights_from_landings,
+)
 from hopdata.landings.sections.select import FRAMES
 from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth import maps
@@ -30,7 +33,8 @@ from hopdata.recording import Recording, Truth
 
 # Matching of touchdowns found with true landings, one to one, by time.
 
-#: A touchdown matches a true landing if their mean contact instants differ by at most this.
+#: A touchdown matches a true landing if their mean contact instants differ by at most
+#: this.
 MATCH_WITHIN_S = 0.1
 
 
@@ -47,8 +51,8 @@ def match_landings(found: FloatArray, true: FloatArray) -> IntArray:
     Returns
     -------
     (m,) array
-        Number of the landing for each touchdown, or -1 if there is none. If several touchdowns are
-        near one landing, only the closest is matched (`match_instants`).
+        Number of the landing for each touchdown, or -1 if there is none. If several
+        touchdowns are near one landing, only the closest is matched (`match_instants`).
     """
     landing = np.full(len(found), -1)
     means = [np.ma.masked_invalid(one).mean(axis=1) for one in (found, true)]
@@ -64,10 +68,11 @@ def score_contacts(
 ) -> Entries:
     """Score the mode schedules and contact instants of one method.
 
-    The entries give the share of correct schedules among the touchdowns used and among all true
-    landings; in the latter an excluded or missed landing counts as incorrect. Touchdowns of
-    recordings without a truth are not scored. A touchdown counts as incorrect if no true landing is
-    near it, or if another touchdown is closer to that landing.
+    The entries give the share of correct schedules among the touchdowns used and among
+    all true landings; in the latter an excluded or missed landing counts as incorrect.
+    Touchdowns of recordings without a truth are not scored. A touchdown counts as
+    incorrect if no true landing is near it, or if another touchdown is closer to that
+    landing.
 
     Parameters
     ----------
@@ -80,7 +85,9 @@ def score_contacts(
     method
         Suffix of the entries' names.
     """
-    usable = table[~table["excluded"].astype(bool) & table["recording"].isin(list(known))]
+    usable = table[
+        ~table["excluded"].astype(bool) & table["recording"].isin(list(known))
+    ]
     found = usable[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
     true = _true_contacts(known, usable["recording"].to_numpy(str), found)
     labels = usable["schedule"].astype("string").fillna("").to_numpy(str)
@@ -98,7 +105,9 @@ def score_contacts(
     counts, told = (n_landings - matched, len(usable) - matched), maps.TOLD["contacts"]
     return {
         f"{name}_{method}": entry(value, unit, f"{what}, {who}")
-        for (name, (unit, what)), value in zip(told.items(), values + counts, strict=True)
+        for (name, (unit, what)), value in zip(
+            told.items(), values + counts, strict=True
+        )
     }
 
 
@@ -132,7 +141,9 @@ def score_sections(
         pre_m, post_m = heights_from_densities(frames, sections["bandwidth_m"])
     entries: Entries = {}
     for name, height_m in {"pre": pre_m, "post": post_m}.items():
-        entries[f"section_{name}_true"] = entry(height_m, "m", f"{name} section, {what}")
+        entries[f"section_{name}_true"] = entry(
+            height_m, "m", f"{name} section, {what}"
+        )
         if sections["decided"][f"{name}_height_m"] == "data":
             error = 1e3 * (sections[f"{name}_height_m"] - height_m)
             told = f"{name} section found minus that of the {what}"
@@ -160,12 +171,17 @@ def _true_heights(item: Truth, recording: Recording) -> FloatArray:
 
 def _true_frames(item: Truth, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Return body height and foot states of the frames that the rule `printed` uses."""
-    n_down, landings_only = item.foot_down.sum(axis=1), chosen("sections.frames", frames, FRAMES)
+    n_down, landings_only = (
+        item.foot_down.sum(axis=1),
+        chosen("sections.frames", frames, FRAMES),
+    )
     all_down = n_down == item.foot_down.shape[1]
     return kept_frames(item.body_height, n_down == 0, all_down, landings_only)
 
 
-def score_floor(known: Mapping[str, Truth], floors: Mapping[str, FloorModel]) -> Entries:
+def score_floor(
+    known: Mapping[str, Truth], floors: Mapping[str, FloorModel]
+) -> Entries:
     """Compare the floor models with the true floor, without the mean difference of each."""
     differences = []
     for name, item in known.items():
@@ -174,7 +190,11 @@ def score_floor(known: Mapping[str, Truth], floors: Mapping[str, FloorModel]) ->
         difference = difference[np.isfinite(difference)]
         differences.append(difference - mean(difference))
     rms = np.sqrt(mean(np.concatenate(differences) ** 2))
-    return {"floor_residual_rms": entry(1e3 * rms, *maps.TOLD["study"]["floor_residual_rms"])}
+    return {
+        "floor_residual_rms": entry(
+            1e3 * rms, *maps.TOLD["study"]["floor_residual_rms"]
+        )
+    }
 
 
 def _landed(item: Truth) -> BoolArray:
@@ -211,7 +231,8 @@ def true_rows(
     Parameters
     ----------
     pairs, true
-        Measured and true `Pairs`; the index of the true ones is the number of the landing.
+        Measured and true `Pairs`; the index of the true ones is the number of the
+        landing.
     table
         The study's touchdowns.
     contacts
@@ -219,7 +240,9 @@ def true_rows(
     feet
         Names of the feet, in the order of the truth.
     """
-    keyed = table.set_index(["recording", "index"])[[f"contact_{foot}_s" for foot in feet]]
+    keyed = table.set_index(["recording", "index"])[
+        [f"contact_{foot}_s" for foot in feet]
+    ]
     keys = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
     found = keyed.loc[keys].to_numpy(float)
     numbers = zip(true.recording.tolist(), true.index.tolist(), strict=True)
@@ -236,25 +259,29 @@ def true_rows(
 def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
     """Return the errors of the states at the sections.
 
-    Each touchdown's home frame is first fitted to the true states, at both sections at once, by a
-    shift in the plane and a turn about the vertical.
+    Each touchdown's home frame is first fitted to the true states, at both sections at
+    once, by a shift in the plane and a turn about the vertical.
 
     Returns
     -------
     DataFrame
-        Columns section (``pre``, ``post``), landings, position_rms_mm, velocity_rms_mm_s; errors
-        are per coordinate of a marker.
+        Columns section (``pre``, ``post``), landings, position_rms_mm,
+        velocity_rms_mm_s; errors are per coordinate of a marker.
     """
     known = np.flatnonzero(rows >= 0)
     mine = [split_states(states[known]) for states in (pairs.x, pairs.y)]
     truly = [split_states(states[rows[known]]) for states in (true.x, true.y)]
-    places = (np.concatenate([one[0] for one in states], axis=1) for states in (truly, mine))
+    places = (
+        np.concatenate([one[0] for one in states], axis=1) for states in (truly, mine)
+    )
     turn = _plane_turns(*places)
     offset = np.zeros((len(known), 1, 3))
     both = [(m[0] - t[0] @ turn)[..., :2] for m, t in zip(mine, truly, strict=True)]
     offset[..., :2] = np.concatenate(both, axis=1).mean(axis=1, keepdims=True)
     table = []
-    for section, measured, known_state in zip(("pre", "post"), mine, truly, strict=True):
+    for section, measured, known_state in zip(
+        ("pre", "post"), mine, truly, strict=True
+    ):
         position = measured[0] - known_state[0] @ turn - offset
         velocity = measured[1] - known_state[1] @ turn
         rms = [1e3 * np.sqrt(mean(errors**2)) for errors in (position, velocity)]
@@ -268,7 +295,9 @@ def _plane_turns(source: FloatArray, target: FloatArray) -> FloatArray:
 
     Both are (n, k, 3).
     """
-    a, b = (p[..., :2] - p[..., :2].mean(axis=1, keepdims=True) for p in (source, target))
+    a, b = (
+        p[..., :2] - p[..., :2].mean(axis=1, keepdims=True) for p in (source, target)
+    )
     along = (a * b).sum(axis=(1, 2))
     across = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(axis=1)
     length = np.hypot(along, across)
@@ -285,7 +314,9 @@ def score_states(errors: pd.DataFrame) -> Entries:
         section = row["section"]
         for name, (unit, what) in maps.TOLD["states"].items():
             value = row[f"{name}_{unit.replace('/', '_')}"]
-            entries[f"{name}_{section}"] = entry(value, unit, what.format(section=section))
+            entries[f"{name}_{section}"] = entry(
+                value, unit, what.format(section=section)
+            )
     return entries
 
 
@@ -313,7 +344,8 @@ def score(
     feet
         Names of the n feet, in the order of the truth.
     tables
-        Method (``"kink"``, ``"velocity_minimum"``) -> touchdown table of all recordings.
+        Method (``"kink"``, ``"velocity_minimum"``) -> touchdown table of all
+        recordings.
     sections
         Content of ``sections.json``.
     recordings
@@ -321,8 +353,8 @@ def score(
     prediction_summary, distance_summary
         Tables of the same names; without the second, distances are not scored.
     exact
-        Tables ``state_errors``, ``scaling_study``, ``estimate_errors`` and ``verdict_errors``, if
-        all recordings of the study are simulated.
+        Tables ``state_errors``, ``scaling_study``, ``estimate_errors`` and
+        ``verdict_errors``, if all recordings of the study are simulated.
     """
     if not known:
         return {}
@@ -346,7 +378,10 @@ def score_predictions(summary: pd.DataFrame) -> Entries:
     mse = dict(zip(summary["model"], summary["median"], strict=True))
     if not {"near", "all", "far"} <= mse.keys():
         return {}
-    ordered, name = bool(mse["near"] < mse["all"] < mse["far"]), "near_below_all_below_far"
+    ordered, name = (
+        bool(mse["near"] < mse["all"] < mse["far"]),
+        "near_below_all_below_far",
+    )
     return {name: entry(ordered, *maps.TOLD["study"][name])}
 
 
@@ -357,4 +392,6 @@ def score_distances(summary: pd.DataFrame) -> Entries:
     if "random" not in rows.index or others.empty:
         return {}
     clearance = rows.loc["random", "q05"] - others.max()
-    return {"random_clearance": entry(clearance, *maps.TOLD["study"]["random_clearance"])}
+    return {
+        "random_clearance": entry(clearance, *maps.TOLD["study"]["random_clearance"])
+    }

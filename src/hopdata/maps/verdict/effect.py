@@ -1,20 +1,20 @@
 """Size of the difference between the maps of the contact orders, with its interval and bounds.
 
-The size is the relative difference of the maps' Jacobians, in Frobenius norm over the landings of
-the study. With D the difference between the Jacobians of two orders, J their mean, and S the
-covariance of the inputs,
+The size is the relative difference of the maps' Jacobians, in Frobenius norm over the
+landings of the study. With D the difference between the Jacobians of two orders, J
+their mean, and S the covariance of the inputs,
 
     e^2 = mean over pairs of orders of  1/2 |D S^1/2|^2 / |J S^1/2|^2  of the positions
                                       + 1/2 |D S^1/2|^2 / |J S^1/2|^2  of the velocities,
 
 both as rms motions of the markers. It is a quadratic form of the kinks b, e^2 = b'Fb.
 
-All results follow from the statistic T = b'Fb and its distribution for b = e u, where u is the
-direction found. Each landing's contribution to the error of b is equally likely to have either
-sign, so random signs simulate that error whatever the scatter of the landings (Hemerik, Goeman and
-Finos 2020). If successive landings have similar errors, `IN_A_ROW` of them get the same sign.
-Residual smooth terms shift b equally in every study of a system, so a size up to `allowed` is not
-evidence.
+All results follow from the statistic T = b'Fb and its distribution for b = e u, where u
+is the direction found. Each landing's contribution to the error of b is equally likely
+to have either sign, so random signs simulate that error whatever the scatter of the
+landings (Hemerik, Goeman and Finos 2020). If successive landings have similar errors,
+`IN_A_ROW` of them get the same sign. Residual smooth terms shift b equally in every
+study of a system, so a size up to `allowed` is not evidence.
 """
 
 from collections.abc import Callable
@@ -28,10 +28,16 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
 from hopdata.maps.verdict import inputs, model
-from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, contact_orders, halves
+from hopdata.maps.verdict.inputs import (
+    LEAST_CLASS,
+    SectionLandings,
+    contact_orders,
+    halves,
+)
 from hopdata.maps.verdict.model import KinkFit, symmetric_root
 
-#: Number of successive landings that share a random sign if successive landings err alike.
+#: Number of successive landings that share a random sign if successive landings err
+#: alike.
 IN_A_ROW = 40
 
 _AT_ONCE = 8_000_000  # signs in memory
@@ -48,23 +54,26 @@ class EffectSize(Shown):
     estimate
         Size, after the mean contribution of noise to its square has been subtracted.
     low, high
-        Ends of the interval; `low` is above zero exactly if the test finds more than `allowed`.
+        Ends of the interval; `low` is above zero exactly if the test finds more than
+        `allowed`.
     upper_bound
-        One-sided bound: at the given confidence the difference is not larger than this. Like
-        `high`, it is never below the value that the median study without a difference gives.
+        One-sided bound: at the given confidence the difference is not larger than this.
+        Like `high`, it is never below the value that the median study without a
+        difference gives.
     detectable
         Size of a difference that the test finds with the given power.
     p_value
-        Share of the sign patterns, including the data's own, that give at least this statistic if
-        smooth terms left `allowed`.
+        Share of the sign patterns, including the data's own, that give at least this
+        statistic if smooth terms left `allowed`.
     squared, squared_error
-        Unbiased estimate of the squared size, which noise can make negative, and its standard error
-        if there is no difference.
+        Unbiased estimate of the squared size, which noise can make negative, and its
+        standard error if there is no difference.
     along_error
-        Standard error of the kinks along the direction found. For a difference of size e the
-        variance of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
+        Standard error of the kinks along the direction found. For a difference of size
+        e the variance of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
     allowed, left
-        Sizes up to which one study, and the mean of such studies, is not evidence: see `KinkFit`.
+        Sizes up to which one study, and the mean of such studies, is not evidence: see
+        `KinkFit`.
     """
 
     estimate: float
@@ -92,9 +101,10 @@ class EffectSize(Shown):
 def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return the weights of the comparisons: pairs of orders, or of feet if more than three.
 
-    For a pair of feet i and j, landings with i before j are compared with landings with j before i;
-    the other feet are pooled in the proportions in which their orders occur. A pair is used if each
-    of its feet comes first in `LEAST_CLASS` landings or more.
+    For a pair of feet i and j, landings with i before j are compared with landings with
+    j before i; the other feet are pooled in the proportions in which their orders
+    occur. A pair is used if each of its feet comes first in `LEAST_CLASS` landings or
+    more.
 
     Parameters
     ----------
@@ -112,7 +122,9 @@ def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArra
     if feet <= coordinates.ALL_SETS_UP_TO:
         one = np.eye(number)
         pairs = [one[a] - one[b] for a, b in combinations(range(number), 2)]
-        return np.reshape(pairs, (len(pairs), number)), np.full(number, 1.0 / max(number, 1))
+        return np.reshape(pairs, (len(pairs), number)), np.full(
+            number, 1.0 / max(number, 1)
+        )
     place = np.argsort(orders, axis=1)
     differences = []
     for i, j in combinations(range(feet), 2):
@@ -129,9 +141,9 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     Returns
     -------
     tuple
-        (C, all kinks, feet) differences of the kinks' derivatives with respect to the contact
-        instants, (all kinks, feet) derivatives of the mean map, and words that complete "the maps
-        of".
+        (C, all kinks, feet) differences of the kinks' derivatives with respect to the
+        contact instants, (all kinks, feet) derivatives of the mean map, and words that
+        complete "the maps of".
 
     Raises
     ------
@@ -141,15 +153,23 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     by_order = landings.expected.shape[1] <= coordinates.ALL_SETS_UP_TO
     orders, counts = contact_orders(landings.expected, LEAST_CLASS if by_order else 1)
     differences, mean = contrasts(orders, counts)
-    what = f"landings with either foot of a pair first ({len(differences)} pairs of feet)"
+    what = (
+        f"landings with either foot of a pair first ({len(differences)} pairs of feet)"
+    )
     missing = f"no two feet each come first in {LEAST_CLASS} touchdowns"
     if by_order:
         missing = f"at least two contact orders need {LEAST_CLASS} touchdowns each: "
         what, missing = f"{len(orders)} contact orders", missing + _commonest(landings)
     if not len(differences):
         raise AnalysisError(missing)
-    slopes = np.array([coordinates.kink_slopes(tuple(order)) for order in orders.tolist()])
-    return (np.tensordot(differences, slopes, axes=1), np.tensordot(mean, slopes, axes=1), what)
+    slopes = np.array(
+        [coordinates.kink_slopes(tuple(order)) for order in orders.tolist()]
+    )
+    return (
+        np.tensordot(differences, slopes, axes=1),
+        np.tensordot(mean, slopes, axes=1),
+        what,
+    )
 
 
 def _commonest(landings: SectionLandings) -> str:
@@ -167,7 +187,9 @@ def squared_size(
     `differences` and `mean` are from `compared`.
     """
     t = landings.expected
-    changes = np.einsum("aK,caf,fg->cKg", fit.seen, differences, symmetric_root(np.cov(t.T)))
+    changes = np.einsum(
+        "aK,caf,fg->cKg", fit.seen, differences, symmetric_root(np.cov(t.T))
+    )
     form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
     outcome = landings.inputs @ fit.linear + t @ mean.T @ fit.seen @ fit.coefficients
     weights = np.diag(np.sqrt(halves(np.var(outcome, axis=0, ddof=1))))
@@ -177,8 +199,8 @@ def squared_size(
 def squared_jump(fit: KinkFit, landings: SectionLandings) -> FloatArray:
     """Return a root of the squared size of the steps, as `squared_size` does for kinks.
 
-    The squared size is the mean over the pairs of feet of the squared jump from one order to the
-    other, relative to the variance of the outcome.
+    The squared size is the mean over the pairs of feet of the squared jump from one
+    order to the other, relative to the variance of the outcome.
     """
     weights = np.diag(np.sqrt(halves(np.var(landings.outputs, axis=0, ddof=1))))
     pairs, seen = fit.seen.shape
@@ -191,8 +213,8 @@ def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> f
     Parameters
     ----------
     maps
-        (S, 11, p) map of each order, from inputs with unit covariance to motions of the markers;
-        see `SectionLandings.outputs`.
+        (S, 11, p) map of each order, from inputs with unit covariance to motions of the
+        markers; see `SectionLandings.outputs`.
     weights
         Weights from `contrasts`.
     """
@@ -212,16 +234,17 @@ def effect_size(
 ) -> EffectSize:
     """Return the size of the kinks, with interval, bounds and p-value.
 
-    The interval contains the sizes for which the T found is not a rare draw. Its low end is then
-    reduced by `allowed` and its high end raised by `upper_ends`, for two reasons: residual smooth
-    terms may add to a difference or hide part of it, and the simultaneous contact is a single
-    landing, which may differ from the observed mean (`one_landing`).
+    The interval contains the sizes for which the T found is not a rare draw. Its low
+    end is then reduced by `allowed` and its high end raised by `upper_ends`, for two
+    reasons: residual smooth terms may add to a difference or hide part of it, and the
+    simultaneous contact is a single landing, which may differ from the observed mean
+    (`one_landing`).
 
-    Below the size at which a statistic as small as the median under `allowed` becomes rare, only
-    large draws count as rare. The interval therefore starts above zero exactly if the test, of
-    level 1 - confidence, finds more than `allowed`. For `high` and the bound, a statistic below the
-    median without kinks is replaced by that median: an estimate smaller than noise alone gives is
-    luck, not knowledge.
+    Below the size at which a statistic as small as the median under `allowed` becomes
+    rare, only large draws count as rare. The interval therefore starts above zero
+    exactly if the test, of level 1 - confidence, finds more than `allowed`. For `high`
+    and the bound, a statistic below the median without kinks is replaced by that
+    median: an estimate smaller than noise alone gives is luck, not knowledge.
 
     Parameters
     ----------
@@ -230,7 +253,8 @@ def effect_size(
     generator
         Source of the random signs.
     confidence, power
-        Confidence of the interval and the bound, and power for the detectable difference.
+        Confidence of the interval and the bound, and power for the detectable
+        difference.
     flips
         Number of random sign patterns.
     """
@@ -244,12 +268,16 @@ def effect_size(
     size = float(np.sqrt(statistic))
     along = found / size
     null, full = _draws(fit, root, flips, generator)
-    for_none, for_found = (np.ascontiguousarray(draws.T) for draws in (null, full))  # quick to add
+    for_none, for_found = (
+        np.ascontiguousarray(draws.T) for draws in (null, full)
+    )  # quick to add
 
     def drawn(true: float) -> FloatArray:
         """Return draws of T for kinks of this size along those found."""
         share = min(1.0, true / size)
-        errors = for_found if share == 1.0 else (1.0 - share) * for_none + share * for_found
+        errors = (
+            for_found if share == 1.0 else (1.0 - share) * for_none + share * for_found
+        )
         return np.asarray(((errors + true * along[:, None]) ** 2).sum(axis=0))
 
     def below(least: float, share: float) -> float:
@@ -261,7 +289,9 @@ def effect_size(
     level = round(1.0 - confidence, 12)  # 0.05, not slightly more
     p_value = (1 + int(np.sum(left >= statistic))) / (1 + flips)
     floor = below(float(np.median(left)), level / 2.0)
-    low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
+    low = min(
+        below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0))
+    )
     reach = [below(typical, one) for one in (level / 2.0, level)]
     high, bound = model.upper_ends(reach, fit.allowed)
     off = model.one_landing(fit.allowed)
@@ -282,7 +312,9 @@ def effect_size(
 
 
 MOST_LANDINGS = 20_000  # the most that anybody records
-MORE_SPREAD = ", or far fewer with contacts further apart: vary push, tilt and speed of the hops"
+MORE_SPREAD = (
+    ", or far fewer with contacts further apart: vary push, tilt and speed of the hops"
+)
 
 
 def landings_needed(
@@ -290,13 +322,14 @@ def landings_needed(
 ) -> int:
     """Return the number of landings that shows a difference with the power of the detectable one.
 
-    The detectable size beyond `allowed` falls with the root of the number of landings. The result
-    is at least the number that second-order terms need.
+    The detectable size beyond `allowed` falls with the root of the number of landings.
+    The result is at least the number that second-order terms need.
 
     Raises
     ------
     AnalysisError
-        If the difference is not larger than `allowed`, so that no number of landings shows it.
+        If the difference is not larger than `allowed`, so that no number of landings
+        shows it.
     """
     if not difference > allowed:
         least = f"numbers above {allowed:.2g}, as much as smooth terms may leave"
@@ -308,7 +341,8 @@ def landings_needed(
 def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
     """Return the principal axes of the error of the size, pointing along the kinks found.
 
-    In these axes the same random numbers give the same draws, whatever the axes of the data.
+    In these axes the same random numbers give the same draws, whatever the axes of the
+    data.
     """
     scores = fit.null_scores @ root.T
     axes = np.linalg.eigh(scores.T @ scores)[1].T
@@ -320,20 +354,25 @@ def _draws(
 ) -> tuple[FloatArray, FloatArray]:
     """Return random errors of the kinks, in axes in which their size is their Euclidean length.
 
-    Both (draws, m) are randomly signed sums of the landings' contributions: for no kinks, and for
-    the kinks found. For an assumed size in between, they are mixed in proportion to it.
+    Both (draws, m) are randomly signed sums of the landings' contributions: for no
+    kinks, and for the kinks found. For an assumed size in between, they are mixed in
+    proportion to it.
     """
     both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
     sums = np.empty((count, both.shape[1]))
     at_once = max(1, _AT_ONCE // len(both))
     for first in range(0, count, at_once):
         some = sums[first : first + at_once]
-        some[:] = (2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0) @ both
+        some[:] = (
+            2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0
+        ) @ both
     null, full = np.split(sums, 2, axis=1)
     return null, full
 
 
-def _detectable(errors: FloatArray, allowed: float, level: float, power: float) -> float:
+def _detectable(
+    errors: FloatArray, allowed: float, level: float, power: float
+) -> float:
     """Return the size of kinks that the test finds with this power.
 
     The kinks are along the axis of the largest error.
@@ -341,7 +380,9 @@ def _detectable(errors: FloatArray, allowed: float, level: float, power: float) 
     along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
     threshold = float(np.quantile((along + allowed) ** 2 + across, 1.0 - level))
 
-    return _crossing(lambda e: _share((along + e) ** 2 + across <= threshold) - (1.0 - power))
+    return _crossing(
+        lambda e: _share((along + e) ** 2 + across <= threshold) - (1.0 - power)
+    )
 
 
 def _share(holds: BoolArray) -> float:

@@ -1,8 +1,8 @@
 """The verdict: one smooth map through the landing, a map for each contact order, or no answer.
 
-It follows from the interval of a single size (`effect`): "different" if the interval begins above
-zero, "no difference" if the bound is within the margin, and "cannot tell" otherwise. A jump of the
-outcome is a difference whatever the derivatives are.
+It follows from the interval of a single size (`effect`): "different" if the interval
+begins above zero, "no difference" if the bound is within the margin, and "cannot tell"
+otherwise. A jump of the outcome is a difference whatever the derivatives are.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,11 @@ from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.model import LEFT, KinkFit, err_alike, fit_kinks
 from hopdata.recording import numbers
 
-DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
+DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = (
+    "different",
+    "no difference",
+    "cannot tell",
+)
 #: Difference for which every verdict gives the number of landings needed to show it.
 ASKED = 0.2
 TWO_KINDS = "landings are of two kinds"
@@ -36,37 +40,40 @@ class Verdict(Shown):
     Attributes
     ----------
     conclusion
-        ``"different"``, ``"no difference"`` (larger than the margin) or ``"cannot tell"``.
+        ``"different"``, ``"no difference"`` (larger than the margin) or ``"cannot
+        tell"``.
     sentence
         The same in one sentence, with its numbers.
     outlook
-        What these data could have shown, and how many landings would show `ASKED`; empty if the
-        size could not be computed.
+        What these data could have shown, and how many landings would show `ASKED`;
+        empty if the size could not be computed.
     compared
         Whose maps were compared, in words.
     n_feet, n_landings, n_window
-        Number of feet, of landings used, and of landings fitted: those nearest to the simultaneous
-        contact.
+        Number of feet, of landings used, and of landings fitted: those nearest to the
+        simultaneous contact.
     confidence, margin, power
-        Confidence of the interval, difference that the study is to exclude, and power with which
-        the detectable difference would have been found.
+        Confidence of the interval, difference that the study is to exclude, and power
+        with which the detectable difference would have been found.
     flips
         Number of random sign patterns.
     effect
         Size of the difference; None if it could not be computed.
     jump
-        Size of the jumps of the outcome where two feet exchange their order, as a share of its
-        variation; None if it could not be computed, or if no two feet exchange their order
-        often enough.
+        Size of the jumps of the outcome where two feet exchange their order, as a share
+        of its variation; None if it could not be computed, or if no two feet exchange
+        their order often enough.
     decided_by
         ``"jump"`` if only the jump shows a difference, otherwise ``"effect"``.
     landings_needed
-        Number of landings that show a difference of `ASKED` with the given power; None if the size
-        could not be computed, if the jump decided, or if no number suffices.
+        Number of landings that show a difference of `ASKED` with the given power; None
+        if the size could not be computed, if the jump decided, or if no number
+        suffices.
     foretold
-        Share of the contact instants' mean square that the state before the landing foretells;
-        None if it could not be computed. What it does not foretell (legs whose length varies from
-        landing to landing, noise in the state) makes every size too small.
+        Share of the contact instants' mean square that the state before the landing
+        foretells; None if it could not be computed. What it does not foretell (legs
+        whose length varies from landing to landing, noise in the state) makes every
+        size too small.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}``.
     """
@@ -104,11 +111,21 @@ class Verdict(Shown):
 
 def conclude(low: float, upper_bound: float, margin: float) -> str:
     """Return the conclusion from the interval and the one-sided bound."""
-    return DIFFERENT if low > 0.0 else NO_DIFFERENCE if upper_bound <= margin else CANNOT_TELL
+    return (
+        DIFFERENT
+        if low > 0.0
+        else NO_DIFFERENCE
+        if upper_bound <= margin
+        else CANNOT_TELL
+    )
 
 
 def sentence(
-    conclusion: str, sizes: Sequence[float], compared: str, confidence: float, margin: float
+    conclusion: str,
+    sizes: Sequence[float],
+    compared: str,
+    confidence: float,
+    margin: float,
 ) -> str:
     """Return a conclusion as a sentence; `sizes` are estimate, low, high and upper bound."""
     require_choice("conclusion", conclusion, CONCLUSIONS)
@@ -125,7 +142,9 @@ def sentence(
     return f"These data cannot tell: {none}, but {open_}."
 
 
-def outlook(effect: sizing.EffectSize, needed: int | None, landings: int, power: float) -> str:
+def outlook(
+    effect: sizing.EffectSize, needed: int | None, landings: int, power: float
+) -> str:
     """Return words on what these data could have shown, and on what would show more.
 
     Parameters
@@ -173,21 +192,22 @@ def judge(
     Parameters
     ----------
     x, y
-        (n, 6B) home-frame states at the pre and the post section, z up: x, y and z of each marker
-        of a rigid body, then the velocities in the same order, in any units. Landings are in
-        chronological order.
+        (n, 6B) home-frame states at the pre and the post section, z up: x, y and z of
+        each marker of a rigid body, then the velocities in the same order, in any
+        units. Landings are in chronological order.
     instants
         (n, feet) contact instants, in the same unit of time; NaN where not known.
     seed
         Seed of the study.
     instants_se
-        (n, feet) standard errors of the instants, in the same unit; they tell what the states do
-        not foretell of the contacts from what was not measured well. None if they are not known.
+        (n, feet) standard errors of the instants, in the same unit; they tell what the
+        states do not foretell of the contacts from what was not measured well. None if
+        they are not known.
     margin
         Relative difference that the study is to exclude.
     confidence, power
-        Confidence of the intervals, and power for the detectable difference. The level of the test
-        is 1 - confidence.
+        Confidence of the intervals, and power for the detectable difference. The level
+        of the test is 1 - confidence.
     flips
         Number of random sign patterns.
     blurred
@@ -212,16 +232,33 @@ def judge(
         told = "a standard error for each instant, " + str(shapes[2])
         require(errors.shape == shapes[2], "instants_se", told, errors.shape)
     for key, share in (("confidence", confidence), ("power", power)):
-        require(isinstance(share, Real) and 0 < share < 1, key, "a number between 0 and 1", share)
-    require(isinstance(margin, Real) and 0 < margin <= 1, "margin", "a number in (0, 1]", margin)
+        require(
+            isinstance(share, Real) and 0 < share < 1,
+            key,
+            "a number between 0 and 1",
+            share,
+        )
+    require(
+        isinstance(margin, Real) and 0 < margin <= 1,
+        "margin",
+        "a number in (0, 1]",
+        margin,
+    )
     # With fewer flips no p-value could be small enough.
-    for key, whole, least in (("seed", seed, 0), ("flips", flips, ceil(1 / (1 - confidence)))):
+    for key, whole, least in (
+        ("seed", seed, 0),
+        ("flips", flips, ceil(1 / (1 - confidence))),
+    ):
         fits = isinstance(whole, Integral) and whole >= least
         require(fits, key, f"a whole number, {least} or more", whole)
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
     notes = _left_out(known)
     how: dict[str, Any] = {"confidence": confidence, "power": power, "flips": flips}
-    asked = how | {"n_feet": parts[2].shape[1], "n_landings": int(known.sum()), "margin": margin}
+    asked = how | {
+        "n_feet": parts[2].shape[1],
+        "n_landings": int(known.sum()),
+        "margin": margin,
+    }
     try:
         if blurred:
             raise AnalysisError(blurred)
@@ -235,7 +272,9 @@ def judge(
     except AnalysisError as error:
         note = {"what": "verdict", "reason": str(error)}
         said = f"These data cannot tell: {error}."
-        return Verdict(CANNOT_TELL, said, "", "", n_window=0, notes=[*notes, note], **asked)
+        return Verdict(
+            CANNOT_TELL, said, "", "", n_window=0, notes=[*notes, note], **asked
+        )
 
     def sized(part: KinkFit, root: FloatArray, stream: str) -> sizing.EffectSize:
         draw = named_generator(seed, "verdict", stream)
@@ -251,7 +290,9 @@ def judge(
     decided_by, no_evidence = "effect", effect.allowed
     if effect.allowed < ASKED:
         seen = effect.detectable, effect.allowed
-        needed = sizing.landings_needed(asked["n_landings"], *seen, ASKED, asked["n_feet"])
+        needed = sizing.landings_needed(
+            asked["n_landings"], *seen, ASKED, asked["n_feet"]
+        )
     foreseen = outlook(effect, needed, asked["n_landings"], power)
     if jump and jump.low > 0.0:
         told = f"{_jump_told(jump, confidence)}."
@@ -260,7 +301,9 @@ def judge(
         else:  # statements about derivatives are useless beside a jump
             said = f"The maps of {what} are different: {told}"
             often = f"{100 * power:g} % of such studies"
-            foreseen = f"A jump of {percent(jump.detectable)} would be found in {often}."
+            foreseen = (
+                f"A jump of {percent(jump.detectable)} would be found in {often}."
+            )
             conclusion, decided_by, no_evidence, needed = DIFFERENT, "jump", 0.0, None
     return Verdict(
         conclusion,
@@ -287,8 +330,14 @@ def _jump_told(jump: sizing.EffectSize, confidence: float) -> str:
 
 def _left_out(known: BoolArray) -> Notes:
     unknown = int((~known).sum())
-    reason = f"{unknown} of {len(known)} used lack a state or the contact instant of a foot"
-    return [{"what": "touchdowns left out of the verdict", "reason": reason}] if unknown else []
+    reason = (
+        f"{unknown} of {len(known)} used lack a state or the contact instant of a foot"
+    )
+    return (
+        [{"what": "touchdowns left out of the verdict", "reason": reason}]
+        if unknown
+        else []
+    )
 
 
 def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> Notes:
@@ -311,8 +360,16 @@ def _limits(landings: inputs.SectionLandings, allowed: float, alike: bool) -> No
     )
     copies = "is one marker a copy of the other? The order of these two was not judged"
     told = [
-        (inputs.feet_as_one(landings), "two feet are always the same time apart", copies),
-        (allowed > LEFT, "contacts far apart", f"{apart}: smaller sizes are not evidence"),
+        (
+            inputs.feet_as_one(landings),
+            "two feet are always the same time apart",
+            copies,
+        ),
+        (
+            allowed > LEFT,
+            "contacts far apart",
+            f"{apart}: smaller sizes are not evidence",
+        ),
         (state, TWO_KINDS, kinds),
         (far, "landings far from all others", mistakes),
         (alike, "landings are not independent", in_a_row),

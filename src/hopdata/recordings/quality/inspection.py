@@ -13,7 +13,12 @@ from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid, stretches, swaps
-from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
+from hopdata.recordings.quality.orientation import (
+    UNITS_IN_M,
+    Guess,
+    guess_rate,
+    guess_unit_and_up,
+)
 from hopdata.recordings.quality.part_names import roles_by_name
 from hopdata.recordings.quality.swaps import Excursion, Swap
 from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
@@ -33,12 +38,16 @@ class Faults:
     spikes: tuple[Excursion, ...]
     jumps: tuple[Excursion, ...]
     frozen: tuple[stretches.Frozen, ...]
-    copies: tuple[tuple[int, int, int], ...] = ()  # as returned by `stretches.copied_frames`
+    copies: tuple[
+        tuple[int, int, int], ...
+    ] = ()  # as returned by `stretches.copied_frames`
 
     @property
     def count(self) -> int:
         """Return the number of faults of all kinds."""
-        return sum(map(len, (self.swaps, self.spikes, self.jumps, self.frozen, self.copies)))
+        return sum(
+            map(len, (self.swaps, self.spikes, self.jumps, self.frozen, self.copies))
+        )
 
 
 _DOES = {"frozen": "repeats one position", "filled": "runs on straight, as if filled,"}
@@ -51,8 +60,8 @@ class Suspect:
     Parameters
     ----------
     kind : str
-        ``swap, spike, jump, frozen, filled, copy, dropped, irregular, jitter, backward`` or
-        ``rate``.
+        ``swap, spike, jump, frozen, filled, copy, dropped, irregular, jitter,
+        backward`` or ``rate``.
     markers : tuple of str
         Markers concerned; none for faults of the time stamps.
     start, stop : int
@@ -121,7 +130,9 @@ class Inspection:
     remarks: tuple[str, ...] = ()
     treated: tuple[str, ...] = ()
 
-    def recording(self, feet: Iterable[str], body: Iterable[str], **named: str) -> Recording:
+    def recording(
+        self, feet: Iterable[str], body: Iterable[str], **named: str
+    ) -> Recording:
         """Return the recording of the markers chosen as feet and body."""
         of = (self.time, self.positions, self.markers)
         return Recording.from_arrays(*of, feet=feet, body=body, **named)
@@ -146,17 +157,25 @@ class Inspection:
     def lost(self) -> list[str]:
         """Report how many frames are missing without a sign in the time stamps."""
         lost = [n for k, n in self.timing.drops.tolist() if self._is_silent(k)]
-        where = f"{counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}"
+        where = (
+            f"{counted(sum(lost), 'frame')} missing in {counted(len(lost), 'place')}"
+        )
         told = f"about {where}, though no time stamp shows it (all markers jump on); contacts there"
-        return [f"{told} are wrong: export with times, or exclude those landings"] * bool(lost)
+        return [
+            f"{told} are wrong: export with times, or exclude those landings"
+        ] * bool(lost)
 
     def _is_silent(self, frame: int) -> bool:
-        return bool((self.time[frame + 1] - self.time[frame]) * self.timing.rate_hz < 1.5)
+        return bool(
+            (self.time[frame + 1] - self.time[frame]) * self.timing.rate_hz < 1.5
+        )
 
     def suspects(self) -> list[Suspect]:
         """List all faults, the earliest first."""
         found = [
-            Suspect(kind, markers, start, stop, float(self.time[start] - self.time[0]), text)
+            Suspect(
+                kind, markers, start, stop, float(self.time[start] - self.time[0]), text
+            )
             for kind, markers, start, stop, text in self._faults()
         ]
         return sorted(found, key=lambda s: (s.start, s.kind, s.markers))
@@ -188,11 +207,19 @@ class Inspection:
             yield "copy", (), start, stop, text
         if abs(timing.rate_hz / self.rate_hz - 1) > RATE_TOLERANCE:
             found, stated = f"{timing.rate_hz:g} Hz", f"{self.rate_hz:g} Hz"
-            text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
+            text = (
+                f"the time stamps run at {found}, and the frame rate stated is {stated}"
+            )
             yield "rate", (), 0, 1, text
         for k, n in timing.drops.tolist():
             silent = " (about; no time stamp shows it)" * self._is_silent(k)
-            yield "dropped", (), k, k + 1, f"{counted(n, 'frame')} dropped after this one{silent}"
+            yield (
+                "dropped",
+                (),
+                k,
+                k + 1,
+                f"{counted(n, 'frame')} dropped after this one{silent}",
+            )
         uneven = sorted([*timing.irregular.tolist(), *timing.backward.tolist()])
         if len(uneven) > MOST_IRREGULAR:
             text = f"{len(uneven)} steps of the time stamps are irregular: if the cameras ran"
@@ -200,7 +227,13 @@ class Inspection:
             yield "jitter", (), uneven[0], uneven[-1] + 2, text
             return
         for k in timing.irregular.tolist():
-            yield "irregular", (), k, k + 1, "irregular step of the time stamps after this one"
+            yield (
+                "irregular",
+                (),
+                k,
+                k + 1,
+                "irregular step of the time stamps after this one",
+            )
         for k in timing.backward.tolist():
             yield "backward", (), k, k + 1, "the next time stamp is not later"
 
@@ -249,7 +282,9 @@ def inspect_recording(
     scale = stretches.scale_of_all(positions)
     missed = swaps.surprises(positions, scale=scale)
     known: dict[str, Any] = {"missed": missed, "pairs": pairs, "clusters": clusters}
-    exchanged = swaps.find_swaps(positions, raw.markers, rate_hz=raw.rate_hz * scale**0.5, **known)
+    exchanged = swaps.find_swaps(
+        positions, raw.markers, rate_hz=raw.rate_hz * scale**0.5, **known
+    )
     steps = {(e.start, e.marker) for e in missed.steps}
     frozen = stretches.frozen_markers(raw.positions, raw.markers, steps)
     frozen += stretches.straight_stretches(raw.positions, raw.markers)
@@ -265,7 +300,9 @@ def inspect_recording(
     timing = replace(timing, drops=np.concatenate([timing.drops, lost]))
     faults = Faults(
         swaps=exchanged,
-        spikes=swaps.find_spikes(missed, explained=explained, heights=positions[:, :, 2]),
+        spikes=swaps.find_spikes(
+            missed, explained=explained, heights=positions[:, :, 2]
+        ),
         jumps=swaps.find_jumps(missed, explained=explained),
         frozen=frozen,
         copies=tuple(map(tuple, copies.tolist())),
@@ -283,7 +320,8 @@ def inspect_recording(
 def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
     """Return (N, M, 3) positions in m with z up; infinite values become NaN.
 
-    Positions already in that form are not copied, since memory may not hold a long recording twice.
+    Positions already in that form are not copied, since memory may not hold a long
+    recording twice.
     """
     if metres == 1.0 and up == "z" and not np.isinf(positions).any():
         return positions
@@ -303,7 +341,8 @@ def _explained(
 ) -> BoolArray:
     """Mask frames (N, M) whose jumps come from swaps, thawing markers, time stamps or copies.
 
-    For time stamps and copies, the given frames are those after which all markers may jump.
+    For time stamps and copies, the given frames are those after which all markers may
+    jump.
     """
     mask = np.zeros(shape, dtype=bool)
     spans: list[tuple[Any, int, int]] = [(slice(None), k + 1, k + 1) for k in steps]
@@ -328,7 +367,9 @@ COLUMNS = {
 
 def inspect(known: Recording) -> Inspection:
     """Inspect a recording whose unit and vertical axis are settled."""
-    raw = RawRecording(known.markers, known.time, known.positions, known.rate_hz, unit="m")
+    raw = RawRecording(
+        known.markers, known.time, known.positions, known.rate_hz, unit="m"
+    )
     return inspect_recording(raw, unit="m", up="z")
 
 
@@ -339,10 +380,11 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
     Returns
     -------
     dict
-        ``markers``, a row per marker: missing frames, longest gap, noise of a coordinate. ``gaps``,
-        from the first missing frame to the next seen one. ``faults``, a row per fault and marker:
-        ``swap, spike, jump, frozen, filled``, and without a marker the faults of frames and time
-        stamps; pauses in the recording are not faults. ``remarks``, as noted by `hopdata check`.
+        ``markers``, a row per marker: missing frames, longest gap, noise of a
+        coordinate. ``gaps``, from the first missing frame to the next seen one.
+        ``faults``, a row per fault and marker: ``swap, spike, jump, frozen, filled``,
+        and without a marker the faults of frames and time stamps; pauses in the
+        recording are not faults. ``remarks``, as noted by `hopdata check`.
     """
     rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in COLUMNS}
     for recording in recordings:
@@ -350,16 +392,24 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
         pauses = is_pause(recording.time, recording.rate_hz)
         since = recording.time - recording.time[0]
         times = [*since.tolist(), float(since[-1]) + 1.0 / recording.rate_hz]
-        for role, gaps, noise in zip(recording.roles, found.gaps, found.noise_m, strict=True):
+        for role, gaps, noise in zip(
+            recording.roles, found.gaps, found.noise_m, strict=True
+        ):
             numbers = (found.duration_s, gaps.n_frames, gaps.missing, gaps.count)
             longest_s = gaps.longest / recording.rate_hz
-            rows["markers"].append((name, gaps.marker, role, *numbers, longest_s, noise))
+            rows["markers"].append(
+                (name, gaps.marker, role, *numbers, longest_s, noise)
+            )
             for start, stop in gaps.stretches.tolist():
                 ends = (times[start], times[stop])
                 rows["gaps"].append((name, gaps.marker, role, *ends, stop - start))
         for one in found.suspects():
             if not (one.kind == "dropped" and pauses[one.start]):
                 told = (one.time_s, times[one.stop], one.text)
-                rows["faults"] += [(name, one.kind, m, *told) for m in one.markers or ("",)]
+                rows["faults"] += [
+                    (name, one.kind, m, *told) for m in one.markers or ("",)
+                ]
         rows["remarks"] += [(name, note) for note in [*notes(recording), *found.lost]]
-    return {k: pd.DataFrame(rows[k], columns=names.split()) for k, names in COLUMNS.items()}
+    return {
+        k: pd.DataFrame(rows[k], columns=names.split()) for k, names in COLUMNS.items()
+    }

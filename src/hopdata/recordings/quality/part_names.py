@@ -21,7 +21,8 @@ OF_FEET = PARTS["foot"] | PARTS["ankle"]
 def part_by_name(name: str) -> str:
     """Return ``"foot"``, ``"ankle"``, ``"boom"``, ``"body"`` or ``""`` for a marker's name.
 
-    Case, digits and separators are ignored: ``R_mt1``, ``L.Heel.Top`` and ``FOOT3`` are feet.
+    Case, digits and separators are ignored: ``R_mt1``, ``L.Heel.Top`` and ``FOOT3`` are
+    feet.
     """
     words = words_of(name, r"[a-z]+")
     plain = {*words, *map(without_side, words)}
@@ -34,7 +35,9 @@ def place_by_name(name: str) -> tuple[int, str]:
     The name is shared by both sides: ``L_mt1`` and ``RMT1`` are ``mt1``.
     """
     words = [w for w in words_of(name, r"[a-z]+[0-9]*|[0-9]+") if w not in SIDES]
-    plain = [without_side(w) if w.rstrip("0123456789") not in OF_FEET else w for w in words]
+    plain = [
+        without_side(w) if w.rstrip("0123456789") not in OF_FEET else w for w in words
+    ]
     letters = {w.rstrip("0123456789") for w in plain}
     return 0 if letters & _HEELS else 1 if letters & _TOES else 2, " ".join(plain)
 

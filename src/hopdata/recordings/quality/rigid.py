@@ -10,14 +10,19 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recordings.quality.stretches import near, quantiles, runs
 
 SAMPLE_FRAMES = 4000
-SAMPLE_NUMBERS, LEAST_SAMPLED = 10_000_000, 500  # fewer frames for many markers, down to these
+SAMPLE_NUMBERS, LEAST_SAMPLED = (
+    10_000_000,
+    500,
+)  # fewer frames for many markers, down to these
 MOST_FRAMES = 200_000
 LEAST_FRAMES = 5  # with fewer frames nothing lies between the outer fifths
 STRAIN = 0.025  # relative spread of a distance up to which a pair counts as rigid
 SIGMAS = 4.0  # or up to this multiple of the spread from the markers' own noise
 LEAST = 3
 MEDIAN_LENGTH = 1.5381722544550522  # of vectors of three independent standard normals
-FIFTHS_TO_SD = 1.6832  # range from the 20 % to the 80 % quantile of a normal distribution
+FIFTHS_TO_SD = (
+    1.6832  # range from the 20 % to the 80 % quantile of a normal distribution
+)
 
 
 @dataclass(frozen=True)
@@ -29,8 +34,9 @@ class PairDistances:
     median : (M, M) array
         Median distance; NaN for pairs that are never seen together.
     spread : (M, M) array
-        Standard deviation from the range between the outer fifths. A fifth of the frames may be
-        wrong on either side, yet a leg that is stiff half of the time is not taken for rigid.
+        Standard deviation from the range between the outer fifths. A fifth of the
+        frames may be wrong on either side, yet a leg that is stiff half of the time is
+        not taken for rigid.
     """
 
     median: FloatArray
@@ -46,8 +52,9 @@ class Cluster:
     markers : tuple of int
         Indices of at least three markers.
     noise : float
-        Standard deviation of a marker's coordinate that corresponds to the pairs' median spread, in
-        the unit of the positions. Bending and slipping count as noise.
+        Standard deviation of a marker's coordinate that corresponds to the pairs'
+        median spread, in the unit of the positions. Bending and slipping count as
+        noise.
     """
 
     markers: tuple[int, ...]
@@ -57,8 +64,8 @@ class Cluster:
 def pair_distances(positions: FloatArray) -> PairDistances:
     """Measure all distances of (N, M, 3) positions over about `SAMPLE_FRAMES` frames.
 
-    With more than fifty markers, fewer frames are used to keep the work the same. A spread needs
-    `LEAST_FRAMES` frames.
+    With more than fifty markers, fewer frames are used to keep the work the same. A
+    spread needs `LEAST_FRAMES` frames.
     """
     n = positions.shape[1]
     most = max(LEAST_SAMPLED, min(SAMPLE_FRAMES, SAMPLE_NUMBERS // max(n, 1) ** 2))
@@ -69,16 +76,19 @@ def pair_distances(positions: FloatArray) -> PairDistances:
         low, middle, high = quantiles(apart.T, [0.2, 0.5, 0.8])
         few = np.isfinite(apart).sum(axis=1) < LEAST_FRAMES
         median[i, :i] = median[:i, i] = middle
-        spread[i, :i] = spread[:i, i] = np.where(few, np.nan, (high - low) / FIFTHS_TO_SD)
+        spread[i, :i] = spread[:i, i] = np.where(
+            few, np.nan, (high - low) / FIFTHS_TO_SD
+        )
     return PairDistances(median, spread)
 
 
 def frame_noise(positions: FloatArray, *, lag: int = 1) -> FloatArray:
     """Return the frame-to-frame noise of each marker, (M,), from fourth differences.
 
-    The standard deviation of a coordinate, robust against the frames at which a foot lands. NaN for
-    a marker without five frames in a row, `lag` frames apart. Noise that a camera system has
-    smoothed is not detected. At most `MOST_FRAMES` evenly spaced frames are used.
+    The standard deviation of a coordinate, robust against the frames at which a foot
+    lands. NaN for a marker without five frames in a row, `lag` frames apart. Noise that
+    a camera system has smoothed is not detected. At most `MOST_FRAMES` evenly spaced
+    frames are used.
     """
     n, n_markers = len(positions) - 4 * lag, positions.shape[1]
     noise = np.full(n_markers, np.nan)
@@ -114,7 +124,9 @@ def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ..
     from scipy.cluster.hierarchy import fcluster, linkage
     from scipy.spatial.distance import squareform
 
-    groups = fcluster(linkage(squareform(softness, checks=False), "complete"), 1.0, "distance")
+    groups = fcluster(
+        linkage(squareform(softness, checks=False), "complete"), 1.0, "distance"
+    )
     members = [tuple(np.flatnonzero(groups == g).tolist()) for g in np.unique(groups)]
     clusters = [Cluster(m, _noise(pairs.spread, m)) for m in members if len(m) >= LEAST]
     return tuple(sorted(clusters, key=lambda c: (-len(c.markers), c.markers)))
@@ -136,12 +148,18 @@ def _noise(spread: FloatArray, members: tuple[int, ...]) -> float:
 
 SPECTRUM_FRAMES, SEGMENT = 2**14, 256
 QUICKEST = 0.09  # of the rate; slower patterns may be the animal's own motion
-PATTERN_SHARE, PATTERN_PEAK = 0.15, 60.0  # of the total variance; of the usual power nearby
+PATTERN_SHARE, PATTERN_PEAK = (
+    0.15,
+    60.0,
+)  # of the total variance; of the usual power nearby
 NO_CAMERA_M = 2e-5  # m; least frame-to-frame noise of any camera, for an animal of 1 m
-ABOVE_FLOOR, LAW_HOLDS = 30.0, 0.5  # power over the rounding floor; largest misfit of log power
-# Ratio of the last frequency above the floor to the lowest one fitted, below which the body may
-# bend. Range of exponents of the frequency in the noise. Poles of a Butterworth filter, which runs
-# forwards and backwards.
+ABOVE_FLOOR, LAW_HOLDS = (
+    30.0,
+    0.5,
+)  # power over the rounding floor; largest misfit of log power
+# Ratio of the last frequency above the floor to the lowest one fitted, below which the
+# body may bend. Range of exponents of the frequency in the noise. Poles of a
+# Butterworth filter, which runs forwards and backwards.
 SLOWER, NOISE_SLOPES, POLES = 5, (-2.5, 0.5), (2, 4)
 
 
@@ -150,14 +168,18 @@ def treated(body: FloatArray, rate_hz: float, *, scale: float = 1.0) -> list[str
     body = middle(body)
     if pattern := frames_of_pattern(body):
         told = f"noise repeats every {pattern:.3g} frames, as if resampled to {rate_hz:g} Hz"
-        return [f"{told} from another rate: contacts come some ms early; export frames as recorded"]
+        return [
+            f"{told} from another rate: contacts come some ms early; export frames as recorded"
+        ]
     noise_m = float(quantiles(frame_noise(body)[:, None], [0.5])[0, 0])
     if len(body) < 2 * SEGMENT or not noise_m < NO_CAMERA_M * scale:
         return []
     cut = cut_off(body)
     by = f", by a low-pass of some {cut * rate_hz:.2g} Hz" if cut else ""
     told = f"positions were smoothed ({1e6 * noise_m:.2g} um of noise from frame to frame){by}"
-    return [f"{told}: contacts come late, fit poorly or not at all; export them unfiltered"]
+    return [
+        f"{told}: contacts come late, fit poorly or not at all; export them unfiltered"
+    ]
 
 
 def low_pass(body: FloatArray, *, scale: float = 1.0) -> float:
@@ -176,8 +198,8 @@ def middle(body: FloatArray) -> FloatArray:
 def recorded_frames(body: FloatArray) -> slice:
     """Select the recorded frames of (N, m, 3): all, or every second one between made-up frames.
 
-    Recorded frames have more noise and are not copies. In other patterns too few frames coincide
-    with recorded ones.
+    Recorded frames have more noise and are not copies. In other patterns too few frames
+    coincide with recorded ones.
     """
     body = middle(body[: len(body) // 2 * 2])
     if round(frames_of_pattern(body), 2) != 2:
@@ -204,15 +226,19 @@ def frames_of_pattern(body: FloatArray) -> float:
     at = int(np.argmax(np.where(often < QUICKEST, 0.0, power)))
     usual = np.median(power[max(0, at - SEGMENT // 2) : at + SEGMENT // 2])
     share = 2 * power[at] / max(len(rough) * float(rough @ rough), EXACT)
-    return 1 / often[at] if share > PATTERN_SHARE and power[at] > PATTERN_PEAK * usual else 0.0
+    return (
+        1 / often[at]
+        if share > PATTERN_SHARE and power[at] > PATTERN_PEAK * usual
+        else 0.0
+    )
 
 
 def cut_off(body: FloatArray) -> float:
     """Return the cut-off of a filter applied to markers (N, m, 3) of a rigid part; 0 if none.
 
     Relative to the frame rate, for a zero-phase Butterworth filter (3 dB in each of two
-    directions). It is fitted to the spectra of the distances, assuming that the unfiltered noise is
-    a power of the frequency.
+    directions). It is fitted to the spectra of the distances, assuming that the
+    unfiltered noise is a power of the frequency.
     """
     from scipy.signal import welch
 
@@ -241,19 +267,27 @@ def cut_off(body: FloatArray) -> float:
 # Stretches in which two markers keep each other's distances to a rigid cluster.
 
 OFF = 6.0  # spreads: a distance further off is not the marker's own
-FITS = 3.0  # spreads, rms: exchanged distances further off do not fit the other marker either
+# Spreads, rms: exchanged distances further off do not fit the other marker either
+FITS = 3.0
 EXACT = 1e-12  # m; smallest spread
 MOST_REFERENCES = 12  # evenly spaced markers of a cluster that serve as references
 EXCHANGED_DISTANCES_LEAST_FRAMES = 2
-NEAR = 3  # frames: both markers must jump or be unseen this close to the end of a stretch
+NEAR = (
+    3  # frames: both markers must jump or be unseen this close to the end of a stretch
+)
 
 
 def exchanged_stretches(
-    positions: FloatArray, pairs: PairDistances, clusters: tuple[Cluster, ...], *, breaks: BoolArray
+    positions: FloatArray,
+    pairs: PairDistances,
+    clusters: tuple[Cluster, ...],
+    *,
+    breaks: BoolArray,
 ) -> Iterator[tuple[int, int, int, int]]:
     """Yield both markers, the first frame of each stretch, and the frame after its last.
 
-    Names can only be exchanged where both tracks break, so a stretch must begin and end at breaks.
+    Names can only be exchanged where both tracks break, so a stretch must begin and end
+    at breaks.
 
     Parameters
     ----------
@@ -262,33 +296,45 @@ def exchanged_stretches(
     pairs : PairDistances
         Distances of all M markers.
     clusters : tuple of Cluster
-        A marker of a cluster may have been exchanged with any other marker. Two markers outside it
-        are told apart by their usual places relative to it.
+        A marker of a cluster may have been exchanged with any other marker. Two markers
+        outside it are told apart by their usual places relative to it.
     breaks : (N, M) bool array
         Frames in which a marker jumps or is not seen.
     """
-    # Frame boundaries with a break of a track nearby, (N + 1, M); both ends count as breaks.
+    # Frame boundaries with a break of a track nearby, (N + 1, M); both ends count as
+    # breaks.
     around, end = near(breaks, NEAR - 1), np.ones((1, breaks.shape[1]), dtype=bool)
     breaking = np.concatenate([end, around[1:] | around[:-1], end])
-    edges = breaking[:-1] | breaking[1:]  # frames that may be the first or last of a stretch
+    edges = (
+        breaking[:-1] | breaking[1:]
+    )  # frames that may be the first or last of a stretch
     for cluster in clusters:
         inside = set(cluster.markers)
         known = list(cluster.markers[:: -(-len(cluster.markers) // MOST_REFERENCES)])
-        away = [_away(positions, pairs, known, m, np.flatnonzero(e)) for m, e in enumerate(edges.T)]
+        away = [
+            _away(positions, pairs, known, m, np.flatnonzero(e))
+            for m, e in enumerate(edges.T)
+        ]
         for a, b in combinations(range(len(away)), 2):
             first, second = (b, a) if b in inside and a not in inside else (a, b)
             both = breaking[:, a] & breaking[:, b]
             ends = away[first][both[away[first]] | both[away[first] + 1]]
-            if not _exchanged(positions[ends], pairs, inside, known, first, second).any():
+            if not _exchanged(
+                positions[ends], pairs, inside, known, first, second
+            ).any():
                 continue
             here = _away(positions, pairs, known, first, np.arange(len(positions)))
             mask = np.zeros(len(positions), dtype=bool)
-            mask[here] = _exchanged(positions[here], pairs, inside, known, first, second)
+            mask[here] = _exchanged(
+                positions[here], pairs, inside, known, first, second
+            )
             for start, stop in _stretches(mask, breaks[:, a] | breaks[:, b], both):
                 yield a, b, start, stop
 
 
-def _stretches(mask: BoolArray, broken: BoolArray, both: BoolArray) -> Iterator[tuple[int, int]]:
+def _stretches(
+    mask: BoolArray, broken: BoolArray, both: BoolArray
+) -> Iterator[tuple[int, int]]:
     """Yield the stretches of a mask (N,) that begin and end where both tracks break (N + 1,).
 
     A stretch may include frames in which one of the tracks is `broken` (N,).
@@ -302,7 +348,11 @@ def _stretches(mask: BoolArray, broken: BoolArray, both: BoolArray) -> Iterator[
 
 
 def _away(
-    positions: FloatArray, pairs: PairDistances, known: list[int], a: int, frames: IntArray
+    positions: FloatArray,
+    pairs: PairDistances,
+    known: list[int],
+    a: int,
+    frames: IntArray,
 ) -> IntArray:
     """Select the frames (K,) in which a distance of marker `a` to known markers is not its own."""
     away = np.zeros(len(frames), dtype=bool)
@@ -315,11 +365,18 @@ def _away(
 
 
 def _exchanged(
-    positions: FloatArray, pairs: PairDistances, inside: set[int], known: list[int], a: int, b: int
+    positions: FloatArray,
+    pairs: PairDistances,
+    inside: set[int],
+    known: list[int],
+    a: int,
+    b: int,
 ) -> BoolArray:
     """Mask frames (N,) in which exchanged names fit the cluster but the own names do not."""
     others = [c for c in known if c not in (a, b)]
-    if not len(positions) or len(others) < (1 if {a, b} <= inside else 2 if a in inside else 3):
+    if not len(positions) or len(others) < (
+        1 if {a, b} <= inside else 2 if a in inside else 3
+    ):
         return np.zeros(len(positions), dtype=bool)
     terms = [(a, b, c) for c in others]
     if (a in inside) == (b in inside):  # otherwise the place of `b` is unknown
@@ -328,9 +385,13 @@ def _exchanged(
     for m, other, c in terms:
         for total, marker in ((own, m), (exchanged, other)):
             distance = norms(positions[:, marker] - positions[:, c])
-            total += ((distance - pairs.median[m, c]) / max(pairs.spread[m, c], EXACT)) ** 2
+            total += (
+                (distance - pairs.median[m, c]) / max(pairs.spread[m, c], EXACT)
+            ) ** 2
     with np.errstate(invalid="ignore"):
-        fits: BoolArray = (own > OFF**2 * len(terms)) & (exchanged < FITS**2 * len(terms))
+        fits: BoolArray = (own > OFF**2 * len(terms)) & (
+            exchanged < FITS**2 * len(terms)
+        )
     return fits
 
 

@@ -1,13 +1,14 @@
 """How much the distances within a body change, and whether its markers are one body at all.
 
-One measure serves `hopdata init`, which proposes a body, and the checks, which refuse what is none.
-Markers on skin move: at an impact those of a pelvis by up to 17 mm against one another. What such a
-motion does to the pose of the body depends on the size of the body, not on the distance between
-the two markers, so changes are relative to the body's size, its largest distance.
+One measure serves `hopdata init`, which proposes a body, and the checks, which refuse
+what is none. Markers on skin move: at an impact those of a pelvis by up to 17 mm
+against one another. What such a motion does to the pose of the body depends on the size
+of the body, not on the distance between the two markers, so changes are relative to the
+body's size, its largest distance.
 
-A foot among the body's markers moves with the body in flight, but not in stance. It is known by its
-place: it comes down to where the feet are, far below the rest of the body, and there its distances
-change by more than skin gives.
+A foot among the body's markers moves with the body in flight, but not in stance. It is
+known by its place: it comes down to where the feet are, far below the rest of the body,
+and there its distances change by more than skin gives.
 """
 
 from dataclasses import dataclass
@@ -15,30 +16,44 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.recordings.quality.rigid import PairDistances, frame_noise, norms, pair_distances
+from hopdata.recordings.quality.rigid import (
+    PairDistances,
+    frame_noise,
+    norms,
+    pair_distances,
+)
 from hopdata.recordings.quality.stretches import lowest, quantiles
 
-# Relative to the body's size. The pelves of 20 public recordings of walks, runs and a serve reach
-# 0.044. With one more marker on a thigh or knee they reach 0.046 to 0.084, on a foot 0.02 to 0.19.
-# With a limit 1.5 times larger nearly all thighs pass.
+# Relative to the body's size. The pelves of 20 public recordings of walks, runs and a
+# serve reach 0.044. With one more marker on a thigh or knee they reach 0.046 to 0.084,
+# on a foot 0.02 to 0.19. With a limit 1.5 times larger nearly all thighs pass.
 LARGEST_STRAIN = 0.05
-# The same where a marker is lowest, as a multiple of the limit above. Those pelves reach 1.2 (a
-# runner's impacts), knees of the serve 3 to 4. With 1.5 times as much the thighs pass.
+# The same where a marker is lowest, as a multiple of the limit above. Those pelves
+# reach 1.2 (a runner's impacts), knees of the serve 3 to 4. With 1.5 times as much the
+# thighs pass.
 LOWEST_STRAINS = 2.0
-# The same for a marker on the floor: to be of the body, what is there has to be rigid. Feet reach
-# 1.4 and more. With 1.5 times as much a foot passes that leaves the body for a tenth of the time.
+# The same for a marker on the floor: to be of the body, what is there has to be rigid.
+# Feet reach 1.4 and more. With 1.5 times as much a foot passes that leaves the body for
+# a tenth of the time.
 FLOOR_STRAINS = 0.5
-# Beyond this it is remarked that a body is soft: the spread up to which `rigid_clusters` takes
-# markers for rigid. At 1.5 times as much, four of the seven soft ones are told nothing.
+# Beyond this it is remarked that a body is soft: the spread up to which
+# `rigid_clusters` takes markers for rigid. At 1.5 times as much, four of the seven soft
+# ones are told nothing.
 SOFT_STRAIN = 0.025
-# Share of the frames in which a marker counts as low; a stance may be as short a part of a
-# recording. At 1.5 times as much a foot that stands in a tenth of the frames is still found.
+# Share of the frames in which a marker counts as low; a stance may be as short a part
+# of a recording. At 1.5 times as much a foot that stands in a tenth of the frames is
+# still found.
 LOWEST_FRAMES = 0.05
-# A marker is on the floor if it comes as near to the lowest place of the feet as this share of the
-# height of the body's highest marker. Ankles reach 0.1, the pelvis of a deep squat stays above 0.5.
+# A marker is on the floor if it comes as near to the lowest place of the feet as this
+# share of the height of the body's highest marker. Ankles reach 0.1, the pelvis of a
+# deep squat stays above 0.5.
 ON_THE_FLOOR = 0.2
-NOISE_MARGIN = 2.0  # short recordings: factor on the variance of a distance, to allow for chance
-LOWEST_NOISE = 3.0  # standard deviations of the noise by which it alone makes a marker low
+NOISE_MARGIN = (
+    2.0  # short recordings: factor on the variance of a distance, to allow for chance
+)
+LOWEST_NOISE = (
+    3.0  # standard deviations of the noise by which it alone makes a marker low
+)
 LEAST_BODY = 3  # markers of a body
 
 USUALLY, AT_ITS_LOWEST, ON_FLOOR = "usually", "at its lowest", "on the floor"
@@ -55,7 +70,8 @@ class Bending:
     usual_m : (M, M) array
         Robust standard deviation of each distance, m.
     lowest_m : (M, M) array
-        By how much a distance differs from its median where the first marker is lowest, m.
+        By how much a distance differs from its median where the first marker is lowest,
+        m.
     noise_m : float
         Median noise of a coordinate from frame to frame, m.
     """
@@ -110,7 +126,9 @@ class Bend:
         return self.change_m / self.length_m
 
 
-@np.errstate(over="ignore", invalid="ignore")  # absurd numbers are left to the other checks
+@np.errstate(
+    over="ignore", invalid="ignore"
+)  # absurd numbers are left to the other checks
 def bending(body: FloatArray) -> Bending:
     """Measure how much the distances between the markers of a body change.
 
@@ -137,8 +155,8 @@ def bending(body: FloatArray) -> Bending:
 def _lowest_distances(body: FloatArray, m: int, is_low: BoolArray) -> FloatArray:
     """Return the distances (M,), m, of marker `m` to the others where it `is_low` (N,).
 
-    It is the median over visits, the runs of low frames. A marker that takes another one's place
-    for a while, as names are exchanged, makes only one visit.
+    It is the median over visits, the runs of low frames. A marker that takes another
+    one's place for a while, as names are exchanged, makes only one visit.
     """
     frames = np.flatnonzero(is_low)
     if not len(frames):
@@ -185,9 +203,9 @@ def what_bends(
     feet : (N, F, 3) array
         Positions of the feet, m; there may be none.
     largest_strain : float
-        Largest robust standard deviation of a distance, relative to the body's size. Where a marker
-        is lowest, twice as much is accepted. Of a marker on the floor half as much is, relative to
-        the size of the body without that marker.
+        Largest robust standard deviation of a distance, relative to the body's size.
+        Where a marker is lowest, twice as much is accepted. Of a marker on the floor
+        half as much is, relative to the size of the body without that marker.
     """
     found = bending(body)
     if not found.size_m > 0:

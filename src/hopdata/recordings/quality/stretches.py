@@ -39,7 +39,8 @@ def near(holds: BoolArray, reach: int) -> BoolArray:
 LEAST_REPEATS = 3
 CHANCE = 1e-3  # probability of any false alarm in a recording
 LEAST_STRAIGHT = 5  # frames between seen ones
-CURVED = 5.0  # roundings: least motion in a frame, and least deviation from the line at its ends
+# Roundings: least motion in a frame, and least deviation from the line at its ends
+CURVED = 5.0
 
 
 @dataclass(frozen=True)
@@ -63,12 +64,15 @@ class Frozen:
 
 
 def frozen_markers(
-    positions: FloatArray, markers: tuple[str, ...], steps: Collection[tuple[int, int]] = ()
+    positions: FloatArray,
+    markers: tuple[str, ...],
+    steps: Collection[tuple[int, int]] = (),
 ) -> tuple[Frozen, ...]:
     """Find exact repeats that are too long to be chance, or that end with a jump.
 
-    In a coarsely rounded file, positions repeat by chance while a foot rests. The probability that
-    one repeat follows another is therefore estimated from all other runs of the same marker.
+    In a coarsely rounded file, positions repeat by chance while a foot rests. The
+    probability that one repeat follows another is therefore estimated from all other
+    runs of the same marker.
 
     Parameters
     ----------
@@ -84,28 +88,44 @@ def frozen_markers(
     for m, name in enumerate(markers):
         stretches = runs(np.all(np.diff(positions[:, m], axis=0) == 0, axis=1))
         long = stretches[_too_long(stretches, n_tests)].tolist()
-        for start, stop in stretches[np.diff(stretches)[:, 0] >= LEAST_REPEATS].tolist():
+        for start, stop in stretches[
+            np.diff(stretches)[:, 0] >= LEAST_REPEATS
+        ].tolist():
             if [start, stop] in long or (start, m) in steps or (stop + 1, m) in steps:
                 found.append(Frozen(name, start, stop + 1))
     return tuple(found)
 
 
-def straight_stretches(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Frozen, ...]:
+def straight_stretches(
+    positions: FloatArray, markers: tuple[str, ...]
+) -> tuple[Frozen, ...]:
     """Find stretches in which a marker follows a straight line to within rounding: filled gaps.
 
     Second differences are zero in all axes within them, but not before and after.
     """
     found = []
     for name, track in zip(markers, np.moveaxis(positions, 1, 0), strict=True):
-        axes = track.T[..., None]  # one axis at a time, so that ten million frames fit into memory
-        digit = min(np.min(d, initial=np.inf, where=d > 0) for d in (_bends(x, 1) for x in axes))
-        rounding = 2 * digit + 4 * np.finfo(np.float32).eps * np.nanmax(np.abs(track), initial=0)
+        axes = track.T[
+            ..., None
+        ]  # one axis at a time, so that ten million frames fit into memory
+        digit = min(
+            np.min(d, initial=np.inf, where=d > 0) for d in (_bends(x, 1) for x in axes)
+        )
+        rounding = 2 * digit + 4 * np.finfo(np.float32).eps * np.nanmax(
+            np.abs(track), initial=0
+        )
         bends = max(quantiles(_bends(x), [0.5])[0, 0] for x in axes) > CURVED * rounding
         straight = np.logical_and.reduce([_bends(x)[:, 0] <= rounding for x in axes])
         for start, stop in runs(straight & bends).tolist():
-            corners = (_bends(track[k : k + 3]).max(initial=0) for k in (max(start - 1, 0), stop))
+            corners = (
+                _bends(track[k : k + 3]).max(initial=0)
+                for k in (max(start - 1, 0), stop)
+            )
             way = np.abs(track[stop] - track[start]).max() / (stop - start)
-            if stop - start >= LEAST_STRAIGHT and min(way, *corners) > CURVED * rounding:
+            if (
+                stop - start >= LEAST_STRAIGHT
+                and min(way, *corners) > CURVED * rounding
+            ):
                 found.append(Frozen(name, start + 1, stop + 1, "filled"))
     return tuple(found)
 
@@ -120,20 +140,27 @@ def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
     is_long = length >= LEAST_REPEATS
     others, again = max(len(length) - 1, 1), np.sum(length > 1) - 1
     chance_again = np.clip(again / others, 1e-9, 1 - 1e-9)
-    return np.asarray(is_long & (length > 1 + np.log(CHANCE / n_tests) / np.log(chance_again)))
+    return np.asarray(
+        is_long & (length > 1 + np.log(CHANCE / n_tests) / np.log(chance_again))
+    )
 
 
 LEAST_COPIED = 5  # consecutive frames, and distance to the frames that they repeat
-MOST_HELD = 0.1  # largest share of held frames; with more, holding is how the file was made
+MOST_HELD = (
+    0.1  # largest share of held frames; with more, holding is how the file was made
+)
 ALL_MOVE = 0.9  # of the coordinates must move before and after a held frame
 
 
 def copied_frames(positions: FloatArray) -> IntArray:
     """Find blocks of frames of (N, M, 3) positions that are copies of earlier ones.
 
-    Returns (K, 3): first frame, the frame after the last, and the first frame of the original.
+    Returns (K, 3): first frame, the frame after the last, and the first frame of the
+    original.
     """
-    tracks = [track for marker in np.moveaxis(positions, 0, 2) for track in marker]  # views
+    tracks = [
+        track for marker in np.moveaxis(positions, 0, 2) for track in marker
+    ]  # views
     weights = np.random.default_rng(0).uniform(1.0, 2.0, len(tracks))
     digest = np.zeros(len(positions))
     for weight, track in zip(weights, tracks, strict=True):
@@ -144,7 +171,9 @@ def copied_frames(positions: FloatArray) -> IntArray:
     lag[order[same + 1]] = order[same + 1] - order[same]
     later, again = runs(lag >= LEAST_COPIED), runs(lag == 1)
     copied = [
-        (a, b, a - lag[a]) for a, b in later if b - a >= LEAST_COPIED and not np.ptp(lag[a:b])
+        (a, b, a - lag[a])
+        for a, b in later
+        if b - a >= LEAST_COPIED and not np.ptp(lag[a:b])
     ]
     held = [
         (a, b, a - 1)
@@ -200,11 +229,15 @@ class MarkerGaps:
 
 def seen(positions: FloatArray) -> BoolArray:
     """Tell in which frames each marker of (N, M, 3) positions was seen, (N, M)."""
-    x, y, z = np.moveaxis(np.isfinite(positions), 2, 0)  # faster than `all` along a short axis
+    x, y, z = np.moveaxis(
+        np.isfinite(positions), 2, 0
+    )  # faster than `all` along a short axis
     return np.asarray(x & y & z)
 
 
-def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[MarkerGaps, ...]:
+def marker_gaps(
+    positions: FloatArray, markers: tuple[str, ...]
+) -> tuple[MarkerGaps, ...]:
     """Find the gaps of every marker.
 
     Parameters
@@ -223,21 +256,27 @@ SINKS_M = 0.06  # m; how far a soft floor or sole may give when a body lands
 SPEED_M_S = 0.15
 WINDOW_S = 0.04
 LEAST_REST_S = 0.03
-FLAT = 0.05  # of the range of heights: largest span of the lowest tenth of a foot's frames
+FLAT = (
+    0.05  # of the range of heights: largest span of the lowest tenth of a foot's frames
+)
 CLEARER = 2.0
-ON_THE_FLOOR = 0.05  # of the extent: largest height of another resting marker above the lowest
+ON_THE_FLOOR = (
+    0.05  # of the extent: largest height of another resting marker above the lowest
+)
 LEAST_TIMES_DOWN = 5  # descents of a marker that stands on a floor repeatedly
 MOST_FRAMES = 200_000  # evenly spaced frames used of a longer recording
 OFF_THE_FLOOR = 0.1  # of the range of heights
-ONE_M = 1e-5  # below any camera's noise: heights whose difference varies less are copies
+ONE_M = (
+    1e-5  # below any camera's noise: heights whose difference varies less are copies
+)
 
 
 def scale_of_all(positions: FloatArray) -> float:
     """Return a rough scale of markers (N, M, 3), m, whose roles are not known: ..., 1/16, 1/4, 1.
 
-    It is their `extent`, rounded to a power of four, and at most 1, since some may belong to the
-    room. Only drafts, remarks and refusals use it, never an estimate, which has the continuous
-    `hopdata.recording.scale_of` the body and the feet.
+    It is their `extent`, rounded to a power of four, and at most 1, since some may
+    belong to the room. Only drafts, remarks and refusals use it, never an estimate,
+    which has the continuous `hopdata.recording.scale_of` the body and the feet.
     """
     size = extent(positions)
     if not size > 0:
@@ -250,7 +289,9 @@ def lowest(heights: FloatArray) -> FloatArray:
     return quantiles(heights, [0.01])[0]
 
 
-def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
+def high_feet(
+    heights: FloatArray, names: Sequence[str], *, above_m: float
+) -> list[str]:
     """Report feet, of heights (N, n) m, that stay over `above_m` higher than the lowest one."""
     low = lowest(heights)
     floor = int(np.nanargmin(low))
@@ -264,9 +305,9 @@ def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> l
 def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
     """Report pairs of feet, of heights (N, n) m, at a constant difference in height.
 
-    Noise prevents this for separate markers. Only frames in which one of the two is off the floor
-    are used, because on the floor rounding alone can make heights equal. The outer tenths may be
-    wrong.
+    Noise prevents this for separate markers. Only frames in which one of the two is off
+    the floor are used, because on the floor rounding alone can make heights equal. The
+    outer tenths may be wrong.
     """
     remarks = []
     low, high = quantiles(heights, [0.01, 0.99])
@@ -275,8 +316,14 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
         apart = heights[up[:, i] | up[:, j], i] - heights[up[:, i] | up[:, j], j]
         low, middle, high = quantiles(apart[:, None], [0.1, 0.5, 0.9])[:, 0]
         if high - low < ONE_M:
-            where = f"{1e3 * abs(middle):.1f} mm apart" if abs(middle) > ONE_M else "the same"
-            remarks.append(f"the heights of feet '{names[i]}' and '{names[j]}' are always {where}")
+            where = (
+                f"{1e3 * abs(middle):.1f} mm apart"
+                if abs(middle) > ONE_M
+                else "the same"
+            )
+            remarks.append(
+                f"the heights of feet '{names[i]}' and '{names[j]}' are always {where}"
+            )
     return remarks
 
 
@@ -298,11 +345,15 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
     half = max(1, round(WINDOW_S * rate_hz / 2))
     speed = np.full_like(heights, np.nan)
     if len(heights) > 2 * half:
-        speed[half:-half] = (heights[2 * half :] - heights[: -2 * half]) * rate_hz / (2 * half)
+        speed[half:-half] = (
+            (heights[2 * half :] - heights[: -2 * half]) * rate_hz / (2 * half)
+        )
     low = lowest(heights)
     with np.errstate(invalid="ignore"):
         slow = np.abs(speed) < SPEED_M_S
-        settled = quantiles(np.where(slow & (heights < low + SINKS_M), heights, np.nan), [0.5])[0]
+        settled = quantiles(
+            np.where(slow & (heights < low + SINKS_M), heights, np.nan), [0.5]
+        )[0]
         resting = slow & (heights < np.fmax(low, settled - 0.5 * BAND_M) + BAND_M)
     for m in range(heights.shape[1]):
         for start, stop in runs(resting[:, m]):
@@ -326,8 +377,8 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
     direction : str
         ``"z"``, ``"-y"`` and so on: the up direction, if something stands on a floor.
     flatness, next_flatness : float
-        Range of the lowest tenth of the frames over the range of all, for the second flattest
-        marker, in this direction and in the next best.
+        Range of the lowest tenth of the frames over the range of all, for the second
+        flattest marker, in this direction and in the next best.
     """
     found: dict[str, float] = {}
     positions = positions[:: max(1, -(-len(positions) // MOST_FRAMES))]
@@ -381,7 +432,8 @@ class Timing:
     drops : (K, 2) array
         Frame after which frames are missing, from 0, and how many.
     irregular : (J,) array
-        Frames whose step to the next is irregular: neither one frame nor several whole ones.
+        Frames whose step to the next is irregular: neither one frame nor several whole
+        ones.
     backward : (L,) array
         Frames whose successor does not have a later time stamp.
     jitter_s : float
@@ -431,16 +483,20 @@ def lasting(frames: FloatArray) -> BoolArray:
 HALF = 5  # frames on either side to which a cubic is fitted
 BLOCK = 100_000  # frames processed at a time
 MOST_LOST = 10  # consecutive frames
-MOST_MISFIT = 5.0  # times the usual misfit of a marker; beyond it, something else happened
-FURTHER = 1.5  # ratio to the usual step; with one frame missing, all markers move twice as far
+MOST_MISFIT = (
+    5.0  # times the usual misfit of a marker; beyond it, something else happened
+)
+# Ratio to the usual step; with one frame missing, all markers move twice as far
+FURTHER = 1.5
 TELLING = 4.0  # total log gain of the fits; contacts at 30 Hz reach 2.5
 
 
 def lost_frames(positions: FloatArray) -> IntArray:
     """Find where markers (N, M, 3) fit better if the later frames are n frames later.
 
-    A marker contributes the logarithm of the ratio by which its fit improves, counted down to its
-    usual misfit. The marker with the largest gain is left out, since it may have jumped alone.
+    A marker contributes the logarithm of the ratio by which its fit improves, counted
+    down to its usual misfit. The marker with the largest gain is left out, since it may
+    have jumped alone.
 
     Returns
     -------
@@ -453,17 +509,30 @@ def lost_frames(positions: FloatArray) -> IntArray:
     usual = quantiles(_misfit(windows[:: 1 + len(windows) // BLOCK], 0), [0.5])[0]
     usual[~(usual > 0)] = np.inf  # the marker is never seen, or never moves
     blocks = (windows[k : k + BLOCK] for k in range(0, len(windows), BLOCK))
-    worse = (np.log(np.fmax(_misfit(block, 0) / usual, 1.0)).sum(axis=1) for block in blocks)
-    at, lost = np.flatnonzero(np.concatenate(list(worse)) > TELLING), range(MOST_LOST + 1)
+    worse = (
+        np.log(np.fmax(_misfit(block, 0) / usual, 1.0)).sum(axis=1) for block in blocks
+    )
+    at, lost = (
+        np.flatnonzero(np.concatenate(list(worse)) > TELLING),
+        range(MOST_LOST + 1),
+    )
     at = at[_steps_out(positions, at + HALF)]
-    misfits = np.stack([np.log(np.fmax(_misfit(windows, n, at) / usual, 1.0)) for n in lost])
-    gain = np.where(np.fmin(misfits, misfits[0]) < np.log(MOST_MISFIT), misfits[0] - misfits, 0.0)
+    misfits = np.stack(
+        [np.log(np.fmax(_misfit(windows, n, at) / usual, 1.0)) for n in lost]
+    )
+    gain = np.where(
+        np.fmin(misfits, misfits[0]) < np.log(MOST_MISFIT), misfits[0] - misfits, 0.0
+    )
     gain = gain.sum(axis=2) - gain.max(axis=2)
     found: dict[int, int] = {}
     for k in np.argsort(-gain.max(axis=0), kind="stable"):
-        if gain[:, k].max() > TELLING and all(abs(at[k] - other) >= HALF for other in found):
+        if gain[:, k].max() > TELLING and all(
+            abs(at[k] - other) >= HALF for other in found
+        ):
             found[int(at[k])] = int(gain[:, k].argmax())
-    return np.reshape([(k + HALF - 1, n) for k, n in sorted(found.items())], (-1, 2)).astype(int)
+    return np.reshape(
+        [(k + HALF - 1, n) for k, n in sorted(found.items())], (-1, 2)
+    ).astype(int)
 
 
 def _steps_out(positions: FloatArray, frames: IntArray) -> BoolArray:
@@ -478,5 +547,9 @@ def _misfit(windows: FloatArray, n_lost: int, at: IntArray | None = None) -> Flo
     """Return squares (K, M) left by cubics in (K, M, 3, 2 HALF) positions with a loss."""
     frames = np.arange(2.0 * HALF) + n_lost * (np.arange(2 * HALF) >= HALF)
     rest = np.linalg.qr(np.vander(frames, 4), mode="complete")[0][:, 4:]
-    tracks = (track if at is None else track[at] for track in np.moveaxis(windows, 1, 0))
-    return np.stack([np.square(track @ rest).sum(axis=(1, 2)) for track in tracks], axis=1)
+    tracks = (
+        track if at is None else track[at] for track in np.moveaxis(windows, 1, 0)
+    )
+    return np.stack(
+        [np.square(track @ rest).sum(axis=(1, 2)) for track in tracks], axis=1
+    )

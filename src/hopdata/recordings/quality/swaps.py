@@ -7,24 +7,33 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches, norms
+from hopdata.recordings.quality.rigid import (
+    Cluster,
+    PairDistances,
+    exchanged_stretches,
+    norms,
+)
 from hopdata.recordings.quality.stretches import lowest, near, seen
 
 # # Deviations of positions from predictions by the frames before and by those after.
 #
-# A contact bends a track, but one of the two sides still predicts every frame. Neither side
-# predicts a spike. At a step, both sides miss in the same direction.
+# A contact bends a track, but one of the two sides still predicts every frame. Neither
+# side predicts a spike. At a step, both sides miss in the same direction.
 
 LONGEST_SPIKE = 3  # frames
-# A miss is gross above the marker's own 99.9 % quantile. The limit is higher for a heavier tail
-# (99.9 % over 99 % quantile), since noise has a light tail and hard impacts a heavy one. All in
-# units of quantiles.
+# A miss is gross above the marker's own 99.9 % quantile. The limit is higher for a
+# heavier tail (99.9 % over 99 % quantile), since noise has a light tail and hard
+# impacts a heavy one. All in units of quantiles.
 OF_MEDIAN, OF_99, OF_999, TAIL_POWER = 5.0, 10.0, 3.0, 4
 LEAST_M = 0.005
 MOST_FRAMES = 200_000  # evenly spaced frames used for limits in a longer recording
-AHEAD = (1.0, 3.0, 6.0)  # miss of a parabola one to three frames ahead, in third differences
-# The middle of three displaced frames seems displaced twice as far by itself. A longer excursion
-# therefore outranks a shorter one within it from this share of its size on.
+AHEAD = (
+    1.0,
+    3.0,
+    6.0,
+)  # miss of a parabola one to three frames ahead, in third differences
+# The middle of three displaced frames seems displaced twice as far by itself. A longer
+# excursion therefore outranks a shorter one within it from this share of its size on.
 OF_SHORTER = 0.4
 
 
@@ -57,7 +66,8 @@ class Surprises:
     spikes : tuple of Excursion
         Spikes that no larger one nearby explains.
     steps : tuple of Excursion
-        Gross steps from the frame before, on which both sides agree; `stop` is the frame after.
+        Gross steps from the frame before, on which both sides agree; `stop` is the
+        frame after.
     limit : (M,) array
         Least size of a gross step of each marker, m.
     n_frames : int
@@ -96,25 +106,32 @@ def surprises(positions: FloatArray, *, scale: float = 1.0) -> Surprises:
     spikes: list[Excursion] = []
     steps: list[Excursion] = []
     for m in range(n_markers):
-        third = np.diff(positions[:, m], 3, axis=0)  # [k]: frame k + 3 relative to the three before
+        third = np.diff(
+            positions[:, m], 3, axis=0
+        )  # [k]: frame k + 3 relative to the three before
         if len(third) > 3:
             found, limit[m] = _spikes(third, m, LEAST_M * scale)
             spikes += found
             steps += _steps(third, m, limit[m])
-    return Surprises(_separate(spikes, (n_frames, n_markers)), _in_order(steps), limit, n_frames)
+    return Surprises(
+        _separate(spikes, (n_frames, n_markers)), _in_order(steps), limit, n_frames
+    )
 
 
 def _spikes(third: FloatArray, m: int, least_m: float) -> tuple[list[Excursion], float]:
     """Return excursions of one marker from third differences (N - 3, 3), and its one-frame limit.
 
-    An excursion is no larger than the miss of its first frame as predicted from before, so only
-    frames with a gross miss are examined. The limits come from at most `MOST_FRAMES` frames.
+    An excursion is no larger than the miss of its first frame as predicted from before,
+    so only frames with a gross miss are examined. The limits come from at most
+    `MOST_FRAMES` frames.
     """
     n_frames = len(third) + 3
     usual = np.arange(3, n_frames - 3, -(-n_frames // MOST_FRAMES))
     around = _around(third, usual)
     limits = {
-        length: _limit(_excursions(around[:, usual <= n_frames - length - 3], length), least_m)
+        length: _limit(
+            _excursions(around[:, usual <= n_frames - length - 3], length), least_m
+        )
         for length in range(LONGEST_SPIKE, 0, -1)
     }
     gross = np.flatnonzero(norms(third) >= min(limits.values())) + 3
@@ -159,15 +176,18 @@ def _separate(found: list[Excursion], shape: tuple[int, ...]) -> tuple[Excursion
 def _excursions(around: FloatArray, length: int) -> FloatArray:
     """Return the displacement of `length` frames in a row by both sides; (6, K, 3) to (K,).
 
-    This is the smallest of the frames' displacements. A parabola through three frames misses the
-    next one by a third difference, and later ones by sums of these with the weights 1, 3, 6.
+    This is the smallest of the frames' displacements. A parabola through three frames
+    misses the next one by a third difference, and later ones by sums of these with the
+    weights 1, 3, 6.
     """
     before, after = around[:length], around[LONGEST_SPIKE : LONGEST_SPIKE + length]
     least = np.full(around.shape[1], np.inf)
     for k in range(length):
         from_left = sum(w * t for w, t in zip(AHEAD, before[k::-1], strict=False))
         from_right = sum(-w * t for w, t in zip(AHEAD, after[k:], strict=False))
-        least = np.minimum(least, _agreed(np.asarray(from_left), np.asarray(from_right)))
+        least = np.minimum(
+            least, _agreed(np.asarray(from_left), np.asarray(from_right))
+        )
     return least
 
 
@@ -217,7 +237,9 @@ def _touches(spike: Excursion, heights: FloatArray, low_m: float) -> bool:
     """Tell whether a marker (N,) is lowest during a spike and higher around it: a short stance."""
     there, some = heights[spike.start : spike.stop], 0.5 * spike.size
     around = heights[[max(spike.start - 2, 0), min(spike.stop + 1, len(heights) - 1)]]
-    return bool((np.abs(there - low_m) < some).all() and around.min() > there.max() + some)
+    return bool(
+        (np.abs(there - low_m) < some).all() and around.min() > there.max() + some
+    )
 
 
 def find_jumps(missed: Surprises, *, explained: BoolArray) -> tuple[Excursion, ...]:
@@ -238,8 +260,8 @@ def exchanges(
 ) -> Iterator[tuple[tuple[int, ...], int]]:
     """Test every frame at which a marker jumps or returns from a gap.
 
-    Yields marker indices and the first frame of the exchanged names, from 0. Each marker continues
-    from the place of the next, and the last from that of the first.
+    Yields marker indices and the first frame of the exchanged names, from 0. Each
+    marker continues from the place of the next, and the last from that of the first.
 
     Parameters
     ----------
@@ -264,12 +286,18 @@ def exchanges(
         taking = moved[at] & (ends >= 0) & (at[:, None] - ends <= longest)
         way = positions[at] - positions[ends, np.arange(ends.shape[1])]
         far = taking & (np.linalg.norm(way, axis=2) > missed.limit)
-        for k in np.flatnonzero(np.count_nonzero(far, axis=1) > 1):  # else all are in place
-            for cycle in _cycles_at(int(at[k]), positions, taking[k], ends[k], missed.limit):
+        for k in np.flatnonzero(
+            np.count_nonzero(far, axis=1) > 1
+        ):  # else all are in place
+            for cycle in _cycles_at(
+                int(at[k]), positions, taking[k], ends[k], missed.limit
+            ):
                 yield cycle, int(at[k])
 
 
-def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatArray) -> BoolArray:
+def _steps_beside_gaps(
+    positions: FloatArray, is_seen: BoolArray, limit: FloatArray
+) -> BoolArray:
     """Find steps (N, M) where one side lacks the three frames that a parabola needs."""
     whole = ~near(~is_seen, 3)
     whole[:3] = whole[-3:] = False
@@ -295,7 +323,11 @@ def _last_seen(is_seen: BoolArray, frames: IntArray) -> IntArray:
 
 
 def _cycles_at(
-    frame: int, positions: FloatArray, is_taking: BoolArray, last: IntArray, limit: FloatArray
+    frame: int,
+    positions: FloatArray,
+    is_taking: BoolArray,
+    last: IntArray,
+    limit: FloatArray,
 ) -> Iterator[tuple[int, ...]]:
     """Yield cycles of markers that fit one another's tracks at a frame.
 
@@ -313,28 +345,39 @@ def _cycles_at(
             yield tuple(taking[cycle].tolist())
 
 
-def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray) -> FloatArray:
+def _misses(
+    frame: int, positions: FloatArray, taking: IntArray, last: IntArray
+) -> FloatArray:
     """Return the distance of each marker (row) from the prediction of each track (column), (K, K).
 
-    A track may continue on its own, like the marker that takes it over, or with all others that are
-    seen at both ends of a gap. The best fit is used, in the same way for all pairs.
+    A track may continue on its own, like the marker that takes it over, or with all
+    others that are seen at both ends of a gap. The best fit is used, in the same way
+    for all pairs.
     """
     here = positions[frame, taking]
     ends = last[taking]
     place = positions[ends, taking]
     steps = (frame - ends)[:, None]
-    before = np.where(ends[:, None] > 0, place - positions[ends - 1, taking], np.nan) * steps
+    before = (
+        np.where(ends[:, None] > 0, place - positions[ends - 1, taking], np.nan) * steps
+    )
     after = np.full_like(place, np.nan)
     if frame + 1 < len(positions):
         after = positions[frame + 1, taking] - here
-    moves = {end: _common_move(positions, end, frame, taking) for end in set(ends.tolist())}
+    moves = {
+        end: _common_move(positions, end, frame, taking) for end in set(ends.tolist())
+    }
     common = np.stack([moves[end] for end in ends.tolist()])
     ways: list[Any] = [0.0, before[None], after[:, None] * steps[None], common[None]]
-    misses = [np.linalg.norm(here[:, None] - (place[None] + way), axis=2) for way in ways]
+    misses = [
+        np.linalg.norm(here[:, None] - (place[None] + way), axis=2) for way in ways
+    ]
     return np.asarray(np.nanmin(misses, axis=0))
 
 
-def _common_move(positions: FloatArray, start: int, stop: int, without: IntArray) -> FloatArray:
+def _common_move(
+    positions: FloatArray, start: int, stop: int, without: IntArray
+) -> FloatArray:
     """Return the median displacement of other markers between two frames, (3,); 0 if none."""
     move = positions[stop] - positions[start]
     move[without] = np.nan
@@ -370,8 +413,8 @@ class Swap:
     start : int
         First frame with the exchanged names, from 0.
     stop : int or None
-        The frame after the last. None if the names are never restored; either part of the recording
-        may then be the correct one.
+        The frame after the last. None if the names are never restored; either part of
+        the recording may then be the correct one.
     found_by : tuple of str
         The tests that found it: ``"continuity"``, ``"pair distances"``.
     """
@@ -409,14 +452,23 @@ def find_swaps(
     by_track = _paired(exchanges(positions, missed, rate_hz=rate_hz), markers)
     breaks = missed.is_step | missed.is_spike | ~seen(positions)
     by_distance = [
-        Swap((markers[a], markers[b]), start, stop if stop < len(positions) else None, (DISTANCES,))
-        for a, b, start, stop in exchanged_stretches(positions, pairs, clusters, breaks=breaks)
+        Swap(
+            (markers[a], markers[b]),
+            start,
+            stop if stop < len(positions) else None,
+            (DISTANCES,),
+        )
+        for a, b, start, stop in exchanged_stretches(
+            positions, pairs, clusters, breaks=breaks
+        )
     ]
     swaps = _merged(by_track, by_distance, max(1, round(LONGEST_GAP_S * rate_hz)))
     return tuple(sorted(swaps, key=lambda s: (s.start, s.markers)))
 
 
-def _paired(found: Iterable[tuple[tuple[int, ...], int]], markers: tuple[str, ...]) -> list[Swap]:
+def _paired(
+    found: Iterable[tuple[tuple[int, ...], int]], markers: tuple[str, ...]
+) -> list[Swap]:
     """Pair each exchange with the next one of the same markers, which undoes it."""
     swaps: list[Swap] = []
     waiting: dict[frozenset[int], int] = {}
@@ -435,14 +487,16 @@ def _paired(found: Iterable[tuple[tuple[int, ...], int]], markers: tuple[str, ..
 def _merged(by_track: list[Swap], by_distance: list[Swap], longest: int) -> list[Swap]:
     """Merge the swaps found by both tests if markers agree and spans overlap; record the tests.
 
-    An exchange that nothing undoes may itself undo one that only the distances show, and that ends
-    in the gap before it, of at most `longest` frames.
+    An exchange that nothing undoes may itself undo one that only the distances show,
+    and that ends in the gap before it, of at most `longest` frames.
     """
     merged = list(by_track)
     for late in by_distance:
         for i, swap in enumerate(merged):
             same = set(swap.markers) == set(late.markers)
-            follows = late.stop is not None and late.start < swap.start <= late.stop + longest
+            follows = (
+                late.stop is not None and late.start < swap.start <= late.stop + longest
+            )
             if same and follows and swap.stop is None:
                 both = late.found_by + swap.found_by
                 merged[i] = replace(late, stop=swap.start, found_by=both)

@@ -1,7 +1,7 @@
 """Motion-BIDS: numbers in ``_motion.tsv``, described by ``_channels.tsv`` and JSON files.
 
-In the brain imaging data structure, a JSON file may also stand in a parent folder. It then applies
-to all files whose names contain the parts of its own name.
+In the brain imaging data structure, a JSON file may also stand in a parent folder. It
+then applies to all files whose names contain the parts of its own name.
 """
 
 import json
@@ -33,14 +33,19 @@ def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     Raises
     ------
     RecordingError
-        If the file cannot be read; names the file, the place, what was expected and found.
+        If the file cannot be read; names the file, the place, what was expected and
+        found.
     """
     channels = path.with_name(path.name.removesuffix(ENDS) + "_channels.tsv")
     table = text.open_table(channels)
-    columns = {key: table.texts(key) for key in ("component", "type", "tracked_point", "units")}
+    columns = {
+        key: table.texts(key) for key in ("component", "type", "tracked_point", "units")
+    }
     kinds = [kind.upper() for kind in columns["type"]]
     places: dict[str, dict[str, int]] = {}
-    for k, (kind, point) in enumerate(zip(kinds, columns["tracked_point"], strict=True)):
+    for k, (kind, point) in enumerate(
+        zip(kinds, columns["tracked_point"], strict=True)
+    ):
         if kind == "POS":
             axis = columns["component"][k].lower()
             if axis in places.setdefault(point, {}):
@@ -62,7 +67,9 @@ def read_bids(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []
     with text.readable(path) as file:
         first = file.readline()
-    named = not any(map(text.is_number, text.split_line(path, first)))  # the standard forbids names
+    named = not any(
+        map(text.is_number, text.split_line(path, first))
+    )  # the standard forbids names
     rows = text.Rows(path, int(named), len(first) * named, len(kinds))
     _, numbers, stamps = rows.numbers([], at.ravel().tolist(), stamped)
     missing = told.get("MissingValues")
@@ -96,7 +103,9 @@ def _stated_up(path: Path) -> str:
     frames = _told(path, "channels").get("reference_frame")
     levels = frames.get("Levels") if isinstance(frames, dict) else None
     levels = list(levels.values()) if isinstance(levels, dict) else []
-    axes = {str(level.get("SpatialAxes")) for level in levels if isinstance(level, dict)}
+    axes = {
+        str(level.get("SpatialAxes")) for level in levels if isinstance(level, dict)
+    }
     letters = axes.pop().upper() if len(axes) == 1 else ""
     ups = [_UP[a] + axis for a, axis in zip(letters, "xyz", strict=False) if a in _UP]
     return ups[0] if len(letters) == 3 and len(ups) == 1 else ""

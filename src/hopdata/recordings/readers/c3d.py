@@ -1,7 +1,7 @@
 """Reader of C3D files: integers or floats in any of the three byte orders.
 
-The format follows the C3D user guide (c3d.org). Every count that the file states is checked against
-the bytes present before anything is read.
+The format follows the C3D user guide (c3d.org). Every count that the file states is
+checked against the bytes present before anything is read.
 """
 
 import os
@@ -24,14 +24,16 @@ from hopdata.recordings.readers.text import listed, only_place, readable
 MOST_PARAMETER_BYTES = 255 * BLOCK
 # Parameters of POINT that name model outputs, which are points but not markers.
 MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
-_OUTPUT = re.compile(r".*[a-z](Angles?|Forces?|Moments?|Powers?)")  # as named by Plug-in Gait
+_OUTPUT = re.compile(
+    r".*[a-z](Angles?|Forces?|Moments?|Powers?)"
+)  # as named by Plug-in Gait
 
 
 def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a C3D file.
 
-    A marker counts as unseen if its residual is negative, a coordinate is NaN, or all three are 0.
-    Time is (frame number - 1) / rate, the clock of the file's events.
+    A marker counts as unseen if its residual is negative, a coordinate is NaN, or all
+    three are 0. Time is (frame number - 1) / rate, the clock of the file's events.
 
     Parameters
     ----------
@@ -43,7 +45,8 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     Raises
     ------
     RecordingError
-        If the file cannot be read; names the file, the place, what was expected and found.
+        If the file cannot be read; names the file, the place, what was expected and
+        found.
     """
     header, parameters, size = open_c3d(path)
     available = size - header.data_start
@@ -62,7 +65,10 @@ def read_c3d(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
         (markers, more),
         positions,
         number=head.first_frame(header, parameters) + np.arange(n_frames, dtype=float),
-        unit=(parameters.place("POINT", "UNITS"), "".join(parameters.texts("POINT", "UNITS")[:1])),
+        unit=(
+            parameters.place("POINT", "UNITS"),
+            "".join(parameters.texts("POINT", "UNITS")[:1]),
+        ),
         rates_hz=(frame_rate(header, parameters), rate_hz),
         remarks=parameters.remarks + remarks + unread,
         events=events or header.events,
@@ -79,7 +85,8 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
         section = file.read(MOST_PARAMETER_BYTES)
         size = os.fstat(file.fileno()).st_size
     if len(section) > 3 and section[2]:
-        # Some writers count fewer blocks than they fill; the data begin where the section ends.
+        # Some writers count fewer blocks than they fill; the data begin where the
+        # section ends.
         first_words = head.PROCESSORS.get(section[3], head.PROCESSORS[84]).whole(block)
         data_start = (head.unsigned(first_words[8]) - 1) * BLOCK
         section = section[: max(section[2] * BLOCK, data_start - start)]
@@ -89,10 +96,14 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
         header = head.with_stated_start(header, parameters)
     if not BLOCK <= header.data_start <= size:
         wanted = f"to start between byte {BLOCK} and the end of the file (byte {size})"
-        raise RecordingError.at(f"{path}, byte 16: data", wanted, f"byte {header.data_start}")
+        raise RecordingError.at(
+            f"{path}, byte 16: data", wanted, f"byte {header.data_start}"
+        )
     if not np.isfinite(header.scale) or header.scale == 0:
         found = f"{header.scale:g}"
-        raise RecordingError.at(f"{path}, byte 12: scale", "a number other than 0", found)
+        raise RecordingError.at(
+            f"{path}, byte 12: scale", "a number other than 0", found
+        )
     return header, parameters, size
 
 
@@ -105,7 +116,9 @@ def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
         return stated
     if not abs(stated - header.rate_hz) <= raw.RATE_TOLERANCE * abs(stated):
         wanted = f"{header.rate_hz:g} Hz as in the header"
-        raise RecordingError.at(parameters.place("POINT", "RATE"), wanted, f"{stated:g} Hz")
+        raise RecordingError.at(
+            parameters.place("POINT", "RATE"), wanted, f"{stated:g} Hz"
+        )
     return stated
 
 
@@ -116,15 +129,21 @@ def _markers(
     place = parameters.place("POINT", "LABELS")
     labels = parameters.texts("POINT", "LABELS")[:n_points]
     labels += [""] * (n_points - len(labels))
-    outputs = {name for key in MODEL_OUTPUTS for name in parameters.texts("POINT", key)} - {""}
+    outputs = {
+        name for key in MODEL_OUTPUTS for name in parameters.texts("POINT", key)
+    } - {""}
     outputs |= {label for label in labels if _OUTPUT.fullmatch(label)}
     kept = [i for i, label in enumerate(labels) if label not in outputs]
     n_outputs = n_points - len(kept)
     if not kept:
-        raise RecordingError.at(place, "markers", f"model outputs only ({listed(labels)})")
+        raise RecordingError.at(
+            place, "markers", f"model outputs only ({listed(labels)})"
+        )
     named, unlabelled = raw.labelled(place, [labels[i] for i in kept])
     kept = [kept[i] for i in named]
-    markers, remarks = raw.distinct_names(place, [labels[i] for i in kept], may_lack=True)
+    markers, remarks = raw.distinct_names(
+        place, [labels[i] for i in kept], may_lack=True
+    )
     if len(kept) == n_points:
         return markers, slice(None), remarks
     told = listed([label for label in labels if label in outputs])
@@ -138,16 +157,24 @@ def _stated_up(parameters: Parameters) -> str:
     return axis[1].lower() if axis in ("+X", "+Y", "+Z") else ""
 
 
-def _numbers(path: Path, header: C3dHeader, parameters: Parameters, n_frames: int) -> NDArray[Any]:
+def _numbers(
+    path: Path, header: C3dHeader, parameters: Parameters, n_frames: int
+) -> NDArray[Any]:
     """Return the file's numbers, a row per frame: four per point, then the analog samples."""
-    stored = np.asarray(np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start))
+    stored = np.asarray(
+        np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start)
+    )
     data, processor = stored[: n_frames * header.frame_bytes], parameters.processor
-    numbers: NDArray[Any] = processor.floats(data) if header.scale < 0 else processor.whole(data)
+    numbers: NDArray[Any] = (
+        processor.floats(data) if header.scale < 0 else processor.whole(data)
+    )
     return numbers.reshape(n_frames, -1)
 
 
 UNSEEN_WORD = -1  # residual of a point that was not seen; as an unsigned word 65,535
-EIGHT_CAMERAS = -256  # words below it are a residual beside a mask of eight cameras, not -1
+EIGHT_CAMERAS = (
+    -256
+)  # words below it are a residual beside a mask of eight cameras, not -1
 
 
 def _positions(
@@ -165,13 +192,16 @@ def _positions(
     return positions, remarks
 
 
-def _unseen(path: Path, words: NDArray[Any]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+def _unseen(
+    path: Path, words: NDArray[Any]
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
     """Tell which points their residual words (N, M) mark as unseen, and what was odd about them.
 
-    The format's word holds the residual in its lower byte and a mask of seven cameras in the
-    upper one; below 0 it marks an unseen point. Two habits differ. Some programs write a word
-    below 0 for each point of a file. Others mask eight cameras, which sets the sign of a good
-    point; the word -1, or 65,535 without a sign, still marks an unseen one.
+    The format's word holds the residual in its lower byte and a mask of seven cameras
+    in the upper one; below 0 it marks an unseen point. Two habits differ. Some programs
+    write a word below 0 for each point of a file. Others mask eight cameras, which sets
+    the sign of a good point; the word -1, or 65,535 without a sign, still marks an
+    unseen one.
     """
     if not (words >= 0).any():
         told = "all residuals are below 0, as for unseen points; they are ignored"
@@ -191,10 +221,14 @@ def _unseen(path: Path, words: NDArray[Any]) -> tuple[NDArray[np.bool_], tuple[s
 def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
     """Return events of the group ``EVENT``, labels with times in minutes and seconds, and remarks.
 
-    Markers do not depend on them, so inconsistent events are skipped rather than refused.
+    Markers do not depend on them, so inconsistent events are skipped rather than
+    refused.
     """
     used = int(parameters.number("EVENT", "USED") or 0)
-    labels, times = parameters.texts("EVENT", "LABELS"), parameters.numbers("EVENT", "TIMES")
+    labels, times = (
+        parameters.texts("EVENT", "LABELS"),
+        parameters.numbers("EVENT", "TIMES"),
+    )
     contexts = parameters.texts("EVENT", "CONTEXTS") or [""] * len(labels)
     enough = 0 <= used <= min(len(labels), len(contexts), len(times) // 2)
     if not enough or not np.isfinite(times[: 2 * used]).all():
@@ -202,7 +236,9 @@ def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]
         place = parameters.place("EVENT", "USED")
         return (), (mismatch(place, f"{used} events", f"{found}; none is read"),)
     parts = zip(contexts[:used], labels, times[::2], times[1::2], strict=False)
-    return tuple(Event(f"{where} {what}".strip(), 60 * m + s) for where, what, m, s in parts), ()
+    return tuple(
+        Event(f"{where} {what}".strip(), 60 * m + s) for where, what, m, s in parts
+    ), ()
 
 
 # Analog channels of a C3D file, such as the forces of a plate.
@@ -245,8 +281,9 @@ class Analogs:
 def read_analogs(path: Path) -> Analogs:
     """Read all analog channels of a C3D file.
 
-    A channel's value is (stored - ``ANALOG:OFFSET``) x ``ANALOG:SCALE`` x ``ANALOG:GEN_SCALE``
-    (C3D user guide). If ``ANALOG:FORMAT`` is UNSIGNED, samples and offsets are unsigned words.
+    A channel's value is (stored - ``ANALOG:OFFSET``) x ``ANALOG:SCALE`` x
+    ``ANALOG:GEN_SCALE`` (C3D user guide). If ``ANALOG:FORMAT`` is UNSIGNED, samples and
+    offsets are unsigned words.
 
     Parameters
     ----------
@@ -256,7 +293,8 @@ def read_analogs(path: Path) -> Analogs:
     Raises
     ------
     RecordingError
-        If the file cannot be read; names the file, the place, what was expected and found.
+        If the file cannot be read; names the file, the place, what was expected and
+        found.
     """
     header, parameters, size = open_c3d(path)
     n_channels = int(parameters.number("ANALOG", "USED") or 0)
@@ -269,12 +307,16 @@ def read_analogs(path: Path) -> Analogs:
     header, _ = head.settle_points(header, parameters, available)
     n_frames, _ = head.count_frames(header, parameters, available)
     per_frame = header.n_analog // n_channels
-    stored = _numbers(path, header, parameters, n_frames)[:, 4 * header.n_points :].astype(float)
+    stored = _numbers(path, header, parameters, n_frames)[
+        :, 4 * header.n_points :
+    ].astype(float)
     unsigned = (parameters.texts("ANALOG", "FORMAT") or [""])[0].upper() == "UNSIGNED"
     if unsigned and header.scale > 0:
         stored = np.where(stored < 0, stored + 65536, stored)
     stored = stored.reshape(n_frames * per_frame, n_channels)
-    offsets = (parameters.unsigned_numbers if unsigned else parameters.numbers)("ANALOG", "OFFSET")
+    offsets = (parameters.unsigned_numbers if unsigned else parameters.numbers)(
+        "ANALOG", "OFFSET"
+    )
     offset = _per_channel(parameters, "OFFSET", offsets, n_channels, default=0.0)
     scales = parameters.numbers("ANALOG", "SCALE")
     scale = _per_channel(parameters, "SCALE", scales, n_channels, default=1.0)
@@ -288,7 +330,12 @@ def read_analogs(path: Path) -> Analogs:
 
 
 def _per_channel(
-    parameters: Parameters, name: str, found: list[float], n_channels: int, *, default: float
+    parameters: Parameters,
+    name: str,
+    found: list[float],
+    n_channels: int,
+    *,
+    default: float,
 ) -> FloatArray:
     """Return one number per channel, (C,); the default if the file has none."""
     if found and len(found) < n_channels:

@@ -1,7 +1,8 @@
 """Parameter section of a C3D file: groups of named numbers and texts.
 
-The layout follows the C3D user guide (c3d.org), "The parameter section". Every length is checked
-against the section before use, so that a file cannot make the reader run away.
+The layout follows the C3D user guide (c3d.org), "The parameter section". Every length
+is checked against the section before use, so that a file cannot make the reader run
+away.
 """
 
 from collections.abc import Iterator
@@ -51,7 +52,11 @@ class Processor:
 
 
 # Keyed by the number at the start of the file's parameter section.
-PROCESSORS = {84: Processor("Intel", "<"), 85: Processor("DEC", "<"), 86: Processor("MIPS", ">")}
+PROCESSORS = {
+    84: Processor("Intel", "<"),
+    85: Processor("DEC", "<"),
+    86: Processor("MIPS", ">"),
+}
 
 
 def unsigned(value: float) -> int:
@@ -100,7 +105,8 @@ class Parameters:
     def unsigned_numbers(self, group: str, name: str) -> list[float]:
         """Return all numbers of a parameter whose 16-bit words are unsigned, as `numbers` does.
 
-        Whole numbers are decoded as signed, so 32768 comes as -32768. Floats keep their sign.
+        Whole numbers are decoded as signed, so 32768 comes as -32768. Floats keep their
+        sign.
         """
         found: list[float] = []
         for values in self._all(group, name, np.ndarray):
@@ -170,7 +176,9 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
     for number, name, value in found:
         if number not in names:
             told = mismatch(
-                f"{path}: parameter {name}", f"a group of number {number}", "none; it is left out"
+                f"{path}: parameter {name}",
+                f"a group of number {number}",
+                "none; it is left out",
             )
             parameters.remarks += (told,)
             continue
@@ -199,14 +207,16 @@ class _Section:
             if step == 0:
                 return
             if step < 2:
-                raise self.fault(after, f"the distance to the next record, found {step}")
+                raise self.fault(
+                    after, f"the distance to the next record, found {step}"
+                )
             at = after + self.distance(number, after + 2, step)
 
     def distance(self, number: int, content: int, step: int) -> int:
         """Return the distance to the next record, of which the file states the lower 16 bits.
 
-        A parameter of more than 65,535 bytes is known by its own lengths, which then agree with
-        the stated distance but for a multiple of 65,536.
+        A parameter of more than 65,535 bytes is known by its own lengths, which then
+        agree with the stated distance but for a multiple of 65,536.
         """
         if number < 0 or self.kind(content) not in _WIDTH:
             return step
@@ -231,7 +241,9 @@ class _Section:
         if kind == -1:
             width = sizes[0] if sizes else 1
             pieces = range(0, len(data), width) if width else []
-            return [decoded(data[i : i + width].split(b"\0")[0]).strip(" ") for i in pieces]
+            return [
+                decoded(data[i : i + width].split(b"\0")[0]).strip(" ") for i in pieces
+            ]
         if kind == 1:
             return np.frombuffer(data, dtype=np.int8)
         return self.processor.whole(data) if kind == 2 else self.processor.floats(data)
@@ -239,7 +251,9 @@ class _Section:
     def take(self, at: int, length: int) -> bytes:
         """Return the requested bytes of the section; raise an error if it is too short."""
         if at + length > len(self.data):
-            raise self.fault(at, f"{length} bytes of a parameter, found the end of the section")
+            raise self.fault(
+                at, f"{length} bytes of a parameter, found the end of the section"
+            )
         return self.data[at : at + length]
 
     def fault(self, at: int, what: str) -> RecordingError:
@@ -257,8 +271,9 @@ _MOST_EVENTS = 18
 class C3dHeader:
     """Contents of the header, before any check.
 
-    Each frame holds ``n_points`` markers and ``n_analog`` analog numbers. ``first`` and ``last``
-    are frame numbers. Data begin at byte ``data_start``, as floats if ``scale`` is negative.
+    Each frame holds ``n_points`` markers and ``n_analog`` analog numbers. ``first`` and
+    ``last`` are frame numbers. Data begin at byte ``data_start``, as floats if
+    ``scale`` is negative.
     """
 
     n_points: int
@@ -291,7 +306,9 @@ def parameter_start(path: Path, block: bytes) -> int:
         wanted = f"a C3D file (0x50 in a header of {BLOCK} bytes)"
         raise RecordingError.at(f"{path}, byte 1", wanted, found)
     if block[0] < 2:
-        raise RecordingError.at(f"{path}, byte 0", "the parameters in block 2 or later", block[0])
+        raise RecordingError.at(
+            f"{path}, byte 0", "the parameters in block 2 or later", block[0]
+        )
     return (block[0] - 1) * BLOCK
 
 
@@ -317,8 +334,8 @@ def settle_points(
 ) -> tuple[C3dHeader, tuple[str, ...]]:
     """Return the header with the number of points that fits the file's size, and remarks.
 
-    Header and ``POINT:USED`` both state it. Where they differ, the frames of only one of them
-    may fill the file to the block.
+    Header and ``POINT:USED`` both state it. Where they differ, the frames of only one
+    of them may fill the file to the block.
 
     Raises
     ------
@@ -332,7 +349,9 @@ def settle_points(
     other = replace(header, n_points=int(stated % 65536))
     fitting = [one for one in (header, other) if _fits(one, parameters, available)]
     if len(fitting) != 1:
-        raise RecordingError.at(place, f"{header.n_points} as in the header", f"{stated:g}")
+        raise RecordingError.at(
+            place, f"{header.n_points} as in the header", f"{stated:g}"
+        )
     (right,) = fitting
     wanted = f"{header.n_points} points as in the header"
     found = f"{stated:g}; {right.n_points} fit the size of the file and are read"
@@ -360,9 +379,9 @@ def count_frames(
 ) -> tuple[int, tuple[str, ...]]:
     """Find the number of frames on which the file's claims and its size agree.
 
-    Header and ``POINT:FRAMES`` have 16 bits and cannot count beyond 65,535, so a claim at that
-    limit or wrapped around is not a contradiction. The other claims must fit the bytes present, to
-    the block.
+    Header and ``POINT:FRAMES`` have 16 bits and cannot count beyond 65,535, so a claim
+    at that limit or wrapped around is not a contradiction. The other claims must fit
+    the bytes present, to the block.
 
     Parameters
     ----------
@@ -375,7 +394,8 @@ def count_frames(
     -------
     n_frames : int
     remarks : tuple of str
-        Claims that contradict the valid one, or frames that are lacking in the last block.
+        Claims that contradict the valid one, or frames that are lacking in the last
+        block.
 
     Raises
     ------
@@ -385,15 +405,25 @@ def count_frames(
     claims = _claims(header, parameters)
     most = available // header.frame_bytes
     # Some writers pad the last block; others add a whole block if it is full.
-    possible = range(most, max(0, -(-(available - BLOCK) // header.frame_bytes) - 1), -1)
+    possible = range(
+        most, max(0, -(-(available - BLOCK) // header.frame_bytes) - 1), -1
+    )
     fitting = [n for n in claims.values() if n in possible]
-    wrapped = [n for n in possible if all(_is_full(c) or c == n % 65536 for c in claims.values())]
+    wrapped = [
+        n
+        for n in possible
+        if all(_is_full(c) or c == n % 65536 for c in claims.values())
+    ]
     if most and _lacks_a_block(claims, header, available):
         told = f"{min(claims.values()):g} frames are stated, the file ends within one block of them"
         return most, (f"{parameters.path}: {told}; the {most} that are whole are read",)
     if not claims or not (fitting or wrapped):
         told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
-        cut = "; was the file cut short?" if all(claim > most for claim in claims.values()) else ""
+        cut = (
+            "; was the file cut short?"
+            if all(claim > most for claim in claims.values())
+            else ""
+        )
         wanted = f"{told} of {header.frame_bytes} bytes each"
         found = f"room for {most} after byte {header.data_start}{cut}"
         raise RecordingError.at(f"{parameters.path}: frames", wanted, found)
@@ -404,7 +434,9 @@ def count_frames(
         if claim != n and not (n > claim and _is_16_bit(claim, n))
     ]
     if not fitting:
-        remarks.append(f"{parameters.path}: {n} frames counted from the size of the file")
+        remarks.append(
+            f"{parameters.path}: {n} frames counted from the size of the file"
+        )
     return n, tuple(remarks)
 
 
@@ -427,7 +459,9 @@ def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
         stated = parameters.number("POINT", name)
         if stated is not None and isfinite(stated):
             claims[f"POINT:{name}"] = unsigned(stated) if stated > -32769 else stated
-    if header.last < MOST_16_BIT or not claims:  # a saturated last frame says nothing beside others
+    if (
+        header.last < MOST_16_BIT or not claims
+    ):  # a saturated last frame says nothing beside others
         full = header.last == MOST_16_BIT
         claims["header"] = MOST_16_BIT if full else header.last - header.first + 1
     return claims
@@ -446,7 +480,9 @@ def _is_full(claim: float) -> bool:
 
 
 def _is_16_bit(claim: float, n: float) -> bool:
-    return n > MOST_16_BIT and (_is_full(claim) or claim == n % 65536 or claim == n % 65536 - 65536)
+    return n > MOST_16_BIT and (
+        _is_full(claim) or claim == n % 65536 or claim == n % 65536 - 65536
+    )
 
 
 def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:
@@ -455,5 +491,7 @@ def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:
     if words[0] != _EVENT_KEY or not 0 < words[1] <= _MOST_EVENTS:
         return ()
     times = processor.floats(block[304:376])[: words[1]]
-    labels = [decoded(block[396 + 4 * i : 400 + 4 * i]).strip(" \0") for i in range(words[1])]
+    labels = [
+        decoded(block[396 + 4 * i : 400 + 4 * i]).strip(" \0") for i in range(words[1])
+    ]
     return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))

@@ -1,10 +1,11 @@
 """Text exports of many programs: Motive, Vicon Nexus, keypoints, Qualisys and plain tables.
 
-The suffix says little, so the first lines decide. Motive begins with its format version, Nexus with
-the name of a section, DeepLabCut with three rows from its scorer on, Anipose names columns of
-coordinates, and Kinetics Toolkit numbers them in brackets. The reader of QTM's exports and plain
-tables handles the rest. Cells are separated by commas, semicolons or tabs; with the last two, a
-comma is the decimal mark. Lines above the table that begin with # are comments.
+The suffix says little, so the first lines decide. Motive begins with its format
+version, Nexus with the name of a section, DeepLabCut with three rows from its scorer
+on, Anipose names columns of coordinates, and Kinetics Toolkit numbers them in brackets.
+The reader of QTM's exports and plain tables handles the rest. Cells are separated by
+commas, semicolons or tabs; with the last two, a comma is the decimal mark. Lines above
+the table that begin with # are comments.
 """
 
 import codecs
@@ -23,7 +24,13 @@ from hopdata.recordings.readers.keypoints import AXES, SCORES, Columns, keypoint
 
 _KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 _TRAJECTORIES = "trajectories"
-_SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of Nexus; not read
+_SECTIONS = (
+    "Devices",
+    "Model Outputs",
+    "Joints",
+    "Segments",
+    "Events",
+)  # of Nexus; not read
 _MOST_HEADER_LINES, _MOST_NAME_LINES = 40, 8
 _KNOWN = (
     "an export of Motive (Format Version), Vicon Nexus (a section Trajectories), DeepLabCut "
@@ -61,10 +68,17 @@ class _Sheet:
         """Return the rows below a line, as wide as the first of them."""
         offset = self.offset + sum(map(len, self.lines[: index + 1]))
         if index + 1 >= len(self.rows):
-            raise RecordingError.at(self.path, "rows of numbers after the header", "none")
+            raise RecordingError.at(
+                self.path, "rows of numbers after the header", "none"
+            )
         width = len(self.rows[index + 1])
         return text.Rows(
-            self.path, self.n_above + index + 1, offset, width, self.mark, is_section=is_section
+            self.path,
+            self.n_above + index + 1,
+            offset,
+            width,
+            self.mark,
+            is_section=is_section,
         )
 
 
@@ -85,7 +99,8 @@ def read_export(
     Raises
     ------
     RecordingError
-        If the file cannot be read; names the file, the line, what was expected and found.
+        If the file cannot be read; names the file, the line, what was expected and
+        found.
     """
     if path.name.endswith(bids.ENDS):
         return bids.read_bids(path, rate_hz=rate_hz)
@@ -93,7 +108,9 @@ def read_export(
         lines = text.first_lines(file, _MOST_HEADER_LINES)
     if any(b"\0" in line for line in lines):
         raise RecordingError.at(path, "text", "binary data")
-    sheet = _Sheet(path, lines, text.mark_between([text.decoded(line) for line in lines[:5]]))
+    sheet = _Sheet(
+        path, lines, text.mark_between([text.decoded(line) for line in lines[:5]])
+    )
     rows = sheet.rows
     first = next((row for row in rows if not row[0].startswith("#")), [""])
     has_odd_clock = first[0].lower().startswith("time") and not qtm.counter(first[0])
@@ -105,7 +122,9 @@ def read_export(
     if first[0] == "scorer":
         at = _row_of(sheet, "coords")
         places = [k for k in range(1, len(rows[at])) if rows[at][k]]
-        columns: Columns = [tuple(_at(row, k) for row in rows[: at + 1]) for k in places]
+        columns: Columns = [
+            tuple(_at(row, k) for row in rows[: at + 1]) for k in places
+        ]
     elif _homogeneous_markers(first):
         return _kinetics_toolkit(sheet, rows.index(first), rate_hz)
     elif (found := _names_over_axes(rows)) is not None:
@@ -126,7 +145,8 @@ def read_export(
 def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
     """Find a row of axes below a row that names each three of them; return its index and columns.
 
-    This is the form of JARVIS, Visual3D, and pandas, which may name the index in a further row.
+    This is the form of JARVIS, Visual3D, and pandas, which may name the index in a
+    further row.
     """
     for at, row in enumerate(rows[:_MOST_NAME_LINES]):
         axes = [cell.lower() for cell in row]
@@ -135,18 +155,27 @@ def _names_over_axes(rows: list[Row]) -> tuple[int, Columns] | None:
             continue
         for above in reversed(rows[:at]):
             names = [_at(above, k) for k in range(start, len(axes))]
-            names = [name or next(filter(None, names[k::-1]), "") for k, name in enumerate(names)]
+            names = [
+                name or next(filter(None, names[k::-1]), "")
+                for k, name in enumerate(names)
+            ]
             if len({*names}) == axes.count("x"):
                 columns: Columns = [(_at(above, k) or row[k],) for k in range(start)]
-                columns += [("", *both) for both in zip(names, axes[start:], strict=True)]
+                columns += [
+                    ("", *both) for both in zip(names, axes[start:], strict=True)
+                ]
                 index = rows[at + 1] if at + 1 < len(rows) else ["0"]
                 if any(index[start:]) or not index[0] or text.is_number(index[0]):
                     return at, columns
-                return at + 1, [(_at(index, k),) for k in range(start)] + columns[start:]
+                return at + 1, [(_at(index, k),) for k in range(start)] + columns[
+                    start:
+                ]
     return None
 
 
-_COMPONENT = re.compile(r"(.+)\[([0-3])\]")  # `toe[0]` to `toe[3]`, the last of which is 1
+_COMPONENT = re.compile(
+    r"(.+)\[([0-3])\]"
+)  # `toe[0]` to `toe[3]`, the last of which is 1
 
 
 def _homogeneous_markers(columns: Row) -> dict[str, list[int]]:
@@ -156,10 +185,14 @@ def _homogeneous_markers(columns: Row) -> dict[str, list[int]]:
         found = _COMPONENT.fullmatch(column)
         if found:
             places.setdefault(found[1], {})[int(found[2])] = place
-    return {name: [at[k] for k in range(4)] for name, at in places.items() if len(at) == 4}
+    return {
+        name: [at[k] for k in range(4)] for name, at in places.items() if len(at) == 4
+    }
 
 
-def _kinetics_toolkit(sheet: _Sheet, at: int, rate_hz: float | None) -> raw.RawRecording:
+def _kinetics_toolkit(
+    sheet: _Sheet, at: int, rate_hz: float | None
+) -> raw.RawRecording:
     """Read a time series that Kinetics Toolkit saved: markers in m, each with a fourth number 1."""
     path, columns = sheet.path, sheet.rows[at]
     markers = _homogeneous_markers(columns)
@@ -174,10 +207,14 @@ def _kinetics_toolkit(sheet: _Sheet, at: int, rate_hz: float | None) -> raw.RawR
         row, marker = wrong[0]
         name = list(markers)[marker]
         place = f"{sheet.line(at + 1 + row)}: {name}[3]"
-        raise RecordingError.at(place, "1, as of a point", f"{points[row, marker, 3]:g}")
+        raise RecordingError.at(
+            place, "1, as of a point", f"{points[row, marker, 3]:g}"
+        )
     remarks: tuple[str, ...] = ()
     if others:
-        remarks = (f"{path}: columns that are no markers are left out: {text.listed(others)}",)
+        remarks = (
+            f"{path}: columns that are no markers are left out: {text.listed(others)}",
+        )
     return raw.assembled(
         str(path),
         raw.distinct_names(str(path), list(markers)),
@@ -199,7 +236,10 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     if not kinds:
         raise RecordingError.at(path, "a row of Marker or Rigid Body", "none")
     names = rows[rows.index(kinds) + 1]
-    above, of_x = rows[axes_at - 1], [k for k, axis in enumerate(rows[axes_at]) if axis == "X"]
+    above, of_x = (
+        rows[axes_at - 1],
+        [k for k, axis in enumerate(rows[axes_at]) if axis == "X"],
+    )
     starts = [place for place in of_x if _at(above, place) == "Position"]
     of_kind = {
         kind: [place for place in starts if _at(kinds, place) == kind]
@@ -231,7 +271,9 @@ def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     path, others, n_above, offset = sheet.path, [], 0, 0
     with text.readable(path) as file:
         for line in file:
-            begin = line.removeprefix(codecs.BOM_UTF8)[:20].strip(b'"').decode("latin-1")
+            begin = (
+                line.removeprefix(codecs.BOM_UTF8)[:20].strip(b'"').decode("latin-1")
+            )
             if begin.lower().startswith(_TRAJECTORIES):
                 break
             others += [name for name in _SECTIONS if begin.startswith(name)]
@@ -240,7 +282,12 @@ def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
             found = f"{', '.join(others)}; export the trajectories as well"
             raise RecordingError.at(path, "a section Trajectories", found)
         sheet = _Sheet(path, [line, *islice(file, 6)], sheet.mark, n_above, offset)
-        others += [name for line in file for name in _SECTIONS if line.startswith(name.encode())]
+        others += [
+            name
+            for line in file
+            for name in _SECTIONS
+            if line.startswith(name.encode())
+        ]
     head = sheet.rows
     if len(head) < 5 or head[3][0] not in ("Frame", "Field #"):
         found = ",".join(head[3][:2]) if len(head) > 3 else "the end of the file"
@@ -270,8 +317,9 @@ def _recording(
 ) -> raw.RawRecording:
     """Read blocks of three columns that begin at `starts` in the rows below a header.
 
-    The first columns are `counters`: the frame's number and possibly its time. `rates_hz` holds the
-    stated and the given rate; the unit comes with its place for messages.
+    The first columns are `counters`: the frame's number and possibly its time.
+    `rates_hz` holds the stated and the given rate; the unit comes with its place for
+    messages.
     """
     path = sheet.path
     kept, left_out = raw.labelled(str(path), names)
@@ -281,9 +329,13 @@ def _recording(
     for place, name in zip(starts, names, strict=True):
         axes = sheet.rows[axes_at][place : place + 3]
         if [axis[-1:].lower() for axis in axes] != list(AXES):
-            raise RecordingError.at(sheet.line(axes_at), f"X, Y, Z of '{name}'", ", ".join(axes))
+            raise RecordingError.at(
+                sheet.line(axes_at), f"X, Y, Z of '{name}'", ", ".join(axes)
+            )
     columns = [place + k for place in starts for k in range(3)]
-    counted, positions = sheet.below(last_header, is_section=True).markers(counters, columns)
+    counted, positions = sheet.below(last_header, is_section=True).markers(
+        counters, columns
+    )
     return raw.assembled(
         str(path),
         raw.distinct_names(str(path), names, may_lack=True),

@@ -22,7 +22,10 @@ LEAST_SCORE = 0.6  # as the default of input.least_score in the schema
 
 # Reader for each suffix, and the limits passed to it.
 _EXPORT = ("hopdata.recordings.readers.csv_exports:read_export", ("least_score",))
-_HDF5 = ("hopdata.recordings.readers.keypoints:read_hdf5", ("most_unpacked_mb", "least_score"))
+_HDF5 = (
+    "hopdata.recordings.readers.keypoints:read_hdf5",
+    ("most_unpacked_mb", "least_score"),
+)
 READERS: dict[str, tuple[str, tuple[str, ...]]] = {
     **dict.fromkeys((".tsv", ".txt", ".csv"), _EXPORT),
     ".mat": ("hopdata.recordings.readers.mat:read_qtm_mat", ("most_unpacked_mb",)),
@@ -72,7 +75,11 @@ def read_raw(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in suffixes():
-        found = "a folder: name its files one by one" if path.is_dir() else f"'{path.suffix}'"
+        found = (
+            "a folder: name its files one by one"
+            if path.is_dir()
+            else f"'{path.suffix}'"
+        )
         wanted = f"a file ending in {', '.join(suffixes())}"
         raise RecordingError.at(f"{path}: format", wanted, found)
     require_file(path)
@@ -114,7 +121,9 @@ def _check_plugin(place: str, found: Any) -> None:
     for name, (array, shape) in arrays.items():
         is_array = isinstance(array, np.ndarray) and array.dtype == np.float64
         if not is_array or array.shape != shape:
-            told = f"{getattr(array, 'dtype', type(array).__name__)} of {np.shape(array)}"
+            told = (
+                f"{getattr(array, 'dtype', type(array).__name__)} of {np.shape(array)}"
+            )
             raise RecordingError.at(f"{place}: {name}", f"float64 of {shape}", told)
     if found.unit not in reading.METRES_PER_UNIT:
         units = " or ".join(reading.METRES_PER_UNIT)
@@ -125,14 +134,24 @@ def _check_numbers(path: Path, raw: reading.RawRecording) -> None:
     """Require finite times, s, and positions that are NaN or possible."""
     if not np.isfinite(raw.time).all():
         frame = int(np.argmin(np.isfinite(raw.time)))
-        raise RecordingError.at(f"{path}: frame {frame + 1}", "a finite time", raw.time[frame])
-    step = float(np.median(np.diff(raw.time))) if raw.has_stamps and len(raw.time) > 1 else 0.0
+        raise RecordingError.at(
+            f"{path}: frame {frame + 1}", "a finite time", raw.time[frame]
+        )
+    step = (
+        float(np.median(np.diff(raw.time)))
+        if raw.has_stamps and len(raw.time) > 1
+        else 0.0
+    )
     if step > SLOWEST_S:
         wanted = f"s, at most {SLOWEST_S} from frame to frame"
         how = "if these are ms or µs divide them, or leave the time out and set input.rate_hz"
         raise RecordingError.at(f"{path}: time", wanted, f"{step:g}; {how}")
     if reading.largest(raw.positions) > LARGEST:
         frame, marker, axis = np.argwhere(np.abs(raw.positions) > LARGEST)[0]
-        place = f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}"
+        place = (
+            f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}"
+        )
         wanted = f"a coordinate below {LARGEST:g} {raw.unit}"
-        raise RecordingError.at(place, wanted, f"{raw.positions[frame, marker, axis]:g}")
+        raise RecordingError.at(
+            place, wanted, f"{raw.positions[frame, marker, axis]:g}"
+        )

@@ -28,10 +28,11 @@ from hopdata.recordings.raw import FASTEST_HZ, FILE_AXES
 from hopdata.recordings.readers.trial import require_answer
 from hopdata.seal import Seal, seal_of, sealed
 
-# Datasets and attributes of HDF5 files that may be damaged are checked before they are read.
+# Datasets and attributes of HDF5 files that may be damaged are checked before they are
+# read.
 
-# The HDF5 library trusts the file: it would allocate an array of any size, and follow an invalid
-# type into memory outside its own.
+# The HDF5 library trusts the file: it would allocate an array of any size, and follow
+# an invalid type into memory outside its own.
 
 NUMBER_BYTES = 8  # bytes of a number in memory, however it is stored
 _SMALL = 1 << 20  # bytes that any dataset may use
@@ -43,15 +44,17 @@ def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
     Raises
     ------
     ValueError
-        If it does; names the link or dataset outside the file, or the total size. Also if it has
-        more links or levels than any sound file.
+        If it does; names the link or dataset outside the file, or the total size. Also
+        if it has more links or levels than any sound file.
     """
     total = 0
     for item in items_of(file):
         if not isinstance(item, h5py.Dataset) or item.shape is None:
             continue
         if item.external:
-            raise ValueError(_outside(item.name, "data kept in another file", item.external[0][0]))
+            raise ValueError(
+                _outside(item.name, "data kept in another file", item.external[0][0])
+            )
         if item.is_virtual:
             sources = item.virtual_sources()
             where = sources[0].file_name if sources else "none"
@@ -63,8 +66,8 @@ def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
 def items_of(file: h5py.File) -> Iterator[h5py.Group | h5py.Dataset]:
     """Yield the file's root, groups and datasets, each once; soft links are not followed.
 
-    Each item is opened by its name in its own group. By its whole path the time would grow as the
-    square of the depth.
+    Each item is opened by its name in its own group. By its whole path the time would
+    grow as the square of the depth.
 
     Raises
     ------
@@ -83,7 +86,9 @@ def items_of(file: h5py.File) -> Iterator[h5py.Group | h5py.Dataset]:
         for name in group:
             link = group.get(name, getlink=True)
             if isinstance(link, h5py.ExternalLink):
-                raise ValueError(_outside(name, "a link to another file", link.filename))
+                raise ValueError(
+                    _outside(name, "a link to another file", link.filename)
+                )
             if not isinstance(link, h5py.HardLink):
                 continue
             item = group[name]
@@ -109,8 +114,8 @@ def _outside(name: str, what: str, where: str) -> str:
 def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any]:
     """Read a dataset of plausible size, as stored or converted to another type.
 
-    A shape is only a claim, unlike the stored bytes. A dataset whose chunks were never written
-    would be read as endless zeros.
+    A shape is only a claim, unlike the stored bytes. A dataset whose chunks were never
+    written would be read as endless zeros.
 
     Raises
     ------
@@ -120,7 +125,9 @@ def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any
     claimed = prod(dataset.shape) * dataset.dtype.itemsize
     stored = int(dataset.id.get_storage_size())
     if claimed > max(_SMALL, DEFLATE_MOST * stored):
-        most = f"at most {DEFLATE_MOST * stored} bytes by what is stored ({stored} bytes)"
+        most = (
+            f"at most {DEFLATE_MOST * stored} bytes by what is stored ({stored} bytes)"
+        )
         found = f"a claim of {claimed}"
         raise ValueError(f"dataset '{dataset.name}': expected {most}, found {found}")
     return np.asarray((dataset if dtype is None else dataset.astype(dtype))[()])
@@ -138,7 +145,9 @@ def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
         return None
     attribute = h5py.h5a.open(item.id, name.encode())
     kind = attribute.get_type()
-    sound = isinstance(kind, h5py.h5t.TypeStringID | h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID)
+    sound = isinstance(
+        kind, h5py.h5t.TypeStringID | h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID
+    )
     claimed = attribute.get_space().get_simple_extent_npoints() * kind.get_size()
     if not sound or max(claimed, kind.get_size()) > _SMALL:
         found = f"{type(kind).__name__} of {claimed} bytes"
@@ -146,7 +155,8 @@ def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     return item.attrs[name]
 
 
-# Datasets and attributes of an HDF5 group are refused unless they are of the expected kind.
+# Datasets and attributes of an HDF5 group are refused unless they are of the expected
+# kind.
 
 _NUMBERS = "biuf"  # kinds of dtype; complex numbers, text and records are not numbers
 
@@ -164,7 +174,9 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
         raise ValueError(f"dataset '{name}': expected numbers, found none")
     if found.dtype.kind not in _NUMBERS or not found.shape:
         told = f"{found.dtype} of shape {found.shape}"
-        raise ValueError(f"dataset '{name}': expected an array of numbers, found {told}")
+        raise ValueError(
+            f"dataset '{name}': expected an array of numbers, found {told}"
+        )
     _require_all_parts(found)
     return whole_array(found, None if found.dtype == np.bool_ else float)
 
@@ -177,12 +189,20 @@ def _require_all_parts(dataset: h5py.Dataset) -> None:
     if dataset.chunks is None or not dataset.size:
         return
     found: set[tuple[int, ...]] = set()
-    dataset.id.chunk_iter(lambda stored: found.add(stored.chunk_offset))  # must not raise
-    parts = [range(0, n, of) for n, of in zip(dataset.shape, dataset.chunks, strict=True)]
-    inside = sum(all(at in part for at, part in zip(one, parts, strict=True)) for one in found)
+    dataset.id.chunk_iter(
+        lambda stored: found.add(stored.chunk_offset)
+    )  # must not raise
+    parts = [
+        range(0, n, of) for n, of in zip(dataset.shape, dataset.chunks, strict=True)
+    ]
+    inside = sum(
+        all(at in part for at, part in zip(one, parts, strict=True)) for one in found
+    )
     wanted = prod(map(len, parts))
     if inside != wanted:
-        raise ValueError(f"dataset '{dataset.name}': expected {wanted} parts, found {inside}")
+        raise ValueError(
+            f"dataset '{dataset.name}': expected {wanted} parts, found {inside}"
+        )
 
 
 _KINDS: dict[str, Any] = {"a number": int | float, "text": str, "a list of texts": list}
@@ -201,7 +221,9 @@ def attribute(group: h5py.Group, name: str, kind: str) -> Any:
     if kind == "a number" and isinstance(value, list) and len(value) == 1:
         value = value[0]
     entries = value if isinstance(value, list) else []
-    if not (isinstance(value, _KINDS[kind]) and all(isinstance(one, str) for one in entries)):
+    if not (
+        isinstance(value, _KINDS[kind]) and all(isinstance(one, str) for one in entries)
+    ):
         found = "none" if found is None else found
         raise ValueError(f"attribute '{name}': expected {kind}, found {found}")
     return value
@@ -216,11 +238,16 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
         If the dataset does not exist, or holds something else.
     """
     found = group.get(name)
-    if not isinstance(found, h5py.Dataset) or h5py.check_string_dtype(found.dtype) is None:
+    if (
+        not isinstance(found, h5py.Dataset)
+        or h5py.check_string_dtype(found.dtype) is None
+    ):
         raise ValueError(f"dataset '{name}': expected a list of texts, found {found}")
     entries = whole_array(found)
     if entries.ndim != 1:
-        raise ValueError(f"dataset '{name}': expected a list of texts, found {entries.shape}")
+        raise ValueError(
+            f"dataset '{name}': expected a list of texts, found {entries.shape}"
+        )
     return tuple(entry.decode("utf-8", "replace") for entry in entries)
 
 
@@ -228,18 +255,22 @@ CHUNK_FRAMES = 16384
 COMPRESSION = 2  # of 9; 6 takes 1.5 times as long to save 3 % of the bytes
 SIGNATURE = b"\x89HDF\r\n\x1a\n"  # start of every HDF5 file
 _TRUTH_ATTRIBUTES = ("noise_m", "parameters_json", "true_effect")
-_TRUTH_DATASETS = tuple(f.name for f in fields(Truth) if f.name not in _TRUTH_ATTRIBUTES)
+_TRUTH_DATASETS = tuple(
+    f.name for f in fields(Truth) if f.name not in _TRUTH_ATTRIBUTES
+)
 _TEXT_ATTRIBUTES = ("name", "source", "source_sha256", "vertical_axis")
 
 
-def write_recording(path: str | Path, recording: Recording, truth: Truth | None = None) -> None:
+def write_recording(
+    path: str | Path, recording: Recording, truth: Truth | None = None
+) -> None:
     """Write a recording, and its truth if available, to an HDF5 file.
 
-    The file appears under its name only when complete, and ends in the checksum of all its bytes
-    (`hopdata.seal`). Positions are stored as float64, so that `read_recording` returns every
-    digit. float32 about the origin of the laboratory would not do: its steps are 8 mm at 100 km.
-    Coordinates of each marker are stored one after the other, shuffled and deflated. Equal content
-    gives equal bytes.
+    The file appears under its name only when complete, and ends in the checksum of all
+    its bytes (`hopdata.seal`). Positions are stored as float64, so that
+    `read_recording` returns every digit. float32 about the origin of the laboratory
+    would not do: its steps are 8 mm at 100 km. Coordinates of each marker are stored
+    one after the other, shuffled and deflated. Equal content gives equal bytes.
 
     Parameters
     ----------
@@ -250,7 +281,11 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     """
     # If writing fails, a chunk left in memory crashes the process when it ends.
     chunks: Any = {"rdcc_nbytes": 0, "locking": False}
-    with whole_file(path) as partial, sealed(partial), h5py.File(partial, "w", **chunks) as file:
+    with (
+        whole_file(path) as partial,
+        sealed(partial),
+        h5py.File(partial, "w", **chunks) as file,
+    ):
         _dataset(file, "time", recording.time)
         _dataset(file, "positions", recording.positions)
         if recording.filled is not None:
@@ -262,7 +297,11 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
             file.attrs[key] = getattr(recording, key)
         file.attrs["hopdata_version"] = __version__
         if recording.events:
-            _dataset(file, "events/time", np.asarray([event.time_s for event in recording.events]))
+            _dataset(
+                file,
+                "events/time",
+                np.asarray([event.time_s for event in recording.events]),
+            )
             _texts(file, "events/label", [event.label for event in recording.events])
         if recording.remarks:
             _texts(file, "remarks", recording.remarks)
@@ -280,13 +319,14 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
     ----------
     path : path
     most_unpacked_mb : float
-        Most memory that the file may use, MB; by default unlimited, for files written by hopdata.
+        Most memory that the file may use, MB; by default unlimited, for files written
+        by hopdata.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read, lacks a dataset or attribute, or their kinds or sizes do not
-        form a recording.
+        If the file cannot be read, lacks a dataset or attribute, or their kinds or
+        sizes do not form a recording.
     """
     with opened(path, "not a recording", most_unpacked_mb) as file:
         recording = Recording(
@@ -303,9 +343,13 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
         roles, axes = (recording.roles, ROLES), ((recording.vertical_axis,), FILE_AXES)
         for key, (found, known) in {"roles": roles, "vertical_axis": axes}.items():
             for value in set(found) - set(known):
-                raise ValueError(f"{key}: expected any of {', '.join(known)}, found '{value}'")
+                raise ValueError(
+                    f"{key}: expected any of {', '.join(known)}, found '{value}'"
+                )
         if not 1 / SLOWEST_S <= recording.rate_hz <= FASTEST_HZ:
-            wanted = f"expected at least {1 / SLOWEST_S:g} and at most {FASTEST_HZ:g} Hz"
+            wanted = (
+                f"expected at least {1 / SLOWEST_S:g} and at most {FASTEST_HZ:g} Hz"
+            )
             raise ValueError(f"rate_hz: {wanted}, found {recording.rate_hz:g}")
         return recording
 
@@ -327,13 +371,17 @@ def read_truth(path: str | Path) -> Truth | None:
             **{key: numbers(group, key) for key in _TRUTH_DATASETS},
             noise_m=float(attribute(group, "noise_m", "a number")),
             parameters_json=attribute(group, "parameters_json", "text"),
-            true_effect=float(attribute(group, "true_effect", "a number")) if known else np.nan,
+            true_effect=float(attribute(group, "true_effect", "a number"))
+            if known
+            else np.nan,
         )
         check_sizes(truth)
         return truth
 
 
-def is_truth_of(roles: Mapping[str, str], *, body: Iterable[str], feet: Iterable[str]) -> bool:
+def is_truth_of(
+    roles: Mapping[str, str], *, body: Iterable[str], feet: Iterable[str]
+) -> bool:
     """Tell whether a truth applies to a choice of markers.
 
     Parameters
@@ -341,17 +389,20 @@ def is_truth_of(roles: Mapping[str, str], *, body: Iterable[str], feet: Iterable
     roles : mapping
         Role of each marker in the file.
     body, feet : iterable of str
-        The markers that a study takes for body and feet. The truth (contacts, body heights) is
-        that of the file's own body and feet, so they must be the same ones.
+        The markers that a study takes for body and feet. The truth (contacts, body
+        heights) is that of the file's own body and feet, so they must be the same ones.
     """
-    of_file = {role: {m for m, r in roles.items() if r == role} for role in ("body", "foot")}
+    of_file = {
+        role: {m for m, r in roles.items() if r == role} for role in ("body", "foot")
+    }
     return of_file["body"] == set(body) and of_file["foot"] == set(feet)
 
 
 def holds_truth(path: str | Path, *, body: Iterable[str], feet: Iterable[str]) -> bool:
     """Tell whether a file holds a truth for these markers, without reading its data.
 
-    A file that is missing or damaged holds none. Importing it says what is wrong with it.
+    A file that is missing or damaged holds none. Importing it says what is wrong with
+    it.
     """
     try:
         with opened(path, "truth is not whole") as file:
@@ -365,7 +416,9 @@ def holds_truth(path: str | Path, *, body: Iterable[str], feet: Iterable[str]) -
 
 
 @contextmanager
-def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
+def opened(
+    path: str | Path, fault: str, most_unpacked_mb: float = np.inf
+) -> Iterator[h5py.File]:
     """Open a file; convert any error in or with it to a RecordingError that names it."""
     if not Path(path).is_file():
         raise RecordingError.at(f"{path}: no such file", "a recording", "none")
@@ -383,20 +436,28 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
             require_sound(file, most_unpacked_mb)
             yield file
     except Exception as error:  # a damaged file makes h5py raise almost anything
-        words = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
-        told = words if "expected" in words else f"expected it to be readable, found: {words}"
+        words = str(
+            error.args[0] if isinstance(error, KeyError) and error.args else error
+        )
+        told = (
+            words
+            if "expected" in words
+            else f"expected it to be readable, found: {words}"
+        )
         raise RecordingError(f"{path}: {fault}: {told}") from error
 
 
 def require_intact(path: str | Path, most_unpacked_mb: float) -> None:
     """Require that the HDF5 library can be trusted with a file.
 
-    A sealed file must have the bytes that hopdata wrote. Any other is tried in another process.
+    A sealed file must have the bytes that hopdata wrote. Any other is tried in another
+    process.
 
     Raises
     ------
     RecordingError
-        If bytes have changed since they were written, or the library does not come to an end.
+        If bytes have changed since they were written, or the library does not come to
+        an end.
     """
     seal = seal_of(path)
     if seal is Seal.BROKEN:
@@ -414,7 +475,9 @@ def _begins_as_hdf5(path: str | Path) -> bool:
 
 
 def _texts(group: h5py.Group, name: str, entries: Sequence[str]) -> None:
-    group.create_dataset(name, data=list(entries), dtype=h5py.string_dtype(), track_times=False)
+    group.create_dataset(
+        name, data=list(entries), dtype=h5py.string_dtype(), track_times=False
+    )
 
 
 def _read_events(file: h5py.File) -> tuple[Event, ...]:
@@ -422,7 +485,9 @@ def _read_events(file: h5py.File) -> tuple[Event, ...]:
         return ()
     times, labels = numbers(file, "events/time"), stored_texts(file, "events/label")
     if times.shape != (len(labels),) or not np.isfinite(times).all():
-        raise ValueError(f"events: expected {len(labels)} finite times, found {times.shape}")
+        raise ValueError(
+            f"events: expected {len(labels)} finite times, found {times.shape}"
+        )
     return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))
 
 
@@ -434,7 +499,11 @@ def _dataset(group: h5py.Group, name: str, array: NDArray[Any]) -> None:
     chunks = (max(1, min(CHUNK_FRAMES, len(array))), *(1 for _ in array.shape[1:]))
     packed = {"shuffle": True, "compression": "gzip", "compression_opts": COMPRESSION}
     kind = {"shape": array.shape, "dtype": array.dtype}
-    stored = group.create_dataset(name, **kind, chunks=chunks, track_times=False, **packed)
-    for first in range(0, len(array), CHUNK_FRAMES):  # without a temporary array of full size
+    stored = group.create_dataset(
+        name, **kind, chunks=chunks, track_times=False, **packed
+    )
+    for first in range(
+        0, len(array), CHUNK_FRAMES
+    ):  # without a temporary array of full size
         part = slice(first, first + CHUNK_FRAMES)
         stored[part] = array[part]

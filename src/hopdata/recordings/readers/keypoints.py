@@ -1,8 +1,9 @@
 """3-D keypoints from video: of DeepLabCut, Anipose and JARVIS as CSV or HDF5, of SLEAP as HDF5.
 
-They state no unit and rarely a clock, but the confidence of each point. In HDF5 they are pandas
-tables: either rows with pickled column names beside them, or arrays of blocks with their names.
-SLEAP's triangulated points are an array ``tracks`` of frames, animals, nodes and coordinates.
+They state no unit and rarely a clock, but the confidence of each point. In HDF5 they
+are pandas tables: either rows with pickled column names beside them, or arrays of
+blocks with their names. SLEAP's triangulated points are an array ``tracks`` of frames,
+animals, nodes and coordinates.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ def keypoints(
     path : path
         The file, for messages.
     columns : list of tuple of str
-        The K names. For DeepLabCut: scorer, possibly individual, body part and coordinate. For
-        Anipose: one name such as ``toe_x``.
+        The K names. For DeepLabCut: scorer, possibly individual, body part and
+        coordinate. For Anipose: one name such as ``toe_x``.
     values : (N, K) array
         NaN where missing.
     rate_hz : float or None
@@ -54,28 +55,48 @@ def keypoints(
         If there is no rate, a name occurs twice, or no point has three coordinates.
     """
     split = [
-        c[0].rpartition("_")[::2] if len(c) == 1 else (" ".join(c[1:-1]), c[-1]) for c in columns
+        c[0].rpartition("_")[::2] if len(c) == 1 else (" ".join(c[1:-1]), c[-1])
+        for c in columns
     ]
     at = {part: k for k, part in reversed(list(enumerate(split)))}
-    counters = {qtm.counter(n + end): k for k, (n, end) in reversed(list(enumerate(split)))}
-    clock, frame = counters.get("Time"), counters.get("Frame", 0 if columns[0] == ("",) else None)
-    names = [n for n, axis in split if axis == "x" and all((n, other) in at for other in AXES)]
+    counters = {
+        qtm.counter(n + end): k for k, (n, end) in reversed(list(enumerate(split)))
+    }
+    clock, frame = (
+        counters.get("Time"),
+        counters.get("Frame", 0 if columns[0] == ("",) else None),
+    )
+    names = [
+        n
+        for n, axis in split
+        if axis == "x" and all((n, other) in at for other in AXES)
+    ]
     if not names:
         found = "one camera's plane" if ("x" in {axis for _, axis in split}) else "none"
-        found += "; triangulate the cameras first (Anipose, or DeepLabCut's 3-D project)"
+        found += (
+            "; triangulate the cameras first (Anipose, or DeepLabCut's 3-D project)"
+        )
         raise RecordingError.at(path, "keypoints with coordinates x, y and z", found)
     if twice := {n for n in names if names.count(n) > 1}:
-        raise RecordingError.at(path, "distinct names of columns", f"'{min(twice)}' twice")
+        raise RecordingError.at(
+            path, "distinct names of columns", f"'{min(twice)}' twice"
+        )
     positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
-    scored = [(m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at]
+    scored = [
+        (m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at
+    ]
     remarks = []
     if scored:
         places, scores = (list(column) for column in zip(*scored, strict=True))
         sure = values[:, scores] >= least_score
         unsure = ~sure & np.isfinite(positions[:, places, 0])
         positions[:, places] = np.where(sure[..., None], positions[:, places], np.nan)
-        told = f"{unsure.sum()} of {unsure.size} places have a score below {least_score:g}"
-        remarks = [f"{path}: {told} (input.least_score) and count as unseen"] * bool(unsure.any())
+        told = (
+            f"{unsure.sum()} of {unsure.size} places have a score below {least_score:g}"
+        )
+        remarks = [f"{path}: {told} (input.least_score) and count as unseen"] * bool(
+            unsure.any()
+        )
     number = np.arange(1.0, len(values) + 1)
     steps = np.diff(number if frame is None else values[:, frame])
     if steps.min(initial=1.0) > 0 and not (steps % 1).any():  # rows may be missing
@@ -93,7 +114,11 @@ def keypoints(
 
 
 def read_hdf5(
-    path: Path, *, rate_hz: float | None = None, most_unpacked_mb: float, least_score: float
+    path: Path,
+    *,
+    rate_hz: float | None = None,
+    most_unpacked_mb: float,
+    least_score: float,
 ) -> raw.RawRecording:
     """Read an HDF5 file that holds a hopdata recording, a table of keypoints or SLEAP's tracks."""
     if (tracks := sleap_tracks(path, most_unpacked_mb)) is not None:
@@ -119,7 +144,9 @@ def read_hdf5(
     )
 
 
-def sleap_tracks(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArray] | None:
+def sleap_tracks(
+    path: Path, most_unpacked_mb: float
+) -> tuple[Columns, FloatArray] | None:
     """Read the points that SLEAP's cameras triangulated; None if the file has no such array.
 
     Returns
@@ -149,17 +176,24 @@ def sleap_tracks(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArr
         if "node_names" in file:
             names = list(hdf5.stored_texts(file, "node_names"))
         if len(names) != n_nodes:
-            raise ValueError(f"dataset 'node_names': expected {n_nodes} names, found {len(names)}")
+            raise ValueError(
+                f"dataset 'node_names': expected {n_nodes} names, found {len(names)}"
+            )
         animals: list[tuple[str, ...]] = [()]
         if n_animals > 1:
             animals = [(f"animal {k + 1}",) for k in range(n_animals)]
         columns: Columns = [
-            ("SLEAP", *animal, name, axis) for animal in animals for name in names for axis in AXES
+            ("SLEAP", *animal, name, axis)
+            for animal in animals
+            for name in names
+            for axis in AXES
         ]
         return columns, values.reshape(n_frames, -1)
 
 
-def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArray] | None:
+def pandas_table(
+    path: Path, most_unpacked_mb: float
+) -> tuple[Columns, FloatArray] | None:
     """Read the first pandas table of an HDF5 file; None if there is none.
 
     Returns
@@ -181,7 +215,9 @@ def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArr
         columns = [column for names, _ in blocks for column in names]
         values = np.concatenate([block for _, block in blocks], axis=1)
         if values.shape[1] != len(columns):
-            raise ValueError(f"expected {len(columns)} columns, found {values.shape[1]}")
+            raise ValueError(
+                f"expected {len(columns)} columns, found {values.shape[1]}"
+            )
         return columns, values
 
 
@@ -190,7 +226,10 @@ def _rows_of(table: h5py.Dataset) -> list[tuple[Columns, FloatArray]]:
     rows = hdf5.whole_array(table)
     fields = [f for f in rows.dtype.names or () if f.startswith("values_block_")]
     return [
-        (_named(_plain_pickle(hdf5.checked_attribute(table, f"{f}_kind"))), _numbers(rows[f]))
+        (
+            _named(_plain_pickle(hdf5.checked_attribute(table, f"{f}_kind"))),
+            _numbers(rows[f]),
+        )
         for f in fields
     ]
 
@@ -205,11 +244,20 @@ def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
             named = _named(hdf5.whole_array(group[at]).tolist())
         else:
             levels = [
-                [name[0] for name in _named(hdf5.whole_array(group[f"{at}_level{i}"]).tolist())]
+                [
+                    name[0]
+                    for name in _named(
+                        hdf5.whole_array(group[f"{at}_level{i}"]).tolist()
+                    )
+                ]
                 for i in range(int(hdf5.attribute(group, f"{at}_nlevels", "a number")))
             ]
-            codes = [hdf5.whole_array(group[f"{at}_label{i}"]) for i in range(len(levels))]
-            parts = ([level[c] for c in of] for level, of in zip(levels, codes, strict=True))
+            codes = [
+                hdf5.whole_array(group[f"{at}_label{i}"]) for i in range(len(levels))
+            ]
+            parts = (
+                [level[c] for c in of] for level, of in zip(levels, codes, strict=True)
+            )
             named = list(zip(*parts, strict=True))
         blocks.append((named, values))
     return blocks
@@ -217,7 +265,9 @@ def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
 
 def _numbers(array: Any) -> FloatArray:
     if array.dtype.kind not in "iuf" or array.ndim != 2:
-        raise ValueError(f"expected a table of numbers, found {array.dtype} of {array.shape}")
+        raise ValueError(
+            f"expected a table of numbers, found {array.dtype} of {array.shape}"
+        )
     return np.asarray(array, np.float64)
 
 
@@ -238,14 +288,32 @@ def _text(name: Any) -> str:
     return str(name)
 
 
-# Operations of pickles that make texts, numbers, lists and tuples: all that names of columns
-# need. Others look up or call something, or ask for memory by a number that stands in the file.
+# Operations of pickles that make texts, numbers, lists and tuples: all that names of
+# columns need. Others look up or call something, or ask for memory by a number that
+# stands in the file.
 _PLAIN_OPERATIONS = frozenset(
     [
         *("PROTO", "FRAME", "STOP", "MARK", "POP", "POP_MARK", "DUP"),
-        *("INT", "BININT", "BININT1", "BININT2", "LONG", "LONG1", "LONG4", "FLOAT", "BINFLOAT"),
+        *(
+            "INT",
+            "BININT",
+            "BININT1",
+            "BININT2",
+            "LONG",
+            "LONG1",
+            "LONG4",
+            "FLOAT",
+            "BINFLOAT",
+        ),
         *("NONE", "NEWTRUE", "NEWFALSE"),
-        *("STRING", "BINSTRING", "SHORT_BINSTRING", "BINBYTES", "SHORT_BINBYTES", "BINBYTES8"),
+        *(
+            "STRING",
+            "BINSTRING",
+            "SHORT_BINSTRING",
+            "BINBYTES",
+            "SHORT_BINBYTES",
+            "BINBYTES8",
+        ),
         *("UNICODE", "BINUNICODE", "SHORT_BINUNICODE", "BINUNICODE8"),
         *("LIST", "EMPTY_LIST", "APPEND", "APPENDS"),
         *("TUPLE", "EMPTY_TUPLE", "TUPLE1", "TUPLE2", "TUPLE3"),
@@ -257,8 +325,8 @@ _PLAIN_OPERATIONS = frozenset(
 def _plain_pickle(data: Any) -> Any:
     """Unpickle texts, numbers, lists and tuples; refuse any other pickle before it is run.
 
-    The memo of a pickle is a list as long as its largest entry, so an entry that is larger than
-    the pickle has bytes is refused too.
+    The memo of a pickle is a list as long as its largest entry, so an entry that is
+    larger than the pickle has bytes is refused too.
     """
     if not isinstance(data, bytes):
         raise ValueError(f"expected names of columns, found {type(data).__name__}")

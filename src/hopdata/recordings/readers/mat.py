@@ -1,11 +1,11 @@
 """MAT files, read by SciPy or, from version 7.3 on, h5py; and QTM's exports in that format.
 
-Both libraries allocate whatever size a file claims. The claims are therefore checked against the
-file's bytes and the memory limit before a library reads it.
+Both libraries allocate whatever size a file claims. The claims are therefore checked
+against the file's bytes and the memory limit before a library reads it.
 
-A QTM export is one struct named after the file. Fields read are ``FrameRate``, ``Frames``,
-``StartFrame``, ``Timestamp``, ``Events`` and ``Trajectories.Labeled`` with ``Labels`` and ``Data``
-(marker, x y z residual, frame), in mm.
+A QTM export is one struct named after the file. Fields read are ``FrameRate``,
+``Frames``, ``StartFrame``, ``Timestamp``, ``Events`` and ``Trajectories.Labeled`` with
+``Labels`` and ``Data`` (marker, x y z residual, frame), in mm.
 """
 
 import os
@@ -38,7 +38,10 @@ Element = tuple[int, int, int]  # type, start and end of content
 
 _HEADER_BYTES = 128
 _INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED = 1, 5, 6, 14, 15  # types of elements
-_NUMBERS, _TEXTS = frozenset({*range(1, 8), 9, 12, 13}), frozenset({1, 2, 4, 16, 17, 18})
+_NUMBERS, _TEXTS = (
+    frozenset({*range(1, 8), 9, 12, 13}),
+    frozenset({1, 2, 4, 16, 17, 18}),
+)
 # Allowed element types in each class of matrix: cells, structs, text and numbers.
 _HOLDS = {1: frozenset({_MATRIX}), 2: frozenset({_INT8, _INT32, _MATRIX}), 4: _TEXTS}
 _HOLDS |= dict.fromkeys(range(6, 16), _NUMBERS)
@@ -60,9 +63,9 @@ def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
     Returns
     -------
     dict
-        Variables by name. A struct is a dict; an array of structs is a list of dicts, or in version
-        7.3 a dict of lists. A cell array is a list and text is str. Numbers are arrays with
-        MATLAB's order of axes. Anything else is None.
+        Variables by name. A struct is a dict; an array of structs is a list of dicts,
+        or in version 7.3 a dict of lists. A cell array is a list and text is str.
+        Numbers are arrays with MATLAB's order of axes. Anything else is None.
 
     Raises
     ------
@@ -80,24 +83,32 @@ def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
     except OSError as error:
         told = one_line(error.strerror or str(error))
         raise RecordingError(f"{path}: expected a MAT file, found: {told}") from None
-    except Exception as error:  # a damaged file makes both libraries raise almost anything
+    except (
+        Exception
+    ) as error:  # a damaged file makes both libraries raise almost anything
         told = one_line(str(error)) or type(error).__name__
-        told = f"; {told}" if "expected" in told and "found" in told else f", found: {told}"
+        told = (
+            f"; {told}"
+            if "expected" in told and "found" in told
+            else f", found: {told}"
+        )
         raise RecordingError(f"{path}: expected a MAT file of QTM{told}") from None
 
 
 def _version_5(file: BinaryIO, most_mb: float) -> dict[str, Any]:
     """Decode a version 5 file: check each variable by itself, then have SciPy read them.
 
-    Only one variable at a time is unpacked for the check, and SciPy unpacks from the file. So the
-    memory is that of the result, not several times as much.
+    Only one variable at a time is unpacked for the check, and SciPy unpacks from the
+    file. So the memory is that of the result, not several times as much.
     """
     import scipy.io
 
     file.seek(0)
     lead = file.read(_HEADER_BYTES)
     if len(lead) < _HEADER_BYTES:
-        raise ValueError(f"expected a header of {_HEADER_BYTES} bytes, found {len(lead)}")
+        raise ValueError(
+            f"expected a header of {_HEADER_BYTES} bytes, found {len(lead)}"
+        )
     order = {b"IM": "<", b"MI": ">"}.get(lead[126:128])
     if order is None:
         raise ValueError(f"byte 126: expected 'IM' or 'MI', found {lead[126:128]!r}")
@@ -113,10 +124,16 @@ def _version_5(file: BinaryIO, most_mb: float) -> dict[str, Any]:
     header = b"MATLAB 5.0 MAT-file".ljust(124) + np.array(0x100, f"{order}u2").tobytes()
     sound = _WithHeader(file, header + lead[126:128])
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about unreadable variables, which may not be needed
+        warnings.simplefilter(
+            "ignore"
+        )  # about unreadable variables, which may not be needed
         codec = "utf-16-le" if order == "<" else "utf-16-be"
         found = scipy.io.loadmat(sound, uint16_codec=codec)
-    return {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
+    return {
+        name: _plain(value)
+        for name, value in found.items()
+        if not name.startswith("__")
+    }
 
 
 class _WithHeader:
@@ -142,7 +159,10 @@ def _plain(value: Any) -> Any:
     if not isinstance(value, np.ndarray):
         return None
     if names := value.dtype.names:
-        structs = [{name: _plain(one[name]) for name in names} for one in value.ravel(order="F")]
+        structs = [
+            {name: _plain(one[name]) for name in names}
+            for one in value.ravel(order="F")
+        ]
         return structs[0] if len(structs) == 1 else structs
     if value.dtype == object:
         return [_plain(one) for one in value.ravel(order="F")]
@@ -187,14 +207,18 @@ def _inflated(file: BinaryIO, n_packed: int, order: str, most_mb: float) -> byte
     n_filled = len(lead)
     for piece in chain([stream.unconsumed_tail], pieces):
         room = len(data) - n_filled
-        found = stream.decompress(piece, room + 1)  # one more, to notice what is too long
+        found = stream.decompress(
+            piece, room + 1
+        )  # one more, to notice what is too long
         if len(found) > room:
             n_filled = -1
             break
         data[n_filled : n_filled + len(found)] = found
         n_filled += len(found)
     if not stream.eof or n_filled != len(data):
-        told = f"byte {start}: expected {len(data)} bytes compressed, found more or less"
+        told = (
+            f"byte {start}: expected {len(data)} bytes compressed, found more or less"
+        )
         raise ValueError(told)
     return data
 
@@ -204,8 +228,8 @@ def _count(
 ) -> int:
     """Count the numbers that a matrix and those inside it claim to hold; refuse impossible claims.
 
-    SciPy trusts types and sizes, and crashes if they are wrong. `room` yields a number for each
-    matrix that a file may have.
+    SciPy trusts types and sizes, and crashes if they are wrong. `room` yields a number
+    for each matrix that a file may have.
     """
     kind, start, stop = element
     if next(room, None) is None:
@@ -233,20 +257,32 @@ def _count(
         wanted = f"expected a size for {stop - start} bytes"
         raise ValueError(f"byte {start} unpacked: {wanted}, found {shape}")
     inner = (part for part in parts if part[0] == _MATRIX)
-    return prod(shape) + sum(_count(data, part, order, room, depth + 1) for part in inner)
+    return prod(shape) + sum(
+        _count(data, part, order, room, depth + 1) for part in inner
+    )
 
 
 def _elements(data: bytearray, at: int, end: int, order: str) -> list[Element]:
     """List the elements between two byte positions."""
     found = []
     while at < end:
-        kind, size = np.frombuffer(data[at : at + 8].ljust(8, b"\0"), f"{order}u4").tolist()
+        kind, size = np.frombuffer(
+            data[at : at + 8].ljust(8, b"\0"), f"{order}u4"
+        ).tolist()
         start, room = at + 8, end - at - 8
         after = start + size + (0 if kind == _COMPRESSED else -size % 8)
         if kind >> 16:  # small element: the size precedes the type
-            kind, size, start, room, after = kind & 0xFFFF, kind >> 16, at + 4, 4, at + 8
+            kind, size, start, room, after = (
+                kind & 0xFFFF,
+                kind >> 16,
+                at + 4,
+                4,
+                at + 8,
+            )
         if size > room or at + 8 > end:
-            raise ValueError(f"byte {at}: expected an element of {size} bytes, found {room}")
+            raise ValueError(
+                f"byte {at}: expected an element of {size} bytes, found {room}"
+            )
         found.append((kind, start, start + size))
         at = after
     return found
@@ -268,13 +304,22 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
         if checked_attribute(item, "MATLAB_empty") is not None:
             return "" if is_text else np.empty((0, 0))
         array = whole_array(item).T
-        if array.dtype == h5py.ref_dtype:  # a cell array, or a field of an array of structs
+        if (
+            array.dtype == h5py.ref_dtype
+        ):  # a cell array, or a field of an array of structs
             return [decoded(file[reference]) for reference in array.ravel(order="F")]
         if array.dtype.kind not in "biuf":
-            raise ValueError(f"dataset '{item.name}': expected numbers, found {array.dtype}")
+            raise ValueError(
+                f"dataset '{item.name}': expected numbers, found {array.dtype}"
+            )
         if not is_text:
             return array
-        return array.ravel(order="F").astype("<u2").tobytes().decode("utf-16-le", errors="replace")
+        return (
+            array.ravel(order="F")
+            .astype("<u2")
+            .tobytes()
+            .decode("utf-16-le", errors="replace")
+        )
 
     require_intact(path, most_mb)
     with h5py.File(path, "r", locking=False) as file:
@@ -307,30 +352,47 @@ def read_qtm_mat(
     Raises
     ------
     RecordingError
-        If the file cannot be read; names the file, the field, what was expected and found.
+        If the file cannot be read; names the file, the field, what was expected and
+        found.
     """
     name, export = _export(path, read_mat(path, most_unpacked_mb))
     place = f"{path}: {name}"
-    labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
+    labelled = _field(
+        _field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories"
+    )
     inner = f"{place}.Trajectories.Labeled"
     data = _positions(labelled, inner)
     labels = _labels(labelled, inner)
     if len(labels) != len(data):
-        raise RecordingError.at(f"{inner}.Labels", f"{len(data)} as in Data", len(labels))
-    positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
+        raise RecordingError.at(
+            f"{inner}.Labels", f"{len(data)} as in Data", len(labels)
+        )
+    positions: FloatArray = np.array(
+        np.moveaxis(data[:, :3], 2, 0), np.float64, order="C"
+    )
     n_frames, n_markers = positions.shape[:2]
-    claims = ((export, "Frames", n_frames, place), (labelled, "Count", n_markers, inner))
+    claims = (
+        (export, "Frames", n_frames, place),
+        (labelled, "Count", n_markers, inner),
+    )
     for struct, key, found, where in claims:
         stated = _number(struct, key, where)
         if stated is not None and stated != found:
-            cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
-            raise RecordingError.at(f"{where}.{key}", f"{stated:g} as stated", f"{found}{cut}")
+            cut = (
+                "; was the file cut short?"
+                if key == "Frames" and stated > found
+                else ""
+            )
+            raise RecordingError.at(
+                f"{where}.{key}", f"{stated:g} as stated", f"{found}{cut}"
+            )
     start = _number(export, "StartFrame", place)
     return raw.assembled(
         f"{place}.FrameRate",
         raw.distinct_names(f"{inner}.Labels", labels),
         positions,
-        number=np.arange(len(positions), dtype=float) + (1.0 if start is None else start),
+        number=np.arange(len(positions), dtype=float)
+        + (1.0 if start is None else start),
         unit=(place, "mm"),
         rates_hz=(_number(export, "FrameRate", place), rate_hz),
         events=_events(export, place),
@@ -365,14 +427,18 @@ def _positions(labelled: Any, place: str) -> FloatArray:
         data = data[:, :, None]
     if data.ndim != 3 or data.shape[1] not in (3, 4) or not data.size:
         wanted = "markers x 4 x frames"
-        raise RecordingError.at(f"{place}.Data", wanted, " x ".join(map(str, data.shape)))
+        raise RecordingError.at(
+            f"{place}.Data", wanted, " x ".join(map(str, data.shape))
+        )
     return np.asarray(data)
 
 
 def _labels(labelled: Any, place: str) -> list[str]:
     labels = _field(labelled, "Labels", place)
     labels = [labels] if isinstance(labels, str) else labels
-    if not isinstance(labels, list) or not all(isinstance(text, str) for text in labels):
+    if not isinstance(labels, list) or not all(
+        isinstance(text, str) for text in labels
+    ):
         raise RecordingError.at(f"{place}.Labels", "a cell of texts", _kind(labels))
     return [text.strip(" \0") for text in labels]
 
@@ -391,14 +457,25 @@ def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
 def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
     """Return events, stored as an array of structs, or in version 7.3 as a struct of lists."""
     found = export.get("Events")
-    if isinstance(found, dict) and any(isinstance(value, list) for value in found.values()):
-        lists = [value if isinstance(value, list) else [value] for value in found.values()]
-        found = [dict(zip(found, entries, strict=False)) for entries in zip(*lists, strict=False)]
+    if isinstance(found, dict) and any(
+        isinstance(value, list) for value in found.values()
+    ):
+        lists = [
+            value if isinstance(value, list) else [value] for value in found.values()
+        ]
+        found = [
+            dict(zip(found, entries, strict=False))
+            for entries in zip(*lists, strict=False)
+        ]
     events, place = [], f"{place}.Events"
-    for event in [found] if isinstance(found, dict) else found if isinstance(found, list) else []:
+    for event in (
+        [found] if isinstance(found, dict) else found if isinstance(found, list) else []
+    ):
         label, time = _field(event, "Label", place), _number(event, "Time", place)
         if not isinstance(label, str) or time is None:
-            raise RecordingError.at(place, "a Label and a Time each", f"{_kind(label)} and {time}")
+            raise RecordingError.at(
+                place, "a Label and a Time each", f"{_kind(label)} and {time}"
+            )
         events.append(Event(label.split("\0")[0].strip(), time))
     return tuple(events)
 

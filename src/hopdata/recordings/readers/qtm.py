@@ -1,7 +1,8 @@
 """QTM's motion-data exports (TSV), and plain tables with a column row.
 
-The layout follows Qualisys' manual, "Motion data (.tsv)": one key per line, values after tabs, keys
-in any order. ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, and ``FILE_VERSION`` was added in
+The layout follows Qualisys' manual, "Motion data (.tsv)": one key per line, values
+after tabs, keys in any order. ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, and
+``FILE_VERSION`` was added in
 2.0.0. The column row (``Frame  Time  <name> X ...``) exists only if the export asked for it.
 """
 
@@ -26,13 +27,22 @@ KEYS = (
     *("NO_OF_ANALOG", "ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED"),
     *("EVENT", "MARKER_NAMES", "TRAJECTORY_TYPES"),
 )
-_DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
+_DECISIVE = {
+    "NO_OF_FRAMES",
+    "NO_OF_MARKERS",
+    "FREQUENCY",
+    "DATA_INCLUDED",
+    "MARKER_NAMES",
+}
 _SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
 _IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
-_PLAIN = re.compile("(.*) ([xyz])", re.I)  # `toe X`, as QTM writes it; any name may precede X
+_PLAIN = re.compile(
+    "(.*) ([xyz])", re.I
+)  # `toe X`, as QTM writes it; any name may precede X
 # `toe_x`, `toe (x)`, `toe.X [mm]`
 _AXIS = re.compile(
-    r"(.*[^ ._:/\[(-]|)[ ._:/-]*[ ._:/\[(-]([xyz])[\])]?\.?([ _]?[\[( _](mm|cm|m|in)[\])]?)?", re.I
+    r"(.*[^ ._:/\[(-]|)[ ._:/-]*[ ._:/\[(-]([xyz])[\])]?\.?([ _]?[\[( _](mm|cm|m|in)[\])]?)?",
+    re.I,
 )
 COUNTERS = ("Frame", "Time")  # columns that may precede the coordinates
 
@@ -43,9 +53,9 @@ _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
 class QtmHeader:
     """Contents of the file before the first row of numbers.
 
-    ``values`` maps a key to its fields and ``lines`` to its line number. ``columns`` is the column
-    row, empty if there is none. The numbers start at byte ``offset``, after ``n_lines`` lines, with
-    the fields ``first_row``.
+    ``values`` maps a key to its fields and ``lines`` to its line number. ``columns`` is
+    the column row, empty if there is none. The numbers start at byte ``offset``, after
+    ``n_lines`` lines, with the fields ``first_row``.
     """
 
     path: Path
@@ -62,7 +72,11 @@ class QtmHeader:
 
     def place(self, key: str) -> str:
         """Return the file and line of `key`, for messages."""
-        return f"{self.path}, line {self.lines[key]}" if key in self.lines else str(self.path)
+        return (
+            f"{self.path}, line {self.lines[key]}"
+            if key in self.lines
+            else str(self.path)
+        )
 
     def number(self, key: str) -> float | None:
         """Return the value of `key` as a number; None if the key is absent.
@@ -85,12 +99,14 @@ def read_header(path: Path) -> QtmHeader:
     Raises
     ------
     RecordingError
-        If the file cannot be read, has no numbers, or has a line that is neither a key, a column
-        row nor numbers.
+        If the file cannot be read, has no numbers, or has a line that is neither a key,
+        a column row nor numbers.
     """
     header = QtmHeader(path)
     with text.readable(path) as file:
-        header.mark = text.mark_between([text.decoded(line) for line in islice(file, 5)])
+        header.mark = text.mark_between(
+            [text.decoded(line) for line in islice(file, 5)]
+        )
         file.seek(0)
         for line in file:
             fields = text.split_line(path, line, header.mark)
@@ -121,7 +137,10 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     if coordinate_stems(fields[1:4]):
         wanted = "Frame or Time (in s) before the coordinates"
         raise RecordingError.at(place, wanted, f"'{first[:40]}'")
-    near, key = did_you_mean(first.upper(), KEYS), re.split(r"[;, ]", first, maxsplit=1)[0]
+    near, key = (
+        did_you_mean(first.upper(), KEYS),
+        re.split(r"[;, ]", first, maxsplit=1)[0],
+    )
     if key != first and key.upper() in KEYS:
         near = "; separate the fields by tabs"
     raise RecordingError.at(place, "a header key or numbers", f"'{first[:40]}'{near}")
@@ -130,7 +149,9 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
 def _units(fields: list[str]) -> set[str]:
     """Return the units in a row below column names: a length, possibly seconds; else none."""
     found = {field.strip("[]()").lower() for field in fields} - {"", "-"}
-    return found if found <= _SECONDS | _LENGTHS and len(found & _LENGTHS) == 1 else set()
+    return (
+        found if found <= _SECONDS | _LENGTHS and len(found & _LENGTHS) == 1 else set()
+    )
 
 
 def _take(header: QtmHeader, fields: list[str]) -> None:
@@ -196,20 +217,27 @@ def coordinate(column: str) -> tuple[str, ...]:
 
 def unit_of(columns: list[str]) -> str:
     """Return the unit of length in column names; several are joined, which is not a unit."""
-    units = {found[4].lower() for found in map(_AXIS.fullmatch, columns) if found and found[4]}
+    units = {
+        found[4].lower()
+        for found in map(_AXIS.fullmatch, columns)
+        if found and found[4]
+    }
     return ", ".join(sorted(units))
 
 
 def coordinate_stems(columns: list[str]) -> list[str] | None:
     """Return marker names of columns in threes ``<name> X``, ``Y``, ``Z``; else None.
 
-    Axes may be in lower case. Between name and axis there may be a separator as in `coordinate`, or
-    nothing.
+    Axes may be in lower case. Between name and axis there may be a separator as in
+    `coordinate`, or nothing.
     """
     stems, names = [], [" ".join(coordinate(column)[-2:]) for column in columns]
     for i in range(0, len(names) - 2, 3):
         x, y, z = names[i : i + 3]
-        if x[-1:] + y[-1:] + z[-1:] not in ("XYZ", "xyz") or not x[:-1] == y[:-1] == z[:-1]:
+        if (
+            x[-1:] + y[-1:] + z[-1:] not in ("XYZ", "xyz")
+            or not x[:-1] == y[:-1] == z[:-1]
+        ):
             return None
         stems.append(x[:-1].strip())
     return stems if stems and len(columns) % 3 == 0 else None
@@ -221,8 +249,8 @@ def coordinate_stems(columns: list[str]) -> list[str] | None:
 def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...]]:
     """Return the place of the marker names, the names, the counters, and remarks.
 
-    Names come from ``MARKER_NAMES`` or the column row. A file of only numbers gets ``marker1``,
-    ``marker2`` and so on.
+    Names come from ``MARKER_NAMES`` or the column row. A file of only numbers gets
+    ``marker1``, ``marker2`` and so on.
 
     Raises
     ------
@@ -233,23 +261,37 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
     counters, stems = columns_of(header.columns) if header.columns else ([], None)
     if header.columns and stems is None:
         rest = header.columns[len(counters) :]
-        odd = next((i for i in range(0, len(rest), 3) if not coordinate_stems(rest[i : i + 3])), 0)
+        odd = next(
+            (
+                i
+                for i in range(0, len(rest), 3)
+                if not coordinate_stems(rest[i : i + 3])
+            ),
+            0,
+        )
         place = f"{here}, column {1 + len(counters) + odd}"
         found = ", ".join(repr(c) for c in rest[odd : odd + 3]) or "none"
         raise RecordingError.at(place, "the columns X, Y, Z of a marker", found)
     place, names = here, stems or []
     if "MARKER_NAMES" in header.values:
-        place, names = header.place("MARKER_NAMES"), text.trimmed(header.values["MARKER_NAMES"])
+        place, names = (
+            header.place("MARKER_NAMES"),
+            text.trimmed(header.values["MARKER_NAMES"]),
+        )
     elif not (header.columns or header.values):
         place, names = f"{header.path}, line 1", _numbered_names(header)
     if not names:
         hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
-        raise RecordingError.at(header.path, "MARKER_NAMES or a column row", f"neither{hint}")
+        raise RecordingError.at(
+            header.path, "MARKER_NAMES or a column row", f"neither{hint}"
+        )
     stated = header.number("NO_OF_MARKERS")
     remarks: tuple[str, ...] = ()
     if stated not in (None, len(names)):
         told = f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
-        if width in (3 * stated, 3 * stated + 2) and len(names) < stated:  # the last have no name
+        if (
+            width in (3 * stated, 3 * stated + 2) and len(names) < stated
+        ):  # the last have no name
             names += [""] * int(stated - len(names))
         elif width not in (3 * len(names), 3 * len(names) + 2):
             raise RecordingError(told)
@@ -261,7 +303,11 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
     if stems is None:
         counters = [*COUNTERS] if spare >= len(COUNTERS) else []
         spare -= len(counters)
-    if (stems and len(stems) != len(names)) or spare < 0 or any(header.first_row[width - spare :]):
+    if (
+        (stems and len(stems) != len(names))
+        or spare < 0
+        or any(header.first_row[width - spare :])
+    ):
         wanted = f"{3 * len(names)} columns (X, Y, Z of {len(names)} markers), or two more for "
         below = f"{header.path}, line {header.n_lines + 1}"
         raise RecordingError.at(below, f"{wanted}Frame and Time", width)
@@ -274,7 +320,9 @@ def _numbered_names(header: QtmHeader) -> list[str]:
     if n_columns % 3 == 0 and not header.first_row[-1] and all(header.first_row[:2]):
         since = f"since {n_columns} columns of which the last is empty can be read in two ways"
         found = "none; export with the column row"
-        raise RecordingError.at(f"{header.path}, line 1", f"a column row, {since}", found)
+        raise RecordingError.at(
+            f"{header.path}, line 1", f"a column row, {since}", found
+        )
     return [f"marker{i + 1}" for i in range(n_columns // 3)]
 
 
@@ -297,8 +345,8 @@ def moment(stated: Any) -> datetime | None:
 def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read a 3-D motion-data export of Qualisys Track Manager.
 
-    A marker counts as unseen if a coordinate is missing (empty, ``NULL``, ``NaN``), or if all three
-    are 0. A single 0 is a valid coordinate.
+    A marker counts as unseen if a coordinate is missing (empty, ``NULL``, ``NaN``), or
+    if all three are 0. A single 0 is a valid coordinate.
 
     Parameters
     ----------
@@ -315,7 +363,8 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
     Raises
     ------
     RecordingError
-        If the file cannot be read; names the file, the line, what was expected and found.
+        If the file cannot be read; names the file, the line, what was expected and
+        found.
     """
     header = read_header(path)
     if (kind := header.stated("DATA_INCLUDED", "3D")) != "3D":
@@ -323,13 +372,17 @@ def read_qtm_tsv(path: Path, *, rate_hz: float | None = None) -> raw.RawRecordin
         told = f"'{kind}'; export the trajectories as 3D data"
         raise RecordingError.at(place, "'3D'", told)
     place, names, counters, wrong = layout(header)
-    rows = text.Rows(header.path, header.n_lines, header.offset, len(header.first_row), header.mark)
+    rows = text.Rows(
+        header.path, header.n_lines, header.offset, len(header.first_row), header.mark
+    )
     columns = range(len(counters), len(counters) + 3 * len(names))
     counted, positions = rows.markers(counters, columns)
     key, by_name = "NO_OF_FRAMES", dict(zip(counters, counted.T, strict=True))
     wrong += raw.frame_count(header.place(key), key, header.number(key), len(positions))
     stamps = by_name.get("Time")
-    stopped = stamps is not None and _is_triggered(header) and not np.all(np.diff(stamps) > 0)
+    stopped = (
+        stamps is not None and _is_triggered(header) and not np.all(np.diff(stamps) > 0)
+    )
     told = "FREQUENCY is EXT and the time stamps do not increase; time counted from the frames"
     wrong += (f"{header.path}: {told}",) * bool(stopped)
     found = raw.assembled(
@@ -358,7 +411,9 @@ def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
     """Return the header's frame rate, Hz, or None; with an external trigger the given one."""
     near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
     if near and "FREQUENCY" not in header.values:
-        raise RecordingError.at(f"{header.path}: header", "the key FREQUENCY", f"none{near}")
+        raise RecordingError.at(
+            f"{header.path}: header", "the key FREQUENCY", f"none{near}"
+        )
     if _is_triggered(header):
         return raw.resolve_rate(header.place("FREQUENCY"), stated=None, given=given_hz)
     return header.number("FREQUENCY")
@@ -366,6 +421,8 @@ def _stated_rate(header: QtmHeader, given_hz: float | None) -> float | None:
 
 def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
     """Return a remark on events whose time does not match their frame, from 1."""
-    off = sum(abs(event.time_s * rate_hz - (frame - 1)) > 1 for event, frame in header.events)
+    off = sum(
+        abs(event.time_s * rate_hz - (frame - 1)) > 1 for event, frame in header.events
+    )
     told = f"in {off} of {len(header.events)} events the time is not that of the frame"
     return (f"{header.path}: EVENT: {told}; the time is used",) * bool(off)

@@ -24,7 +24,18 @@ MARKS = "\t;,"  # field separators, the most likely first
 # Programs write missing values as nothing, in words, or as their C library's NaN.
 _NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 TEXT_TABLE_MISSING = (
-    *("", "NULL", "Null", "null", "n/a", "N/A", "NA", "<NA>", *_NAN, *(f"-{nan}" for nan in _NAN)),
+    *(
+        "",
+        "NULL",
+        "Null",
+        "null",
+        "n/a",
+        "N/A",
+        "NA",
+        "<NA>",
+        *_NAN,
+        *(f"-{nan}" for nan in _NAN),
+    ),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
 CUT = "; the file ends here, was it cut short? export it again, or delete the last line"
@@ -49,7 +60,9 @@ def readable(path: Path, *, is_text: bool = True) -> Iterator[BinaryIO]:
             is_wide = begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
             if is_wide or (b"\r" in begin and not {*b"\n\0"} & {*begin}):
                 wide = decoded(begin + file.read())
-                narrow = io.BytesIO(wide.replace("\r\n", "\n").replace("\r", "\n").encode())
+                narrow = io.BytesIO(
+                    wide.replace("\r\n", "\n").replace("\r", "\n").encode()
+                )
                 del wide
                 _require_lines(path, narrow)
                 yield narrow
@@ -58,14 +71,16 @@ def readable(path: Path, *, is_text: bool = True) -> Iterator[BinaryIO]:
             yield file
     except OSError as error:
         told = error.strerror or error
-        raise RecordingError(f"{path}: expected a readable file, found: {told}") from None
+        raise RecordingError(
+            f"{path}: expected a readable file, found: {told}"
+        ) from None
 
 
 def _require_lines(path: Path, file: BinaryIO) -> None:
     """Refuse a file with a line that is longer than any of a sound file.
 
-    A longer line holds a whole window between two of the places looked at. So a look at a part of
-    the file suffices, unless a window has no line end.
+    A longer line holds a whole window between two of the places looked at. So a look at
+    a part of the file suffices, unless a window has no line end.
     """
     n_bytes = file.seek(0, os.SEEK_END)
     for at in range(0, n_bytes - _WINDOW, _APART):
@@ -82,7 +97,9 @@ def _require_lines(path: Path, file: BinaryIO) -> None:
         known = read + (len(block) if first < 0 else first)
         if known - begun > LONGEST_LINE:
             wanted = f"lines of at most {LONGEST_LINE:,} bytes"
-            raise RecordingError.at(path, wanted, "a longer one; is this one recording's table?")
+            raise RecordingError.at(
+                path, wanted, "a longer one; is this one recording's table?"
+            )
         if first >= 0:
             begun = read + block.rfind(b"\n") + 1
         read += len(block)
@@ -129,7 +146,9 @@ def decoded(data: bytes) -> str:
 
 def mark_between(lines: Sequence[str]) -> str:
     """Return the field separator: a tab if half of the first lines have one."""
-    if 2 * sum("\t" in line for line in lines) >= sum(bool(line.strip()) for line in lines):
+    if 2 * sum("\t" in line for line in lines) >= sum(
+        bool(line.strip()) for line in lines
+    ):
         return "\t"
     return max(";,", key="".join(lines).count)
 
@@ -144,7 +163,9 @@ def fields_of(line: str, mark: str = "\t") -> list[str]:
     fields = line.rstrip("\r\n").split(mark)
     if '"' in line:
         with suppress(csv.Error):  # a field of more than 131,072 characters
-            fields = next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
+            fields = next(
+                csv.reader([line], delimiter=mark, skipinitialspace=True), [""]
+            )
     return [field.strip() for field in fields] or [""]
 
 
@@ -226,12 +247,13 @@ class Rows:
     mark : str
         Field separator: one of `MARKS`, or blanks.
     may_be_short : bool
-        Whether fields lacking at the end of a row are missing values rather than a fault.
+        Whether fields lacking at the end of a row are missing values rather than a
+        fault.
     is_section : bool
         Whether an empty line ends the rows.
     needed : int, optional
-        Number of fields that are read, if rows may be shorter or longer than `width` beyond them.
-        Fields beyond `width` must be empty.
+        Number of fields that are read, if rows may be shorter or longer than `width`
+        beyond them. Fields beyond `width` must be empty.
     """
 
     path: Path
@@ -250,14 +272,14 @@ class Rows:
     def numbers(self, *columns: Sequence[int]) -> tuple[FloatArray, ...]:
         """Read an array (N, C) for each list of columns, NaN where a field is missing.
 
-        The decimal mark is that of the first row. Rows at the end in which all columns of the first
-        list are missing are dropped.
+        The decimal mark is that of the first row. Rows at the end in which all columns
+        of the first list are missing are dropped.
 
         Raises
         ------
         RecordingError
-            Naming line and column of the first field that is not a finite number, or the first row
-            that is too short or too long.
+            Naming line and column of the first field that is not a finite number, or
+            the first row that is too short or too long.
         """
         if self.width > MOST_COLUMNS:
             wanted = f"at most {MOST_COLUMNS:,} columns"
@@ -269,7 +291,9 @@ class Rows:
             tables = tuple(np.empty((n_lines, len(of))) for of in columns)
             n, has_commas = 0, False
             for number, rows, is_last in self._blocks(file):
-                has_commas = b"," in rows[0] and self.mark != "," if n == 0 else has_commas
+                has_commas = (
+                    b"," in rows[0] and self.mark != "," if n == 0 else has_commas
+                )
                 if has_commas:
                     rows = [row.replace(b",", b".") for row in rows]
                 values = self._values(number, rows, columns, is_last)
@@ -279,7 +303,9 @@ class Rows:
         while n and len(columns[0]) and np.isnan(tables[0][n - 1]).all():
             n -= 1
         if not n and not self.may_be_short:
-            raise RecordingError.at(self.path, "rows of numbers after the header", "none")
+            raise RecordingError.at(
+                self.path, "rows of numbers after the header", "none"
+            )
         return tuple(table[:n] for table in tables)
 
     def markers(
@@ -297,7 +323,9 @@ class Rows:
         if len(bad):
             row, column = bad[0]
             found = "a missing value"
-            raise RecordingError.at(f"{self.line(row)}: {counters[column]}", "a number", found)
+            raise RecordingError.at(
+                f"{self.line(row)}: {counters[column]}", "a number", found
+            )
         return counted, flat.reshape(len(flat), -1, 3)
 
     def texts(self, column: int) -> list[str]:
@@ -310,7 +338,8 @@ class Rows:
     def _fields(self, row: bytes) -> list[str]:
         """Split a row into `width` fields; missing ones are empty.
 
-        Only where blanks separate the fields can any be missing here: a row ends in none.
+        Only where blanks separate the fields can any be missing here: a row ends in
+        none.
         """
         fields = fields_of(decoded(row), self.mark)
         return fields + [""] * (self.width - len(fields))
@@ -327,7 +356,8 @@ class Rows:
     def _blocks(self, file: BinaryIO) -> Iterator[tuple[int, list[bytes], bool]]:
         """Yield the first line's number, rows of `width` fields, and whether the file ends here.
 
-        Empty lines are skipped. If rows may be short, empty lines before another row count as rows.
+        Empty lines are skipped. If rows may be short, empty lines before another row
+        count as rows.
         """
         file.seek(self.offset)
         mark, number, idle = self.mark.encode(), self.n_lines + 1, 0
@@ -340,9 +370,14 @@ class Rows:
             while lines and self.may_be_short and not lines[-1].strip():
                 lines.pop()
                 idle += 1
-            if any(line.count(mark) != self.width - 1 or b'"' in line for line in lines):
+            if any(
+                line.count(mark) != self.width - 1 or b'"' in line for line in lines
+            ):
                 last = len(lines) - 1 if is_last else -1
-                fitted = (self._fitted(one, number + k, k == last) for k, one in enumerate(lines))
+                fitted = (
+                    self._fitted(one, number + k, k == last)
+                    for k, one in enumerate(lines)
+                )
                 lines = list(filter(None, fitted))
             if lines:
                 yield number, lines, is_last
@@ -354,7 +389,10 @@ class Rows:
         is_row = line.count(mark) == self.width - 1 or self.may_be_short
         if not (is_row or line.strip(mark + b" \t\r\n")):
             return b""
-        fields = [f.replace(self.mark, HELD) for f in fields_of(line.decode("latin-1"), self.mark)]
+        fields = [
+            f.replace(self.mark, HELD)
+            for f in fields_of(line.decode("latin-1"), self.mark)
+        ]
         fewest = self.width
         if self.needed is not None:
             fewest = self.needed
@@ -362,12 +400,18 @@ class Rows:
                 fields = fields[: self.width]
         if len(fields) > self.width or (len(fields) < fewest and not self.may_be_short):
             place, cut = f"{self.path}, line {number}", CUT * is_last
-            raise RecordingError.at(place, f"{self.width} columns", f"{len(fields)}{cut}")
+            raise RecordingError.at(
+                place, f"{self.width} columns", f"{len(fields)}{cut}"
+            )
         fields += [""] * (self.width - len(fields))
         return (self.mark.join(fields) + "\n").encode("latin-1")
 
     def _values(
-        self, number: int, rows: list[bytes], columns: Sequence[Sequence[int]], is_last: bool
+        self,
+        number: int,
+        rows: list[bytes],
+        columns: Sequence[Sequence[int]],
+        is_last: bool,
     ) -> list[FloatArray]:
         """Read with pandas, which infers a column's type faster than it applies a given one."""
         block, wanted = b"".join(rows), sorted({c for of in columns for c in of})
@@ -383,12 +427,17 @@ class Rows:
                 found = [frame[list(of)].to_numpy(np.float64) for of in columns]
                 if not any(np.isinf(part).any() for part in found):
                     return found
-        except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
+        except (
+            ValueError,
+            OverflowError,
+        ) as error:  # pandas' own errors are ValueErrors
             cause = one_line(str(error))
         for k, row in enumerate(rows):
             fields = self._fields(row)
             for c in wanted:
-                if fields[c] not in TEXT_TABLE_MISSING and (fault := no_number(fields[c])):
+                if fields[c] not in TEXT_TABLE_MISSING and (
+                    fault := no_number(fields[c])
+                ):
                     cut = CUT * (is_last and row is rows[-1])
                     place = f"{self.path}, line {number + k}, column {c + 1}"
                     raise RecordingError(f"{place}: {fault}{cut}")
@@ -399,7 +448,9 @@ class Rows:
 
 STORAGE = (".mot", ".sto")  # OpenSim's files, whose columns may be separated by blanks
 MOST_LISTED = 12
-_LONGEST_HEADER = 1 << 17  # bytes of the lines above the names in OpenSim's files, usually 200
+_LONGEST_HEADER = (
+    1 << 17
+)  # bytes of the lines above the names in OpenSim's files, usually 200
 
 
 @dataclass(frozen=True)
@@ -481,7 +532,9 @@ def open_table(path: str | Path) -> ColumnTable:
         raise RecordingError.at(f"{path}, line {n_lines}", "names of columns", found)
     width = max(len(fields), len(fields_of(decoded(second), mark)))
     rows = Rows(path, n_lines, len(above) + len(first), width, mark, may_be_short=True)
-    clock = next((name for name in fields if is_storage and name.lower() == "time"), None)
+    clock = next(
+        (name for name in fields if is_storage and name.lower() == "time"), None
+    )
     return ColumnTable(tuple(fields), rows, clock)
 
 
@@ -496,7 +549,11 @@ def only_place(place: str, name: str, names: Sequence[str]) -> int:
     n_found = names.count(name)
     if n_found == 1:
         return names.index(name)
-    found = f"{n_found} of that name" if n_found else f"no '{name}'{did_you_mean(name, names)}"
+    found = (
+        f"{n_found} of that name"
+        if n_found
+        else f"no '{name}'{did_you_mean(name, names)}"
+    )
     raise RecordingError.at(place, f"'{name}' once among {listed(names)}", found)
 
 

@@ -15,7 +15,9 @@ KEYS = (
 )
 COUNTERS = ["Frame#", "Time"]
 _COUNTERS = (r"frames? ?#?", r"times?( ?\(s(ec)?\))?")
-_NAMED_LINES = 4  # file type, keys, values, marker names; axes and empty lines may follow
+_NAMED_LINES = (
+    4  # file type, keys, values, marker names; axes and empty lines may follow
+)
 
 
 def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -31,7 +33,8 @@ def read_trc(path: Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     Raises
     ------
     RecordingError
-        If the file cannot be read; names the file, the line, what was expected and found.
+        If the file cannot be read; names the file, the line, what was expected and
+        found.
     """
     values, markers, rows, remarks = _read_header(path)
     place, columns = f"{path}, line 3", range(2, 2 + 3 * len(markers))
@@ -85,7 +88,9 @@ class _Lines:
     mark: str
 
 
-def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
+def _read_header(
+    path: Path,
+) -> tuple[dict[str, str], tuple[str, ...], text.Rows, tuple[str, ...]]:
     """Return values by key, marker names, the location of the numbers, and remarks."""
     lines = _lines_above(path)
     values, unknown = _values(path, lines.named[1], lines.named[2])
@@ -110,7 +115,9 @@ def _read_header(path: Path) -> tuple[dict[str, str], tuple[str, ...], text.Rows
         wanted = f"{3 * len(markers)} columns of {len(markers)} markers"
         found = f"{max(n_axes, len(text.trimmed(lines.first)) - 2)}; the others are not read"
         remarks += (mismatch(path, wanted, found),)
-    rows = text.Rows(path, lines.n_above, lines.offset, width, lines.mark, needed=needed)
+    rows = text.Rows(
+        path, lines.n_above, lines.offset, width, lines.mark, needed=needed
+    )
     return values, markers, rows, remarks
 
 
@@ -132,7 +139,9 @@ def _lines_above(path: Path) -> _Lines:
         while first := file.readline():
             fields = text.split_line(path, first, _mark(first))
             is_blank = not any(fields)
-            if not is_blank and (axes is not None or text.is_number(text.pointed(fields[0]))):
+            if not is_blank and (
+                axes is not None or text.is_number(text.pointed(fields[0]))
+            ):
                 break
             if not is_blank:
                 axes = fields
@@ -166,7 +175,9 @@ def _count_columns(lines: _Lines, stated: float | None) -> int:
     if n_columns % 3:
         wanted = "X, Y, Z of each marker"
         found = f"{n_columns} numbers after {' and '.join(COUNTERS)}"
-        raise RecordingError.at(f"{lines.path}, line {lines.n_above + 1}", wanted, found)
+        raise RecordingError.at(
+            f"{lines.path}, line {lines.n_above + 1}", wanted, found
+        )
     return n_columns
 
 
@@ -175,13 +186,17 @@ def _with_columns(
 ) -> tuple[list[str], tuple[str, ...]]:
     """Return the names of the markers that have columns, and a remark on the other names.
 
-    Cortex names its virtual markers behind the measured ones, also where it exports no columns
-    for them. They are left out if `NumMarkers` agrees with the columns.
+    Cortex names its virtual markers behind the measured ones, also where it exports no
+    columns for them. They are left out if `NumMarkers` agrees with the columns.
     """
     fields = lines.named[3]
     n_markers = n_axes // 3
     named = [k for k, name in enumerate(fields) if k >= 2 and name]
-    if stated != n_markers or len(named) <= n_markers or fields[2:].count(fields[2]) == 3:
+    if (
+        stated != n_markers
+        or len(named) <= n_markers
+        or fields[2:].count(fields[2]) == 3
+    ):
         return _names(lines.path, fields, n_axes), ()
     last = named[n_markers - 1]
     beyond = [fields[k] for k in named[n_markers:]]
@@ -197,25 +212,37 @@ def _values(
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Return values by key, and remarks on unknown keys, which are ignored."""
     known = {key.lower(): key for key in KEYS}
-    keys, values = " ".join(keys).split(), " ".join(values).split()  # some use blanks for tabs
+    keys, values = (
+        " ".join(keys).split(),
+        " ".join(values).split(),
+    )  # some use blanks for tabs
     keys = [known.get(key.lower(), key) for key in keys]
     if len(keys) != len(values) or len(set(keys)) != len(keys):
         wanted = f"a value for each of {len(keys)} different keys"
         raise RecordingError.at(f"{path}, line 3", wanted, f"{len(values)} values")
     place, wanted = f"{path}, line 2", f"keys such as {', '.join(KEYS[:5])}"
     odd = (f"'{key[:40]}'{did_you_mean(key, KEYS)}" for key in keys if key not in KEYS)
-    remarks = tuple(mismatch(place, wanted, f"{found}; it is not read") for found in odd)
+    remarks = tuple(
+        mismatch(place, wanted, f"{found}; it is not read") for found in odd
+    )
     return dict(zip(keys, values, strict=True)), remarks
 
 
 def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
     """Return marker names, from the first of three columns each, or from anywhere if complete."""
     place = f"{path}, line 4"
-    if not (len(fields) > 1 and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))):
+    if not (
+        len(fields) > 1
+        and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))
+    ):
         raise RecordingError.at(place, " and ".join(COUNTERS), fields[:2])
     cells = text.trimmed(fields[2:])
-    if len(cells) == n_axes and all(cells[k] == cells[k - k % 3] for k in range(n_axes)):
-        cells = [name if k % 3 == 0 else "" for k, name in enumerate(cells)]  # each name thrice
+    if len(cells) == n_axes and all(
+        cells[k] == cells[k - k % 3] for k in range(n_axes)
+    ):
+        cells = [
+            name if k % 3 == 0 else "" for k, name in enumerate(cells)
+        ]  # each name thrice
     names = [name for name in cells if name]
     astray = next((i for i, name in enumerate(cells) if name and i % 3), None)
     if astray is None:
@@ -235,9 +262,12 @@ def _count_axes(path: Path, fields: list[str]) -> int:
     """Require the fifth line to be X1, Y1, Z1, X2 and so on."""
     found = [field for field in fields if field]
     for i, have in enumerate(found):
-        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"  # some count from 0, skip numbers or do not count
+        # Some count from 0, skip numbers or do not count
+        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"
         if not re.fullmatch(rf"{want[0]}\d*", have.upper()):
             raise RecordingError.at(f"{path}, line 5", f"'{want}'", f"'{have[:40]}'")
     if len(found) % 3:
-        raise RecordingError.at(f"{path}, line 5", "X, Y, Z of each marker", f"{found[-1]} last")
+        raise RecordingError.at(
+            f"{path}, line 5", "X, Y, Z of each marker", f"{found[-1]} last"
+        )
     return len(found)

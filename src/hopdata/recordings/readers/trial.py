@@ -1,12 +1,13 @@
 """A trial of HDF5 files without a seal in another process, in case the library never answers.
 
-On a damaged file the HDF5 library may run for ever or end the process, and neither can be
-stopped from within. So a child process first reads the whole file, with limits on its time
-and memory that follow from the file's size. Files that hopdata has sealed need no trial.
+On a damaged file the HDF5 library may run for ever or end the process, and neither can
+be stopped from within. So a child process first reads the whole file, with limits on
+its time and memory that follow from the file's size. Files that hopdata has sealed need
+no trial.
 
 The child serves one file after another, so it costs some 0.3 s once and little for each
-further file. It ends with this process. Where no child can be started, or it cannot import
-hopdata, files are read without a trial: that says nothing about a file.
+further file. It ends with this process. Where no child can be started, or it cannot
+import hopdata, files are read without a trial: that says nothing about a file.
 """
 
 import atexit
@@ -24,19 +25,22 @@ from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.recordings.budget import DEFLATE_MOST, seconds_to_read
 
-# Wall-clock time in units of the CPU time: a shared or slow machine gives a process a part of
-# its time, and where CPU time cannot be limited this is the only limit. 1.5 times larger: a
-# hang that takes no CPU time is told 1.5 times later.
+# Wall-clock time in units of the CPU time: a shared or slow machine gives a process a
+# part of its time, and where CPU time cannot be limited this is the only limit. 1.5
+# times larger: a hang that takes no CPU time is told 1.5 times later.
 _WALL_PER_CPU = 20
 _MEMORY_PER_BYTE = 3  # copies of the content that the child may hold
-_LEAST_MEMORY = 1 << 30  # bytes; what the libraries themselves reserve when they first work
+_LEAST_MEMORY = (
+    1 << 30
+)  # bytes; what the libraries themselves reserve when they first work
 
-# Wall-clock time in which a child must start, s: it takes 0.3 s on a computer of 2020, and a
-# minute from a slow network disk. 1.5 times larger: where a child hangs at its start, each file
-# waits 1.5 times longer.
+# Wall-clock time in which a child must start, s: it takes 0.3 s on a computer of 2020,
+# and a minute from a slow network disk. 1.5 times larger: where a child hangs at its
+# start, each file waits 1.5 times longer.
 _START_S = 120.0
-# Wall-clock time in which a child that is killed must end, s; the system needs some ms. 1.5 times
-# larger: a child that the system cannot end, say on a dead network disk, is left 1.5 times later.
+# Wall-clock time in which a child that is killed must end, s; the system needs some ms.
+# 1.5 times larger: a child that the system cannot end, say on a dead network disk, is
+# left 1.5 times later.
 _END_S = 10.0
 
 READY = "ready\n"
@@ -61,7 +65,8 @@ def require_answer(path: str | Path, most_unpacked_mb: float) -> None:
     Raises
     ------
     RecordingError
-        If the library takes more time than a file of this size can need, or ends the process.
+        If the library takes more time than a file of this size can need, or ends the
+        process.
     """
     place = Path(path).resolve()
     found = place.stat()
@@ -98,7 +103,9 @@ def _tried(place: Path, seconds: float, most_unpacked_mb: float) -> str:
         answer = child.stdout.readline()
     except OSError:  # the child died before it could read the line
         answer = ""
-    except BaseException:  # interrupted: its answer would be taken for that of the next file
+    except (
+        BaseException
+    ):  # interrupted: its answer would be taken for that of the next file
         _end_own()
         raise
     finally:
@@ -125,7 +132,9 @@ def _ended_with(code: int) -> str:
         return f"{endless}; it is damaged, copy it anew"
     if -code in _signals("SIGKILL"):  # also what a system does that runs out of memory
         crowded = "for which this computer has too little free memory"
-        return f"{endless}, or {crowded}; try again with more free memory, or copy it anew"
+        return (
+            f"{endless}, or {crowded}; try again with more free memory, or copy it anew"
+        )
     return f"one that ends the HDF5 library (exit code {code}); it is damaged, copy it anew"
 
 
@@ -198,7 +207,9 @@ def _ended(child: "subprocess.Popen[str]") -> None:
     with suppress(subprocess.TimeoutExpired):
         child.wait(_END_S)
     for pipe in (child.stdin, child.stdout):
-        with suppress(OSError, ValueError):  # what it did not read cannot be written any more
+        with suppress(
+            OSError, ValueError
+        ):  # what it did not read cannot be written any more
             if pipe is not None:
                 pipe.close()
 
@@ -243,7 +254,10 @@ def _limit(path: Path, seconds: float, most_unpacked_mb: float) -> None:
     with suppress(OSError, ValueError):
         most = resource.RLIM_INFINITY  # lifts the limit of an earlier file
         if most_unpacked_mb != float("inf"):
-            own = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            own = (
+                int(Path("/proc/self/statm").read_text().split()[0])
+                * resource.getpagesize()
+            )
             unpacked = min(1e6 * most_unpacked_mb, DEFLATE_MOST * path.stat().st_size)
             for_file = int(_MEMORY_PER_BYTE * unpacked)
             most = own + _LEAST_MEMORY + for_file

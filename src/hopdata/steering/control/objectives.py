@@ -18,7 +18,9 @@ class ToPoint:
     point_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        require(is_finite(self.point_m, (2,)), "point_m", "two finite numbers", self.point_m)
+        require(
+            is_finite(self.point_m, (2,)), "point_m", "two finite numbers", self.point_m
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +115,11 @@ class Controller(Protocol):
     """Chooses the next swing from the state at a stance."""
 
     def plan(
-        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
+        self,
+        pose: ArrayLike,
+        boom_angle_rad: float,
+        previous_swing_rad: float | None = None,
+        /,
     ) -> Plan:
         """Plan from a pose (3,) and a boom angle.
 
@@ -133,13 +139,20 @@ def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, f
     Raises
     ------
     PlanningError
-        If the pose is not three finite numbers of plausible size, or the angle is not finite.
+        If the pose is not three finite numbers of plausible size, or the angle is not
+        finite.
     """
     if not is_finite(pose, (3,)):
-        raise PlanningError(f"plan: expected a pose of three finite numbers, found {pose!r}")
+        raise PlanningError(
+            f"plan: expected a pose of three finite numbers, found {pose!r}"
+        )
     if not is_finite(boom_angle_rad):
-        raise PlanningError(f"plan: expected a finite boom angle, found {boom_angle_rad!r}")
+        raise PlanningError(
+            f"plan: expected a finite boom angle, found {boom_angle_rad!r}"
+        )
     state = np.array(pose, dtype=float)
     if np.abs(state).max() > FARTHEST:
-        raise PlanningError(f"plan: expected a pose within {FARTHEST:.0f} m, found {pose!r}")
+        raise PlanningError(
+            f"plan: expected a pose within {FARTHEST:.0f} m, found {pose!r}"
+        )
     return state, float(boom_angle_rad) % (2 * np.pi)

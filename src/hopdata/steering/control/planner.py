@@ -1,16 +1,17 @@
 """A planner that reaches a point from any heading: a short look ahead, then the cost-to-go.
 
-A turn takes more than three hops. The printed controller, facing away from the point, therefore
-sees no swings that bring it nearer, and hops on the spot. The cost-to-go knows the way round: it is
-the cost of continuing optimally from a state, computed by policy iteration on a grid.
+A turn takes more than three hops. The printed controller, facing away from the point,
+therefore sees no swings that bring it nearer, and hops on the spot. The cost-to-go
+knows the way round: it is the cost of continuing optimally from a state, computed by
+policy iteration on a grid.
 
-Relative to the hopper, "go to a point" depends on three numbers: the distance and the bearing of
-the point, and the boom angle. "Turn to a heading" depends on two: the heading error and the boom
-angle. The planner minimises the discounted number of hops until the first arrival. Hops do not end
-exactly where they are predicted to, so the cost-to-go averages over where they may end, and the
-planner aims at the goal rather than at the edge of the goal region. Costs after a stance are
-weighted by how far it is from being an arrival, so there is nothing to gain by lingering just
-outside.
+Relative to the hopper, "go to a point" depends on three numbers: the distance and the
+bearing of the point, and the boom angle. "Turn to a heading" depends on two: the
+heading error and the boom angle. The planner minimises the discounted number of hops
+until the first arrival. Hops do not end exactly where they are predicted to, so the
+cost-to-go averages over where they may end, and the planner aims at the goal rather
+than at the edge of the goal region. Costs after a stance are weighted by how far it is
+from being an arrival, so there is nothing to gain by lingering just outside.
 """
 
 from __future__ import annotations
@@ -37,14 +38,21 @@ TOLERANCE = 1e-3  # largest change of the cost-to-go in the last sweep
 MOST_SWEEPS = 200
 SWEEPS_BETWEEN = 24  # evaluations of the current policy before it is improved again
 
-# Distances are closer together near the goal than at the far end by the factor exp(STRETCH).
+# Distances are closer together near the goal than at the far end by the factor
+# exp(STRETCH).
 STRETCH = 3.5
-SHARPNESS = 8  # of the goal region's edge, which is mostly within 0.8 to 1.3 times its width
-BEYOND = 5.0  # cost per metre beyond the last distance: its slope there (4 to 9 cm per hop)
+SHARPNESS = (
+    8  # of the goal region's edge, which is mostly within 0.8 to 1.3 times its width
+)
+BEYOND = (
+    5.0  # cost per metre beyond the last distance: its slope there (4 to 9 cm per hop)
+)
 
 #: Number of swings tried in each hop before refinement, by the number of hops.
 SWINGS_TRIED = {1: 101, 2: 31, 3: 13}
-FINEST_RAD = 5e-3  # smallest step of the refinement, which tries swings a third of a step apart
+FINEST_RAD = (
+    5e-3  # smallest step of the refinement, which tries swings a third of a step apart
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +80,8 @@ class PointGrid(_Grid):
     width : float
         Radius of the goal region, m.
     scatter : tuple of float
-        Standard deviation of a hop's end about its prediction, m, m, rad. The default is the error
-        of a model learned from 100 hops (``model_scores.csv``).
+        Standard deviation of a hop's end about its prediction, m, m, rad. The default
+        is the error of a model learned from 100 hops (``model_scores.csv``).
     """
 
     distances: int = 40
@@ -87,11 +95,16 @@ class PointGrid(_Grid):
     def distances_m(self) -> FloatArray:
         """Distances (D,) of the nodes, m."""
         place = np.linspace(0.0, 1.0, self.distances)
-        return np.asarray(self.farthest_m * np.expm1(STRETCH * place) / np.expm1(STRETCH))
+        return np.asarray(
+            self.farthest_m * np.expm1(STRETCH * place) / np.expm1(STRETCH)
+        )
 
     def nodes(self) -> FloatArray:
         """Return the point's relative pose at the nodes, (D, B, 3)."""
-        distance, bearing = self.distances_m[:, None], tables.turn_nodes(self.bearings) - np.pi
+        distance, bearing = (
+            self.distances_m[:, None],
+            tables.turn_nodes(self.bearings) - np.pi,
+        )
         x, y = distance * np.cos(bearing), distance * np.sin(bearing)
         return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
@@ -153,9 +166,9 @@ class CostToGo:
     Parameters
     ----------
     values : (D, B, A) or (E, A) array
-        Expected cost of a stance predicted there, including all later ones; by distance, bearing
-        and boom angle, or by heading error and boom angle. Bearings and errors are evenly spaced
-        from -pi, boom angles from 0.
+        Expected cost of a stance predicted there, including all later ones; by
+        distance, bearing and boom angle, or by heading error and boom angle. Bearings
+        and errors are evenly spaced from -pi, boom angles from 0.
     grid : PointGrid or HeadingGrid
     """
 
@@ -168,7 +181,10 @@ class CostToGo:
 
     def ahead(self, left: FloatArray, boom_angle_rad: ArrayLike) -> FloatArray:
         """Return the cost of stances predicted at `left` (..., 3); linear between the nodes."""
-        places = (*self.grid.places(left), _boom_places(boom_angle_rad, self.grid.boom_angles))
+        places = (
+            *self.grid.places(left),
+            _boom_places(boom_angle_rad, self.grid.boom_angles),
+        )
         return _between(self._closed, np.stack(places)) + self.grid.beyond(left)
 
 
@@ -207,7 +223,9 @@ def _averages(grid: Grid) -> tuple[FloatArray, Any]:
         weight = DISCOUNT * away * np.prod(1.0 - np.abs(places - at), axis=0)
         column = np.ravel_multi_index(tuple(at), nodes.shape[:-1], mode=modes)
         total += csr_array((weight.ravel(), (row, column.ravel())), total.shape)
-    return (away * (1.0 + DISCOUNT * grid.beyond(left))).sum(axis=1, keepdims=True), total
+    return (away * (1.0 + DISCOUNT * grid.beyond(left))).sum(
+        axis=1, keepdims=True
+    ), total
 
 
 def cost_to_go(
@@ -215,16 +233,17 @@ def cost_to_go(
 ) -> CostToGo:
     """Compute the cost-to-go on a grid by policy iteration.
 
-    The best swings are chosen, their cost is evaluated over several hops, and they are chosen
-    again. Where each swing leads is computed only once, since it does not change.
+    The best swings are chosen, their cost is evaluated over several hops, and they are
+    chosen again. Where each swing leads is computed only once, since it does not
+    change.
 
     Parameters
     ----------
     model : TabulatedMap
     grid : PointGrid or HeadingGrid
     begin : CostToGo, optional
-        Cost-to-go on the same grid for a slightly different map. One policy improvement of it is
-        returned, whether or not it has converged.
+        Cost-to-go on the same grid for a slightly different map. One policy improvement
+        of it is returned, whether or not it has converged.
 
     Raises
     ------
@@ -244,12 +263,17 @@ def cost_to_go(
 
     def foretold(after: FloatArray) -> FloatArray:
         """Return the expected cost at predicted nodes, given the cost after a stance."""
-        return np.asarray(mean + average @ after.reshape(len(mean), -1)).reshape(after.shape)
+        return np.asarray(mean + average @ after.reshape(len(mean), -1)).reshape(
+            after.shape
+        )
 
     for _ in range(MOST_SWEEPS if begin is None else 1):
         costs = beyond + _between(_closed(values), places)
         best = costs.argmin(axis=-1)[..., None]
-        before, values = values, foretold(np.take_along_axis(costs, best, axis=-1)[..., 0])
+        before, values = (
+            values,
+            foretold(np.take_along_axis(costs, best, axis=-1)[..., 0]),
+        )
         if np.abs(values - before).max() < TOLERANCE:
             return CostToGo(values, grid)
         stage = np.take_along_axis(beyond, best, axis=-1)[..., 0]
@@ -288,7 +312,11 @@ class Planner:
         return planner(self.model, objective, horizon=self.horizon)
 
     def plan(
-        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
+        self,
+        pose: ArrayLike,
+        boom_angle_rad: float,
+        previous_swing_rad: float | None = None,
+        /,
     ) -> objectives.Plan:
         """Plan from a pose and a boom angle; the previous swing is ignored."""
         del previous_swing_rad
@@ -299,31 +327,48 @@ class Planner:
             left = relative(start, [*self.objective.point_m, start[2]])
         hops, limit = self.horizon.hops, self.horizon.swing_limit_rad
         tried = SWINGS_TRIED[hops]
-        value, swings = self._best(left, boom, [np.linspace(-limit, limit, tried)] * hops)
+        value, swings = self._best(
+            left, boom, [np.linspace(-limit, limit, tried)] * hops
+        )
         step = 2 * limit / (tried - 1)
         while step > FINEST_RAD:
-            near = np.clip(swings[:, None] + step * np.linspace(-1, 1, 7), -limit, limit)
+            near = np.clip(
+                swings[:, None] + step * np.linspace(-1, 1, 7), -limit, limit
+            )
             value, swings = self._best(left, boom, near)
             step /= 3
-        return objectives.Plan(swings, predicted_poses(self.model, start, boom, swings), value)
+        return objectives.Plan(
+            swings, predicted_poses(self.model, start, boom, swings), value
+        )
 
     def _best(
         self, left: FloatArray, boom: float, tried: Iterable[FloatArray]
     ) -> tuple[float, FloatArray]:
         """Return the least cost over all sequences of the swings tried, and its swings."""
-        grid, total, weight, booms = self.cost_to_go.grid, np.zeros(()), np.ones(()), np.array(boom)
+        grid, total, weight, booms = (
+            self.cost_to_go.grid,
+            np.zeros(()),
+            np.ones(()),
+            np.array(boom),
+        )
         for hop, swing in enumerate(tried):
             if hop:  # the previous stance is only predicted, and may be an arrival
                 away = weight * _away(grid, grid.perhaps(left)).mean(axis=-1)
                 total, weight = total + away, DISCOUNT * away
             shape = (*booms.shape, len(swing))
-            at = [np.broadcast_to(one, shape).ravel() for one in (booms[..., None], swing)]
-            left = relative(self.model.change(*at).reshape(*shape, 3), left[..., None, :])
+            at = [
+                np.broadcast_to(one, shape).ravel() for one in (booms[..., None], swing)
+            ]
+            left = relative(
+                self.model.change(*at).reshape(*shape, 3), left[..., None, :]
+            )
             booms = booms[..., None] + swing
             total, weight = total[..., None], weight[..., None]
         total = total + weight * self.cost_to_go.ahead(left, booms)
         best = np.unravel_index(total.argmin(), total.shape)
-        return float(total[best]), np.array([one[k] for one, k in zip(tried, best, strict=True)])
+        return float(total[best]), np.array(
+            [one[k] for one, k in zip(tried, best, strict=True)]
+        )
 
 
 def planner(
@@ -334,8 +379,16 @@ def planner(
     grid: Grid | None = None,
 ) -> Planner:
     """Return a planner after computing its cost-to-go, which takes a few seconds."""
-    objective, horizon = objective or objectives.ToPoint(), horizon or objectives.Horizon(hops=2)
-    require(horizon.hops in SWINGS_TRIED, "hops", f"one of {sorted(SWINGS_TRIED)}", horizon.hops)
+    objective, horizon = (
+        objective or objectives.ToPoint(),
+        horizon or objectives.Horizon(hops=2),
+    )
+    require(
+        horizon.hops in SWINGS_TRIED,
+        "hops",
+        f"one of {sorted(SWINGS_TRIED)}",
+        horizon.hops,
+    )
     limit = horizon.swing_limit_rad
     if not (isinstance(model, tables.TabulatedMap) and model.swing_limit_rad == limit):
         model = tables.tabulated(model, limit)
@@ -355,8 +408,8 @@ COARSE_TABLE = {"angles": 64, "swings": 17}  # size of the table of the correcte
 class AdaptivePlanner:
     """Plans with a map that it corrects at each stance by the hop just made.
 
-    At each hop, one policy improvement on a coarse grid adapts the cost-to-go to the map. A planner
-    remembers what it has learned, so each run needs its own.
+    At each hop, one policy improvement on a coarse grid adapts the cost-to-go to the
+    map. A planner remembers what it has learned, so each run needs its own.
 
     Parameters
     ----------
@@ -370,7 +423,9 @@ class AdaptivePlanner:
         limit = known.model.swing_limit_rad
         self.correction = tables.Correction(limit, np.asarray(noise, dtype=float))
         self._known = tables.tabulated(known.model, limit, **COARSE_TABLE)
-        nodes = np.meshgrid(self._known.boom_angle_rad, self._known.swing_rad, indexing="ij")
+        nodes = np.meshgrid(
+            self._known.boom_angle_rad, self._known.swing_rad, indexing="ij"
+        )
         self._at = self.correction.functions(*nodes)
         ahead = cost_to_go(self._known, COARSE[type(known.cost_to_go.grid)])
         self._planner = replace(known, cost_to_go=ahead)
@@ -382,7 +437,11 @@ class AdaptivePlanner:
         return self
 
     def plan(
-        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
+        self,
+        pose: ArrayLike,
+        boom_angle_rad: float,
+        previous_swing_rad: float | None = None,
+        /,
     ) -> objectives.Plan:
         """Learn from the previous hop, if its swing is known, then plan."""
         here, boom = objectives.checked_state(pose, boom_angle_rad)
@@ -392,14 +451,18 @@ class AdaptivePlanner:
         return self._planner.plan(here, boom)
 
     @one_blas_thread()
-    def _learn(self, start: FloatArray, boom: float, swing: float, here: FloatArray) -> None:
+    def _learn(
+        self, start: FloatArray, boom: float, swing: float, here: FloatArray
+    ) -> None:
         """Correct the map and the cost-to-go from an observed hop."""
         known, limit = self._known, self._known.swing_limit_rad
         swing = float(np.clip(swing, -limit, limit))
         missed = relative(start, here) - known.change(boom, swing)[0]
         missed[2] = wrapped(missed[2])
         self.correction.learn(boom, swing, missed)
-        model = tables.TabulatedMap(known.values + self.correction.added(self._at), limit)
+        model = tables.TabulatedMap(
+            known.values + self.correction.added(self._at), limit
+        )
         before = self._planner.cost_to_go
         ahead = cost_to_go(model, before.grid, begin=before)
         self._planner = replace(self._planner, model=model, cost_to_go=ahead)

@@ -18,9 +18,10 @@ DIFFERENCE_RAD = 1e-8  # scipy's own step, but with all differences evaluated at
 class PrintedController:
     """Predictive control by scipy's L-BFGS-B with finite differences of the objective.
 
-    The text does not say where the search begins. A single descent does not find the other way
-    round, so up to four are made and the best is kept. They begin with the same swing in all hops:
-    half the limit to the left, none, half the limit to the right, or the previous swing.
+    The text does not say where the search begins. A single descent does not find the
+    other way round, so up to four are made and the best is kept. They begin with the
+    same swing in all hops: half the limit to the left, none, half the limit to the
+    right, or the previous swing.
 
     Parameters
     ----------
@@ -39,11 +40,18 @@ class PrintedController:
 
     @one_blas_thread()
     def plan(
-        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
+        self,
+        pose: ArrayLike,
+        boom_angle_rad: float,
+        previous_swing_rad: float | None = None,
+        /,
     ) -> objectives.Plan:
         """Plan from a pose and a boom angle; one search begins with the previous swing."""
         start, boom = objectives.checked_state(pose, boom_angle_rad)
-        ends = [self.descended(start, boom, one) for one in self.first_swings(previous_swing_rad)]
+        ends = [
+            self.descended(start, boom, one)
+            for one in self.first_swings(previous_swing_rad)
+        ]
         solved = min(ends, key=lambda end: end.fun)
         poses = predicted_poses(self.model, start, boom, solved.x)
         return objectives.Plan(solved.x, poses, float(solved.fun))
@@ -56,7 +64,9 @@ class PrintedController:
             again = float(np.clip(previous_swing_rad, -limit, limit))
         return tuple(dict.fromkeys((limit / 2, 0.0, -limit / 2, again)))
 
-    def descended(self, pose: FloatArray, boom_angle_rad: float, first_rad: float) -> Any:
+    def descended(
+        self, pose: FloatArray, boom_angle_rad: float, first_rad: float
+    ) -> Any:
         """Search from the same initial swing in all hops."""
         from scipy.optimize import minimize
 
@@ -64,14 +74,20 @@ class PrintedController:
 
         def value_and_slope(swings: FloatArray) -> tuple[float, FloatArray]:
             """Return the objective, and its slope by differences that stay within the limit."""
-            steps = np.where(swings + DIFFERENCE_RAD > limit, -DIFFERENCE_RAD, DIFFERENCE_RAD)
+            steps = np.where(
+                swings + DIFFERENCE_RAD > limit, -DIFFERENCE_RAD, DIFFERENCE_RAD
+            )
             tried = swings + np.vstack([np.zeros(hops), np.diag(steps)])
             poses = predicted_poses(self.model, pose, boom_angle_rad, tried)
             values = objectives.errors_left(self.objective, poses[1:]).sum(axis=0)
-            return float(values[0]), (values[1:] - values[0]) / np.diag(tried[1:] - swings)
+            return float(values[0]), (values[1:] - values[0]) / np.diag(
+                tried[1:] - swings
+            )
 
         first, bounds = np.full(hops, first_rad), [(-limit, limit)] * hops
-        return minimize(value_and_slope, first, jac=True, method="L-BFGS-B", bounds=bounds)
+        return minimize(
+            value_and_slope, first, jac=True, method="L-BFGS-B", bounds=bounds
+        )
 
 
 def predicted_poses(
@@ -81,6 +97,8 @@ def predicted_poses(
     swings = np.moveaxis(np.asarray(swings_rad, dtype=float), -1, 0)
     booms = boom_angle_rad + np.cumsum(swings, axis=0) - swings
     change = model.change(booms.ravel(), swings.ravel()).reshape(*swings.shape, 3)
-    poses = np.concatenate([np.broadcast_to(pose, change[:1].shape), change])  # to be summed
+    poses = np.concatenate(
+        [np.broadcast_to(pose, change[:1].shape), change]
+    )  # to be summed
     poses[1:] = turned(change, -np.cumsum(poses[:-1, ..., 2], axis=0))
     return np.cumsum(poses, axis=0)

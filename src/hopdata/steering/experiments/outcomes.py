@@ -12,8 +12,8 @@ from hopdata.steering.experiments import tasks
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.trial import TrueFrameChanges
 
-# Requirements on the planner in its worst seed: the least success rate, and the largest ratio of
-# its hops to those of the policy that knows the true map.
+# Requirements on the planner in its worst seed: the least success rate, and the largest
+# ratio of its hops to those of the policy that knows the true map.
 ASKED_RATE, ASKED_RATIO = 27 / 30, 1.3
 
 GROUP = ["experiment", "controller"]
@@ -31,13 +31,14 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        ``experiment, controller, seeds, runs`` (all); ``worst, median``, the lowest and the median
-        success rate over the seeds, and ``worst_seed``, the seed of the lowest; ``hops`` (median
-        over the successful runs); ``ratio, worst_ratio``, median and largest over the seeds of the
-        hops (median) relative to those of the policy that knows the map, on the starts from which
-        both succeed; ``last_error`` (median over the successful runs, m or rad); ``late, fell,
-        untouched`` (runs that failed in this way); ``touched`` (runs that touched the board);
-        ``blind`` (stances at which nothing was known); ``met``, whether the worst seed meets the
+        ``experiment, controller, seeds, runs`` (all); ``worst, median``, the lowest and
+        the median success rate over the seeds, and ``worst_seed``, the seed of the
+        lowest; ``hops`` (median over the successful runs); ``ratio, worst_ratio``,
+        median and largest over the seeds of the hops (median) relative to those of the
+        policy that knows the map, on the starts from which both succeed; ``last_error``
+        (median over the successful runs, m or rad); ``late, fell, untouched`` (runs
+        that failed in this way); ``touched`` (runs that touched the board); ``blind``
+        (stances at which nothing was known); ``met``, whether the worst seed meets the
         requirements on the planner, empty for the others.
     """
     rows = []
@@ -45,7 +46,9 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
         of_all = runs[runs["experiment"] == experiment]
         best = of_all[(of_all["controller"] == tasks.CEILING) & of_all["success"]]
         good, rates = group[group["success"]], group.groupby("seed")["success"].mean()
-        pairs = good.merge(best, on=["seed", "run"], suffixes=("", "_best")).groupby("seed")
+        pairs = good.merge(best, on=["seed", "run"], suffixes=("", "_best")).groupby(
+            "seed"
+        )
         ratios = pairs["hops"].median() / pairs["hops_best"].median()
         row: dict[str, Any] = {
             "experiment": experiment, "controller": controller, "seeds": len(rates),
@@ -57,13 +60,18 @@ def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
             "touched": int((group["touched"] > 0).sum()), "blind": int(group["blind"].sum()),
         }  # fmt: skip
         met = row["worst"] >= ASKED_RATE - 1e-9 and row["worst_ratio"] <= ASKED_RATIO
-        rows.append(row | {"met": ("yes" if met else "no") if controller == tasks.PLANNER else ""})
+        rows.append(
+            row
+            | {"met": ("yes" if met else "no") if controller == tasks.PLANNER else ""}
+        )
     return pd.DataFrame(rows)
 
 
 # What was observed and learned, compared with the simulator's truth.
 
-SAME_STANCE_S = 0.1  # largest time between an observed and a true stance: a sixth of a hop
+SAME_STANCE_S = (
+    0.1  # largest time between an observed and a true stance: a sixth of a hop
+)
 COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
 
 Score: TypeAlias = tuple[float, str, str]  # value, unit, description
@@ -83,10 +91,11 @@ def truth_entries(
     Parameters
     ----------
     motion, true_motion : DataFrame
-        One row per frame: pose and ``boom_angle_rad``; the true one also has ``tilt_rad``.
+        One row per frame: pose and ``boom_angle_rad``; the true one also has
+        ``tilt_rad``.
     stances, true_stances : DataFrame
-        One row per stance: ``time_s``, and ``follows``, whether the previous row is the stance one
-        hop before.
+        One row per stance: ``time_s``, and ``follows``, whether the previous row is the
+        stance one hop before.
     model : FrameChangeMap
     true_map : TrueFrameChanges
     """
@@ -112,11 +121,19 @@ def _pose_scores(motion: pd.DataFrame, true: pd.DataFrame) -> dict[str, Score]:
     offset, tilt = float(np.nanmean(turned)), true["tilt_rad"].to_numpy()
     return {
         "position_rms": (1e3 * _rms(away), "mm", "position per axis, rms error"),
-        "heading_rms": (1e3 * _rms(turned - offset), "mrad", "heading, rms error about its mean"),
+        "heading_rms": (
+            1e3 * _rms(turned - offset),
+            "mrad",
+            "heading, rms error about its mean",
+        ),
         "heading_offset": (1e3 * offset, "mrad", "heading, mean error"),
         "boom_angle_rms": (1e3 * _rms(boom), "mrad", "boom angle, rms error"),
         "tilt_rms": (1e3 * _rms(tilt), "mrad", "tilt, rms"),
-        "frames_without_pose": (motion["x_m"].isna().sum(), "1", "frames without a pose"),
+        "frames_without_pose": (
+            motion["x_m"].isna().sum(),
+            "1",
+            "frames without a pose",
+        ),
     }
 
 
@@ -133,19 +150,36 @@ def _stance_scores(stances: pd.DataFrame, true: pd.DataFrame) -> dict[str, Score
 
 
 def _pair_times(stances: pd.DataFrame) -> FloatArray:
-    time, second = stances["time_s"].to_numpy(), np.flatnonzero(stances["follows"].astype(bool))
+    time, second = (
+        stances["time_s"].to_numpy(),
+        np.flatnonzero(stances["follows"].astype(bool)),
+    )
     return np.column_stack([time[second - 1], time[second]])
 
 
-def _model_scores(model: FrameChangeMap, true_map: TrueFrameChanges) -> dict[str, Score]:
+def _model_scores(
+    model: FrameChangeMap, true_map: TrueFrameChanges
+) -> dict[str, Score]:
     """Score the learned map on the grid of the true one, averaged over the previous swing."""
-    angle, swing = np.meshgrid(true_map.boom_angle_rad, true_map.swing_rad, indexing="ij")
+    angle, swing = np.meshgrid(
+        true_map.boom_angle_rad, true_map.swing_rad, indexing="ij"
+    )
     true = true_map.average().reshape(-1, 3)
     errors = model.change(angle.ravel(), swing.ravel()) - true
     scores: dict[str, Score] = {}
-    for (name, unit, factor), error, map_ in zip(COMPONENTS, errors.T, true.T, strict=True):
+    for (name, unit, factor), error, map_ in zip(
+        COMPONENTS, errors.T, true.T, strict=True
+    ):
         explained = 1 - np.mean(error**2) / np.var(map_)
         what = f"frame change in {name}"
-        scores[f"model_{name}_rms"] = factor * _rms(error), unit, f"{what}, rms error of the model"
-        scores[f"model_{name}_r2"] = explained, "1", f"{what}, share of the true map explained (R2)"
+        scores[f"model_{name}_rms"] = (
+            factor * _rms(error),
+            unit,
+            f"{what}, rms error of the model",
+        )
+        scores[f"model_{name}_r2"] = (
+            explained,
+            "1",
+            f"{what}, share of the true map explained (R2)",
+        )
     return scores

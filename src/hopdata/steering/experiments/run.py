@@ -10,20 +10,35 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.steering import robot as plant
-from hopdata.steering.control.objectives import Controller, Plan, PlanningError, errors_left
-from hopdata.steering.experiments.tasks import Outcome, Start, Task, decided, goal_of, judged
+from hopdata.steering.control.objectives import (
+    Controller,
+    Plan,
+    PlanningError,
+    errors_left,
+)
+from hopdata.steering.experiments.tasks import (
+    Outcome,
+    Start,
+    Task,
+    decided,
+    goal_of,
+    judged,
+)
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker, Observation
 from hopdata.steering.trial import POSE
 from hopdata.synthesis.camera import CurvedFloor, MotionCapture
 
-# The simulated hopper as the controller sees it: through motion capture, frame by frame.
+# The simulated hopper as the controller sees it: through motion capture, frame by
+# frame.
 
 Frames = list[tuple[float, FloatArray]]  # time, s, and markers (M, 3), m
 _Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
 
-NEAR_S = 0.05  # largest time from the lowest point of a pose that is used for the stance
+NEAR_S = (
+    0.05  # largest time from the lowest point of a pose that is used for the stance
+)
 
 
 @dataclass(frozen=True)
@@ -76,7 +91,9 @@ class WatchedHopper:
         self.robot, self.sight, self.task, self.start = robot, sight, task, start
         self.board, self.frames = board, Frames()
         self._kicks, self._noise, gaps, _ = start.streams()
-        self._apex: plant.Apex = plant.released(robot, start.pose, robot.hopper.boom_angle_rad)
+        self._apex: plant.Apex = plant.released(
+            robot, start.pose, robot.hopper.boom_angle_rad
+        )
         camera, body = sight.camera, robot.markers.body_m
         markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
         most_frames = round((task.hops + 2) * robot.hop_limit_s * camera.rate_hz)
@@ -93,8 +110,8 @@ class WatchedHopper:
         Stance
             The true stance.
         Observation or None
-            From the frame with a pose nearest to the lowest point; None if no stance was recognised
-            or no frame near it had a pose.
+            From the frame with a pose nearest to the lowest point; None if no stance
+            was recognised or no frame near it had a pose.
         """
         hop = plant.steer_hop(
             self.robot, self._apex, swing_rad, rng=self._kicks, rate_hz=self.sight.camera.rate_hz,
@@ -110,7 +127,9 @@ class WatchedHopper:
         # If all body markers are seen, their mean is the height, whatever the attitude.
         means = all_seen[:, self._body].mean(axis=1)
         heights = np.where(np.isfinite(means).all(axis=1), means[:, 2], np.nan).tolist()
-        for now, markers, height in zip(hop.frame_time_s.tolist(), all_seen, heights, strict=True):
+        for now, markers, height in zip(
+            hop.frame_time_s.tolist(), all_seen, heights, strict=True
+        ):
             told = None
             self.frames.append((now, markers))
             if np.isnan(height):
@@ -134,16 +153,31 @@ class WatchedHopper:
     def _seen(self, hop: plant.SteeredHop) -> FloatArray:
         """Return the markers (K, M, 3) as the cameras report them."""
         camera = self.sight.camera
-        index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(self._hidden)
-        return camera.observe(hop.markers, self.sight.floor, self._hidden[index], self._noise)
+        index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(
+            self._hidden
+        )
+        return camera.observe(
+            hop.markers, self.sight.floor, self._hidden[index], self._noise
+        )
 
 
-# Columns of the stances of a run: true poses, measured poses (NaN if not seen), and poses that the
-# controller's model predicted at the previous stance (NaN for the first). The boom angle is the
-# measured one, or else follows from the commanded swing. The swing is that of the next hop. The
-# board's place is along its direction, NaN without one; `touched` refers to the hop before.
-MEASURED, PREDICTED = ([f"{kind}_{name}" for name in POSE] for kind in ("measured", "predicted"))
-COLUMNS = ["time_s", *POSE, *MEASURED, "boom_angle_rad", "swing_rad", *PREDICTED, "board_m"]
+# Columns of the stances of a run: true poses, measured poses (NaN if not seen), and
+# poses that the controller's model predicted at the previous stance (NaN for the
+# first). The boom angle is the measured one, or else follows from the commanded swing.
+# The swing is that of the next hop. The board's place is along its direction, NaN
+# without one; `touched` refers to the hop before.
+MEASURED, PREDICTED = (
+    [f"{kind}_{name}" for name in POSE] for kind in ("measured", "predicted")
+)
+COLUMNS = [
+    "time_s",
+    *POSE,
+    *MEASURED,
+    "boom_angle_rad",
+    "swing_rad",
+    *PREDICTED,
+    "board_m",
+]
 COLUMNS += ["touched"]
 
 
@@ -156,7 +190,8 @@ class Run:
     stances : DataFrame
         One row per stance: `COLUMNS`; times are since the release.
     blind : int
-        Number of stances at which the boom was held still, since no pose was known to plan from.
+        Number of stances at which the boom was held still, since no pose was known to
+        plan from.
     last_error : float
         Error at the last stance, m or rad.
     outcome : Outcome
@@ -201,7 +236,16 @@ def run_task(hopper: WatchedHopper, controller: Controller) -> Run:
         place = np.nan if hopper.board is None else hopper.board.place_m
         measured = unknown if seen is None else seen.pose
         rows.append(
-            [stance.time_s, *stance.pose, *measured, boom, swing, *foretold, place, stance.touched]
+            [
+                stance.time_s,
+                *stance.pose,
+                *measured,
+                boom,
+                swing,
+                *foretold,
+                place,
+                stance.touched,
+            ]
         )
         foretold = unknown if plan is None else plan.poses[1]
         errors.append(float(errors_left(goal, stance.pose)))

@@ -27,7 +27,9 @@ from hopdata.synthesis.camera import draw_floor
 # A run in which the model replaces the hopper, as if the model were exact.
 
 
-def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: Run) -> pd.DataFrame:
+def simulated(
+    controller: Controller, task: tasks.Task, start: ArrayLike, run: Run
+) -> pd.DataFrame:
     """Simulate controller and model alone, from the first measured stance of a run.
 
     Parameters
@@ -46,8 +48,15 @@ def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: R
     DataFrame
         ``curve`` ("pure"), ``stance, time_s, x_m, y_m, heading_rad``.
     """
-    goal, seen = tasks.goal_of(task.manoeuvre, start), run.stances.dropna(subset=MEASURED)
-    pose, boom, hop_s = np.array(start, dtype=float), np.pi, run.stances["time_s"].diff().mean()
+    goal, seen = (
+        tasks.goal_of(task.manoeuvre, start),
+        run.stances.dropna(subset=MEASURED),
+    )
+    pose, boom, hop_s = (
+        np.array(start, dtype=float),
+        np.pi,
+        run.stances["time_s"].diff().mean(),
+    )
     if len(seen):
         pose, boom = seen[MEASURED].to_numpy()[0], float(seen["boom_angle_rad"].iloc[0])
     poses, errors, swing = [pose], [float(errors_left(goal, pose))], None
@@ -93,8 +102,12 @@ class Setting:
         manoeuvre, impeded = tasks.EXPERIMENTS[self.experiment]
         if not impeded:
             return None
-        ahead_m = self.options["board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"]
-        return board_for(manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m)
+        ahead_m = self.options[
+            "board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"
+        ]
+        return board_for(
+            manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m
+        )
 
     def run(self, policy: tasks.Policy, start: tasks.Start) -> Run:
         """Run a controller from a start."""
@@ -122,7 +135,8 @@ def experiments_of(
     names : sequence of str
         Names from `EXPERIMENTS`.
     controllers : sequence of str
-        Names from `CONTROLLERS`, and `CEILING`; if there are none, the tables have no rows.
+        Names from `CONTROLLERS`, and `CEILING`; if there are none, the tables have no
+        rows.
     steering, motion_capture : mapping
         These blocks of the configuration.
     model : FrameChangeProcess
@@ -137,24 +151,26 @@ def experiments_of(
     Returns
     -------
     runs : DataFrame
-        One row per run: ``experiment, controller, run, success, hops`` (-1 if it never arrived),
-        ``reason, stances, blind, touched`` (number of stances that touched the board),
-        ``last_error`` (m or rad).
+        One row per run: ``experiment, controller, run, success, hops`` (-1 if it never
+        arrived), ``reason, stances, blind, touched`` (number of stances that touched
+        the board), ``last_error`` (m or rad).
     stances : DataFrame
-        One row per stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
-        ``measured_...``), ``boom_angle_rad, swing_rad``, the pose predicted at the previous stance
-        (``predicted_...``), ``board_m`` and ``touched``.
+        One row per stance: the run, ``stance, time_s``, the true pose, the measured
+        pose (columns ``measured_...``), ``boom_angle_rad, swing_rad``, the pose
+        predicted at the previous stance (``predicted_...``), ``board_m`` and
+        ``touched``.
     example : DataFrame
-        Three curves of one run, of the controller that `tasks.shown_of` chooses: ``curve`` is
-        "measured", "response" (predicted from each measured stance) or "pure" (controller and
-        model alone; NaN where the controller predicts nothing); ``controller, run, success`` of
-        the run; ``stance, time_s`` and the pose, for turns in the frame of the start; ``near``
-        (tolerance of the goal, m or rad); and of the board ``board_x, board_y`` (direction),
-        ``board_first_m`` and ``board_m`` (initial and current place). Of an experiment in which
-        no stance was seen in any run of that controller, there are no rows.
+        Three curves of one run, of the controller that `tasks.shown_of` chooses:
+        ``curve`` is "measured", "response" (predicted from each measured stance) or
+        "pure" (controller and model alone; NaN where the controller predicts nothing);
+        ``controller, run, success`` of the run; ``stance, time_s`` and the pose, for
+        turns in the frame of the start; ``near`` (tolerance of the goal, m or rad); and
+        of the board ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m``
+        (initial and current place). Of an experiment in which no stance was seen in any
+        run of that controller, there are no rows.
     film : DataFrame
-        Markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first stance), ``marker,
-        x_m, y_m, z_m``.
+        Markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first
+        stance), ``marker, x_m, y_m, z_m``.
     """
     robot, camera = robot_and_camera(steering["robot"], motion_capture)
     options = steering["experiments"]
@@ -214,11 +230,19 @@ def horizons_of(
     DataFrame
         ``horizon, runs, succeeded`` and ``hops``, the median over the successful runs.
     """
-    few = dict(steering["experiments"], starts=min(FEW, steering["experiments"]["starts"]))
+    few = dict(
+        steering["experiments"], starts=min(FEW, steering["experiments"]["starts"])
+    )
     rows = []
     for hops in steering["experiments"]["horizons"]:
-        asked = {**steering, "control": dict(steering["control"], horizon=hops), "experiments": few}
-        made = experiments_of([tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned)
+        asked = {
+            **steering,
+            "control": dict(steering["control"], horizon=hops),
+            "experiments": few,
+        }
+        made = experiments_of(
+            [tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned
+        )
         runs = made["runs"]
         good = runs[runs["success"]]
         rows.append((hops, len(runs), len(good), good["hops"].median()))
@@ -226,7 +250,9 @@ def horizons_of(
 
 
 def _tables(
-    setting: Setting, policies: Mapping[str, tasks.Policy], starts: Sequence[tasks.Start]
+    setting: Setting,
+    policies: Mapping[str, tasks.Policy],
+    starts: Sequence[tasks.Start],
 ) -> tuple[list[pd.DataFrame], ...]:
     """Return the four tables of an experiment, each as a list of pieces."""
     runs, stances, example, film = [], [], [], []
@@ -236,12 +262,22 @@ def _tables(
         good = sum(run.outcome.success for run in made)
         logger.info("%s, %s: %d of %d", setting.experiment, name, good, len(made))
         for start, run in zip(starts, made, strict=True):
-            key = {"experiment": setting.experiment, "controller": name, "run": start.number}
+            key = {
+                "experiment": setting.experiment,
+                "controller": name,
+                "run": start.number,
+            }
             touched = int(run.stances["touched"].sum())
-            summary = {"stances": len(run.stances), "blind": run.blind, "touched": touched}
+            summary = {
+                "stances": len(run.stances),
+                "blind": run.blind,
+                "touched": touched,
+            }
             row = key | asdict(run.outcome) | summary | {"last_error": run.last_error}
             runs.append(pd.DataFrame([row]))
-            stances.append(pd.DataFrame({**key, "stance": run.stances.index, **run.stances}))
+            stances.append(
+                pd.DataFrame({**key, "stance": run.stances.index, **run.stances})
+            )
         if name == shown:
             chosen = typical(list(zip(starts, made, strict=True)))
             if chosen is not None:
@@ -253,9 +289,12 @@ def _tables(
 def typical(runs: list[Shown]) -> Shown | None:
     """Return the successful run with the median number of hops.
 
-    If none succeeded, it is the first in which a stance was seen; None if there is none either.
+    If none succeeded, it is the first in which a stance was seen; None if there is none
+    either.
     """
-    good = sorted((one for one in runs if one[1].outcome.success), key=lambda s: s[1].outcome.hops)
+    good = sorted(
+        (one for one in runs if one[1].outcome.success), key=lambda s: s[1].outcome.hops
+    )
     if good:
         return good[(len(good) - 1) // 2]
     seen = (one for one in runs if one[1].stances[MEASURED].notna().all(axis=1).any())
@@ -263,14 +302,20 @@ def typical(runs: list[Shown]) -> Shown | None:
 
 
 def _example(
-    setting: Setting, controller: str, policy: tasks.Policy, start: tasks.Start, run: Run
+    setting: Setting,
+    controller: str,
+    policy: tasks.Policy,
+    start: tasks.Start,
+    run: Run,
 ) -> pd.DataFrame:
     """Return the three curves of a run; turns are in the frame of their start."""
     task, board = setting.task, setting.board(start)
     alone = simulated(policy(start), task, start.pose, run)
     table = pd.concat([_curves(run), alone], ignore_index=True)
     into = (np.nan, np.nan) if board is None else board.direction
-    if setting.manoeuvre == tasks.TURN:  # from the origin; the board is across the heading
+    if (
+        setting.manoeuvre == tasks.TURN
+    ):  # from the origin; the board is across the heading
         table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())
         into = into if board is None else (1.0, 0.0)
     return table.assign(
@@ -288,7 +333,9 @@ def _film(setting: Setting, run: Run) -> pd.DataFrame:
     names = [f"body{i + 1}" for i in range(places.shape[1] - 1)] + ["boom"]
     table = pd.DataFrame(places.reshape(-1, 3), columns=["x_m", "y_m", "z_m"])
     table.insert(0, "marker", np.tile(names, len(kept)))
-    table.insert(0, "time_s", np.repeat([time for time, _ in kept], len(names)) - first_s)
+    table.insert(
+        0, "time_s", np.repeat([time for time, _ in kept], len(names)) - first_s
+    )
     return table.assign(experiment=setting.experiment)
 
 
@@ -300,15 +347,20 @@ def _curves(run: Run) -> pd.DataFrame:
         curve = pd.DataFrame({"curve": name, "stance": made.index})
         curve["time_s"] = made["time_s"] - made["time_s"].iloc[0]
         curve[POSE] = made[columns]
-        curves.append(curve.assign(board_m=made["board_m"] if name == "measured" else np.nan))
+        curves.append(
+            curve.assign(board_m=made["board_m"] if name == "measured" else np.nan)
+        )
     return pd.concat(curves)
 
 
-def board_for(manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float) -> Board:
+def board_for(
+    manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float
+) -> Board:
     """Return the board in the way: across the line to the origin, or across the initial heading.
 
-    It is as wide as the floor. A hopper that reaches the origin has therefore pushed it, and so has
-    one that turned round, if the board is no farther than a turn takes the hopper forward.
+    It is as wide as the floor. A hopper that reaches the origin has therefore pushed
+    it, and so has one that turned round, if the board is no farther than a turn takes
+    the hopper forward.
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ class Task:
     near : float
         Tolerance for arrival: distance from the origin, m, or heading error, rad.
     hops : int
-        Largest number of hops. The run ends with the arrival, since a hopper that moves forward in
-        each hop cannot stay.
+        Largest number of hops. The run ends with the arrival, since a hopper that moves
+        forward in each hop cannot stay.
     """
 
     manoeuvre: str
@@ -66,29 +66,41 @@ UNTOUCHED = "arrived, but never touched the board"
 def task_of(experiments: Mapping[str, Any], manoeuvre: str) -> Task:
     """Return the task of a manoeuvre from the configuration's ``steering.experiments``."""
     if manoeuvre == TURN:
-        return Task(manoeuvre=TURN, near=experiments["turned_rad"], hops=experiments["turn_hops"])
-    return Task(manoeuvre=ORIGIN, near=experiments["arrived_m"], hops=experiments["hops"])
+        return Task(
+            manoeuvre=TURN,
+            near=experiments["turned_rad"],
+            hops=experiments["turn_hops"],
+        )
+    return Task(
+        manoeuvre=ORIGIN, near=experiments["arrived_m"], hops=experiments["hops"]
+    )
 
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> objectives.Objective:
     """Return the controller's objective: the origin, or the heading opposite to the initial one."""
     if manoeuvre == ORIGIN:
         return objectives.ToPoint(point_m=(0.0, 0.0))
-    return objectives.ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
+    return objectives.ToHeading(
+        heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi))
+    )
 
 
-def judged(task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool = True) -> Outcome:
+def judged(
+    task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool = True
+) -> Outcome:
     """Judge a run.
 
     Parameters
     ----------
     task : Task
     errors : (K + 1,) array
-        Errors at the stances, starting with the first landing: the k-th is k hops later.
+        Errors at the stances, starting with the first landing: the k-th is k hops
+        later.
     fell : bool
         Whether the run ended in a fall.
     touched : bool
-        Whether the board, if any, was touched: a run that it did not impede does not count.
+        Whether the board, if any, was touched: a run that it did not impede does not
+        count.
     """
     near = np.flatnonzero(np.asarray(errors, dtype=float)[: task.hops + 1] <= task.near)
     if not len(near):
@@ -128,8 +140,8 @@ def draw_starts(
     Parameters
     ----------
     experiment : str
-        A name from `EXPERIMENTS`. Runs to the origin start at `distance_m` in a random direction,
-        turns at the origin.
+        A name from `EXPERIMENTS`. Runs to the origin start at `distance_m` in a random
+        direction, turns at the origin.
     number : int
         Number of starts; the first ones do not depend on it.
     distance_m : float
@@ -154,7 +166,8 @@ Policy: TypeAlias = Callable[[Start], objectives.Controller]
 CONTROLLERS = ("printed", "planner", "adaptive", "random", "none")
 PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE = CONTROLLERS
 LEARNED = (PRINTED, PLANNER, ADAPTIVE)  # those that use the learned model
-CEILING = "ceiling"  # the planner that knows the true map: the reference for the number of hops
+# The planner that knows the true map: the reference for the number of hops
+CEILING = "ceiling"
 
 
 #: Whose run is the example, where it takes part; else that of the next.
@@ -164,8 +177,8 @@ SHOWN_FIRST = (PLANNER, ADAPTIVE, PRINTED, RANDOM, NONE)
 def taking_part(asked: Sequence[str], *, later_observation: bool) -> list[str]:
     """Return who runs: the controllers asked for, and the one that knows the true map.
 
-    An observation after the first changes only what is learned, so with it only controllers that
-    use the learned model run, perhaps none.
+    An observation after the first changes only what is learned, so with it only
+    controllers that use the learned model run, perhaps none.
     """
     if later_observation:
         return [name for name in asked if name in LEARNED]
@@ -189,7 +202,9 @@ class Unheeding:
     ) -> objectives.Plan:
         """Return the swing; where it leads is unknown."""
         swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
-        return objectives.Plan(swing, np.array([pose, [np.nan] * 3], dtype=float), np.nan)
+        return objectives.Plan(
+            swing, np.array([pose, [np.nan] * 3], dtype=float), np.nan
+        )
 
 
 def policies(
@@ -216,7 +231,9 @@ def policies(
         True frame change for the ceiling, averaged over the previous swing.
     swing_limit_rad : float
     """
-    horizon = objectives.Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
+    horizon = objectives.Horizon(
+        hops=options["horizon"], swing_limit_rad=swing_limit_rad
+    )
     learned = tabulated(model, swing_limit_rad)
 
     def steered(controller: PrintedController | Any) -> Policy:

@@ -20,7 +20,8 @@ class Frame:
     Parameters
     ----------
     epoch : int
-        Number of the connection or camera clock; camera times of two epochs are unrelated.
+        Number of the connection or camera clock; camera times of two epochs are
+        unrelated.
     number : int
         Frame number of the camera system.
     time_s : float
@@ -28,7 +29,8 @@ class Frame:
     arrival_s : float
         Arrival time on the monotonic clock, s.
     captured_s : float
-        Capture time on the monotonic clock, s: camera time plus the shortest delay seen.
+        Capture time on the monotonic clock, s: camera time plus the shortest delay
+        seen.
     markers : (M, 3) array
         Positions, m; NaN if not seen. Read-only once in the buffer.
     index : int
@@ -47,8 +49,8 @@ class Frame:
 class FrameBuffer:
     """Holds the newest frames.
 
-    Frames are immutable, and a slot is replaced by a single assignment. So a reader gets whole
-    frames however long it takes, and the writer never waits.
+    Frames are immutable, and a slot is replaced by a single assignment. So a reader
+    gets whole frames however long it takes, and the writer never waits.
     """
 
     def __init__(self, capacity: int = 256) -> None:
@@ -62,7 +64,9 @@ class FrameBuffer:
         """Add a frame, replacing the oldest one."""
         markers, index = frame.markers.copy(), self.written
         markers.flags.writeable = False
-        self._slots[index % len(self._slots)] = replace(frame, markers=markers, index=index)
+        self._slots[index % len(self._slots)] = replace(
+            frame, markers=markers, index=index
+        )
         self.written = index + 1
         self.wake()
 
@@ -74,7 +78,8 @@ class FrameBuffer:
     def since(self, index: int) -> list[Frame]:
         """Return the frames from `index` on that are still in the buffer, oldest first.
 
-        If more have come than the buffer holds, the first frame returned has a higher index.
+        If more have come than the buffer holds, the first frame returned has a higher
+        index.
         """
         written = self.written
         first = max(index, written - len(self._slots), 0)
@@ -83,7 +88,11 @@ class FrameBuffer:
         return [frame for frame in slots if frame is not None and frame.index < written]
 
     def wait(
-        self, index: int, timeout_s: float, *, unless: Callable[[], bool] = lambda: False
+        self,
+        index: int,
+        timeout_s: float,
+        *,
+        unless: Callable[[], bool] = lambda: False,
     ) -> bool:
         """Wait for frame `index` or until `unless` is true; return whether the frame has come."""
         with self._news:
@@ -103,9 +112,10 @@ class FrameBuffer:
 class StreamCounts:
     """Frames, markers, packets and connections that came, and those that did not.
 
-    `missing` frames have skipped numbers. `outdated` frames came twice or after a frame with a
-    higher number, and were dropped. `garbled` packets were damaged, or had an implausible number,
-    time or position, and were dropped. In `broken` connections the packet boundaries were lost.
+    `missing` frames have skipped numbers. `outdated` frames came twice or after a frame
+    with a higher number, and were dropped. `garbled` packets were damaged, or had an
+    implausible number, time or position, and were dropped. In `broken` connections the
+    packet boundaries were lost.
     """
 
     frames: int = 0
@@ -160,7 +170,9 @@ class Worker:
         if self._thread.ident is not None:
             self._thread.join(JOIN_S)
         if self._thread.is_alive():
-            raise LiveError(f"thread {self._thread.name!r} has not ended within {JOIN_S:g} s")
+            raise LiveError(
+                f"thread {self._thread.name!r} has not ended within {JOIN_S:g} s"
+            )
 
     def __enter__(self) -> Self:
         return self.start()
@@ -236,7 +248,9 @@ class StatusLog:
     """The current state and a log of past ones; thread-safe."""
 
     def __init__(self) -> None:
-        self._log: deque[Status] = deque([Status("idle", time.monotonic())], LONGEST_LOG)
+        self._log: deque[Status] = deque(
+            [Status("idle", time.monotonic())], LONGEST_LOG
+        )
         self._changed = threading.Condition()
 
     @property
@@ -258,7 +272,9 @@ class StatusLog:
     def wait_for(self, *states: State, timeout_s: float) -> Status | None:
         """Wait until the state is one of these; return it, or None after the timeout."""
         with self._changed:
-            reached = self._changed.wait_for(lambda: self.status.state in states, timeout_s)
+            reached = self._changed.wait_for(
+                lambda: self.status.state in states, timeout_s
+            )
             return self.status if reached else None
 
 
@@ -270,7 +286,11 @@ class Stream(LoopThread):
 
     def __init__(self, name: str, main: Main, capacity: int) -> None:
         super().__init__(name, main)
-        self.buffer, self.counts, self.states = FrameBuffer(capacity), StreamCounts(), StatusLog()
+        self.buffer, self.counts, self.states = (
+            FrameBuffer(capacity),
+            StreamCounts(),
+            StatusLog(),
+        )
 
     def close(self) -> None:
         """Disconnect, and wait until the thread has ended."""
@@ -280,4 +300,7 @@ class Stream(LoopThread):
 
     def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
         """Wait for the first frame, and return the state reached."""
-        return self.states.wait_for("streaming", "lost", timeout_s=timeout_s) or self.states.status
+        return (
+            self.states.wait_for("streaming", "lost", timeout_s=timeout_s)
+            or self.states.status
+        )

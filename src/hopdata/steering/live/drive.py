@@ -20,7 +20,9 @@ from hopdata.steering.live.safety import LAST_REST_S, Boom, Limits, Rest, rest_w
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
 
-LOOK_S = 0.02  # time between calls of `on_look` and checks of `stop`, in the caller's thread
+LOOK_S = (
+    0.02  # time between calls of `on_look` and checks of `stop`, in the caller's thread
+)
 BUFFERED = 4096  # frames
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # used if the operating system has them
 
@@ -57,18 +59,18 @@ def drive(
 ) -> Drive:
     """Plan at each stance of a hopper that a Qualisys system sees, and command its boom.
 
-    Returns when `stop` is set, or after `seconds`. However it ends, the boom is then commanded to
-    stay, no thread is left, and the logs are written. This also holds if a signal ends the process,
-    unless the signal is ignored, the caller has a handler of their own, or `drive` is not called in
-    the main thread.
+    Returns when `stop` is set, or after `seconds`. However it ends, the boom is then
+    commanded to stay, no thread is left, and the logs are written. This also holds if a
+    signal ends the process, unless the signal is ignored, the caller has a handler of
+    their own, or `drive` is not called in the main thread.
 
     Parameters
     ----------
     geometry : HopperGeometry
         The hopper; the camera system must label its markers by the names used here.
     controller : Controller
-        Plans the swings, like those of `hopdata.steering.control`; of a plan only its `swing_rad`
-        is used.
+        Plans the swings, like those of `hopdata.steering.control`; of a plan only its
+        `swing_rad` is used.
     boom : Boom
         Gets each swing.
     host, port : str, int
@@ -92,26 +94,31 @@ def drive(
     log : DriveLog, optional
         Written during the drive, and closed at its end.
     rest_without_log : bool
-        Whether the drive rests if the log cannot be written any more (a full disk). By default it
-        goes on.
+        Whether the drive rests if the log cannot be written any more (a full disk). By
+        default it goes on.
 
     Raises
     ------
     ConfigError
-        If the geometry has no boom, the controller no `plan`, or the boom no `swing`; nothing has
-        moved by then.
+        If the geometry has no boom, the controller no `plan`, or the boom no `swing`;
+        nothing has moved by then.
     LiveError
-        If no frame comes, or the camera system is set up differently: a marker has another name, z
-        does not point up, or the frame rate is not `rate_hz`.
+        If no frame comes, or the camera system is set up differently: a marker has
+        another name, z does not point up, or the frame rate is not `rate_hz`.
     SystemExit
-        At the end, after SIGINT, SIGTERM or SIGHUP (a closed terminal), with 128 plus the number of
-        the signal: 130, 143 or 129.
+        At the end, after SIGINT, SIGTERM or SIGHUP (a closed terminal), with 128 plus
+        the number of the signal: 130, 143 or 129.
     """
     _check_parts(geometry, controller, boom)
     names = (*geometry.body_names, str(geometry.boom_name))
     if stream is None:
         stream = MarkerStream(
-            names, host=host, port=port, rate_hz=rate_hz, capacity=BUFFERED, patience=patience
+            names,
+            host=host,
+            port=port,
+            rate_hz=rate_hz,
+            capacity=BUFFERED,
+            patience=patience,
         )
     said, counted = stream.states, stream.counts
 
@@ -155,13 +162,16 @@ def drive(
                 said.report("closed", f"the drive was ended by {signals.first.name}")
             if log is not None:
                 log.close(time.monotonic(), {"stream": counted, "loop": loop.counts})
-    return Drive(loop.decisions(), said.history(), tuple(loop.watch.rests), counted, loop.counts)
+    return Drive(
+        loop.decisions(), said.history(), tuple(loop.watch.rests), counted, loop.counts
+    )
 
 
 class _Signals:
     """Holds back signals that would end the process until the boom rests and the logs are written.
 
-    The first signal is raised as `SystemExit`: within `heeded` at once, otherwise at the end.
+    The first signal is raised as `SystemExit`: within `heeded` at once, otherwise at
+    the end.
     """
 
     def __init__(self) -> None:
@@ -171,7 +181,9 @@ class _Signals:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():  # others may set none
-            for number in (getattr(signal, name) for name in SIGNALS if hasattr(signal, name)):
+            for number in (
+                getattr(signal, name) for name in SIGNALS if hasattr(signal, name)
+            ):
                 before = signal.getsignal(number)
                 if before in (signal.SIG_DFL, signal.default_int_handler):
                     self._before[number] = signal.signal(number, self._note)
@@ -206,7 +218,16 @@ def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -
     if geometry.boom_name is None or geometry.circle is None:
         how = "calibrate with a recording that has a marker with the role boom (markers.boom)"
         raise ConfigError.at("geometry", "a boom and its circle", f"none; {how}")
-    for name, part, method in (("controller", controller, "plan"), ("boom", boom, "swing")):
+    for name, part, method in (
+        ("controller", controller, "plan"),
+        ("boom", boom, "swing"),
+    ):
         if isinstance(part, type) or not callable(getattr(part, method, None)):
-            kind = f"the class {part.__name__}" if isinstance(part, type) else type(part).__name__
-            raise ConfigError(f"{name}: expected an object with the method {method}, found {kind}")
+            kind = (
+                f"the class {part.__name__}"
+                if isinstance(part, type)
+                else type(part).__name__
+            )
+            raise ConfigError(
+                f"{name}: expected an object with the method {method}, found {kind}"
+            )

@@ -1,9 +1,9 @@
 """Log of a drive: an HDF5 file that is written during the drive, read back, and replayed.
 
-Others may read the file while it is written (HDF5's SWMR), and if the process dies, only the last
-moment is lost. `frames` are those that the loop took, in order, with the number of the batch they
-came in (`taken`). `decisions` has the columns of `Decision`. `events` are states of the stream and
-rests of the boom. `counts` are the counters.
+Others may read the file while it is written (HDF5's SWMR), and if the process dies,
+only the last moment is lost. `frames` are those that the loop took, in order, with the
+number of the batch they came in (`taken`). `decisions` has the columns of `Decision`.
+`events` are states of the stream and rests of the boom. `counts` are the counters.
 """
 
 from __future__ import annotations
@@ -33,11 +33,16 @@ FORMAT = "hopdata drive 1"
 WRITE_S = 0.25  # time between writes
 # Rows for which the file grows at once: some seconds of frames and of stances.
 CHUNKS = {"frames": 256, "decisions": 16, "events": 16, "counts": 16}
-#: Bytes kept free for the file's own indices. Of 75 logs that met limits of 60 kB to 3 MB none was
-#: damaged with this, with half of it, or with none.
+#: Bytes kept free for the file's own indices. Of 75 logs that met limits of 60 kB to 3
+#: MB none was damaged with this, with half of it, or with none.
 MARGIN_BYTES = 1 << 14
 EVENT = np.dtype([("at_s", "f8"), ("sent_s", "f8"), ("kind", "S16"), ("text", "S200")])
-KINDS: dict[str, Any] = {"pose": "(3,)f8", "epoch": "i8", "outcome": "S16", "reason": "S200"}
+KINDS: dict[str, Any] = {
+    "pose": "(3,)f8",
+    "epoch": "i8",
+    "outcome": "S16",
+    "reason": "S200",
+}
 DECISION = np.dtype([(one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)])
 
 logger = logging.getLogger(__name__)
@@ -60,8 +65,8 @@ class DriveLog:
     Attributes
     ----------
     failure : str
-        Why nothing more can be written, such as a full disk; empty while all is well. The file
-        then keeps what it has, and can be read and replayed.
+        Why nothing more can be written, such as a full disk; empty while all is well.
+        The file then keeps what it has, and can be read and replayed.
 
     Raises
     ------
@@ -105,17 +110,29 @@ class DriveLog:
         self._waiting: dict[str, list[tuple[Any, ...]]] = {name: [] for name in types}
         for name, dtype in types.items():
             chunks = (CHUNKS[name],)
-            self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=chunks)
+            self._file.create_dataset(
+                name, (0,), dtype, maxshape=(None,), chunks=chunks
+            )
         self._file.swmr_mode = True
         self._taken, self._told = 0, {"states": 0, "rests": 0}
         self._look: Callable[[], None] = lambda: None
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="hopdata-log", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, name="hopdata-log", daemon=True
+        )
 
     def frames(self, frames: Sequence[Frame]) -> None:
         """Store a batch of frames that the loop has taken."""
         for f in frames:
-            row = (self._taken, f.epoch, f.number, f.time_s, f.arrival_s, f.captured_s, f.markers)
+            row = (
+                self._taken,
+                f.epoch,
+                f.number,
+                f.time_s,
+                f.arrival_s,
+                f.captured_s,
+                f.markers,
+            )
             self._waiting["frames"].append(row)
         self._taken += 1
 
@@ -158,14 +175,18 @@ class DriveLog:
             self._look()
         except Exception as error:
             logger.error("the events of the drive could not be fetched: %r", error)
-        if self.failure:  # nothing is kept for a disk that is full: the drive may go on for hours
+        if (
+            self.failure
+        ):  # nothing is kept for a disk that is full: the drive may go on for hours
             for rows in self._waiting.values():
                 rows.clear()
             return
         try:
             for name, rows in self._waiting.items():
                 self._append(name, rows, len(rows))  # more may be added meanwhile
-        except Exception as error:  # a full disk is no reason to stop a robot in mid-air
+        except (
+            Exception
+        ) as error:  # a full disk is no reason to stop a robot in mid-air
             self.failure = f"the log could not be written any more: {error}"
             logger.error("%s; %s keeps what it has", self.failure, self._path)
 
@@ -187,8 +208,8 @@ class DriveLog:
 def _reserve(path: Path, n_bytes: int) -> None:
     """Make sure that a file can grow by so many bytes.
 
-    HDF5 must not meet a full disk: a write of its own that fails leaves it in a state in which
-    closing the file ends the process.
+    HDF5 must not meet a full disk: a write of its own that fails leaves it in a state
+    in which closing the file ends the process.
 
     Raises
     ------
@@ -254,7 +275,10 @@ def _table(rows: NDArray[Any]) -> pd.DataFrame:
     names = rows.dtype.names or ()
     texts = {name for name in names if rows.dtype[name].kind == "S"}
     return pd.DataFrame(
-        {n: [v.decode() for v in rows[n]] if n in texts else list(rows[n]) for n in names}
+        {
+            n: [v.decode() for v in rows[n]] if n in texts else list(rows[n])
+            for n in names
+        }
     )
 
 
@@ -262,19 +286,23 @@ def _table(rows: NDArray[Any]) -> pd.DataFrame:
 
 
 def replay(
-    log: LoggedDrive, observers: Observers, controller: Controller, *, limits: Limits | None = None
+    log: LoggedDrive,
+    observers: Observers,
+    controller: Controller,
+    *,
+    limits: Limits | None = None,
 ) -> pd.DataFrame:
     """Replay the frames of a log in a loop, in the original batches and at the original times.
 
-    Nothing is sent. The controller is called wherever it was called in the drive, so a learning
-    controller learns the same again.
+    Nothing is sent. The controller is called wherever it was called in the drive, so a
+    learning controller learns the same again.
 
     Returns
     -------
     DataFrame
-        One row per stance at which it was called: ``told_s``, the swings planned in the drive and
-        now (``then_rad, now_rad``), and ``same``, whether inputs and swing are identical to the
-        bit.
+        One row per stance at which it was called: ``told_s``, the swings planned in the
+        drive and now (``then_rad, now_rad``), and ``same``, whether inputs and swing
+        are identical to the bit.
     """
     then: dict[tuple[int, float], Any] = {
         (row["epoch"], row["told_s"]): row for row in log.decisions.to_dict("records")
@@ -290,7 +318,9 @@ def replay(
         names = ("pose", "boom_angle_rad", "swung_rad", "planned_rad")
         bits = [np.hstack([np.asarray(of[n], dtype=float) for n in names]).tobytes()
                 for of in (before, vars(made))]  # fmt: skip
-        rows.append((made.told_s, before["planned_rad"], made.planned_rad, bits[0] == bits[1]))
+        rows.append(
+            (made.told_s, before["planned_rad"], made.planned_rad, bits[0] == bits[1])
+        )
 
     loop = ControlLoop(
         buffer, observers, controller, NoBoom(), limits=limits, on_decision=compare,

@@ -1,7 +1,7 @@
 """The control loop: a thread that plans at each stance and commands the boom (Fig. 3.4).
 
-No event ends the loop: if the controller fails, a pose is too old or a plan is late, it sends the
-safe command, which leaves the boom where it is, and logs the reason.
+No event ends the loop: if the controller fails, a pose is too old or a plan is late, it
+sends the safe command, which leaves the boom where it is, and logs the reason.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class Decision:
     epoch : int
         The camera clock of these times; see `hopdata.steering.live.buffer.Frame`.
     pose : (x_m, y_m, heading_rad)
-        Newest pose up to the frame that revealed the stance, later frames of the batch excluded;
-        NaN if there was none.
+        Newest pose up to the frame that revealed the stance, later frames of the batch
+        excluded; NaN if there was none.
     boom_angle_rad : float
         Newest boom angle up to that frame.
     swung_rad : float
@@ -52,9 +52,9 @@ class Decision:
     pose_age_s, boom_age_s : float
         Their ages at the decision, s.
     outcome : str
-        "planned": the controller's command was sent. "cut": so it was, clipped to the limit.
-        "held": the boom was commanded to stay, for `reason`. "overtaken": nothing was sent, since
-        another stance had been seen in the meantime.
+        "planned": the controller's command was sent. "cut": so it was, clipped to the
+        limit. "held": the boom was commanded to stay, for `reason`. "overtaken":
+        nothing was sent, since another stance had been seen in the meantime.
     planned_rad : float
         The controller's swing; NaN if it was not called, or failed.
     command_rad : float
@@ -93,15 +93,18 @@ Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
 def observers_of(geometry: HopperGeometry, rate_hz: float) -> Observers:
     """Return a maker of tracker and stance detector; the boom marker comes after the body's."""
     names = (*geometry.body_names, str(geometry.boom_name))
-    return lambda: (HopperTracker(geometry, names), StanceDetector(geometry, rate_hz=rate_hz))
+    return lambda: (
+        HopperTracker(geometry, names),
+        StanceDetector(geometry, rate_hz=rate_hz),
+    )
 
 
 LOOK_UP_S = 0.5
 SAME_CLOCK_S = 0.5
 MISFITS = 3  # consecutive frames whose markers do not fit together: some are swapped
-# Measured swings are compared with those sent. Cameras of 0.6 mm see the angle of a boom of 0.25 m
-# to some 5 mrad, a tenth of what counts. A boom that is wired backwards, dead or at half gain is
-# off by 2, 1 and 0.5 of its command.
+# Measured swings are compared with those sent. Cameras of 0.6 mm see the angle of a
+# boom of 0.25 m to some 5 mrad, a tenth of what counts. A boom that is wired backwards,
+# dead or at half gain is off by 2, 1 and 0.5 of its command.
 LEAST_SWING_RAD = 0.05  # differences below this are not seen
 SWING_SHARE = 0.3  # largest difference, as a share of the swing that was sent
 
@@ -116,7 +119,8 @@ class ControlLoop(Worker):
     buffer : FrameBuffer
         Source of the frames.
     observers : callable
-        Returns a new tracker and a new stance detector; called when a camera clock begins.
+        Returns a new tracker and a new stance detector; called when a camera clock
+        begins.
     controller : Controller
     boom : Boom
     limits : Limits
@@ -127,10 +131,11 @@ class ControlLoop(Worker):
     fault : callable, optional
         Returns another cause to bring the boom to rest, or an empty string.
     stop : threading.Event, optional
-        Set when the drive is over: the hopper left the arena or tips over, or the loop failed.
+        Set when the drive is over: the hopper left the arena or tips over, or the loop
+        failed.
     clock : callable
-        Returns the time, s, on the clock of `Frame.captured_s`. With another clock, call `take` and
-        `watch.look` instead of starting the threads.
+        Returns the time, s, on the clock of `Frame.captured_s`. With another clock,
+        call `take` and `watch.look` instead of starting the threads.
     """
 
     def __init__(
@@ -153,21 +158,40 @@ class ControlLoop(Worker):
         self.watch = Watch(boom, self._cause, clock, patience_s=self.limits.command_s)
         self._clock = clock
         self._fault, self._told_to_stop = fault, stop or threading.Event()
-        self._over = self._failing = ""  # why the drive is over; why the last frame is unusable
-        self._misfits, self._due_s = 0, math.inf  # when a plan is too late, monotonic clock
+        self._over = self._failing = (
+            ""  # why the drive is over; why the last frame is unusable
+        )
+        self._misfits, self._due_s = (
+            0,
+            math.inf,
+        )  # when a plan is too late, monotonic clock
         self._buffer, self._observers = buffer, observers
-        self._controller, self._on_decision, self._on_frames = controller, on_decision, on_frames
+        self._controller, self._on_decision, self._on_frames = (
+            controller,
+            on_decision,
+            on_frames,
+        )
         self._tracker, self._detector = observers()
         self._decisions: list[Decision] = []
         self._last: Frame | None = None
         self._pose, self._boom_angle = _Newest(), _Newest()
-        self._last_stance: tuple[float, float] | None = None  # monotonic time, and boom angle
-        self._lacking: dict[str, float] = {}  # what frames lack -> capture time of the first, s
-        self._sent_rad = math.nan  # swing sent at the last stance; NaN if it is not certain
+        self._last_stance: tuple[float, float] | None = (
+            None  # monotonic time, and boom angle
+        )
+        self._lacking: dict[
+            str, float
+        ] = {}  # what frames lack -> capture time of the first, s
+        self._sent_rad = (
+            math.nan
+        )  # swing sent at the last stance; NaN if it is not certain
         self._rests_then = 0  # rests up to that stance
         self._boom_failure = ""  # what the boom raised at the last stance
-        self._wrong: list[tuple[float, float]] = []  # swings sent and measured that differ
-        self._is_sending = not isinstance(boom, NoBoom)  # else no boom can be expected to follow
+        self._wrong: list[
+            tuple[float, float]
+        ] = []  # swings sent and measured that differ
+        self._is_sending = not isinstance(
+            boom, NoBoom
+        )  # else no boom can be expected to follow
 
     def start(self) -> Self:
         """Start the thread."""
@@ -199,7 +223,11 @@ class ControlLoop(Worker):
 
     def _cause(self) -> str:
         """Return why the boom must rest now, or an empty string."""
-        newest, now, limit = self._buffer.newest(), self._clock(), self.limits.pose_age_s
+        newest, now, limit = (
+            self._buffer.newest(),
+            self._clock(),
+            self.limits.pose_age_s,
+        )
         silent_s = -math.inf if newest is None else now - newest.captured_s
         if self._over or self._failing:
             return self._over or self._failing
@@ -218,8 +246,13 @@ class ControlLoop(Worker):
         last = self._last
         if last is None:
             return ""
-        ages = {what: last.captured_s - since for what, since in self._lacking.copy().items()}
-        too_long = {what: age for what, age in ages.items() if age > self.limits.pose_age_s}
+        ages = {
+            what: last.captured_s - since
+            for what, since in self._lacking.copy().items()
+        }
+        too_long = {
+            what: age for what, age in ages.items() if age > self.limits.pose_age_s
+        }
         if not too_long:
             return ""
         return f"{'; '.join(too_long)} (for {max(too_long.values()):.2f} s)"
@@ -244,7 +277,11 @@ class ControlLoop(Worker):
         """Process frames, and plan at the last stance among them."""
         if self._on_frames is not None:
             self._on_frames(frames)
-        told = [(s, f, self._pose, self._boom_angle) for f in frames if (s := self._observed(f))]
+        told = [
+            (s, f, self._pose, self._boom_angle)
+            for f in frames
+            if (s := self._observed(f))
+        ]
         for k, seen in enumerate(told):
             self._decide(*seen, overtaken=k + 1 < len(told))
 
@@ -278,17 +315,27 @@ class ControlLoop(Worker):
         self._lacking = {what: since_s.get(what, captured_s) for what in seen.lacking}
         away, limits = math.hypot(*seen.pose[:2]), self.limits
         if away > limits.fence_m:
-            self.rest(f"left the arena: {away:.2f} m from the origin, beyond {limits.fence_m:g} m")
+            self.rest(
+                f"left the arena: {away:.2f} m from the origin, beyond {limits.fence_m:g} m"
+            )
         if seen.rotation[2, 2] < math.cos(limits.tilt_rad):
             tilt = math.degrees(math.acos(max(-1.0, seen.rotation[2, 2])))
             self.rest(f"tips over: leans by {tilt:.0f} degrees")
 
     def _decide(
-        self, stance: Stance, frame: Frame, pose: _Newest, boom: _Newest, *, overtaken: bool
+        self,
+        stance: Stance,
+        frame: Frame,
+        pose: _Newest,
+        boom: _Newest,
+        *,
+        overtaken: bool,
     ) -> None:
         self._boom_failure = ""  # it is tried again
         self.watch.look()  # an earlier cause may be gone
-        stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on the monotonic clock
+        stance_s = frame.captured_s - (
+            frame.time_s - stance.time_s
+        )  # on the monotonic clock
         asked_s = self._clock()
         ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
         in_date = ages[1] <= self.limits.pose_age_s
@@ -325,7 +372,12 @@ class ControlLoop(Worker):
         )  # fmt: skip
 
     def _refusal(
-        self, pose_age_s: float, boom_age_s: float, stance_age_s: float, *, overtaken: bool
+        self,
+        pose_age_s: float,
+        boom_age_s: float,
+        stance_age_s: float,
+        *,
+        overtaken: bool,
     ) -> tuple[Outcome, str]:
         """Return an outcome, and the reason if there is to be no planning."""
         if overtaken:
@@ -333,12 +385,18 @@ class ControlLoop(Worker):
         if self.watch.cause:
             return "held", self.watch.cause
         if stance_age_s > self.limits.command_s:
-            return "held", f"the stance was reported too late, {stance_age_s:.3f} s after it"
+            return (
+                "held",
+                f"the stance was reported too late, {stance_age_s:.3f} s after it",
+            )
         for name, age in (("pose", pose_age_s), ("boom angle", boom_age_s)):
             if not math.isfinite(age):
                 return "held", f"no {name} yet"
             if age > self.limits.pose_age_s:
-                return "held", f"stale {name}: {age:.3f} s old, beyond {self.limits.pose_age_s:g} s"
+                return (
+                    "held",
+                    f"stale {name}: {age:.3f} s old, beyond {self.limits.pose_age_s:g} s",
+                )
         return "planned", ""
 
     def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
@@ -380,7 +438,9 @@ class ControlLoop(Worker):
         finally:
             self._due_s = math.inf
 
-    def _permitted(self, swing: float, failure: str, stance_s: float) -> tuple[Outcome, float, str]:
+    def _permitted(
+        self, swing: float, failure: str, stance_s: float
+    ) -> tuple[Outcome, float, str]:
         """Return outcome and command for a planned swing, and the reason for any difference."""
         late, limit = self._clock() - stance_s, self.limits.swing_rad
         if self._stop.is_set():
@@ -390,7 +450,11 @@ class ControlLoop(Worker):
         if late > self.limits.command_s:
             return "held", 0.0, f"planned too late, {late:.3f} s after the stance"
         if abs(swing) > limit:
-            return "cut", math.copysign(limit, swing), f"{swing:.3f} rad cut to {limit:.3f} rad"
+            return (
+                "cut",
+                math.copysign(limit, swing),
+                f"{swing:.3f} rad cut to {limit:.3f} rad",
+            )
         return "planned", swing, ""
 
     def _log(self, decision: Decision) -> None:
@@ -404,7 +468,9 @@ class ControlLoop(Worker):
 
 def _does_not_follow(wrong: Sequence[tuple[float, float]]) -> str:
     """Say how swings that were measured differ from those sent."""
-    pairs = ", ".join(f"{sent:+.2f} rad sent and {swung:+.2f} measured" for sent, swung in wrong)
+    pairs = ", ".join(
+        f"{sent:+.2f} rad sent and {swung:+.2f} measured" for sent, swung in wrong
+    )
     sent, swung = np.array(wrong).T
     if np.abs(sent).max() < LEAST_SWING_RAD:
         how = "it moves though it was told to stay"

@@ -1,9 +1,10 @@
 """Packets of Qualisys' real-time protocol, version 1.25, little-endian.
 
-A packet consists of its size (including the header of 8 bytes), its type and the payload. A data
-packet holds a time stamp in us, a frame number, and components, each with a size (including its own
-header) and a type. The component "3D" holds the labelled markers in mm, in the order of the labels;
-an unseen marker is NaN. (Qualisys, QTM Real-time Server Protocol Documentation.)
+A packet consists of its size (including the header of 8 bytes), its type and the
+payload. A data packet holds a time stamp in us, a frame number, and components, each
+with a size (including its own header) and a type. The component "3D" holds the labelled
+markers in mm, in the order of the labels; an unseen marker is NaN. (Qualisys, QTM
+Real-time Server Protocol Documentation.)
 """
 
 import asyncio
@@ -69,25 +70,29 @@ def header_fault(size: int, kind: int) -> str:
     return f"packet of type {kind} with {size} bytes, expected {HEADER.size} to {longest} bytes"
 
 
-FRAME_HEADER = struct.Struct("<qII")  # time stamp, us; frame number; number of components
+FRAME_HEADER = struct.Struct(
+    "<qII"
+)  # time stamp, us; frame number; number of components
 MARKERS_HEADER = struct.Struct("<Ihh")  # number of markers; two rates of frames lost
-# Bytes of a marker in the components of markers, by their type: three floats, and a label, a
-# residual or both.
+# Bytes of a marker in the components of markers, by their type: three floats, and a
+# label, a residual or both.
 MARKER_BYTES = {1: 12, 2: 16, 9: 16, 10: 20}
 
 
 def parts_fault(payload: bytes) -> str:
     """Return which stated length of a frame does not fit its bytes, or an empty string.
 
-    The work is bounded by the bytes present: a component has at least a header, so a frame of n
-    bytes cannot hold more than n / 8 of them, whatever it states.
+    The work is bounded by the bytes present: a component has at least a header, so a
+    frame of n bytes cannot hold more than n / 8 of them, whatever it states.
     """
     if len(payload) < FRAME_HEADER.size:
         return f"expected {FRAME_HEADER.size} bytes before the components, found {len(payload)}"
     stated = FRAME_HEADER.unpack_from(payload)[2]
     most = (len(payload) - FRAME_HEADER.size) // HEADER.size
     if stated > most:
-        return f"expected room for the {stated} components stated, found room for {most}"
+        return (
+            f"expected room for the {stated} components stated, found room for {most}"
+        )
     at = FRAME_HEADER.size
     for _ in range(stated):
         if at + HEADER.size > len(payload):
@@ -130,7 +135,9 @@ def payload_fault(kind: int, payload: bytes) -> str:
         elif kind == EVENT:
             QRTEvent(*payload)
     except Exception as error:
-        return f"{'a frame' if kind == DATA else 'an event'} that cannot be read: {error}"
+        return (
+            f"{'a frame' if kind == DATA else 'an event'} that cannot be read: {error}"
+        )
     return ""
 
 
@@ -185,9 +192,15 @@ def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
         If z does not point up, or the frame rate differs.
     """
     if parameters.upwards not in ("", "+Z", "Z"):
-        raise SettingsError.at("axis that points up in the stream", "+Z", parameters.upwards)
+        raise SettingsError.at(
+            "axis that points up in the stream", "+Z", parameters.upwards
+        )
     told = parameters.rate_hz
-    if rate_hz is not None and told is not None and abs(told - rate_hz) > RATE_SLACK * rate_hz:
+    if (
+        rate_hz is not None
+        and told is not None
+        and abs(told - rate_hz) > RATE_SLACK * rate_hz
+    ):
         asked = f"{rate_hz:g} Hz (rate_hz, or hopdata drive --rate)"
         raise SettingsError.at("frame rate of the stream", asked, f"{told:g} Hz")
 
@@ -213,17 +226,18 @@ def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:
 
 # Bytes are screened before the protocol's client sees them.
 #
-# The client trusts its input: a header with size 0, as a server of another protocol may send, makes
-# it read that packet for ever; an unknown event ends its connection; an absurd size makes it wait
-# for data that never come. So whole packets are cut out here, and checked.
+# The client trusts its input: a header with size 0, as a server of another protocol may
+# send, makes it read that packet for ever; an unknown event ends its connection; an
+# absurd size makes it wait for data that never come. So whole packets are cut out here,
+# and checked.
 
 
 class Line(asyncio.Protocol):
     """A screened connection that poses as the event loop of the client (futures, connecting).
 
-    A frame or event that cannot be read is dropped and reported. If packet boundaries are lost, the
-    connection is closed and `error` is set, as it is if there is no connection. `lost` is set when
-    the connection is gone.
+    A frame or event that cannot be read is dropped and reported. If packet boundaries
+    are lost, the connection is closed and `error` is set, as it is if there is no
+    connection. `lost` is set when the connection is gone.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Rehearsal: each act that must bring the boom to rest, performed on the simulated robot.
 
-Most acts are performed on a simulated clock, so that a rehearsal takes seconds and gives the same
-result every time. Those that need threads or signals (Ctrl-C, a driver that blocks) are short
-drives in real time.
+Most acts are performed on a simulated clock, so that a rehearsal takes seconds and
+gives the same result every time. Those that need threads or signals (Ctrl-C, a driver
+that blocks) are short drives in real time.
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ from hopdata.steering.trial import record_trial
 
 RATE_HZ = 100.0
 SEED = 1
-SWING_RAD = 0.4  # to and fro: a third of the limit, and eight times what the loop can tell
+SWING_RAD = (
+    0.4  # to and fro: a third of the limit, and eight times what the loop can tell
+)
 BEFORE_S = 3.0  # drive before each act: four hops
-# Time for what must be told within two hops of 0.6 to 0.7 s: the hop that has begun does not
-# count, since its swing was executed before the act.
+# Time for what must be told within two hops of 0.6 to 0.7 s: the hop that has begun
+# does not count, since its swing was executed before the act.
 TWO_HOPS_S = 3.0
 ONE_HOP_S = 1.5  # time for what is told at the next stance
 SOON_S = 0.05  # a few looks of the watch
@@ -76,7 +78,8 @@ class Act:
     within_s : float
         Longest time from the act to the boom's rest, s.
     cameras : callable
-        Returns what the cameras show of the markers (M, 3), m, after the act; None for no frame.
+        Returns what the cameras show of the markers (M, 3), m, after the act; None for
+        no frame.
     boom : callable
         Returns how far the boom moves for a swing, rad.
     refuses : int
@@ -86,7 +89,8 @@ class Act:
     presses_key : bool
         Whether the operator's key is pressed.
     in_real_time : callable, optional
-        Performs the act in a drive in real time, given its loop, its stream and its parts.
+        Performs the act in a drive in real time, given its loop, its stream and its
+        parts.
     """
 
     name: str
@@ -105,8 +109,9 @@ class Act:
 class Performed:
     """What came of an act.
 
-    `cause` is what was told, empty if nothing was. `after_s` is the time from the act to the boom's
-    rest, s; NaN if it did not rest. `moved` tells whether a swing other than 0 followed the rest.
+    `cause` is what was told, empty if nothing was. `after_s` is the time from the act
+    to the boom's rest, s; NaN if it did not rest. `moved` tells whether a swing other
+    than 0 followed the rest.
     """
 
     act: Act
@@ -282,7 +287,9 @@ class SimulatedDrive:
         What the boom was told.
     """
 
-    def __init__(self, geometry: HopperGeometry, limits: Limits, *, seed: int = SEED) -> None:
+    def __init__(
+        self, geometry: HopperGeometry, limits: Limits, *, seed: int = SEED
+    ) -> None:
         self.now_s = 0.0
         self.swings: list[tuple[float, float]] = []
         self.cameras: Callable[[FloatArray], FloatArray | None] = _nothing_else
@@ -292,7 +299,11 @@ class SimulatedDrive:
         self._next_swing_rad = SWING_RAD
         self._moved = SimulatedBoom()
         self.hopper = LiveHopper(
-            SteeredHopper(), self._moved_by, pose=(1.0, 0.0, 0.0), rate_hz=RATE_HZ, seed=seed
+            SteeredHopper(),
+            self._moved_by,
+            pose=(1.0, 0.0, 0.0),
+            rate_hz=RATE_HZ,
+            seed=seed,
         )
         self._buffer = FrameBuffer(256)
         self.loop = ControlLoop(
@@ -352,13 +363,17 @@ class SimulatedDrive:
         return self._next_swing_rad
 
 
-def _on_simulated_clock(act: Act, geometry: HopperGeometry, limits: Limits) -> Performed:
+def _on_simulated_clock(
+    act: Act, geometry: HopperGeometry, limits: Limits
+) -> Performed:
     simulated = SimulatedDrive(geometry, limits)
     loop = simulated.loop
     simulated.run(BEFORE_S)
     early = [rest.cause for rest in loop.watch.rests]
     if early or not any(rad for _, rad in simulated.swings):
-        return Performed(act, f"before the act: {early or 'no swing'}", math.nan, moved=False)
+        return Performed(
+            act, f"before the act: {early or 'no swing'}", math.nan, moved=False
+        )
     begun_s = simulated.now_s
     simulated.cameras = act.cameras
     simulated.boom = act.boom
@@ -367,7 +382,9 @@ def _on_simulated_clock(act: Act, geometry: HopperGeometry, limits: Limits) -> P
         simulated.plan = act.plan
     if act.presses_key:
         loop.rest("the operator's key")
-    simulated.run(begun_s + act.within_s + SOON_S, ended=lambda: bool(_told_since(loop, begun_s)))
+    simulated.run(
+        begun_s + act.within_s + SOON_S, ended=lambda: bool(_told_since(loop, begun_s))
+    )
     told = _told_since(loop, begun_s)
     if not told:
         return Performed(act, "", math.nan, moved=False)
@@ -424,7 +441,9 @@ def _lose_stream(_: ControlLoop, stream: Stream, __: _RealParts) -> None:
     stream.states.report("lost", "the server has hung up")
 
 
-def _signalled(number: signal.Signals) -> Callable[[ControlLoop, Stream, _RealParts], None]:
+def _signalled(
+    number: signal.Signals,
+) -> Callable[[ControlLoop, Stream, _RealParts], None]:
     return lambda *_: signal.raise_signal(number)
 
 
@@ -455,15 +474,21 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
                 begun_s = time.monotonic()
                 perform_act(loop, stream, parts)
             return
-        if BLOCKED in loop.watch.cause:  # the driver returns, and the rest that waits is sent
+        if (
+            BLOCKED in loop.watch.cause
+        ):  # the driver returns, and the rest that waits is sent
             parts.released.set()
         if any(act.rest in rest.cause for rest in loop.watch.rests):
             stop.set()
 
     with tempfile.TemporaryDirectory() as folder, _default_handlers():
         parts = _RealParts(Path(folder, "rehearsal.h5"))
-        hopper = LiveHopper(SteeredHopper(), parts.moved.newest, pose=(1.0, 0.0, 0.0), seed=SEED)
-        controller = SimpleNamespace(plan=lambda *_: SimpleNamespace(swing_rad=SWING_RAD))
+        hopper = LiveHopper(
+            SteeredHopper(), parts.moved.newest, pose=(1.0, 0.0, 0.0), seed=SEED
+        )
+        controller = SimpleNamespace(
+            plan=lambda *_: SimpleNamespace(swing_rad=SWING_RAD)
+        )
         try:
             drive(
                 geometry, controller, parts, stream=SimulatedStream(hopper), stop=stop,
@@ -485,7 +510,9 @@ def _in_real_time(act: Act, geometry: HopperGeometry) -> Performed:
     rest = (right or told)[0]
     # A driver that returns ends the act, so the drive may go on at once.
     lasts = act.rest != BLOCKED
-    moved = lasts and any(rad != 0.0 for at_s, rad in parts.swings if at_s > rest.sent_s)
+    moved = lasts and any(
+        rad != 0.0 for at_s, rad in parts.swings if at_s > rest.sent_s
+    )
     return Performed(act, rest.cause, rest.sent_s - begun_s, moved)
 
 

@@ -28,9 +28,9 @@ class Boom(Protocol):
     def swing(self, rad: float) -> None:
         """Change the boom angle by `rad` in the next flight; 0 keeps it where it is.
 
-        Replaces a swing that was sent before and has not begun. A boom whose line may lose a
-        command also has a method `acknowledged()`, which returns at once whether the last swing
-        has arrived; a rest is then sent until it has.
+        Replaces a swing that was sent before and has not begun. A boom whose line may
+        lose a command also has a method `acknowledged()`, which returns at once whether
+        the last swing has arrived; a rest is then sent until it has.
         """
 
 
@@ -44,9 +44,9 @@ class NoBoom:
 class UdpBoom:
     """Sends each swing as a line, `swing <number> <rad>`, in a datagram of its own.
 
-    Numbers increase by one, starting with the milliseconds since 1970, so those of a later drive
-    are higher. The robot answers each line to where it came from with `heard <number>`. A rest is
-    sent until it is heard, since a datagram may be lost.
+    Numbers increase by one, starting with the milliseconds since 1970, so those of a
+    later drive are higher. The robot answers each line to where it came from with
+    `heard <number>`. A rest is sent until it is heard, since a datagram may be lost.
 
     Parameters
     ----------
@@ -63,7 +63,9 @@ class UdpBoom:
         self._address = _address(host, port)  # looked up once, not in each flight
         self._number = time.time_ns() // 1_000_000
         self._heard = 0  # highest number that the robot has answered
-        self._wanted = 0  # number whose answer, or a later one, acknowledges the last swing
+        self._wanted = (
+            0  # number whose answer, or a later one, acknowledges the last swing
+        )
         self._rests = False
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
@@ -107,7 +109,9 @@ class UdpBoom:
 
 def _address(host: str, port: int) -> tuple[str, int]:
     if not (isinstance(port, int) and 0 < port < PORTS):
-        raise PortError(f"port: expected a whole number from 1 to {PORTS - 1}, found {port!r}")
+        raise PortError(
+            f"port: expected a whole number from 1 to {PORTS - 1}, found {port!r}"
+        )
     try:
         found = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)
     except OSError as error:
@@ -126,30 +130,31 @@ class Limits:
     Parameters
     ----------
     pose_age_s : float
-        Largest age of a pose or boom angle used for planning. If there is no frame for this long,
-        the boom is brought to rest.
+        Largest age of a pose or boom angle used for planning. If there is no frame for
+        this long, the boom is brought to rest.
     command_s : float
-        Latest time after its stance at which a plan is sent: after that, the flight it was made for
-        has begun.
+        Latest time after its stance at which a plan is sent: after that, the flight it
+        was made for has begun.
     swing_rad : float
         Largest swing that is sent.
     hop_s : float
-        Longest time between two stances that are taken for consecutive; if it is longer, the swing
-        between them is unknown.
+        Longest time between two stances that are taken for consecutive; if it is
+        longer, the swing between them is unknown.
     fence_m : float
         The drive ends when the hopper is farther than this from the world's origin.
     tilt_rad : float
-        The drive ends when the hopper leans by more; in normal hops it leans by a tenth of this.
+        The drive ends when the hopper leans by more; in normal hops it leans by a tenth
+        of this.
     wrong_swings : int
-        The drive ends after so many hops in a row whose swing, as measured, is not the one that was
-        sent. A single one may have been sent too late for its flight.
+        The drive ends after so many hops in a row whose swing, as measured, is not the
+        one that was sent. A single one may have been sent too late for its flight.
 
     Raises
     ------
     ConfigError
-        If a time or the fence is not above 0, swing or tilt is not from 0 to pi, or `wrong_swings`
-        is below 1. A limit that is not a number, or is in degrees, would let every swing or tilt
-        pass.
+        If a time or the fence is not above 0, swing or tilt is not from 0 to pi, or
+        `wrong_swings` is below 1. A limit that is not a number, or is in degrees, would
+        let every swing or tilt pass.
     """
 
     pose_age_s: float = 0.1
@@ -164,7 +169,9 @@ class Limits:
         for name in ("pose_age_s", "command_s", "hop_s", "fence_m"):
             require(getattr(self, name) > 0, name, "more than 0", getattr(self, name))
         for name in ("swing_rad", "tilt_rad"):
-            require(0 <= getattr(self, name) <= np.pi, name, "0 to pi", getattr(self, name))
+            require(
+                0 <= getattr(self, name) <= np.pi, name, "0 to pi", getattr(self, name)
+            )
         require(self.wrong_swings >= 1, "wrong_swings", "1 or more", self.wrong_swings)
 
 
@@ -186,9 +193,10 @@ class Rest:
 class Command:
     """A swing on its way to the boom, and what became of it.
 
-    `done` is set once the boom's driver has returned, or a newer command came before it was called
-    (`replaced`). `sent_s` is when the driver returned, s; `error` is what it raised, if anything.
-    A command that nobody waits for any more is `withdrawn`: the driver is not called for it.
+    `done` is set once the boom's driver has returned, or a newer command came before it
+    was called (`replaced`). `sent_s` is when the driver returned, s; `error` is what it
+    raised, if anything. A command that nobody waits for any more is `withdrawn`: the
+    driver is not called for it.
     """
 
     def __init__(self, rad: float) -> None:
@@ -203,10 +211,10 @@ class Command:
 class Sender(Worker):
     """Calls the boom in a thread of its own, so that a driver that blocks delays nobody else.
 
-    Only the newest command counts: it replaces those that the driver has not been given. A rest is
-    sent again every `LOOK_S` until the driver returns without an error and the boom, if it can
-    tell, has heard it. Before `start` commands are sent in the caller's thread, as on a simulated
-    clock.
+    Only the newest command counts: it replaces those that the driver has not been
+    given. A rest is sent again every `LOOK_S` until the driver returns without an error
+    and the boom, if it can tell, has heard it. Before `start` commands are sent in the
+    caller's thread, as on a simulated clock.
     """
 
     def __init__(self, boom: Boom, clock: Callable[[], float]) -> None:
@@ -255,7 +263,9 @@ class Sender(Worker):
         self._stop.set()
         self._thread.join(LAST_REST_S)
         if self._thread.is_alive():
-            raise LiveError(f"the boom's driver has not returned for {self.blocked_s():.1f} s")
+            raise LiveError(
+                f"the boom's driver has not returned for {self.blocked_s():.1f} s"
+            )
         if self._rest is not None:
             logger.error("the boom did not acknowledge the last rest")
 
@@ -329,7 +339,8 @@ class Sender(Worker):
 def rest_within(boom: Boom, seconds: float) -> bool:
     """Command a boom to rest from a thread of its own; return whether its driver has returned.
 
-    For the end of a drive, where the sender's thread may never have begun, or is blocked.
+    For the end of a drive, where the sender's thread may never have begun, or is
+    blocked.
     """
     returned = threading.Event()
 
@@ -345,11 +356,11 @@ def rest_within(boom: Boom, seconds: float) -> bool:
 class Watch(Worker):
     """Guards the boom, and brings it to rest when there is a cause.
 
-    A thread of its own asks for a cause every `LOOK_S`, so that neither a silent stream nor a
-    controller that does not return can delay it. While there is a cause, no swing is passed on. The
-    boom is called by a `Sender`, whose thread begins with that of the watch. Once they run, no lock
-    is held while code of others runs, so nothing that blocks can keep the boom's rest from being
-    sent.
+    A thread of its own asks for a cause every `LOOK_S`, so that neither a silent stream
+    nor a controller that does not return can delay it. While there is a cause, no swing
+    is passed on. The boom is called by a `Sender`, whose thread begins with that of the
+    watch. Once they run, no lock is held while code of others runs, so nothing that
+    blocks can keep the boom's rest from being sent.
 
     Parameters
     ----------
@@ -451,7 +462,11 @@ class Watch(Worker):
         """Note a rest once the boom's driver has returned without an error."""
         with self._lock:
             command = self._resting
-            if command is None or not command.done.is_set() or command.error is not None:
+            if (
+                command is None
+                or not command.done.is_set()
+                or command.error is not None
+            ):
                 return
             self._resting = None
             if command.replaced:  # the cause was gone before the driver could be called

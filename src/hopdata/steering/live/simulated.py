@@ -10,7 +10,14 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.steering.live.buffer import Frame, Stream
-from hopdata.steering.robot import Apex, Stance, SteeredHop, SteeredHopper, released, steer_hop
+from hopdata.steering.robot import (
+    Apex,
+    Stance,
+    SteeredHop,
+    SteeredHopper,
+    released,
+    steer_hop,
+)
 
 
 @dataclass(frozen=True)
@@ -28,15 +35,16 @@ class TrueHop:
 class LiveHopper:
     """A source of frames: a hopper that integrates each hop when its first frame is requested.
 
-    Driven in real time, it is thus at most one hop ahead of the clock. The swing of a flight is the
-    last one commanded before the apex at which the flight begins, or 0 if there was none since the
-    previous apex.
+    Driven in real time, it is thus at most one hop ahead of the clock. The swing of a
+    flight is the last one commanded before the apex at which the flight begins, or 0 if
+    there was none since the previous apex.
 
     Parameters
     ----------
     robot : SteeredHopper
     swings : callable
-        Returns the last swing commanded since the last call, rad, or None; must not block.
+        Returns the last swing commanded since the last call, rad, or None; must not
+        block.
     pose : (3,)
         Pose at the release, m and rad.
     boom_angle_rad : float
@@ -70,7 +78,10 @@ class LiveHopper:
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the markers, in the order of the frames."""
-        return (*(f"body{k + 1}" for k in range(len(self.robot.markers.body_m))), "boom")
+        return (
+            *(f"body{k + 1}" for k in range(len(self.robot.markers.body_m))),
+            "boom",
+        )
 
     def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
         """Hop for ever: yield the time, s, and the markers (M, 3), m, of each frame."""
@@ -82,7 +93,9 @@ class LiveHopper:
 
     def _next_hop(self) -> SteeredHop:
         swing = self._swings() or 0.0
-        hop = steer_hop(self.robot, self._apex, swing, rng=self._kicks, rate_hz=self.rate_hz)
+        hop = steer_hop(
+            self.robot, self._apex, swing, rng=self._kicks, rate_hz=self.rate_hz
+        )
         self.hops.append(TrueHop(hop.start.time_s, hop.swing_rad, hop.stance))
         self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
         return hop

@@ -20,10 +20,10 @@ from hopdata.steering.live import buffer, packets
 class Patience:
     """Timeouts of the stream, s.
 
-    `answer_s`: for an answer or the first frame. `late_s`: frames delayed by more than this beyond
-    the shortest delay count as late. `stale_s`: with no frame for this long, the stream is stale;
-    after `reconnect_s` it is given up. A lost connection is retried after `retry_s`, then after
-    twice that, and so on up to `longest_retry_s`.
+    `answer_s`: for an answer or the first frame. `late_s`: frames delayed by more than
+    this beyond the shortest delay count as late. `stale_s`: with no frame for this
+    long, the stream is stale; after `reconnect_s` it is given up. A lost connection is
+    retried after `retry_s`, then after twice that, and so on up to `longest_retry_s`.
     """
 
     answer_s: float = 5.0
@@ -34,25 +34,34 @@ class Patience:
     longest_retry_s: float = 5.0
 
 
-# Whether frames follow each other as they should, and when they were captured (monotonic clock).
+# Whether frames follow each other as they should, and when they were captured
+# (monotonic clock).
 
 Verdict = Literal["next", "restart", "outdated", "implausible"]
 
-SLACK = 0.05  # relative difference allowed between the actual and the reported frame rate
-MOST_IN_A_ROW = 10  # out-of-place frames after which the rate, or the last good frame, is wrong
-RECENT = 100  # frames; one at most this far behind the last may merely have been delayed
-CREEP = 2e-4  # relative drift allowed between two clocks; quartz clocks drift by at most 1e-4
+SLACK = (
+    0.05  # relative difference allowed between the actual and the reported frame rate
+)
+MOST_IN_A_ROW = (
+    10  # out-of-place frames after which the rate, or the last good frame, is wrong
+)
+RECENT = (
+    100  # frames; one at most this far behind the last may merely have been delayed
+)
+# Relative drift allowed between two clocks; quartz clocks drift by at most 1e-4
+CREEP = 2e-4
 
 
 class Timeline:
     """Judges the numbers and times of the frames of one connection.
 
-    A frame is plausible if its number and time have increased consistently with the frame rate. If
-    not, it is damaged, or the camera system has restarted, which is assumed once the next frame
-    follows this one. If that never happens, the frame rate is not the reported one, and from then
-    on only the order counts. A frame is outdated if it is the last good frame again or one before
-    it: it is a duplicate, or late. Several outdated frames in a row that follow each other are not
-    a restart, unless they go on.
+    A frame is plausible if its number and time have increased consistently with the
+    frame rate. If not, it is damaged, or the camera system has restarted, which is
+    assumed once the next frame follows this one. If that never happens, the frame rate
+    is not the reported one, and from then on only the order counts. A frame is outdated
+    if it is the last good frame again or one before it: it is a duplicate, or late.
+    Several outdated frames in a row that follow each other are not a restart, unless
+    they go on.
     """
 
     def __init__(self, rate_hz: float | None) -> None:
@@ -92,31 +101,40 @@ class Timeline:
         if self._period_s is None:
             return True
         expected = frames * self._period_s
-        # With half a period, rounding would decide whether frames at twice the rate follow.
+        # With half a period, rounding would decide whether frames at twice the rate
+        # follow.
         return abs(span - expected) <= max(0.45 * self._period_s, SLACK * expected)
 
 
 BIN_S = 1.0  # the shortest delay is noted in every such span
 BINS = 20  # spans remembered: a clock's pace is known from their shortest delays
-LEAST_BINS = 4  # spans before a pace is estimated; until then clocks drift by CREEP at most
-MOST_DRIFT = 2e-3  # relative; twice that of 59.94 Hz taken for 60. A delay that grows as slowly
+LEAST_BINS = (
+    4  # spans before a pace is estimated; until then clocks drift by CREEP at most
+)
+MOST_DRIFT = (
+    2e-3  # relative; twice that of 59.94 Hz taken for 60. A delay that grows as slowly
+)
 # cannot be told from a drift, so a larger limit would hide a queue that fills.
 
 
 class CameraClock:
     """Converts camera times to the monotonic clock, by the shortest delay seen lately.
 
-    A frame that was delayed thus keeps its capture time, and appears as old as it is. A constant
-    delay cannot be observed and is not included. The camera's clock may be slow or fast by
-    `MOST_DRIFT`: its pace is the median slope of the shortest delays of the last spans.
+    A frame that was delayed thus keeps its capture time, and appears as old as it is. A
+    constant delay cannot be observed and is not included. The camera's clock may be
+    slow or fast by `MOST_DRIFT`: its pace is the median slope of the shortest delays of
+    the last spans.
     """
 
     def __init__(self) -> None:
-        self._bins: deque[tuple[float, float]] = deque(maxlen=BINS)  # arrival and offset, s
+        self._bins: deque[tuple[float, float]] = deque(
+            maxlen=BINS
+        )  # arrival and offset, s
         self._bin_ends_s = -math.inf
         self._drift = 0.0
-        # What spans that are no longer remembered foresee. Without it, a queue that fills a little
-        # faster than `MOST_DRIFT` would never look older than 20 s of it.
+        # What spans that are no longer remembered foresee. Without it, a queue that
+        # fills a little faster than `MOST_DRIFT` would never look older than 20 s of
+        # it.
         self._earlier = (0.0, math.inf)
 
     def captured(self, time_s: float, arrival_s: float) -> float:
@@ -165,8 +183,9 @@ FARTHEST_MM = 1e6  # from the origin: no camera system sees a marker a kilometre
 class MarkerStream(buffer.Stream):
     """Reads the markers of a Qualisys system, or of the loopback server, in a thread of its own.
 
-    Use it as a context manager, or with `start` and `close`. The frames are in `buffer`, with the
-    markers in the order of `labels`, m. No received data can end the thread.
+    Use it as a context manager, or with `start` and `close`. The frames are in
+    `buffer`, with the markers in the order of `labels`, m. No received data can end the
+    thread.
 
     Parameters
     ----------
@@ -192,7 +211,12 @@ class MarkerStream(buffer.Stream):
         patience: Patience | None = None,
     ) -> None:
         super().__init__("hopdata-stream", self._read, capacity)
-        self.labels, self.host, self.port, self.rate_hz = tuple(labels), host, port, rate_hz
+        self.labels, self.host, self.port, self.rate_hz = (
+            tuple(labels),
+            host,
+            port,
+            rate_hz,
+        )
         self.patience = patience or Patience()
         self.last_fault = ""  # fault of the last dropped packet
         self._epoch = -1
@@ -215,7 +239,8 @@ class MarkerStream(buffer.Stream):
         Raises
         ------
         LiveError
-            If a marker has another name or z is not up (`SettingsError`), or no frame arrives.
+            If a marker has another name or z is not up (`SettingsError`), or no frame
+            arrives.
         """
         status = self.states.wait_for("streaming", "failed", timeout_s=timeout_s)
         if status is None or status.state == "failed":
@@ -257,7 +282,9 @@ class MarkerStream(buffer.Stream):
             parameters = packets.read_parameters(await self._answer(line, asked))
             self._begin_epoch(parameters)
             self.counts.connections += 1
-            stream = connection.stream_frames(components=["3d"], on_packet=self._on_packet)
+            stream = connection.stream_frames(
+                components=["3d"], on_packet=self._on_packet
+            )
             await self._answer(line, stream)
             await self._watch(line)
         except self._client.QRTCommandException as error:
@@ -270,12 +297,16 @@ class MarkerStream(buffer.Stream):
             self.host,
             port=self.port,
             version=packets.VERSION,
-            timeout=2 * self.patience.answer_s,  # our own timeout comes first, and says more
+            timeout=2
+            * self.patience.answer_s,  # our own timeout comes first, and says more
             loop=line,
             on_event=self._on_event,
         )
         if connection is None:
-            reason = line.error or f"it does not speak version {packets.VERSION} of the protocol"
+            reason = (
+                line.error
+                or f"it does not speak version {packets.VERSION} of the protocol"
+            )
             raise packets.ConnectionLostError(
                 f"cannot connect to {self.host}, port {self.port}: {reason}"
             )
@@ -283,23 +314,31 @@ class MarkerStream(buffer.Stream):
 
     async def _answer(self, line: packets.Line, work: Awaitable[Result]) -> Result:
         """Wait for an answer as long as there is a connection, at most `answer_s`."""
-        task, lost = asyncio.ensure_future(work), asyncio.ensure_future(line.lost.wait())
+        task, lost = (
+            asyncio.ensure_future(work),
+            asyncio.ensure_future(line.lost.wait()),
+        )
         try:
             await asyncio.wait(
-                {task, lost}, timeout=self.patience.answer_s, return_when=asyncio.FIRST_COMPLETED
+                {task, lost},
+                timeout=self.patience.answer_s,
+                return_when=asyncio.FIRST_COMPLETED,
             )
             if task.done():
                 return task.result()
             if lost.done():
                 raise _loss(line)
-            raise packets.ConnectionLostError(f"no answer within {self.patience.answer_s:g} s")
+            raise packets.ConnectionLostError(
+                f"no answer within {self.patience.answer_s:g} s"
+            )
         finally:
             task.cancel()
             lost.cancel()
 
     async def _watch(self, line: packets.Line) -> None:
         while not line.lost.is_set():
-            # In Python 3.11 `wait_for` swallows a cancellation that comes just after a loss.
+            # In Python 3.11 `wait_for` swallows a cancellation that comes just after a
+            # loss.
             with suppress(TimeoutError):
                 async with asyncio.timeout(self.patience.stale_s / 2):
                     await line.lost.wait()
@@ -322,14 +361,18 @@ class MarkerStream(buffer.Stream):
         self._last_good_s = time.monotonic()
 
     def _on_event(self, event: Any) -> None:
-        self.states.report(self.states.status.state, f"the server reports: {event.name}")
+        self.states.report(
+            self.states.status.state, f"the server reports: {event.name}"
+        )
 
     def _on_packet(self, packet: Any) -> None:
         arrival = time.monotonic()
         found = packet.get_3d_markers()
         if found is None or len(found[1]) != self._n_streamed:
             count = "none" if found is None else len(found[1])
-            self._note_garbled(f"a frame with {self._n_streamed} markers was expected, not {count}")
+            self._note_garbled(
+                f"a frame with {self._n_streamed} markers was expected, not {count}"
+            )
             return
         markers = np.array(found[1], dtype=float).reshape(-1, 3)[self._places]
         if np.any(np.abs(markers) > FARTHEST_MM):  # False for NaN, a hidden marker
@@ -337,10 +380,14 @@ class MarkerStream(buffer.Stream):
             return
         self._keep(packet.framenumber, 1e-6 * packet.timestamp, arrival, 1e-3 * markers)
 
-    def _keep(self, number: int, time_s: float, arrival_s: float, markers: np.ndarray) -> None:
+    def _keep(
+        self, number: int, time_s: float, arrival_s: float, markers: np.ndarray
+    ) -> None:
         verdict = self._timeline.judge(number, time_s)
         if verdict == "implausible":
-            self._note_garbled(f"frame {number} at {time_s:.3f} s does not follow the last one")
+            self._note_garbled(
+                f"frame {number} at {time_s:.3f} s does not follow the last one"
+            )
         self.counts.outdated += verdict == "outdated"
         if verdict in ("implausible", "outdated"):
             return
@@ -355,7 +402,9 @@ class MarkerStream(buffer.Stream):
         self._last_good_s = arrival_s
         if self.states.status.state != "streaming":
             self.states.report("streaming")
-        self.buffer.write(buffer.Frame(self._epoch, number, time_s, arrival_s, captured, markers))
+        self.buffer.write(
+            buffer.Frame(self._epoch, number, time_s, arrival_s, captured, markers)
+        )
 
     def _note_garbled(self, fault: str) -> None:
         self.counts.garbled += 1

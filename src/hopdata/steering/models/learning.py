@@ -20,15 +20,18 @@ UNITS = ("mm", "mm", "deg")
 IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
-def prediction_score(process: gp.FrameChangeProcess, hops: FrameChanges) -> pd.DataFrame:
+def prediction_score(
+    process: gp.FrameChangeProcess, hops: FrameChanges
+) -> pd.DataFrame:
     """Score the predicted frame changes of hops.
 
     Returns
     -------
     DataFrame
-        One row per ``component``, with its ``unit``: ``r2``, 1 minus the mean square error divided
-        by the variance of the observed values; ``rmse``, the root mean square error in that unit;
-        ``coverage``, the fraction of the hops within the central 95 % of their prediction.
+        One row per ``component``, with its ``unit``: ``r2``, 1 minus the mean square
+        error divided by the variance of the observed values; ``rmse``, the root mean
+        square error in that unit; ``coverage``, the fraction of the hops within the
+        central 95 % of their prediction.
     """
     error = process.change(hops.boom_angle_rad, hops.swing_rad) - hops.change
     sd = process.sd(hops.boom_angle_rad, hops.swing_rad, observed=True)
@@ -45,14 +48,20 @@ def prediction_score(process: gp.FrameChangeProcess, hops: FrameChanges) -> pd.D
 
 
 def tested(
-    hops: FrameChanges, train: FloatArray, test: FloatArray, options: gp.ProcessOptions, seed: int
+    hops: FrameChanges,
+    train: FloatArray,
+    test: FloatArray,
+    options: gp.ProcessOptions,
+    seed: int,
 ) -> tuple[gp.FrameChangeProcess, pd.DataFrame]:
     """Train on some rows of a table of hops, and score on other rows."""
     process = gp.trained_process(hops.rows(train), options, seed=seed)
     return process, prediction_score(process, hops.rows(test))
 
 
-def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+def random_split(
+    hops: int, train: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
     """Draw hops to train on; return their row numbers, and those of the rest."""
     order = rng.permutation(hops)
     return np.sort(order[:train]), np.sort(order[train:])
@@ -88,22 +97,32 @@ def learning_scores(
     Returns
     -------
     DataFrame
-        Columns ``model, hops, draw, component, unit, r2, rmse, coverage``; one row for each
-        component of each draw.
+        Columns ``model, hops, draw, component, unit, r2, rmse, coverage``; one row for
+        each component of each draw.
     """
     hops = changes.used()
     rows = []
     for size in sizes:
-        for draw, stream in enumerate(np.random.SeedSequence([seed, size]).spawn(draws)):
+        for draw, stream in enumerate(
+            np.random.SeedSequence([seed, size]).spawn(draws)
+        ):
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
                 _, score = tested(hops, train, test, chosen, seed + draw)
-                labels = dict(zip(names, name if isinstance(name, tuple) else (name,), strict=True))
-                rows.append(pd.DataFrame({**labels, "hops": size, "draw": draw, **score}))
+                labels = dict(
+                    zip(
+                        names, name if isinstance(name, tuple) else (name,), strict=True
+                    )
+                )
+                rows.append(
+                    pd.DataFrame({**labels, "hops": size, "draw": draw, **score})
+                )
     return pd.concat(rows, ignore_index=True)
 
 
-def with_intervals(scores: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd.DataFrame:
+def with_intervals(
+    scores: pd.DataFrame, by: Sequence[str], values: Sequence[str]
+) -> pd.DataFrame:
     """Return the mean over the draws, its standard error, and the 5 and 95 % quantiles.
 
     Parameters
@@ -113,7 +132,8 @@ def with_intervals(scores: pd.DataFrame, by: Sequence[str], values: Sequence[str
     by : sequence of str
         Columns that identify a setting.
     values : sequence of str
-        Columns to average. Each yields ``<value>, <value>_se, <value>_q05, <value>_q95``.
+        Columns to average. Each yields ``<value>, <value>_se, <value>_q05,
+        <value>_q95``.
     """
     groups = scores.groupby(list(by), sort=False)
     table = groups.size().rename("draws").reset_index()
@@ -138,7 +158,8 @@ def map_table(
 ) -> pd.DataFrame:
     """Tabulate mean and standard deviation over three turns of the boom and all swings.
 
-    The boom angle is not wrapped, so that a process that is not periodic can be seen as such.
+    The boom angle is not wrapped, so that a process that is not periodic can be seen as
+    such.
 
     Parameters
     ----------
@@ -151,8 +172,9 @@ def map_table(
     Returns
     -------
     DataFrame
-        Columns ``boom_angle_rad`` (from -2 pi to 4 pi), ``swing_rad``, the mean ``dx_mm, dy_mm,
-        dtheta_deg`` and the same with ``_sd``: the standard deviation of the mean, without noise.
+        Columns ``boom_angle_rad`` (from -2 pi to 4 pi), ``swing_rad``, the mean
+        ``dx_mm, dy_mm, dtheta_deg`` and the same with ``_sd``: the standard deviation
+        of the mean, without noise.
     """
     angle = np.linspace(-gp.TURN, 2 * gp.TURN, 3 * CELLS_PER_TURN + 1)
     swing = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
@@ -167,20 +189,24 @@ def training_table(process: gp.FrameChangeProcess) -> pd.DataFrame:
     """Return the training hops of a process without copies, with the columns of `map_table`."""
     angle = process.inputs[:, 0]
     once = (angle >= 0) & (angle < gp.TURN)
-    table = pd.DataFrame(process.inputs[once, :2], columns=["boom_angle_rad", "swing_rad"])
+    table = pd.DataFrame(
+        process.inputs[once, :2], columns=["boom_angle_rad", "swing_rad"]
+    )
     table[list(COLUMNS)] = process.outputs[once] * IN_UNITS
     return table
 
 
-# Whether a kernel of C2 functions fails to model frame changes, as the dissertation reports.
+# Whether a kernel of C2 functions fails to model frame changes, as the dissertation
+# reports.
 #
-# Section 3.4.2 reports this of the Matern kernel of smoothness 5/2, and concludes that the dynamics
-# are measurably only C1. It does not say which parameters are fitted and which are fixed, so the
-# smoothnesses are compared in several readings of the set-up: see `READINGS`.
+# Section 3.4.2 reports this of the Matern kernel of smoothness 5/2, and concludes that
+# the dynamics are measurably only C1. It does not say which parameters are fitted and
+# which are fixed, so the smoothnesses are compared in several readings of the set-up:
+# see `READINGS`.
 #
-# If no hyper-parameter is fitted, the mean of a process depends only on the ratio of noise to
-# variance, not on the units. Once the length scale is fitted and the variance is not, the units
-# matter.
+# If no hyper-parameter is fitted, the mean of a process depends only on the ratio of
+# noise to variance, not on the units. Once the length scale is fitted and the variance
+# is not, the units matter.
 
 _FITTED = replace(gp.PRINTED, length_scale=None, noise=None)
 READINGS: Mapping[str, gp.ProcessOptions] = {
@@ -188,7 +214,8 @@ READINGS: Mapping[str, gp.ProcessOptions] = {
     "printed, all fixed": gp.PRINTED,
     # The length scale is fitted, the rest as before.
     "printed, length fitted": replace(gp.PRINTED, length_scale=None),
-    # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: 0.1 is only the initial value of the noise.
+    # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: 0.1 is only the initial value of
+    # the noise.
     "printed, length and noise fitted, mm": _FITTED,
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
     "standardised, all fitted": gp.RECOMMENDED,
@@ -208,7 +235,8 @@ def smoothness_scores(
     Returns
     -------
     DataFrame
-        Columns of `learning_scores` with ``reading`` and ``smoothness`` in place of ``model``.
+        Columns of `learning_scores` with ``reading`` and ``smoothness`` in place of
+        ``model``.
     """
     options = {
         (reading, smoothness): replace(one, smoothness=smoothness)
@@ -216,7 +244,9 @@ def smoothness_scores(
         for smoothness in gp.SMOOTHNESSES
     }
     names = ("reading", "smoothness")
-    return learning_scores(changes, options, [train], draws=draws, seed=seed, names=names)
+    return learning_scores(
+        changes, options, [train], draws=draws, seed=seed, names=names
+    )
 
 
 # From the table of frame changes to a model, and its score on the other hops.
@@ -240,15 +270,21 @@ def learn(
     -------
     process : FrameChangeProcess
     scores : DataFrame
-        On the other hops: ``component, unit, r2, rmse, coverage, training_hops, test_hops``.
+        On the other hops: ``component, unit, r2, rmse, coverage, training_hops,
+        test_hops``.
 
     Raises
     ------
     AnalysisError
         If there are too few hops.
     """
-    hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
-    train, rest = random_split(len(hops), wanted, np.random.default_rng(child(seed, TRAINING)))
+    hops, wanted = (
+        hops_to_learn_from(changes, options["training_hops"]),
+        options["training_hops"],
+    )
+    train, rest = random_split(
+        len(hops), wanted, np.random.default_rng(child(seed, TRAINING))
+    )
     process, score = tested(hops, train, rest, gp.process_of(options), 0)
     return process, score.assign(training_hops=wanted, test_hops=len(hops) - wanted)
 
@@ -268,9 +304,13 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
         wanted = f"at least {least} hops that can be used, to learn from and to test on"
         raise AnalysisError.at("steering", wanted, f"{len(hops)} {left_out}")
     if len(hops) < training_hops + LEFT_TO_TEST:
-        most = f"at most {len(hops) - LEFT_TO_TEST}, two fewer than the {len(hops)} hops"
+        most = (
+            f"at most {len(hops) - LEFT_TO_TEST}, two fewer than the {len(hops)} hops"
+        )
         found = f"{training_hops} {left_out}"
-        raise AnalysisError.at("steering.model.training_hops", f"{most} that can be used", found)
+        raise AnalysisError.at(
+            "steering.model.training_hops", f"{most} that can be used", found
+        )
     return hops
 
 
@@ -302,16 +342,17 @@ def learning_tables(
     Returns
     -------
     curve : DataFrame
-        ``model, hops, component, unit``, and for each of ``r2, rmse, coverage`` the mean, its
-        standard error (``_se``) and the 5 and 95 % quantiles over the sets (``_q05``, ``_q95``).
+        ``model, hops, component, unit``, and for each of ``r2, rmse, coverage`` the
+        mean, its standard error (``_se``) and the 5 and 95 % quantiles over the sets
+        (``_q05``, ``_q95``).
     kernels : DataFrame
         The same by ``data, reading, smoothness, component, unit``.
 
     Raises
     ------
     AnalysisError
-        If there are too few hops for the smallest size or for `training_hops`; nothing has been
-        learned by then.
+        If there are too few hops for the smallest size or for `training_hops`; nothing
+        has been learned by then.
     """
     used = hops_to_learn_from(changes, training_hops)
     sizes = [size for size in SIZES if size <= len(used) - LEAST_TESTED]

@@ -30,19 +30,21 @@ def input_rows(boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
     arrays = [np.asarray(values, dtype=float).ravel() for values in (boom_angle, swing)]
     sizes = {array.size for array in arrays} - {1}
     if len(sizes) > 1:
-        raise AnalysisError(f"frame change: expected inputs of one length, found {sorted(sizes)}")
+        raise AnalysisError(
+            f"frame change: expected inputs of one length, found {sorted(sizes)}"
+        )
     return np.array(np.broadcast_arrays(*arrays))
 
 
 # Covariance functions of boom angle and swing.
 #
-# A kernel is a function of the scaled squared distance between two hops, ``s = sum of (difference /
-# length scale)^2``. The difference in boom angle is either that of the angles themselves, or the
-# chord between their points on the unit circle. The chord makes all predictions periodic without
-# copies of the data.
+# A kernel is a function of the scaled squared distance between two hops, ``s = sum of
+# (difference / length scale)^2``. The difference in boom angle is either that of the
+# angles themselves, or the chord between their points on the unit circle. The chord
+# makes all predictions periodic without copies of the data.
 #
-# The Matern family (Rasmussen and Williams 2006, Sec. 4.2) is here for smoothness 1/2, 3/2, 5/2
-# and, as its limit, the Gaussian kernel ("rbf", infinity).
+# The Matern family (Rasmussen and Williams 2006, Sec. 4.2) is here for smoothness 1/2,
+# 3/2, 5/2 and, as its limit, the Gaussian kernel ("rbf", infinity).
 
 SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
 
@@ -91,7 +93,8 @@ class FrameChangeProcess:
     offset, unit : (3,) arrays
         Output j is modelled as ``(output - offset) / unit``.
     variance, noise : (3,) arrays
-        Variances of the process and of the white noise, in squared units of the modelled output.
+        Variances of the process and of the white noise, in squared units of the
+        modelled output.
     length_scales : (3, 2) array
         Length scale of each input for each output, rad.
     """
@@ -113,7 +116,9 @@ class FrameChangeProcess:
         shapes["length_scales"] = (3, 2)
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
-                raise ValueError(f"{name}: expected {shape}, found {getattr(self, name).shape}")
+                raise ValueError(
+                    f"{name}: expected {shape}, found {getattr(self, name).shape}"
+                )
 
     @property
     def chance(self) -> FloatArray:
@@ -135,7 +140,9 @@ class FrameChangeProcess:
                 wanted = "a positive definite covariance"
                 found = "one that is not; the noise is too small for hops that are this similar"
                 raise AnalysisError.at("Gaussian process", wanted, found) from error
-            return np.array([solve_triangular(one, unit, lower=True) for one in factors])
+            return np.array(
+                [solve_triangular(one, unit, lower=True) for one in factors]
+            )
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -149,10 +156,13 @@ class FrameChangeProcess:
         """Return the expected frame changes (n, 3) of hops with these inputs, each (n,)."""
         return self.mean_at(self._points(boom_angle, swing))
 
-    def sd(self, boom_angle: ArrayLike, swing: ArrayLike, *, observed: bool = False) -> FloatArray:
+    def sd(
+        self, boom_angle: ArrayLike, swing: ArrayLike, *, observed: bool = False
+    ) -> FloatArray:
         """Return predictive standard deviations (n, 3) of the frame change, m, m, rad.
 
-        Of the expected frame change or, if `observed`, of a single hop, including the white noise.
+        Of the expected frame change or, if `observed`, of a single hop, including the
+        white noise.
         """
         return self.sd_at(self._points(boom_angle, swing), observed=observed)
 
@@ -177,14 +187,19 @@ class FrameChangeProcess:
     def _scaled(self) -> list[tuple[FloatArray, FloatArray]]:
         """Length scales and scaled training inputs of each process, both embedded."""
         train = embedded(self.inputs, self.periodic)
-        return [(one, train / one) for one in embedded_scales(self.length_scales, self.periodic)]
+        return [
+            (one, train / one)
+            for one in embedded_scales(self.length_scales, self.periodic)
+        ]
 
     def _correlations(self, points: ArrayLike) -> FloatArray:
         """Return the kernels between points (n, 2) and the training inputs, (3, n, m)."""
         from scipy.spatial.distance import cdist
 
         at = embedded(points, self.periodic)
-        squared = [cdist(at / scales, train, "sqeuclidean") for scales, train in self._scaled]
+        squared = [
+            cdist(at / scales, train, "sqeuclidean") for scales, train in self._scaled
+        ]
         return correlation(np.array(squared), self.smoothness)
 
     def _points(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
@@ -196,14 +211,26 @@ class FrameChangeProcess:
 
 # Trained processes on disk: one `.npz` file, written whole or not at all.
 
-# Errors raised on reading a folder, text, picture, single array or an archive of something else.
-FOREIGN = (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, BadZipFile)
+# Errors raised on reading a folder, text, picture, single array or an archive of
+# something else.
+FOREIGN = (
+    OSError,
+    KeyError,
+    ValueError,
+    TypeError,
+    AttributeError,
+    EOFError,
+    BadZipFile,
+)
 
 
 def save_process(path: str | Path, process: FrameChangeProcess) -> None:
     """Write a process; its fields are the file's arrays."""
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{field.name: getattr(process, field.name) for field in fields(process)})
+        np.savez(
+            file,
+            **{field.name: getattr(process, field.name) for field in fields(process)},
+        )
 
 
 def load_process(path: str | Path) -> FrameChangeProcess:
@@ -222,7 +249,9 @@ def load_process(path: str | Path) -> FrameChangeProcess:
         arrays["periodic"] = bool(arrays["periodic"])
         return FrameChangeProcess(**arrays)
     except FileNotFoundError:
-        raise RecordingError(f"{path}: expected a trained process, found no such file") from None
+        raise RecordingError(
+            f"{path}: expected a trained process, found no such file"
+        ) from None
     except FOREIGN as error:
         wanted = f"a trained process with {', '.join(names)}"
         raise RecordingError.at(path, wanted, "another file") from error
@@ -240,16 +269,18 @@ class ProcessOptions:
     Parameters
     ----------
     smoothness : float
-        Smoothness of the Matern kernel: 0.5, 1.5, 2.5, or infinity for the Gaussian kernel.
+        Smoothness of the Matern kernel: 0.5, 1.5, 2.5, or infinity for the Gaussian
+        kernel.
     periodic : bool
-        Compare boom angles as points on the circle. Otherwise copies of the training set are added
-        one turn before and one turn after, as printed.
+        Compare boom angles as points on the circle. Otherwise copies of the training
+        set are added one turn before and one turn after, as printed.
     standardised : bool
-        Centre each component of the frame change and divide it by its standard deviation; divide
-        the swing by its standard deviation. Otherwise frame changes are modelled as they are, about
-        zero.
+        Centre each component of the frame change and divide it by its standard
+        deviation; divide the swing by its standard deviation. Otherwise frame changes
+        are modelled as they are, about zero.
     length_unit_m : float
-        Unit of length of the modelled frame changes if not standardised, m; headings are in rad.
+        Unit of length of the modelled frame changes if not standardised, m; headings
+        are in rad.
     own_scales : bool
         Use a length scale for each input. Otherwise all share one.
     variance : float, optional
@@ -257,7 +288,8 @@ class ProcessOptions:
     noise : float, optional
         Variance of the white noise, likewise.
     length_scale : float, optional
-        Length scale of all inputs, in rad or, if standardised, in their units; fitted by default.
+        Length scale of all inputs, in rad or, if standardised, in their units; fitted
+        by default.
     restarts : int
         Number of further random starts of the search for hyper-parameters.
     """
@@ -274,7 +306,12 @@ class ProcessOptions:
 
     def __post_init__(self) -> None:
         known = ", ".join(map(str, SMOOTHNESSES))
-        require(self.smoothness in SMOOTHNESSES, "smoothness", f"one of {known}", self.smoothness)
+        require(
+            self.smoothness in SMOOTHNESSES,
+            "smoothness",
+            f"one of {known}",
+            self.smoothness,
+        )
         for name in ("variance", "noise", "length_scale", "length_unit_m"):
             value = getattr(self, name)
             require(value is None or value > 0, name, "more than 0", value)
@@ -282,8 +319,8 @@ class ProcessOptions:
 
 RECOMMENDED = ProcessOptions()
 
-# The formula in Section 3.4.2 has neither a variance nor a length scale, so both are 1. Motion
-# capture yields mm.
+# The formula in Section 3.4.2 has neither a variance nor a length scale, so both are 1.
+# Motion capture yields mm.
 PRINTED = ProcessOptions(
     periodic=False, standardised=False, own_scales=False,
     variance=1.0, noise=0.1, length_scale=1.0, restarts=0,
@@ -292,8 +329,9 @@ PRINTED = ProcessOptions(
 
 # Hyper-parameters of largest marginal likelihood, by scikit-learn.
 
-# Bounds of the search, for standardised inputs and outputs. 100 hops cannot resolve anything finer
-# than a third of the spread of an input, which is about a step of the printed grid of boom angles.
+# Bounds of the search, for standardised inputs and outputs. 100 hops cannot resolve
+# anything finer than a third of the spread of an input, which is about a step of the
+# printed grid of boom angles.
 VARIANCES = (1e-4, 1e4)
 NOISES = (1e-6, 1e2)
 LENGTHS = (0.3, 1e3)
@@ -322,10 +360,14 @@ def fitted_regressor(
     from sklearn.gaussian_process import GaussianProcessRegressor
 
     regressor = GaussianProcessRegressor(
-        _kernel(options), alpha=0.0, n_restarts_optimizer=options.restarts, random_state=seed
+        _kernel(options),
+        alpha=0.0,
+        n_restarts_optimizer=options.restarts,
+        random_state=seed,
     )
     with one_blas_thread(), warnings.catch_warnings():
-        # A length scale at its bound means that the input does not matter: no need to warn.
+        # A length scale at its bound means that the input does not matter: no need to
+        # warn.
         warnings.simplefilter("ignore", ConvergenceWarning)
         return regressor.fit(embedded(inputs, options.periodic), target)
 
@@ -341,13 +383,19 @@ def _kernel(options: ProcessOptions) -> Any:
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
     def bounds(value: float | None, free: tuple[float, float]) -> Any:
-        return "fixed" if value is not None else free if options.standardised else UNSCALED
+        return (
+            "fixed" if value is not None else free if options.standardised else UNSCALED
+        )
 
     length = options.length_scale or 1.0
     lengths = np.full(2, length) if options.own_scales else length
     matern = _embedded_matern() if options.periodic else Matern
-    variance = ConstantKernel(options.variance or 1.0, bounds(options.variance, VARIANCES))
-    shape = matern(lengths, bounds(options.length_scale, LENGTHS), nu=options.smoothness)
+    variance = ConstantKernel(
+        options.variance or 1.0, bounds(options.variance, VARIANCES)
+    )
+    shape = matern(
+        lengths, bounds(options.length_scale, LENGTHS), nu=options.smoothness
+    )
     noise = WhiteKernel(options.noise or FIRST_NOISE, bounds(options.noise, NOISES))
     return variance * shape + noise
 
@@ -360,7 +408,9 @@ def _embedded_matern() -> Any:
     class EmbeddedMatern(Matern):  # type: ignore[misc]
         """Matern kernel with one length scale per input, the boom angle first."""
 
-        def __call__(self, X: FloatArray, Y: Any = None, eval_gradient: bool = False) -> Any:
+        def __call__(
+            self, X: FloatArray, Y: Any = None, eval_gradient: bool = False
+        ) -> Any:
             if not np.ndim(self.length_scale):
                 return super().__call__(X, Y, eval_gradient)
             lengths = np.concatenate([self.length_scale[:1], self.length_scale])
@@ -398,7 +448,9 @@ def trained_process(
     offset, unit = _modelled(outputs, options)
     scale = input_units(inputs, options)
     if not options.periodic:
-        turn = np.array([TURN, 0.0])  # copies a turn before and a turn after (Sec. 3.4.2)
+        turn = np.array(
+            [TURN, 0.0]
+        )  # copies a turn before and a turn after (Sec. 3.4.2)
         inputs = np.concatenate([inputs - turn, inputs, inputs + turn])
         outputs = np.tile(outputs, (3, 1))
     targets = (outputs - offset) / unit
@@ -414,15 +466,23 @@ def training_set(changes: FrameChanges) -> tuple[FloatArray, FloatArray]:
     """Return boom angles and swings (n, 2) and frame changes (n, 3) of the used hops."""
     used = changes.used()
     if len(used) < LEAST_HOPS:
-        found = f"{len(used)} of {len(changes)} (excluded: {changes.excluded() or 'none'})"
-        raise AnalysisError.at("frame changes", f"at least {LEAST_HOPS} hops to learn from", found)
+        found = (
+            f"{len(used)} of {len(changes)} (excluded: {changes.excluded() or 'none'})"
+        )
+        raise AnalysisError.at(
+            "frame changes", f"at least {LEAST_HOPS} hops to learn from", found
+        )
     return np.column_stack([used.boom_angle_rad, used.swing_rad]), used.change
 
 
-def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray, FloatArray]:
+def _modelled(
+    outputs: FloatArray, options: ProcessOptions
+) -> tuple[FloatArray, FloatArray]:
     """Return the offset and unit of the modelled outputs."""
     if not options.standardised:
-        return np.zeros(3), np.array([options.length_unit_m, options.length_unit_m, 1.0])
+        return np.zeros(3), np.array(
+            [options.length_unit_m, options.length_unit_m, 1.0]
+        )
     unit = outputs.std(axis=0)
     return outputs.mean(axis=0), np.where(unit > 0, unit, 1.0)
 

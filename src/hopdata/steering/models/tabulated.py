@@ -16,9 +16,9 @@ from hopdata.steering.models.process import TURN, input_rows
 
 # What a controller needs of a model: frame changes of many hops at once.
 #
-# Conventions of all models: the frame change is (x, y, heading) in the frame of the first stance,
-# in m, m, rad. Angles are in rad. The boom angle is periodic: adding a whole turn gives the same
-# frame change.
+# Conventions of all models: the frame change is (x, y, heading) in the frame of the
+# first stance, in m, m, rad. Angles are in rad. The boom angle is periodic: adding a
+# whole turn gives the same frame change.
 
 COMPONENTS = ("dx", "dy", "dtheta")
 
@@ -41,8 +41,8 @@ class TabulatedMap:
     Parameters
     ----------
     values : (A, S, 3) array
-        Frame changes, m, m, rad; boom angles are evenly spaced over a turn from 0, swings from
-        minus to plus the limit.
+        Frame changes, m, m, rad; boom angles are evenly spaced over a turn from 0,
+        swings from minus to plus the limit.
     swing_limit_rad : float
         Largest swing.
     """
@@ -69,7 +69,9 @@ class TabulatedMap:
     @property
     def swing_rad(self) -> FloatArray:
         """Nodes of the swing, (S,)."""
-        return np.linspace(-self.swing_limit_rad, self.swing_limit_rad, self.values.shape[1])
+        return np.linspace(
+            -self.swing_limit_rad, self.swing_limit_rad, self.values.shape[1]
+        )
 
     def change(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
         """Return the frame changes (n, 3) of hops with these inputs, each (n,).
@@ -79,7 +81,8 @@ class TabulatedMap:
         AnalysisError
             If a swing is beyond the limit.
         ValueError
-            From scipy, if an axis has fewer than four nodes or the values are not all finite.
+            From scipy, if an axis has fewer than four nodes or the values are not all
+            finite.
         """
         angles, swings = input_rows(boom_angle, swing)
         largest = float(np.abs(swings).max(initial=0.0))
@@ -90,7 +93,11 @@ class TabulatedMap:
 
 
 def tabulated(
-    model: FrameChangeMap, swing_limit_rad: float, *, angles: int = 128, swings: int = 33
+    model: FrameChangeMap,
+    swing_limit_rad: float,
+    *,
+    angles: int = 128,
+    swings: int = 33,
 ) -> TabulatedMap:
     """Tabulate a map of boom angle and swing."""
     grid = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
@@ -116,8 +123,9 @@ FARTHEST_SD = 8.0  # larger misses come from disturbances, and are clipped to th
 class Correction:
     """Correction added to a map: a Bayesian linear model, updated hop by hop (a Kalman filter).
 
-    Over `MEMORY_HOPS` hops its coefficients decay to zero and their covariance returns to its
-    initial value (an Ornstein-Uhlenbeck prior). Memory and time per hop stay constant.
+    Over `MEMORY_HOPS` hops its coefficients decay to zero and their covariance returns
+    to its initial value (an Ornstein-Uhlenbeck prior). Memory and time per hop stay
+    constant.
 
     Parameters
     ----------
@@ -128,7 +136,9 @@ class Correction:
 
     def __init__(self, swing_limit_rad: float, noise: FloatArray) -> None:
         self.swing_limit_rad, self.noise = swing_limit_rad, noise
-        orders = np.add.outer(np.arange(DEGREE + 1), (np.arange(2 * HARMONICS + 1) + 1) // 2)
+        orders = np.add.outer(
+            np.arange(DEGREE + 1), (np.arange(2 * HARMONICS + 1) + 1) // 2
+        )
         self._first = np.diag((FIRST_SD * FALL_OFF ** orders.ravel()) ** 2)
         self.covariance = self._first.copy()  # (k, k), the same for all three
         self.coefficients = np.zeros((len(self._first), 3))  # in units of the noise
@@ -136,10 +146,16 @@ class Correction:
     def functions(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
         """Return basis functions (..., k) at boom angles and swings (...): waves times powers."""
         boom = np.asarray(boom_angle, dtype=float)
-        turns = [wave(h * boom) for h in range(1, HARMONICS + 1) for wave in (np.cos, np.sin)]
+        turns = [
+            wave(h * boom) for h in range(1, HARMONICS + 1) for wave in (np.cos, np.sin)
+        ]
         waves = np.stack([np.ones_like(boom), *turns], axis=-1)
-        powers = (np.asarray(swing)[..., None] / self.swing_limit_rad) ** np.arange(DEGREE + 1)
-        return np.asarray((powers[..., :, None] * waves[..., None, :]).reshape(*boom.shape, -1))
+        powers = (np.asarray(swing)[..., None] / self.swing_limit_rad) ** np.arange(
+            DEGREE + 1
+        )
+        return np.asarray(
+            (powers[..., :, None] * waves[..., None, :]).reshape(*boom.shape, -1)
+        )
 
     def added(self, functions: FloatArray) -> FloatArray:
         """Return the correction, (..., 3), m, m, rad, given the basis functions (..., k)."""
@@ -154,6 +170,8 @@ class Correction:
         gain = self.covariance @ at
         spread = float(at @ gain) + 1.0
         surprise = missed / self.noise - at @ self.coefficients
-        surprise = np.clip(surprise, -FARTHEST_SD * spread**0.5, FARTHEST_SD * spread**0.5)
+        surprise = np.clip(
+            surprise, -FARTHEST_SD * spread**0.5, FARTHEST_SD * spread**0.5
+        )
         self.coefficients += np.outer(gain / spread, surprise)
         self.covariance -= np.outer(gain, gain) / spread

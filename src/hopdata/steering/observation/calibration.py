@@ -6,7 +6,11 @@ from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.rigid import RigidFit, rigid_fit
-from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry, height_band
+from hopdata.steering.observation.geometry import (
+    BoomCircle,
+    HopperGeometry,
+    height_band,
+)
 
 # Circles through points in a plane or in space.
 
@@ -50,7 +54,9 @@ def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
         return np.column_stack([-directions, -np.ones(len(arms))])
 
     with one_blas_thread():
-        found = least_squares(misses, [*centre, radius], jac=slopes, x_scale=max(radius, 1e-9)).x
+        found = least_squares(
+            misses, [*centre, radius], jac=slopes, x_scale=max(radius, 1e-9)
+        ).x
     return np.asarray(found[:2]), float(abs(found[2]))
 
 
@@ -74,10 +80,11 @@ TRIES = 300
 def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     """Fit the circle to the positions of the boom marker.
 
-    The plane is spanned by the two leading principal components of the centred points; its normal
-    is the last. The circle in it minimises distances; unlike an algebraic fit, this has practically
-    no bias on a short arc. Points beyond five times the typical distance are discarded, starting
-    from the best of many circles through three points.
+    The plane is spanned by the two leading principal components of the centred points;
+    its normal is the last. The circle in it minimises distances; unlike an algebraic
+    fit, this has practically no bias on a short arc. Points beyond five times the
+    typical distance are discarded, starting from the best of many circles through three
+    points.
 
     Parameters
     ----------
@@ -89,8 +96,8 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     Raises
     ------
     AnalysisError
-        If the boom is rarely seen, does not move (a circle through noise is hardly larger than the
-        distances from it), or spans less than 30 degrees.
+        If the boom is rarely seen, does not move (a circle through noise is hardly
+        larger than the distances from it), or spans less than 30 degrees.
     """
     points = boom[np.isfinite(boom).all(axis=1)]
     if len(points) < LEAST_POINTS:
@@ -99,7 +106,9 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     points = points[:: -(-len(points) // MOST_POINTS)]
     start = _start(points)
     if not np.isfinite(start.radius_m):
-        raise AnalysisError("boom: expected it to move, found positions at a point or on a line")
+        raise AnalysisError(
+            "boom: expected it to move, found positions at a point or on a line"
+        )
     kept = _near(points, start, 4 * noise_m)
     for _ in range(ROUNDS):
         circle = _circle_through(kept)
@@ -116,7 +125,9 @@ def _near(points: FloatArray, circle: BoomCircle, noise_m: float) -> FloatArray:
 def _start(points: FloatArray) -> BoomCircle:
     """Return the circle through three points with the smallest upper quartile of distances."""
     rng = np.random.default_rng(np.random.SeedSequence(0))
-    circles = [_through_three(*points[rng.integers(0, len(points), 3)]) for _ in range(TRIES)]
+    circles = [
+        _through_three(*points[rng.integers(0, len(points), 3)]) for _ in range(TRIES)
+    ]
     few = points[:: -(-len(points) // 1000)]
 
     def size(circle: BoomCircle) -> float:
@@ -140,7 +151,9 @@ def _circle_through(points: FloatArray) -> BoomCircle:
     _, _, (along, across, normal) = np.linalg.svd(points - middle, full_matrices=False)
     plane = np.stack([along, across])
     centre, radius = geometric_circle((points - middle) @ plane.T)
-    return BoomCircle(middle + centre @ plane, normal if normal[2] > 0 else -normal, radius)
+    return BoomCircle(
+        middle + centre @ plane, normal if normal[2] > 0 else -normal, radius
+    )
 
 
 def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
@@ -156,10 +169,13 @@ def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
     span = arc_span(circle.angles(points))
     if span < LEAST_ARC_RAD:
         least = f"at least {np.rad2deg(LEAST_ARC_RAD):.0f} degrees to define a circle"
-        raise AnalysisError.at("boom", f"it to move through {least}", f"{np.rad2deg(span):.1f}")
+        raise AnalysisError.at(
+            "boom", f"it to move through {least}", f"{np.rad2deg(span):.1f}"
+        )
 
 
-# Positions of the body markers in the body, estimated robustly from the recording itself.
+# Positions of the body markers in the body, estimated robustly from the recording
+# itself.
 
 MOST_FRAMES = 4000
 LEAST_FRAMES = 20
@@ -171,9 +187,10 @@ ON_A_LINE = 0.02  # width of the markers across their line, relative to that alo
 def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
     """Estimate the shape of a rigid set of markers, and the noise.
 
-    The median distances between markers give an initial shape, which generalised Procrustes
-    alignment (Gower 1975) refines, ignoring unseen markers. Frames that do not fit, such as those
-    with two markers swapped, are discarded: their residual exceeds four times the median.
+    The median distances between markers give an initial shape, which generalised
+    Procrustes alignment (Gower 1975) refines, ignoring unseen markers. Frames that do
+    not fit, such as those with two markers swapped, are discarded: their residual
+    exceeds four times the median.
 
     Parameters
     ----------
@@ -190,8 +207,8 @@ def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
     Raises
     ------
     AnalysisError
-        If there are too few markers or frames, the markers lie on a line, or four or more markers
-        do not lie in a plane and four are rarely seen at once.
+        If there are too few markers or frames, the markers lie on a line, or four or
+        more markers do not lie in a plane and four are rarely seen at once.
     """
     number = markers.shape[1]
     if number < 3:
@@ -210,18 +227,22 @@ def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
 def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
     """Return the shape, its mirror image, or the flat shape between, whichever fits best.
 
-    The mirror image has the same distances. If the markers are flat except for noise, neither image
-    fits better than the other.
+    The mirror image has the same distances. If the markers are flat except for noise,
+    neither image fits better than the other.
     """
     widths = np.linalg.norm(shape, axis=0)
     if widths[2] < ON_A_LINE * widths[0]:
         return shape
     telling = frames[np.isfinite(frames).all(axis=2).sum(axis=1) > 3]
     if len(telling) < LEAST_FRAMES:
-        wanted = f"four in sight in {LEAST_FRAMES} frames, to rule out their mirror image"
+        wanted = (
+            f"four in sight in {LEAST_FRAMES} frames, to rule out their mirror image"
+        )
         raise AnalysisError.at("body markers", wanted, len(telling))
     three = [shape * [1, 1, side] for side in (0, 1, -1)]
-    return min(three, key=lambda one: float(np.median(rigid_fit(telling, one).residual_m)))
+    return min(
+        three, key=lambda one: float(np.median(rigid_fit(telling, one).residual_m))
+    )
 
 
 def _usable(markers: FloatArray) -> FloatArray:
@@ -230,10 +251,10 @@ def _usable(markers: FloatArray) -> FloatArray:
     usable = np.flatnonzero(seen.sum(axis=1) >= 3)
     together = seen.T.astype(int) @ seen.astype(int)
     if len(usable) < LEAST_FRAMES or together.min() == 0:
-        wanted = (
-            f"{LEAST_FRAMES} frames with three of them in sight, and each pair in sight together"
+        wanted = f"{LEAST_FRAMES} frames with three of them in sight, and each pair in sight together"
+        raise AnalysisError.at(
+            "body markers", wanted, f"{len(usable)} of {len(markers)} frames"
         )
-        raise AnalysisError.at("body markers", wanted, f"{len(usable)} of {len(markers)} frames")
     return markers[usable[:: -(-len(usable) // MOST_FRAMES)]]
 
 
@@ -246,7 +267,9 @@ def _from_distances(frames: FloatArray) -> FloatArray:
     largest = np.argsort(values)[: -len(square) - 1 : -1][:3]
     width = np.sqrt(np.maximum(values[largest], 0.0))
     if width[1] < ON_A_LINE * width[0]:
-        raise AnalysisError("body markers: expected three that are not on a line, found none")
+        raise AnalysisError(
+            "body markers: expected three that are not on a line, found none"
+        )
     return np.asarray(vectors[:, largest] * width)
 
 
@@ -264,15 +287,15 @@ LEAST_LENGTH_M = 1e-3
 def calibrate(recording: Recording) -> HopperGeometry:
     """Estimate the positions of the markers, the motion of the boom, and the heights of a hop.
 
-    The level plane is that of the feet in free fall or, with fewer than three feet, that of the
-    median attitude over the recording, which leans if the boom does. The body x axis points from
-    the middle of the feet in free fall towards the first foot.
+    The level plane is that of the feet in free fall or, with fewer than three feet,
+    that of the median attitude over the recording, which leans if the boom does. The
+    body x axis points from the middle of the feet in free fall towards the first foot.
 
     Parameters
     ----------
     recording : Recording
-        At least three markers with the role "body", and some hops. A marker with the role "boom"
-        must move through 30 degrees or more.
+        At least three markers with the role "body", and some hops. A marker with the
+        role "boom" must move through 30 degrees or more.
 
     Raises
     ------
@@ -294,7 +317,13 @@ def calibrate(recording: Recording) -> HopperGeometry:
         boom = recording.positions[:, recording.indices("boom")[0]]
         circle = fit_boom_circle(_in_body(fit, boom) @ axes.T, noise_m)
     return HopperGeometry(
-        recording.names("body"), shape @ axes.T, noise_m, below, above, boom_name, circle
+        recording.names("body"),
+        shape @ axes.T,
+        noise_m,
+        below,
+        above,
+        boom_name,
+        circle,
     )
 
 
@@ -306,7 +335,8 @@ def _in_body(fit: RigidFit, marker: FloatArray) -> FloatArray:
 def _feet(recording: Recording, fit: RigidFit, above_m: float) -> FloatArray:
     """Return median foot positions (n, 3) in free fall, in the axes of the fit; NaN if unseen.
 
-    Only falling frames count, since the legs are still retracting while the hopper rises.
+    Only falling frames count, since the legs are still retracting while the hopper
+    rises.
     """
     height = fit.centre[:, 2]
     flying = (height > above_m) & (np.gradient(height, recording.time) < 0)
@@ -332,7 +362,9 @@ def _first_foot(feet: FloatArray) -> FloatArray:
     """Return the direction from the middle of the feet to the first foot."""
     if len(feet) < 2 or not np.isfinite(feet).all():
         found = f"{np.isfinite(feet).all(axis=1).sum()} of {len(feet)}"
-        raise AnalysisError.at("forward", "at least two foot markers, each seen in flight", found)
+        raise AnalysisError.at(
+            "forward", "at least two foot markers, each seen in flight", found
+        )
     return np.asarray(feet[0] - feet.mean(axis=0))
 
 

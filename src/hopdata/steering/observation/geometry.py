@@ -42,7 +42,8 @@ class BoomCircle:
     def angles(self, boom: FloatArray) -> FloatArray:
         """Return the boom angle, (...), rad, of the boom marker (..., 3) in body axes.
 
-        It is zero along the body x axis, counter-clockwise seen from above, and in (-pi, pi].
+        It is zero along the body x axis, counter-clockwise seen from above, and in
+        (-pi, pi].
         """
         x, y = np.moveaxis((boom - self.centre_m) @ self.axes.T, -1, 0)
         return np.asarray(np.arctan2(y, x))
@@ -58,7 +59,8 @@ class BoomCircle:
 class HopperGeometry:
     """Geometry of a hopper as the cameras see it, from `calibration.calibrate`.
 
-    Body axes: z up when the hopper is level, x forward, origin at the mean of the body markers.
+    Body axes: z up when the hopper is level, x forward, origin at the mean of the body
+    markers.
 
     Parameters
     ----------
@@ -69,8 +71,8 @@ class HopperGeometry:
     noise_m : float
         Noise of a marker coordinate, estimated from the residuals of a rigid body, m.
     stance_below_m, flight_above_m : float
-        Heights of the mean body marker: every stance falls below the first, and every flight
-        rises above the second.
+        Heights of the mean body marker: every stance falls below the first, and every
+        flight rises above the second.
     boom_name : str, optional
         Name of the boom marker, if there is one.
     circle : BoomCircle, optional
@@ -118,7 +120,9 @@ def load_geometry(path: str | Path) -> HopperGeometry:
             raise ValueError(f"its format is {content['format']!r}")
         return _from_json(content)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RecordingError(f"{path}: expected a {FORMAT} as JSON, found: {error}") from None
+        raise RecordingError(
+            f"{path}: expected a {FORMAT} as JSON, found: {error}"
+        ) from None
 
 
 def _plain(fields_of_one: Iterable[tuple[str, Any]]) -> dict[str, Any]:
@@ -135,9 +139,13 @@ def _from_json(content: dict[str, Any]) -> HopperGeometry:
     for name in ("noise_m", "stance_below_m", "flight_above_m"):
         given[name] = float(content[name])
     if circle is not None:
-        centre, normal = (np.array(circle[key], float).reshape(3) for key in ("centre_m", "normal"))
+        centre, normal = (
+            np.array(circle[key], float).reshape(3) for key in ("centre_m", "normal")
+        )
         circle = BoomCircle(centre, normal, float(circle["radius_m"]))
-    return HopperGeometry(**given | {"body_names": names, "body_m": body, "circle": circle})
+    return HopperGeometry(
+        **given | {"body_names": names, "body_m": body, "circle": circle}
+    )
 
 
 def _place(name: str, markers: Sequence[str]) -> int:
@@ -150,15 +158,19 @@ def _place(name: str, markers: Sequence[str]) -> int:
 
 # Heights that separate stances from flights.
 
-LOW, HIGH = 2.0, 90.0  # percentiles of the heights: near the lowest points, near the apexes
+LOW, HIGH = (
+    2.0,
+    90.0,
+)  # percentiles of the heights: near the lowest points, near the apexes
 BELOW, ABOVE = 0.35, 0.45  # fractions of the travel between them
 
 
 def height_band(height_m: FloatArray) -> tuple[float, float]:
     """Return a height that stances fall below and one that flights rise above, m.
 
-    They are at 35 and 45 % of the travel between low and high heights, (N,), m, NaN where unknown.
-    Percentiles hardly depend on how long the hopper is carried about or stands still.
+    They are at 35 and 45 % of the travel between low and high heights, (N,), m, NaN
+    where unknown. Percentiles hardly depend on how long the hopper is carried about or
+    stands still.
     """
     low, high = np.nanpercentile(height_m, [LOW, HIGH])
     return float(low + BELOW * (high - low)), float(low + ABOVE * (high - low))

@@ -13,7 +13,12 @@ from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.rigid import rigid_fit
 from hopdata.steering import CORRECTED, PRINTED
-from hopdata.steering.frame_changes import FrameChanges, StanceStates, frame_changes, joined
+from hopdata.steering.frame_changes import (
+    FrameChanges,
+    StanceStates,
+    frame_changes,
+    joined,
+)
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stances, find_stances, local_fit
@@ -31,7 +36,9 @@ def observe_stances(recording: Recording, geometry: HopperGeometry) -> StanceSta
     return stance_states(*_seen(recording, geometry))
 
 
-def _seen(recording: Recording, geometry: HopperGeometry) -> tuple[HopperMotion, Stances]:
+def _seen(
+    recording: Recording, geometry: HopperGeometry
+) -> tuple[HopperMotion, Stances]:
     motion = hopper_motion(recording, geometry)
     band = (geometry.stance_below_m, geometry.flight_above_m)
     return motion, find_stances(motion.time, motion.height, band)
@@ -40,12 +47,14 @@ def _seen(recording: Recording, geometry: HopperGeometry) -> tuple[HopperMotion,
 def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
     """Return the states at stances.
 
-    The pose is read from a parabola through the frames near the lowest point. The boom angle is the
-    median over a short time after the stance, in which the boom is at rest (footnote 4 of chapter
-    III); it is unknown with fewer than three frames.
+    The pose is read from a parabola through the frames near the lowest point. The boom
+    angle is the median over a short time after the stance, in which the boom is at rest
+    (footnote 4 of chapter III); it is unknown with fewer than three frames.
     """
     pose, boom = _poses(motion, stances), _boom_angles(motion, stances)
-    return StanceStates(stances.time_s, pose, boom, stances.pairs, motion.tilt_rad[stances.frame])
+    return StanceStates(
+        stances.time_s, pose, boom, stances.pairs, motion.tilt_rad[stances.frame]
+    )
 
 
 def _poses(motion: HopperMotion, stances: Stances) -> FloatArray:
@@ -53,7 +62,9 @@ def _poses(motion: HopperMotion, stances: Stances) -> FloatArray:
     time, pose = motion.time[known], motion.pose[known]
     poses = motion.pose[stances.frame]  # fallback where the parabola lacks frames
     for row, instant in zip(poses, stances.time_s, strict=True):
-        fit = local_fit(time, pose, instant - POSE_HALF_S, instant + POSE_HALF_S, degree=2)
+        fit = local_fit(
+            time, pose, instant - POSE_HALF_S, instant + POSE_HALF_S, degree=2
+        )
         if fit is not None and fit.first_s < instant < fit.last_s:
             row[:] = fit.at(instant)
     return poses
@@ -72,8 +83,8 @@ def _boom_angles(motion: HopperMotion, stances: Stances) -> FloatArray:
     return medians
 
 
-# Observation as printed (Algorithms 2 to 4), with its slips corrected: taken literally it finds no
-# hop at all.
+# Observation as printed (Algorithms 2 to 4), with its slips corrected: taken literally
+# it finds no hop at all.
 
 REST_FRAMES = 40  # first frames, whose mean is the home configuration
 
@@ -81,12 +92,12 @@ REST_FRAMES = 40  # first frames, whose mean is the home configuration
 def phasor_poses(body: FloatArray) -> FloatArray:
     """Return poses by complex phasors, (N, 3): x m, y m, heading rad (Algorithm 2).
 
-    Each marker is a complex number relative to the mean of all. Multiplying each by the mean ratio
-    of the first to it turns all onto the first, and the heading is the angle of their sum; its zero
-    is close to the direction of the first marker. The method treats the body as flat: tilt shortens
-    some phasors more than others. One slip is corrected: the pose is the mean itself, not the
-    markers relative to it. Any number of markers will do; a frame is unknown (NaN) unless all are
-    seen.
+    Each marker is a complex number relative to the mean of all. Multiplying each by the
+    mean ratio of the first to it turns all onto the first, and the heading is the angle
+    of their sum; its zero is close to the direction of the first marker. The method
+    treats the body as flat: tilt shortens some phasors more than others. One slip is
+    corrected: the pose is the mean itself, not the markers relative to it. Any number
+    of markers will do; a frame is unknown (NaN) unless all are seen.
 
     Parameters
     ----------
@@ -98,16 +109,19 @@ def phasor_poses(body: FloatArray) -> FloatArray:
     phasors = places - middle[:, None]
     with np.errstate(invalid="ignore"):
         ratios = np.nanmean(phasors[:, :1] / phasors, axis=0)
-    return np.column_stack([middle.real, middle.imag, unwrapped(np.angle(phasors @ ratios))])
+    return np.column_stack(
+        [middle.real, middle.imag, unwrapped(np.angle(phasors @ ratios))]
+    )
 
 
 def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
     """Return boom angles, (N,), rad, wrapped, with an arbitrary zero and sense (Algorithm 3).
 
-    The home configuration is the mean over the first frames of three body markers and a fourth,
-    virtual one normal to their plane. Circle and angle are found in the plane of the two leading
-    principal components, by linear least squares. These slips are corrected: the fourth marker,
-    the determinant of the rotation, the centring, and which component is the normal.
+    The home configuration is the mean over the first frames of three body markers and a
+    fourth, virtual one normal to their plane. Circle and angle are found in the plane
+    of the two leading principal components, by linear least squares. These slips are
+    corrected: the fourth marker, the determinant of the rotation, the centring, and
+    which component is the normal.
 
     Parameters
     ----------
@@ -119,7 +133,9 @@ def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
     first, second = body[:, 1] - body[:, 0], body[:, 2] - body[:, 0]
     across, arms = np.cross(first, second), np.linalg.norm([first, second], axis=2)
     length = arms.mean(axis=0) / np.linalg.norm(across, axis=1)
-    four = np.concatenate([body, (body[:, 0] + length[:, None] * across)[:, None]], axis=1)
+    four = np.concatenate(
+        [body, (body[:, 0] + length[:, None] * across)[:, None]], axis=1
+    )
     home = np.nanmean(four[:REST_FRAMES], axis=0)
     fit = rigid_fit(four, home - home.mean(axis=0))
     places = np.einsum("nji,nj->ni", fit.rotation, boom - fit.centre)
@@ -133,18 +149,20 @@ def printed_boom_angles(body: FloatArray, boom: FloatArray) -> FloatArray:
 def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray:
     """Return frames of consecutive stances, (P, 2) (Algorithm 4).
 
-    Candidates are the extrema of the height, where the speed from a Savitzky-Golay filter (cubics
-    through seven frames) crosses zero; the print literally says the extrema of that speed. Stances
-    are more than a standard deviation below the mean height, flights more than one above. Of
-    several stance candidates without a flight between them, the lowest counts. Unknown heights are
-    first interpolated linearly, which the print does not mention.
+    Candidates are the extrema of the height, where the speed from a Savitzky-Golay
+    filter (cubics through seven frames) crosses zero; the print literally says the
+    extrema of that speed. Stances are more than a standard deviation below the mean
+    height, flights more than one above. Of several stance candidates without a flight
+    between them, the lowest counts. Unknown heights are first interpolated linearly,
+    which the print does not mention.
 
     Parameters
     ----------
     height : (N,) array
         Height, m, at a constant frame rate; NaN where unknown.
     derivative : int
-        Order of the derivative of the height that crosses zero: 1, or 2 as literally printed.
+        Order of the derivative of the height that crosses zero: 1, or 2 as literally
+        printed.
     """
     from scipy.signal import savgol_filter
 
@@ -156,7 +174,10 @@ def printed_stance_pairs(height: FloatArray, *, derivative: int = 1) -> IntArray
     group = np.searchsorted(flights[z[flights] > high], stances)
     order = np.lexsort([z[stances], group])
     stances = stances[order][np.unique(group[order], return_index=True)[1]]
-    z, end = np.append(z, np.nan), len(z)  # a sentinel after the last frame, neither low nor high
+    z, end = (
+        np.append(z, np.nan),
+        len(z),
+    )  # a sentinel after the last frame, neither low nor high
     flight = np.append(flights, end)[np.searchsorted(flights, stances)]
     last = np.append(stances, end)[np.searchsorted(stances, flight)]
     paired = (z[stances] < low) & (z[flight] > high) & (z[last] < low)
@@ -168,14 +189,29 @@ def _as_printed(
 ) -> tuple[HopperMotion, Stances, StanceStates]:
     """Return the motion, its stances and their states, with poses of single frames.
 
-    The print leaves the zeros and senses of the angles open; they are taken from `motion`.
+    The print leaves the zeros and senses of the angles open; they are taken from
+    `motion`.
     """
-    poses, boom = phasor_poses(recording.body), recording.positions[:, recording.indices("boom")[0]]
+    poses, boom = (
+        phasor_poses(recording.body),
+        recording.positions[:, recording.indices("boom")[0]],
+    )
     poses[:, 2] = _alike(poses[:, 2], motion.pose[:, 2])
-    angles = _alike(printed_boom_angles(recording.body[:, :3], boom), motion.boom_angle_rad)
-    motion = replace(motion, pose=poses, boom_angle_rad=angles, tilt_rad=np.nan * motion.tilt_rad)
-    frames, pairs = np.unique(printed_stance_pairs(recording.body_height), return_inverse=True)
-    at = motion.time[frames], motion.height[frames], frames, np.zeros(len(frames), dtype=bool)
+    angles = _alike(
+        printed_boom_angles(recording.body[:, :3], boom), motion.boom_angle_rad
+    )
+    motion = replace(
+        motion, pose=poses, boom_angle_rad=angles, tilt_rad=np.nan * motion.tilt_rad
+    )
+    frames, pairs = np.unique(
+        printed_stance_pairs(recording.body_height), return_inverse=True
+    )
+    at = (
+        motion.time[frames],
+        motion.height[frames],
+        frames,
+        np.zeros(len(frames), dtype=bool),
+    )
     stances = Stances(*at, pairs.reshape(-1, 2), {})
     return motion, stances, replace(stance_states(motion, stances), pose=poses[frames])
 
@@ -200,7 +236,8 @@ class Observed:
     stances, motion : DataFrame
         One row per stance, and one row per frame, of all recordings.
     counts : list of mappings
-        For each recording: frames by status, stances, hops, and what was left out, by reason.
+        For each recording: frames by status, stances, hops, and what was left out, by
+        reason.
     """
 
     geometry: HopperGeometry
@@ -212,7 +249,10 @@ class Observed:
 
 @one_blas_thread()
 def observe_recordings(
-    recordings: Sequence[Recording], *, swing_limit_rad: float, observation: str = CORRECTED
+    recordings: Sequence[Recording],
+    *,
+    swing_limit_rad: float,
+    observation: str = CORRECTED,
 ) -> Observed:
     """Observe pose, boom angle and stances of recordings, and collect their frame changes.
 
@@ -229,7 +269,9 @@ def observe_recordings(
     AnalysisError
         If a recording, which is named, has no boom marker or cannot be calibrated.
     """
-    parts = [_observed(recording, swing_limit_rad, observation) for recording in recordings]
+    parts = [
+        _observed(recording, swing_limit_rad, observation) for recording in recordings
+    ]
     return Observed(
         geometry=parts[0].geometry,
         changes=joined(part.changes for part in parts),
@@ -239,12 +281,14 @@ def observe_recordings(
     )
 
 
-def _observed(recording: Recording, swing_limit_rad: float, observation: str) -> Observed:
+def _observed(
+    recording: Recording, swing_limit_rad: float, observation: str
+) -> Observed:
     if not recording.indices("boom"):
-        wanted = (
-            "a marker with the role boom (markers.boom), on whose angle the frame changes depend"
+        wanted = "a marker with the role boom (markers.boom), on whose angle the frame changes depend"
+        raise AnalysisError.at(
+            recording.name, wanted, f"only {', '.join(recording.markers)}"
         )
-        raise AnalysisError.at(recording.name, wanted, f"only {', '.join(recording.markers)}")
     try:
         geometry = calibrate(recording)
     except AnalysisError as error:

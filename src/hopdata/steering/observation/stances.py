@@ -34,11 +34,15 @@ class LocalFit:
     def at(self, time_s: float, derivative: int = 0) -> FloatArray:
         """Return the value, or a derivative, at a time, () or (m,)."""
         found = np.polynomial.polynomial.polyder(self.coefficients, derivative)
-        return np.asarray(np.polynomial.polynomial.polyval(time_s - self.middle_s, found))
+        return np.asarray(
+            np.polynomial.polynomial.polyval(time_s - self.middle_s, found)
+        )
 
     def lowest(self) -> float | None:
         """Return the time of a parabola's or cubic's minimum, s; None if outside the frames."""
-        c, b, a = np.polynomial.polynomial.polyder(np.append(self.coefficients, [0.0, 0.0])[:4])
+        c, b, a = np.polynomial.polynomial.polyder(
+            np.append(self.coefficients, [0.0, 0.0])[:4]
+        )
         square = b * b - 4 * a * c  # squared curvature at the extrema
         if square <= 0:
             return None
@@ -87,9 +91,14 @@ def local_fit(
 
 BOTTOM_S = 0.045  # half-width of the window of the fit at the lowest point
 SIDE_S = 0.05  # width of the window of the fit on one side of a gap
-WIDEST_HOLE_S, WIDEST_HOLE_FRAMES = 0.035, 3.5  # widest gap within a fit: the larger of the two
+WIDEST_HOLE_S, WIDEST_HOLE_FRAMES = (
+    0.035,
+    3.5,
+)  # widest gap within a fit: the larger of the two
 LONGEST_BRIDGE_S = 0.2
-LEAST_BEND_M_S2 = 5.0  # half of g: the floor accelerates a hopper upwards harder than a hand does
+LEAST_BEND_M_S2 = (
+    5.0  # half of g: the floor accelerates a hopper upwards harder than a hand does
+)
 
 BOTTOM_UNSEEN, NO_BOUNCE = "lowest point not seen", "no bounce"
 
@@ -103,8 +112,8 @@ class Bottom:
     time_s : float
         Time of the lowest point, between frames.
     height_m : float
-        Height of the lowest point. In live use, the lowest height seen, if frames are missing
-        there.
+        Height of the lowest point. In live use, the lowest height seen, if frames are
+        missing there.
     bridged : bool
         Whether it lies in a gap between frames, in which case its time is an estimate.
     """
@@ -119,9 +128,10 @@ def find_bottom(
 ) -> Bottom | str:
     """Find the lowest point near the lowest frame, or return why there is none.
 
-    It is the minimum of a cubic through the frames there. If a gap is too wide for the cubic, and
-    the height falls before the gap and rises after it, it is the `turning_point` of the heights and
-    speeds on both sides. In either case the acceleration must be at least half of g.
+    It is the minimum of a cubic through the frames there. If a gap is too wide for the
+    cubic, and the height falls before the gap and rises after it, it is the
+    `turning_point` of the heights and speeds on both sides. In either case the
+    acceleration must be at least half of g.
 
     Parameters
     ----------
@@ -155,7 +165,10 @@ def _bridged(
     time: FloatArray, height: FloatArray, before: int, below_m: float
 ) -> Bottom | str | None:
     """Find the lowest point in the gap after a frame; None if it is outside of the gap."""
-    if not 0 <= before < len(time) - 1 or time[before + 1] - time[before] > LONGEST_BRIDGE_S:
+    if (
+        not 0 <= before < len(time) - 1
+        or time[before + 1] - time[before] > LONGEST_BRIDGE_S
+    ):
         return BOTTOM_UNSEEN
     out_s, in_s = time[before], time[before + 1]
     fall, rise = side_speeds(time, height, before)
@@ -171,14 +184,19 @@ def _bridged(
 Motion: TypeAlias = tuple[float, float, float]  # time, s; height, m; speed, m/s
 
 
-def turning_point(falling: Motion, rising: Motion, below_m: float) -> tuple[float, float]:
+def turning_point(
+    falling: Motion, rising: Motion, below_m: float
+) -> tuple[float, float]:
     """Return time and height of the lowest point between a fall and a rise.
 
-    Above `below_m` the motion is free flight. Below it, fall and rise are taken to be symmetric in
-    time, so the lowest point is halfway between equal heights. A difference in height is converted
-    to time at the mean of the two speeds.
+    Above `below_m` the motion is free flight. Below it, fall and rise are taken to be
+    symmetric in time, so the lowest point is halfway between equal heights. A
+    difference in height is converted to time at the mean of the two speeds.
     """
-    (out_s, out_m, fall), (in_s, in_m, rise) = _flown(falling, below_m), _flown(rising, below_m)
+    (out_s, out_m, fall), (in_s, in_m, rise) = (
+        _flown(falling, below_m),
+        _flown(rising, below_m),
+    )
     lowest_s = 0.5 * (out_s + in_s) + (out_m - in_m) / (rise - fall)
     lowest_s = min(max(lowest_s, falling[0]), rising[0])
     after = lowest_s < 0.5 * (out_s + in_s)
@@ -196,7 +214,9 @@ def _flown(motion: Motion, to_m: float) -> Motion:
     return time_s + (speed - there) / GRAVITY_M_S2, to_m, there
 
 
-def side_speeds(time: FloatArray, height: FloatArray, before: int) -> tuple[float, float]:
+def side_speeds(
+    time: FloatArray, height: FloatArray, before: int
+) -> tuple[float, float]:
     """Return the speeds just before and just after a gap, m/s; NaN if unknown."""
     speeds = []
     for frame, begin, end in ((before, -SIDE_S, 0.0), (before + 1, 0.0, SIDE_S)):
@@ -210,8 +230,13 @@ def side_speeds(time: FloatArray, height: FloatArray, before: int) -> tuple[floa
 # Visits below a height threshold, and what lies between them.
 
 HOLE_S = 0.3  # in a longer gap anything may have happened
-SIDE_HOLE_S = 0.04  # at a longer gap, the apex is also estimated from the speeds on both sides
-SHORTEST, LONGEST = 0.6, 1.5  # time above the threshold, relative to free fall from the apex
+SIDE_HOLE_S = (
+    0.04  # at a longer gap, the apex is also estimated from the speeds on both sides
+)
+SHORTEST, LONGEST = (
+    0.6,
+    1.5,
+)  # time above the threshold, relative to free fall from the apex
 
 HELD, HOLE = "held or carried in between", "heights missing in between"
 
@@ -236,7 +261,9 @@ class Visits:
     after_hole: BoolArray
 
 
-def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: float) -> Visits:
+def find_visits(
+    time: FloatArray, height: FloatArray, below_m: float, above_m: float
+) -> Visits:
     """Find the visits below a threshold, with the other one as hysteresis.
 
     A long gap ends a visit.
@@ -258,20 +285,28 @@ def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: f
     inside = outside[low]
     first = inside[np.flatnonzero(np.diff(number, prepend=-1))]
     last = inside[np.flatnonzero(np.diff(number, append=number[-1:] + 1))]
-    lowest = [a + int(np.argmin(height[a : b + 1])) for a, b in zip(first, last, strict=True)]
+    lowest = [
+        a + int(np.argmin(height[a : b + 1])) for a, b in zip(first, last, strict=True)
+    ]
     after_hole = np.zeros(len(first), dtype=bool)
     after_hole[1:] = holes[first[1:]] > holes[last[:-1]]
     return Visits(first, last, np.array(lowest, dtype=int), after_hole)
 
 
 def not_a_hop(
-    time: FloatArray, height: FloatArray, leave: int, back: int, above_m: float, stood_s: float
+    time: FloatArray,
+    height: FloatArray,
+    leave: int,
+    back: int,
+    above_m: float,
+    stood_s: float,
 ) -> str | None:
     """Return why the frames between two visits are not a flight; None if they are.
 
-    The time above the threshold is compared with that of free fall from the apex. At a gap, the
-    apex is extrapolated from the heights and speeds on both sides, if that is above all heights
-    seen. A hopper that stands longer next to a lowest point than it then flies has stumbled.
+    The time above the threshold is compared with that of free fall from the apex. At a
+    gap, the apex is extrapolated from the heights and speeds on both sides, if that is
+    above all heights seen. A hopper that stands longer next to a lowest point than it
+    then flies has stumbled.
 
     Parameters
     ----------
@@ -281,14 +316,18 @@ def not_a_hop(
         Last frame of one visit, and first frame of the next.
     above_m : float
     stood_s : float
-        Time from a lowest point to the flight, or from the flight to the next one, whichever is
-        longer, s.
+        Time from a lowest point to the flight, or from the flight to the next one,
+        whichever is longer, s.
     """
     high = leave + np.flatnonzero(height[leave : back + 1] > above_m)
     up = _crossing(time, height, int(high[0]) - 1, above_m)
     down = _crossing(time, height, int(high[-1]), above_m)
     top = float(height[high].max())
-    for before in high[0] - 1 + np.flatnonzero(np.diff(time[high[0] - 1 : back + 1]) > SIDE_HOLE_S):
+    for before in (
+        high[0]
+        - 1
+        + np.flatnonzero(np.diff(time[high[0] - 1 : back + 1]) > SIDE_HOLE_S)
+    ):
         rise, fall = side_speeds(time, height, int(before))
         for speed, frame in ((rise, before), (-fall, before + 1)):
             if speed > 0:
@@ -298,7 +337,9 @@ def not_a_hop(
     return None if flies else HELD
 
 
-def _crossing(time: FloatArray, height: FloatArray, frame: int, level_m: float) -> float:
+def _crossing(
+    time: FloatArray, height: FloatArray, frame: int, level_m: float
+) -> float:
     """Return the time at which a level is crossed between a frame and the next, s."""
     share = (level_m - height[frame]) / (height[frame + 1] - height[frame])
     return float(time[frame] + share * (time[frame + 1] - time[frame]))
@@ -325,9 +366,10 @@ class Stances:
     pairs : (P, 2) array of int
         Indices k and k + 1 of the two stances of each hop.
     rejected : dict of str to int
-        By reason, how many visits below the threshold are not stances ("lowest point not seen", "no
-        bounce"), and how many pairs of neighbouring visits are not hops ("one of them no stance",
-        "heights missing in between", "held or carried in between").
+        By reason, how many visits below the threshold are not stances ("lowest point
+        not seen", "no bounce"), and how many pairs of neighbouring visits are not hops
+        ("one of them no stance", "heights missing in between", "held or carried in
+        between").
     """
 
     time_s: FloatArray
@@ -343,11 +385,11 @@ def find_stances(
 ) -> Stances:
     """Find all stances, and pair those with one flight and nothing else between them.
 
-    A stance is a visit below the lower threshold that lasts until the height is above the upper one
-    again. Double minima, and a stumble that does not rise above the upper threshold, are thus one
-    visit. The instant of a stance is its lowest point, where the body must be accelerated upwards.
-    A pair is a hop if the time above the upper threshold is that of free fall; otherwise somebody
-    held or carried the hopper.
+    A stance is a visit below the lower threshold that lasts until the height is above
+    the upper one again. Double minima, and a stumble that does not rise above the upper
+    threshold, are thus one visit. The instant of a stance is its lowest point, where
+    the body must be accelerated upwards. A pair is a hop if the time above the upper
+    threshold is that of free fall; otherwise somebody held or carried the hopper.
 
     Parameters
     ----------
@@ -363,11 +405,15 @@ def find_stances(
     t, z = time[frames], height[frames]
     visits = find_visits(t, z, below, above)
     frame_s = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    bottoms = [_bottom(t, z, visits, k, frame_s, below) for k in range(len(visits.lowest))]
+    bottoms = [
+        _bottom(t, z, visits, k, frame_s, below) for k in range(len(visits.lowest))
+    ]
     links = [_link(t, z, visits, bottoms, k, above) for k in range(len(bottoms) - 1)]
     found = [bottom for bottom in bottoms if isinstance(bottom, Bottom)]
     number = np.cumsum([isinstance(bottom, Bottom) for bottom in bottoms]) - 1
-    first = np.array([number[k] for k, link in enumerate(links) if link is None], dtype=int)
+    first = np.array(
+        [number[k] for k, link in enumerate(links) if link is None], dtype=int
+    )
     why = Counter(reason for reason in [*bottoms, *links] if isinstance(reason, str))
     instants = np.array([bottom.time_s for bottom in found])
     return Stances(
@@ -392,7 +438,12 @@ def _bottom(
 
 
 def _link(
-    t: FloatArray, z: FloatArray, visits: Visits, bottoms: list[Bottom | str], k: int, above: float
+    t: FloatArray,
+    z: FloatArray,
+    visits: Visits,
+    bottoms: list[Bottom | str],
+    k: int,
+    above: float,
 ) -> str | None:
     """Return why visits k and k + 1 are not a hop apart; None if they are."""
     one, other = bottoms[k : k + 2]
@@ -431,29 +482,33 @@ class Stance(Bottom):
 class StanceDetector:
     """Reports each stance once, about 30, 20 or 10 ms after its lowest point at 60, 100 or 250 Hz.
 
-    A stance is reported when the height, after rising above one threshold, is below another, and a
-    parabola through the last frames has clearly turned upwards in two consecutive frames. Frames
-    may be late or missing; parabolas then have fewer points. A height that jumps is left out unless
-    the next one confirms it.
+    A stance is reported when the height, after rising above one threshold, is below
+    another, and a parabola through the last frames has clearly turned upwards in two
+    consecutive frames. Frames may be late or missing; parabolas then have fewer points.
+    A height that jumps is left out unless the next one confirms it.
 
     Parameters
     ----------
     geometry : HopperGeometry
-        Its noise, and the heights that every stance falls below and every flight rises above.
+        Its noise, and the heights that every stance falls below and every flight rises
+        above.
     rate_hz : float
         Frame rate of the stream.
 
     Attributes
     ----------
     n_left_out : int
-        Number of frames with an unknown height, a jump in height, or a time that did not advance.
+        Number of frames with an unknown height, a jump in height, or a time that did
+        not advance.
     """
 
     def __init__(self, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> None:
         self.geometry, self.n_left_out = geometry, 0
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
         self.least_step_s = 0.1 / rate_hz
-        self.noise_m = geometry.noise_m / np.sqrt(len(geometry.body_m))  # noise of a height
+        self.noise_m = geometry.noise_m / np.sqrt(
+            len(geometry.body_m)
+        )  # noise of a height
         self._forget()
 
     def _forget(self) -> None:
@@ -463,7 +518,10 @@ class StanceDetector:
         self._falling: Motion | None = None
         self._armed, self._turned = False, False
         self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
-        self._kept_s, self._hole_s = np.inf, 0.0  # last accepted frame; longest gap since a fall
+        self._kept_s, self._hole_s = (
+            np.inf,
+            0.0,
+        )  # last accepted frame; longest gap since a fall
 
     def feed(self, time_s: float, height_m: float) -> Stance | None:
         """Take the next frame; return the stance it reveals, if any.
@@ -526,8 +584,13 @@ class StanceDetector:
 
     def _parabola(self, time_s: float) -> tuple[float, float, float]:
         """Return speed, m/s, acceleration, m/s^2, and error of the speed at the last frame."""
-        n, b, c, d, e, p, q, r = (0.0,) * 8  # sums of s^0 to s^4, and of the heights by s^0 to s^2
-        for when, z in self._frames:  # so few numbers that arrays take eight times as long
+        n, b, c, d, e, p, q, r = (
+            0.0,
+        ) * 8  # sums of s^0 to s^4, and of the heights by s^0 to s^2
+        for (
+            when,
+            z,
+        ) in self._frames:  # so few numbers that arrays take eight times as long
             s = when - time_s
             ss = s * s
             n, b, c, d, e = n + 1, b + s, c + ss, d + s * ss, e + ss * ss
@@ -537,7 +600,11 @@ class StanceDetector:
         if n < 3:
             whole = n * c - b * b
             return (n * q - b * p) / whole, np.nan, self.noise_m * np.sqrt(n / whole)
-        f, g, h = c * e - d * d, c * d - b * e, b * d - c * c  # cofactors of the first row
+        f, g, h = (
+            c * e - d * d,
+            c * d - b * e,
+            b * d - c * c,
+        )  # cofactors of the first row
         whole = n * f + b * g + c * h
         slope = (g * p + (n * e - c * c) * q + (b * c - n * d) * r) / whole
         bend = 2 * (h * p + (b * c - n * d) * q + (n * c - b * b) * r) / whole
@@ -547,7 +614,10 @@ class StanceDetector:
         """Return the stance before a rise, if it was low, recent and curved enough."""
         assert self._falling is not None
         (before, _, fall), (time_s, _, slope) = self._falling, rising
-        bridged, below_m = bool(time_s - before > self.window_s), self.geometry.stance_below_m
+        bridged, below_m = (
+            bool(time_s - before > self.window_s),
+            self.geometry.stance_below_m,
+        )
         if bridged:
             lowest_s, _ = turning_point(self._falling, rising, below_m)
             bend = (slope - fall) / (time_s - before)
@@ -555,7 +625,9 @@ class StanceDetector:
             lowest_s = time_s - slope / bend if bend > 0 else before
         # In a gap it may have been low, if there was time to fly down and up again.
         out_s, in_s = (_flown(motion, below_m)[0] for motion in (self._falling, rising))
-        low = self._lowest_m < below_m or (self._hole_s > self.window_s and out_s < in_s)
+        low = self._lowest_m < below_m or (
+            self._hole_s > self.window_s and out_s < in_s
+        )
         if time_s - before > TOLD_HOLE_S or not low or not bend > LEAST_BEND_M_S2:
             return None
         self._armed, self._falling = False, None

@@ -28,23 +28,26 @@ class Observation:
     Parameters
     ----------
     pose : (3,) array
-        x and y of the mean body marker, m, and yaw of the body x axis, rad; NaN unless known.
+        x and y of the mean body marker, m, and yaw of the body x axis, rad; NaN unless
+        known.
     height_m : float
         Height of the mean body marker; NaN unless known.
     boom_angle_rad : float
-        In (-pi, pi]; NaN if the pose is unknown, or the boom marker is unseen or off its circle.
+        In (-pi, pi]; NaN if the pose is unknown, or the boom marker is unseen or off
+        its circle.
     residual_m : float
-        Rms residual of the rigid body per degree of freedom, normally close to the noise of a
-        coordinate. NaN if nothing could be fitted.
+        Rms residual of the rigid body per degree of freedom, normally close to the
+        noise of a coordinate. NaN if nothing could be fitted.
     status : str
-        "seen": three or more markers, and they fit. "leaned on an earlier frame": two markers; the
-        rotation about the line through them is taken from an earlier frame. "misfit": the markers
-        do not fit together, and nothing is estimated. "unseen": too few markers.
+        "seen": three or more markers, and they fit. "leaned on an earlier frame": two
+        markers; the rotation about the line through them is taken from an earlier
+        frame. "misfit": the markers do not fit together, and nothing is estimated.
+        "unseen": too few markers.
     rotation : (3, 3) array
         From body axes to the world; NaN if unknown.
     lacking : tuple of str
-        What the frame lacks of the markers that are needed, each in words: those of the body if
-        fewer than three are seen, and the boom's.
+        What the frame lacks of the markers that are needed, each in words: those of the
+        body if fewer than three are seen, and the boom's.
     """
 
     pose: FloatArray
@@ -79,12 +82,16 @@ def observe_frame(
     earlier : (3, 3) array, optional
         Rotation of an earlier frame, used if only two markers are seen.
     """
-    fit = rigid_fit(body[None], geometry.body_m, None if earlier is None else earlier[None])
+    fit = rigid_fit(
+        body[None], geometry.body_m, None if earlier is None else earlier[None]
+    )
     status, centre, rotation = (part[0] for part in _known(fit, geometry.noise_m))
     pose, angle = np.array([centre[0], centre[1], headings(rotation)]), np.nan
     if boom is not None and geometry.circle is not None:
         angle = float(_angles_on(geometry.circle, (boom - centre) @ rotation))
-    return Observation(pose, float(centre[2]), angle, float(fit.residual_m[0]), status, rotation)
+    return Observation(
+        pose, float(centre[2]), angle, float(fit.residual_m[0]), status, rotation
+    )
 
 
 def _angles_on(circle: BoomCircle, boom: FloatArray) -> FloatArray:
@@ -185,8 +192,9 @@ class HopperMotion:
 def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotion:
     """Observe a hopper in all frames of a recording, by fitting its geometry to the markers.
 
-    Where only two body markers are seen, the rotation about the line through them is taken from the
-    frames with more markers before and after, or from one of them, within `HOLD_S`.
+    Where only two body markers are seen, the rotation about the line through them is
+    taken from the frames with more markers before and after, or from one of them,
+    within `HOLD_S`.
 
     Parameters
     ----------
@@ -202,20 +210,24 @@ def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotio
     fit = rigid_fit(body, geometry.body_m)
     fits = fit.known & (fit.residual_m <= MISFIT_NOISES * geometry.noise_m)
     if not fits.all() and fits.any():
-        fit = rigid_fit(body, geometry.body_m, _between(recording.time, fit.rotation, fits))
+        fit = rigid_fit(
+            body, geometry.body_m, _between(recording.time, fit.rotation, fits)
+        )
     status, centre, rotation = _known(fit, geometry.noise_m)
     pose = np.column_stack([centre[:, :2], unwrapped(headings(rotation))])
     boom = _boom_angles(recording, geometry, centre, rotation)
     tilt = np.arccos(np.clip(rotation[:, 2, 2], -1, 1))
-    return HopperMotion(recording.time, pose, centre[:, 2], boom, fit.residual_m, status, tilt)
+    return HopperMotion(
+        recording.time, pose, centre[:, 2], boom, fit.residual_m, status, tilt
+    )
 
 
 def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatArray:
     """Interpolate the attitude between frames that fit, (N, 3, 3); NaN beyond `HOLD_S`.
 
-    A linear mix of two rotations is not a rotation, but it is good enough to lean on: the rotation
-    nearest to it is their weighted mean. It has no step in the middle of a gap, which would look
-    like a lowest point.
+    A linear mix of two rotations is not a rotation, but it is good enough to lean on:
+    the rotation nearest to it is their weighted mean. It has no step in the middle of a
+    gap, which would look like a lowest point.
     """
     good = np.flatnonzero(fits)
     place = np.searchsorted(good, np.arange(len(time)))
@@ -225,11 +237,14 @@ def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatAr
     total = weights.sum(axis=0)
     first, second = weights / np.where(total > 0, total, np.nan)
     return np.asarray(
-        first[:, None, None] * rotation[before] + second[:, None, None] * rotation[after]
+        first[:, None, None] * rotation[before]
+        + second[:, None, None] * rotation[after]
     )
 
 
-def _known(fit: RigidFit, noise_m: float) -> tuple[NDArray[np.str_], FloatArray, FloatArray]:
+def _known(
+    fit: RigidFit, noise_m: float
+) -> tuple[NDArray[np.str_], FloatArray, FloatArray]:
     """Return the status of each frame, its centre and its rotation; NaN where there is no pose."""
     misfit = fit.residual_m > MISFIT_NOISES * noise_m
     status = np.select([~fit.known, misfit, fit.leaned], [UNSEEN, MISFIT, LEANED], SEEN)
@@ -239,7 +254,10 @@ def _known(fit: RigidFit, noise_m: float) -> tuple[NDArray[np.str_], FloatArray,
 
 
 def _boom_angles(
-    recording: Recording, geometry: HopperGeometry, centre: FloatArray, rotation: FloatArray
+    recording: Recording,
+    geometry: HopperGeometry,
+    centre: FloatArray,
+    rotation: FloatArray,
 ) -> FloatArray:
     place = geometry.boom_place(recording.markers)
     if place is None or geometry.circle is None:
