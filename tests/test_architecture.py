@@ -12,7 +12,16 @@ import pytest
 import hopdata
 
 PACKAGE = Path(hopdata.__file__).parent
-SHARED = {"arrays", "code_cache", "errors", "jobs", "recording", "rigid", "seal"}
+SHARED = {
+    "arrays",
+    "code_cache",
+    "errors",
+    "jobs",
+    "messages",
+    "recording",
+    "rigid",
+    "seal",
+}
 MAY_USE = {
     "hybrid": set(),
     "scenes": {"hybrid"},

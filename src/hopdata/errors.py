@@ -24,6 +24,11 @@ class HopdataError(Exception):
         """Return an error that names a place, what was expected there and what was found."""
         return cls(mismatch(place, expected, found))
 
+    @property
+    def code(self) -> str:
+        """The code of the message, if it is a `hopdata.messages.Message`; otherwise empty."""
+        return str(getattr(self.args[0], "code", "")) if self.args else ""
+
     def __str__(self) -> str:
         return "\n".join(printable(str(line)) for line in self.args)
 

@@ -1,0 +1,92 @@
+"""Messages as data: a code with its values, put into words by the templates of a room.
+
+A room keeps its sentences in one file, ``<room>/messages.toml``: a template for each
+name, with its values in braces as in `str.format`. A second language is a second file
+beside it, such as ``messages.de.toml``; what it lacks is said in English. Nothing reads
+a sentence to decide something: it compares codes.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+PACKAGE = Path(__file__).parent
+ENGLISH = "en"
+
+
+@dataclass(frozen=True)
+class Message:
+    """Something to say.
+
+    Attributes
+    ----------
+    code
+        The room and the name of the template, such as ``"maps.too_few_landings"``.
+    values
+        The template's values: numbers, texts or other messages.
+    """
+
+    code: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def text(self, language: str = ENGLISH) -> str:
+        """Return the message in words.
+
+        Raises
+        ------
+        KeyError
+            If no template has this code, or the template asks for a missing value.
+        """
+        words = {}
+        for name, value in self.values.items():
+            words[name] = value.text(language) if isinstance(value, Message) else value
+        return _template(self.code, language).format_map(words)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return code, values and the English sentence, for JSON."""
+        values = {}
+        for name, value in self.values.items():
+            values[name] = value.to_dict() if isinstance(value, Message) else value
+        return {"code": self.code, "values": values, "text": self.text()}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Message:
+        """Return the message of which `to_dict` made `content`."""
+        values = {}
+        for name, value in content["values"].items():
+            is_message = isinstance(value, Mapping) and "code" in value
+            values[name] = cls.from_dict(value) if is_message else value
+        return cls(content["code"], values)
+
+
+def languages() -> list[str]:
+    """Return English and the further languages that some room has sentences in."""
+    further = {
+        path.suffixes[0].lstrip(".") for path in PACKAGE.glob("*/messages.*.toml")
+    }
+    return [ENGLISH, *sorted(further)]
+
+
+def _template(code: str, language: str) -> str:
+    room, _, name = code.partition(".")
+    translated = _templates(room, language)
+    if name in translated:
+        return translated[name]
+    return _templates(room, ENGLISH)[name]
+
+
+@cache
+def _templates(room: str, language: str) -> dict[str, str]:
+    file = "messages.toml" if language == ENGLISH else f"messages.{language}.toml"
+    path = PACKAGE / room / file
+    if not path.exists():
+        return {}
+    return dict(tomllib.loads(path.read_text("utf-8")))
