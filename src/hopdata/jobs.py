@@ -128,6 +128,11 @@ def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def write_fields(path: str | Path, result: Any) -> None:
+    """Write a result as JSON, as its method ``to_dict`` returns it."""
+    write_json(path, result.to_dict())
+
+
 def read_json(path: str | Path) -> Any:
     """Read a JSON file."""
     return json.loads(Path(path).read_text(encoding="utf-8"))

@@ -49,10 +49,41 @@ def code_digest(script: str | Path) -> str:
     # The script comes first: sorted with the modules, its place would depend on the
     # install path.
     for source in (script, *sorted(_closure(_imports(script)))):
-        digest.update(source.name.encode())
-        digest.update(source.read_bytes())
-        for asset in _assets(source):
-            digest.update(asset.read_bytes())
+        _add(digest, source)
+    return digest.hexdigest()[:16]
+
+
+def _add(digest: Any, source: Path) -> None:
+    """Add a source to a digest, with the other files of its package if it is one."""
+    digest.update(source.name.encode())
+    digest.update(source.read_bytes())
+    for asset in _assets(source):
+        digest.update(asset.read_bytes())
+
+
+def stage_digest(
+    texts: Iterable[str], modules: Iterable[str], script: str | Path
+) -> str:
+    """Return a digest of a stage and of every hopdata source that its function imports.
+
+    Parameters
+    ----------
+    texts
+        What says what it does: the texts of the function and of its results' class.
+    modules
+        Modules that read and write its files.
+    script
+        Script that runs it; what this imports is not followed, since that is every
+        stage.
+    """
+    started = {path for name in modules for path in _module_files(name)}
+    started |= {path for text in texts for path in _imported_in(text)}
+    machinery = [Path(script), PACKAGE / "line.py"]
+    digest = hashlib.sha256()
+    for text in texts:
+        digest.update(text.encode())
+    for source in (*machinery, *sorted(_closure(started))):
+        _add(digest, source)
     return digest.hexdigest()[:16]
 
 
@@ -80,8 +111,11 @@ def _closure(start: Iterable[Path]) -> set[Path]:
 @cache
 def _imports(source: Path) -> frozenset[Path]:
     """Return the files of this package that `source` imports, with their parent packages."""
+    return _imported_in(source.read_text(encoding="utf-8"))
+
+
+def _imported_in(text: str) -> frozenset[Path]:
     names: set[str] = set()
-    text = source.read_text(encoding="utf-8")
     names.update(NAMED.findall(text))
     for module, imported, modules in IMPORT.findall(text):
         names.update(

@@ -28,7 +28,7 @@ with reported(snakemake.log[0]):
             figures=read_figures(source.figures, source.captions),
             recordings=recordings,
             levelled=[read_recording(path) for path in source.levelled],
-            filled=read_table(source.filled[0]) if source.filled else None,
+            filled=read_table(source.filled) if source.filled else None,
             sections=read_json(source.sections),
             units=read_json(source.units),
             provenance=record,

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
+from hopdata.jobs import read_json, read_table, reported, write_json
 from hopdata.landings.floor_surface import FloorModel
 from hopdata.maps.truth.scoring import score
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
@@ -15,10 +15,7 @@ with reported(snakemake.log[0]):
         )
     )
     floors = [FloorModel.from_dict(read_json(path)) for path in source.floors]
-    tables = {
-        method: read_tables(source[f"{method}_{name}"] for name in truths)
-        for method in snakemake.params.methods
-    }
+    tables = {Path(path).stem: read_table(path) for path in source.schedules}
     entries = score(
         {name: truth for name, truth in truths.items() if truth is not None},
         floors=dict(zip(truths, floors, strict=True)),
