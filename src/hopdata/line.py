@@ -273,7 +273,9 @@ class Stage:
     @property
     def results(self) -> dict[str, Result]:
         """Its results by name, in order."""
-        return {one.name: Result(one.name, **one.metadata) for one in fields(self.returned)}
+        return {
+            one.name: Result(one.name, **one.metadata) for one in fields(self.returned)
+        }
 
     def settings(self, config: Config, recording: str = "") -> dict[str, Any]:
         """Return the values of its settings."""

@@ -67,9 +67,11 @@ def number_of(config: Options, recording: str) -> int:
 
 @results
 class Simulated:
-    """A simulated recording, with its truth."""
+    """A simulated recording, with its truth, which later stages do not see."""
 
-    simulated: WithTruth = saved("simulated/{recording}.h5", RECORDING_WITH_TRUTH)
+    simulated: Recording | WithTruth = saved(
+        "simulated/{recording}.h5", RECORDING_WITH_TRUTH
+    )
 
 
 @LINE.stage(per=("recording",), minutes=20, mb_a_mb=0)
@@ -92,9 +94,11 @@ def simulate(
 
 @results
 class Imported:
-    """A recording in m, z up, with the truth if its file has one."""
+    """A recording in m, z up, with the truth if its file has one; later stages do not see it."""
 
-    imported: WithTruth = saved("recordings/{recording}.h5", RECORDING_WITH_TRUTH)
+    imported: Recording | WithTruth = saved(
+        "recordings/{recording}.h5", RECORDING_WITH_TRUTH
+    )
 
 
 @LINE.stage(per=("recording",), minutes=50, mb_a_mb=10)
@@ -117,7 +121,7 @@ def import_recording(
     )
     check_plausible(found, **quality)
     for note in notes(found):
-        logger.warning("%s", note)
+        logger.info("%s", note)
     return Imported((found, truth))
 
 
