@@ -21,7 +21,8 @@ from checkouts import part_of_sample
 from hopdata.__main__ import main
 from hopdata.errors import ConfigError
 from hopdata.figures.verdict import group_figure
-from hopdata.group import put_together, read_group
+from hopdata.group import put_together
+from hopdata.samples import read_group
 from hopdata.report.verdict import build_group_page
 
 ROOT = Path(__file__).parents[1]
