@@ -68,13 +68,13 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakefmt --check Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk)
 	$(BIN)/snakemake --lint
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
-	$(BIN)/snakefmt Snakefile workflow/rules
+	$(BIN)/snakefmt Snakefile workflow/rules $(wildcard src/hopdata/*/workflow/*.smk)
 
 docs: $(VENV)/.run
 	$(BIN)/hopdata config-docs --out docs/configuration.md
